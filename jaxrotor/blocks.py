@@ -1,0 +1,40 @@
+"""Linear blocks: what shafts and effects add to the equations of motion."""
+
+import equinox as eqx
+from jaxtyping import Array, Complex, Float
+
+
+class Blocks(eqx.Module):
+    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`, a uniform acceleration `a` adding `weight a`.
+
+    All real, `n` by `n`, in the equations' own units (one row a coordinate); None means absent and
+    leaves no trace in the compiled program. Blocks add.
+    """
+
+    inertia: Float[Array, "n n"] | None = None
+    damping: Float[Array, "n n"] | None = None
+    gyroscopic: Float[Array, "n n"] | None = None
+    stiffness: Float[Array, "n n"] | None = None
+    circulatory: Float[Array, "n n"] | None = None
+    weight: Float[Array, " n"] | None = None
+
+    def __add__(self, other: "Blocks") -> "Blocks":
+        return Blocks(
+            *(_add(getattr(self, name), getattr(other, name)) for name in self.__dataclass_fields__)
+        )
+
+
+class Load(eqx.Module):
+    """External load `constant + (Omega^2 - i Omega.) unbalance exp(i theta)`; None means absent."""
+
+    constant: Complex[Array, " n"] | None = None
+    unbalance: Complex[Array, " n"] | None = None
+
+    def __add__(self, other: "Load") -> "Load":
+        return Load(_add(self.constant, other.constant), _add(self.unbalance, other.unbalance))
+
+
+def _add(a: Array | None, b: Array | None) -> Array | None:
+    if a is None or b is None:
+        return b if a is None else a
+    return a + b

@@ -1,0 +1,15 @@
+"""Effects: one file, one physical effect."""
+
+from .base import (
+    AbstractContact as AbstractContact,
+    AbstractEffect as AbstractEffect,
+    AbstractLaw as AbstractLaw,
+    AbstractLinear as AbstractLinear,
+    AbstractLoad as AbstractLoad,
+)
+from .disc import Disc as Disc
+from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping
+from .gravity import Gravity as Gravity
+from .internal_damping import InternalDamping as InternalDamping
+from .limiter import Limiter as Limiter
+from .unbalance import Unbalance as Unbalance

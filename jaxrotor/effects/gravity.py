@@ -1,0 +1,29 @@
+"""Weight of a rotor whose axis is not vertical."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..blocks import Blocks, Load
+from ..quantities import Scalar, nonnegative, real
+from ..shafts.line import AbstractLine
+from .base import AbstractLoad
+
+
+class Gravity(AbstractLoad):
+    """Uniform acceleration `g exp(i angle)` of every mass; by default `g` downwards, along -y.
+
+    Source: Azarov, Gouskov, Panovko (2023), force (2) of eq. (1), where weight acts along -x.
+    """
+
+    kind: ClassVar[str] = "gravity"
+    plural: ClassVar[str] = "gravities"
+
+    acceleration: Scalar = nonnegative("acceleration [m/s^2]", default=9.80665)
+    angle: Scalar = real("angle [rad]", default=-jnp.pi / 2)
+
+    def load(self, line: AbstractLine, blocks: Blocks) -> Load:
+        del line
+        if blocks.weight is None:
+            return Load()
+        return Load(constant=self.acceleration * jnp.exp(1j * self.angle) * blocks.weight)

@@ -1,0 +1,25 @@
+"""Damping inside the material of the shaft."""
+
+from typing import ClassVar
+
+from ..blocks import Blocks
+from ..quantities import Scalar, nonnegative
+from ..shafts.line import AbstractLine
+from .base import AbstractLinear
+
+
+class InternalDamping(AbstractLinear):
+    """Voigt material: stress of the rate of strain as the shaft sees it, `K T (q. - i Omega q)`.
+
+    `T` is the Voigt time (viscous over elastic modulus). The circulatory term drives forward whirl
+    above the onset speed. Source: Azarov, Gouskov, Panovko (2023), eq. (5); `eta_i = T / (2 T*)`.
+    """
+
+    kind: ClassVar[str] = "internal_damping"
+    plural: ClassVar[str] = "internal_dampings"
+
+    voigt_time: Scalar = nonnegative("voigt_time [s]")
+
+    def blocks(self, line: AbstractLine) -> Blocks:
+        viscous = self.voigt_time * line.stiffness
+        return Blocks(damping=viscous, circulatory=viscous)

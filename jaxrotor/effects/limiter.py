@@ -1,0 +1,87 @@
+"""Viscoelastic stop with dry friction."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..quantities import Scalar, nonnegative, positive, real
+from .base import AbstractContact, AbstractLaw, Plane
+
+
+class Limiter(AbstractContact):
+    """Massless stop at `angle`, a `gap` away from the rim of a rotor at rest in the centre.
+
+        g = Re(z e^-ia) - gap,  N = k g + d g.  while g > 0 and N > 0 (a stop cannot pull)
+        F = -N (1 + i f sgn V) e^ia,   V = Omega R + Im(z. e^-ia)   slip of the rim, R = rim_radius
+
+    `blend` [m] smooths the onset of the force over that penetration, and release likewise over
+    `stiffness * blend`; `slip` [m/s] smooths the reversal of friction over that slip. Both are
+    twice continuously differentiable, exact outside the stated width, and leave no force inside
+    the clearance. None is the published sharp law.
+    Source: Azarov, Gouskov, Panovko (2023), eq. (8), with the sign of V corrected.
+    """
+
+    kind: ClassVar[str] = "limiter"
+    plural: ClassVar[str] = "limiters"
+
+    at: Scalar = nonnegative("at [m]")
+    angle: Scalar = real("angle [rad]")
+    gap: Scalar = nonnegative("gap [m]")
+    stiffness: Scalar = nonnegative("stiffness [N/m]")
+    damping: Scalar = nonnegative("damping [N s/m]", default=0.0)
+    friction: Scalar = nonnegative("friction [1]", default=0.0)
+    rim_radius: Scalar = nonnegative("rim_radius [m]", default=0.0)
+    blend: Scalar | None = positive("blend [m]", default=None)
+    slip: Scalar | None = positive("slip [m/s]", default=None)
+
+    def law(self) -> "ViscoelasticStop":
+        return ViscoelasticStop(jnp.cos(self.angle), jnp.sin(self.angle), self)
+
+
+class ViscoelasticStop(AbstractLaw):
+    """The law of a `Limiter`, its direction worked out once."""
+
+    cos: Scalar
+    sin: Scalar
+    limiter: Limiter
+
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        stop = self.limiter
+        outward = self.cos * displacement[0] + self.sin * displacement[1]
+        closing = self.cos * velocity[0] + self.sin * velocity[1]
+        normal = self._normal(outward - stop.gap, closing)
+        slipping = speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
+        tangential = stop.friction * normal * self._direction(slipping)
+        return jnp.stack(
+            [
+                self.sin * tangential - self.cos * normal,
+                -self.cos * tangential - self.sin * normal,
+            ]
+        )
+
+    def _normal(self, depth: Scalar, rate: Scalar) -> Scalar:
+        stop = self.limiter
+        inside = depth > 0
+        depth = jnp.where(inside, depth, 0.0)
+        if stop.blend is None:
+            force = stop.stiffness * depth + stop.damping * rate
+            return jnp.where(inside & (force > 0), force, 0.0)
+        u = jnp.minimum(depth / stop.blend, 1.0)
+        elastic = stop.stiffness * (depth + stop.blend * (_onset(u) - u))
+        viscous = stop.damping * rate * u**3 * (10 - 15 * u + 6 * u**2)
+        force = jnp.maximum(elastic + viscous, 0.0)
+        reach = stop.stiffness * stop.blend
+        # A stop without stiffness has no release to smooth.
+        v = jnp.minimum(force / jnp.where(reach > 0, reach, 1.0), 1.0)
+        return jnp.where(reach > 0, force + reach * (_onset(v) - v), force)
+
+    def _direction(self, slipping: Scalar) -> Scalar:
+        if self.limiter.slip is None:
+            return jnp.sign(slipping)
+        u = jnp.clip(slipping / self.limiter.slip, -1.0, 1.0)
+        return u * (15 - 10 * u**2 + 3 * u**4) / 8
+
+
+def _onset(u: Scalar) -> Scalar:
+    """C2 from 0 (zero slope and curvature) at u = 0 into the line u at u = 1."""
+    return u**3 * (6 - 8 * u + 3 * u**2)

@@ -1,0 +1,113 @@
+"""Motion: a system's equations as a first-order vector field over the angle of revolution."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from .quantities import Scalar
+from .system import System
+
+
+State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in metres
+
+
+class Motion(eqx.Module):
+    """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + b F`, `' = d/dtheta`.
+
+    `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
+    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms that no effect draws
+    are None and absent from the compiled program. Called as a diffrax vector field.
+    """
+
+    rate: Scalar  # [rad/s]
+    s: Scalar
+    stiffness: Float[Array, "n n"]
+    damping: Float[Array, "n n"] | None
+    gyroscopic: Float[Array, "n n"] | None
+    circulatory: Float[Array, "n n"] | None
+    constant: Complex[Array, " n"] | None
+    unbalance: Complex[Array, " n"] | None
+    columns: Float[Array, "n p"] | None
+    rows: Float[Array, "p n"] | None
+    system: System
+
+    def __init__(self, system: System, rate: Scalar):
+        blocks, load = system.blocks, system.load
+        speed = system.spin.speed
+        columns = rows = None
+        if system.ports:
+            columns = jnp.stack([port.column for port in system.ports], axis=1)
+            rows = jnp.stack([port.row for port in system.ports])
+        parts = {
+            "stiffness": (blocks.stiffness, 1 / rate**2),
+            "damping": (blocks.damping, 1 / rate),
+            "gyroscopic": (blocks.gyroscopic, speed / rate),
+            "circulatory": (blocks.circulatory, speed / rate**2),
+            "constant": (load.constant, 1 / rate**2),
+            "unbalance": (load.unbalance, (speed / rate) ** 2),
+            "columns": (columns, 1 / rate**2),
+        }
+        inverse = jnp.linalg.inv(blocks.inertia)
+        for name, (part, factor) in parts.items():
+            setattr(self, name, None if part is None else factor * (inverse @ part))
+        self.rate, self.s = rate, speed / rate
+        self.rows, self.system = rows, system
+
+    def __call__(self, theta: Scalar, y: State, args: None = None) -> State:
+        del args
+        q, rate = y
+        acceleration = -(q @ self.stiffness.T)
+        if self.damping is not None:
+            acceleration -= rate @ self.damping.T
+        if self.gyroscopic is not None:
+            acceleration += _turn(rate @ self.gyroscopic.T)
+        if self.circulatory is not None:
+            acceleration += _turn(q @ self.circulatory.T)
+        if self.constant is not None:
+            acceleration += jnp.stack([self.constant.real, self.constant.imag])
+        if self.unbalance is not None:
+            load = self.unbalance * jnp.exp(1j * self.s * theta)
+            acceleration += jnp.stack([load.real, load.imag])
+        if self.rows is not None:
+            forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
+            acceleration += forces @ self.columns.T
+        return jnp.stack([rate, acceleration])
+
+    def port_forces(self, displacement: Array, velocity: Array) -> Float[Array, "2 p"]:
+        """Total force at every port from displacement and velocity there, all (2, p)."""
+        forces = [
+            port.forces(displacement[:, i], velocity[:, i], self.system.spin.speed)
+            for i, port in enumerate(self.system.ports)
+        ]
+        return jnp.stack([force.sum(0) for force in forces], axis=1)
+
+    def matrix(self) -> Complex[Array, "2n 2n"]:
+        """`A` of the linear part `(q, q')' = A (q, q')`."""
+        n = self.stiffness.shape[0]
+        low = -self.stiffness + 0j
+        if self.circulatory is not None:
+            low = low + 1j * self.circulatory
+        high = jnp.zeros((n, n), complex)
+        if self.damping is not None:
+            high = high - self.damping
+        if self.gyroscopic is not None:
+            high = high + 1j * self.gyroscopic
+        top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
+        return jnp.concatenate([top, jnp.concatenate([low, high], axis=1)])
+
+    def steady(self) -> tuple[Array, Array]:
+        """Exact steady response `s0 + s1 exp(i s theta)` of the linear part, both (2n,)."""
+        a, n = self.matrix(), self.stiffness.shape[0]
+        still, whirling = jnp.zeros(2 * n, complex), jnp.zeros(2 * n, complex)
+        if self.constant is not None:
+            load = jnp.concatenate([jnp.zeros(n), self.constant])
+            still = -jnp.linalg.solve(a, load)
+        if self.unbalance is not None:
+            load = jnp.concatenate([jnp.zeros(n), self.unbalance])
+            whirling = jnp.linalg.solve(1j * self.s * jnp.eye(2 * n) - a, load)
+        return still, whirling
+
+
+def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
+    """`i v`."""
+    return jnp.stack([-v[1], v[0]])

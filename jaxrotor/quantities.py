@@ -1,0 +1,95 @@
+"""Physical quantities: every number of a scene is a checked, differentiable scalar leaf.
+
+A field is declared once, `gap: Scalar = positive("gap [m]")`: that one line gives its type, its
+unit, its check, the sentence a user reads when the check fails, and a leaf jax can differentiate.
+"""
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+Scalar = Float[Array, ""]
+
+_LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
+
+
+def positive(label: str, **options: Any) -> Any:
+    """A number above zero; `label` is "name [unit]"."""
+    return _quantity(label, lambda x: x > 0, "must be positive", **options)
+
+
+def nonnegative(label: str, **options: Any) -> Any:
+    """A number that is zero or more: a strength, where zero means no effect."""
+    return _quantity(label, lambda x: x >= 0, "must not be negative", **options)
+
+
+def real(label: str, **options: Any) -> Any:
+    """Any finite number."""
+    return _quantity(label, lambda x: x == x, "must be a finite number", **options)
+
+
+def _quantity(
+    label: str,
+    holds: Callable[[Array], Array],
+    rule: str,
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    match = _LABEL.fullmatch(label)
+    if match is None:
+        raise ValueError(f"A quantity is labelled 'name [unit]', but is '{label}'.")
+
+    def convert(value: Any) -> Array | None:
+        if value is None and default is None:
+            return None
+        return check(value, label, holds, rule)
+
+    options = {} if default is dataclasses.MISSING else {"default": default}
+    metadata = {"unit": match["unit"], "optional": default is None}
+    return eqx.field(converter=convert, metadata=metadata, **options)
+
+
+def check(value: Any, label: str, holds: Callable[[Array], Array], rule: str) -> Scalar:
+    """`value` as a scalar array, or one sentence: at once if its value is known, else when run."""
+    if isinstance(value, str | bool | complex) or value is None:
+        raise ValueError(f"`{label}` must be a number, but is {value!r}.")
+    if isinstance(value, jax.core.Tracer):
+        array = jnp.asarray(value, float)
+        _check_shape(array, label)
+        bad = ~(holds(array) & jnp.isfinite(array))
+        return eqx.error_if(array, bad, f"`{label}` {rule} and finite.")
+    try:
+        array = jnp.asarray(value, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"`{label}` must be a number, but is {value!r}.") from None
+    _check_shape(array, label)
+    if not math.isfinite(float(array)):
+        raise ValueError(f"`{label}` must be a finite number, but is {float(array)}.")
+    if not bool(holds(array)):
+        raise ValueError(f"`{label}` {rule}, but is {float(array):g}.")
+    return array
+
+
+def _check_shape(array: Array, label: str) -> None:
+    if array.ndim:
+        raise ValueError(
+            f"`{label}` must be a single number, but has shape {array.shape}; "
+            "give many values to a sweep, or map over scenes with jax.vmap."
+        )
+
+
+def unit_of(field: dataclasses.Field) -> str | None:
+    """Unit a quantity field was declared with; None for a field that is no quantity."""
+    return field.metadata.get("unit")
+
+
+def known(value: Any) -> bool:
+    """Whether a leaf's value can be read now (it is not being traced)."""
+    return not isinstance(value, jax.core.Tracer)

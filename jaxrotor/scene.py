@@ -1,0 +1,216 @@
+"""Scene: a shaft, what sits on it, and how it spins."""
+
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .effects.base import AbstractEffect
+from .quantities import Scalar, known, unit_of
+from .shafts.line import AbstractLine, AbstractShaft
+from .spin import AbstractSpin
+
+
+Address = tuple[Any, ...]  # attribute names and tuple indices from the scene to a leaf
+
+
+class Scene(eqx.Module):
+    """What is simulated, and nothing else: `Scene(shaft, *effects, spin=ConstantSpeed(300.0))`.
+
+    SI units; every number is a leaf to differentiate or map over. The stations where the elastic
+    line may have a kink are ordered once, when the scene is built.
+    """
+
+    shaft: AbstractShaft
+    effects: tuple[AbstractEffect, ...]
+    spin: AbstractSpin
+    breaks: tuple[int, ...] = eqx.field(static=True)
+
+    def __init__(self, shaft: AbstractShaft, *effects: AbstractEffect, spin: AbstractSpin):
+        _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
+        for effect in effects:
+            _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
+        _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
+        self.shaft, self.effects, self.spin = shaft, effects, spin
+        stations = _known_stations(shaft, effects)
+        if stations is None:
+            raise ValueError(
+                "A scene must be built from known stations and length; build it outside jax.jit or "
+                "jax.grad and give it traced values with `scene.replace`."
+            )
+        self.breaks = _breaks(shaft, effects, stations)
+
+    def line(self) -> AbstractLine:
+        """The elastic line of the shaft, with a span ending at every break."""
+        return self.shaft.line(tuple(self.effects[i].at for i in self.breaks))
+
+    def of(self, kind: type) -> tuple:
+        """The effects that have a capability or are of a class."""
+        return tuple(effect for effect in self.effects if isinstance(effect, kind))
+
+    def without(self, kind: str) -> "Scene":
+        """The scene less every effect of a kind: `scene.without("limiters")`."""
+        rest = [e for e in self.effects if kind not in (e.kind, e.plural)]
+        if len(rest) == len(self.effects):
+            kinds = sorted({e.plural for e in self.effects})
+            raise ValueError(
+                f"The scene has no {kind!r}{_suggest(kind, kinds)}; it has: {', '.join(kinds)}."
+            )
+        return Scene(self.shaft, *rest, spin=self.spin)
+
+    def paths(self) -> list[str]:
+        """Paths of all parameters: of the shaft, the spin, and each kind of effect."""
+        return [
+            path
+            for path, addresses in _addresses(self).items()
+            if len(addresses) == 1 or not path.split(".")[1].isdigit()
+        ]
+
+    def get(self, path: str) -> Array:
+        """Value at a path; of several effects, their values in order."""
+        leaves = [_follow(self, a) for a in self._find(path)]
+        if any(leaf is None for leaf in leaves):
+            raise ValueError(f"`{path}` is absent from this scene (None).")
+        return leaves[0] if len(leaves) == 1 else jnp.stack(leaves)
+
+    def unit(self, path: str) -> str:
+        """Unit of the parameter at a path."""
+        *parents, name = self._find(path)[0]
+        return _units(_follow(self, parents))[name]
+
+    def replace(self, values: Mapping[str, Any]) -> "Scene":
+        """Scene with other values: `scene.replace({"unbalance.eccentricity": 1e-3})`.
+
+        `limiters.gap` sets all of a kind, `limiters.0.gap` one. Values may be traced; then the spans
+        of the shaft stay as they are.
+        """
+        scene = self
+        for path, value in values.items():
+            for address in self._find(path):
+                *parents, name = address
+                owner = _follow(scene, parents)
+                field = {f.name: f for f in dataclasses.fields(owner)}[name]
+                try:
+                    leaf = field.metadata["converter"](value)
+                except ValueError as error:
+                    raise ValueError(f"{path}: {error}") from None
+                scene = eqx.tree_at(
+                    lambda s, a=address: _follow(s, a), scene, leaf, is_leaf=_is_none
+                )
+        stations = _known_stations(scene.shaft, scene.effects)
+        if stations is None:
+            return scene
+        breaks = _breaks(scene.shaft, scene.effects, stations)
+        if breaks == self.breaks:
+            return scene
+        return Scene(scene.shaft, *scene.effects, spin=scene.spin)
+
+    def _find(self, path: str) -> list[Address]:
+        table = _addresses(self)
+        for alias in (path, *_aliases(path, self.effects)):
+            if alias in table:
+                return table[alias]
+        near = _suggest(path, table)
+        raise ValueError(
+            f"The scene has no parameter `{path}`{near}; it has: {', '.join(self.paths())}."
+        )
+
+
+def _check_kind(value: Any, kind: type, what: str, wanted: str) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{what} must be {wanted}, but is {value!r}.")
+
+
+def _is_none(leaf: Any) -> bool:
+    return leaf is None
+
+
+def _suggest(word: str, words: Sequence[str] | Mapping[str, Any]) -> str:
+    close = difflib.get_close_matches(word, list(words), n=1)
+    return f" (did you mean `{close[0]}`?)" if close else ""
+
+
+# === stations
+
+
+def _known_stations(shaft, effects) -> tuple[float, ...] | None:
+    """Station of every effect that has one, or None while any is traced."""
+    stations = [effect.at for effect in effects if hasattr(effect, "at")]
+    if not all(known(at) for at in (shaft.length, *stations)):
+        return None
+    return tuple(float(at) for at in stations)
+
+
+def _breaks(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
+    """Effects at whose stations a span of the shaft ends."""
+    owners = [i for i, effect in enumerate(effects) if hasattr(effect, "at")]
+    length = float(shaft.length)
+    for i, at in zip(owners, stations, strict=True):
+        if at > length * (1 + 1e-12):
+            raise ValueError(
+                f"The {effects[i].kind} at {at:g} m is off the shaft; `at [m]` must be between 0 and "
+                f"the shaft's length, {length:g} m."
+            )
+    return tuple(owners[k] for k in shaft.breaks(stations))
+
+
+# === parameter paths
+
+
+def _units(module: eqx.Module) -> dict[str, str]:
+    """Quantity fields of a module and their units."""
+    units = {f.name: unit_of(f) for f in dataclasses.fields(module)}
+    return {name: unit for name, unit in units.items() if unit is not None}
+
+
+def _leaves(module: eqx.Module) -> list[Address]:
+    """Addresses of the quantities of a module and of the modules in it."""
+    found: list[Address] = []
+    for field in dataclasses.fields(module):
+        value = getattr(module, field.name)
+        if unit_of(field) is not None:
+            found.append((field.name,))
+        elif isinstance(value, eqx.Module):
+            found += [(field.name, *rest) for rest in _leaves(value)]
+    return found
+
+
+def _addresses(scene: Scene) -> dict[str, list[Address]]:
+    table: dict[str, list[Address]] = {}
+    for part in ("shaft", "spin"):
+        for leaf in _leaves(getattr(scene, part)):
+            table[".".join((part, *leaf))] = [(part, *leaf)]
+    for kind in dict.fromkeys(effect.kind for effect in scene.effects):
+        members = [i for i, effect in enumerate(scene.effects) if effect.kind == kind]
+        plural = scene.effects[members[0]].plural
+        group = kind if len(members) == 1 else plural
+        for number, i in enumerate(members):
+            for leaf in _leaves(scene.effects[i]):
+                address = ("effects", i, *leaf)
+                table.setdefault(".".join((group, *leaf)), []).append(address)
+                if len(members) > 1:
+                    table[".".join((group, str(number), *leaf))] = [address]
+    return table
+
+
+def _aliases(path: str, effects: Sequence[AbstractEffect]) -> list[str]:
+    """The same path by the singular or plural of its kind, and less an index of 0."""
+    head, _, rest = path.partition(".")
+    names = {e.kind: e.plural for e in effects} | {e.plural: e.kind for e in effects}
+    if head not in names:
+        return []
+    found = [f"{names[head]}.{rest}"]
+    index, _, leaf = rest.partition(".")
+    if index == "0":
+        found += [f"{head}.{leaf}", f"{names[head]}.{leaf}"]
+    return found
+
+
+def _follow(tree: Any, address: Sequence[Any]) -> Any:
+    for step in address:
+        tree = tree[step] if isinstance(step, int) else getattr(tree, step)
+    return tree

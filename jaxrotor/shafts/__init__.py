@@ -1,0 +1,4 @@
+"""Shaft models."""
+
+from .flexible import FlexibleShaft as FlexibleShaft
+from .line import AbstractLine as AbstractLine, AbstractShaft as AbstractShaft

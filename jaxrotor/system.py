@@ -1,0 +1,106 @@
+"""System: the equations of motion of a scene."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .blocks import Blocks, Load
+from .effects.base import AbstractContact, AbstractLaw, AbstractLinear, AbstractLoad
+from .quantities import Scalar, known
+from .scene import Scene
+from .shafts.line import AbstractLine
+from .spin import AbstractSpin
+
+
+class Port(eqx.Module):
+    """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " n"]
+    laws: tuple[AbstractLaw, ...]  # laws of equal make stacked along a leading axis
+
+    def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
+        """Force of every law at this port, in the order of `members` [N]."""
+        return jnp.concatenate(
+            [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
+        )
+
+
+class System(eqx.Module):
+    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + sum over ports column F(row q, row q.)`.
+
+    `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None.
+    """
+
+    line: AbstractLine
+    blocks: Blocks
+    load: Load
+    ports: tuple[Port, ...]
+    spin: AbstractSpin
+    members: tuple[int, ...] = eqx.field(static=True)  # scene's contact behind each law
+
+    @property
+    def n(self) -> int:
+        """Number of complex coordinates."""
+        return self.blocks.inertia.shape[0]
+
+    def contact_forces(self, displacement: Array, velocity: Array) -> Float[Array, "k 2"]:
+        """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports."""
+        forces = jnp.concatenate(
+            [
+                port.forces(displacement[i], velocity[i], self.spin.speed)
+                for i, port in enumerate(self.ports)
+            ]
+        )
+        order = sorted(range(len(self.members)), key=self.members.__getitem__)
+        return forces[jnp.asarray(order)]
+
+
+def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
+    """Equations of motion of a scene.
+
+    `together` groups contacts that share a port; by default those known to be at one station.
+    """
+    line = scene.line()
+    blocks = scene.shaft.blocks(line)
+    for effect in scene.of(AbstractLinear):
+        blocks = blocks + effect.blocks(line)
+    load = Load()
+    for effect in scene.of(AbstractLoad):
+        load = load + effect.load(line, blocks)
+    contacts = scene.of(AbstractContact)
+    ports, members = [], []
+    for group in port_groups(scene) if together is None else together:
+        stacks: dict = {}
+        for i in group:
+            law = contacts[i].law()
+            stacks.setdefault(jax.tree.structure(law), []).append((i, law))
+        at = contacts[group[0]].at
+        laws = tuple(_stack([law for _, law in stack]) for stack in stacks.values())
+        ports.append(Port(line.row(at), line.column(at), laws))
+        members += [i for stack in stacks.values() for i, _ in stack]
+    return System(line, blocks, load, tuple(ports), scene.spin, tuple(members))
+
+
+def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
+    """Contacts of a scene that act at one station.
+
+    Stations share a port when they are the same traced value or known and equal. Traced apart
+    they do not, so that a derivative by one station moves that contact alone.
+    """
+    groups: list[tuple[Scalar, list[int]]] = []
+    for i, contact in enumerate(scene.of(AbstractContact)):
+        for at, group in groups:
+            if contact.at is at or (
+                known(at) and known(contact.at) and float(at) == float(contact.at)
+            ):
+                group.append(i)
+                break
+        else:
+            groups.append((contact.at, [i]))
+    return tuple(tuple(group) for _, group in groups)
+
+
+def _stack(laws: list[AbstractLaw]) -> AbstractLaw:
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
