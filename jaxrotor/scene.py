@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .effects.base import AbstractEffect
-from .quantities import Scalar, known, unit_of
+from .quantities import known, unit_of
 from .shafts.line import AbstractLine, AbstractShaft
 from .spin import AbstractSpin
 

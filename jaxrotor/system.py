@@ -28,7 +28,7 @@ class Port(eqx.Module):
 
 
 class System(eqx.Module):
-    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + sum over ports column F(row q, row q.)`.
+    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + Sum_ports column F(row q, row q.)`.
 
     `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None.
     """

@@ -6,7 +6,6 @@ on one or more of them, written against the rows and columns of `AbstractLine`.
 
 import abc
 
-
 import equinox as eqx
 from jaxtyping import Array, Float
 
