@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .quantities import Scalar
-from .system import System
+from .system import Port, System
 
 
 State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in metres
@@ -13,6 +13,8 @@ State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in 
 
 class Motion(eqx.Module):
     """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + b F`, `' = d/dtheta`.
+
+    All fields are real; a complex vector is its [x, y] parts.
 
     `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
     sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms that no effect draws
@@ -25,11 +27,12 @@ class Motion(eqx.Module):
     damping: Float[Array, "n n"] | None
     gyroscopic: Float[Array, "n n"] | None
     circulatory: Float[Array, "n n"] | None
-    constant: Complex[Array, " n"] | None
-    unbalance: Complex[Array, " n"] | None
+    constant: Float[Array, "2 n"] | None
+    unbalance: Float[Array, "2 n"] | None
     columns: Float[Array, "n p"] | None
     rows: Float[Array, "p n"] | None
-    system: System
+    ports: tuple[Port, ...]
+    speed: Scalar  # [rad/s]
 
     def __init__(self, system: System, rate: Scalar):
         blocks, load = system.blocks, system.load
@@ -49,9 +52,12 @@ class Motion(eqx.Module):
         }
         inverse = jnp.linalg.inv(blocks.inertia)
         for name, (part, factor) in parts.items():
-            setattr(self, name, None if part is None else factor * (inverse @ part))
+            scaled = None if part is None else factor * (inverse @ part)
+            if scaled is not None and jnp.iscomplexobj(scaled):
+                scaled = jnp.stack([scaled.real, scaled.imag])
+            setattr(self, name, scaled)
         self.rate, self.s = rate, speed / rate
-        self.rows, self.system = rows, system
+        self.rows, self.ports, self.speed = rows, system.ports, speed
 
     def __call__(self, theta: Scalar, y: State, args: None = None) -> State:
         del args
@@ -64,10 +70,11 @@ class Motion(eqx.Module):
         if self.circulatory is not None:
             acceleration += _turn(q @ self.circulatory.T)
         if self.constant is not None:
-            acceleration += jnp.stack([self.constant.real, self.constant.imag])
+            acceleration += self.constant
         if self.unbalance is not None:
-            load = self.unbalance * jnp.exp(1j * self.s * theta)
-            acceleration += jnp.stack([load.real, load.imag])
+            phase = self.s * theta
+            acceleration += jnp.cos(phase) * self.unbalance
+            acceleration += jnp.sin(phase) * _turn(self.unbalance)
         if self.rows is not None:
             forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
             acceleration += forces @ self.columns.T
@@ -76,8 +83,8 @@ class Motion(eqx.Module):
     def port_forces(self, displacement: Array, velocity: Array) -> Float[Array, "2 p"]:
         """Total force at every port from displacement and velocity there, all (2, p)."""
         forces = [
-            port.forces(displacement[:, i], velocity[:, i], self.system.spin.speed)
-            for i, port in enumerate(self.system.ports)
+            port.forces(displacement[:, i], velocity[:, i], self.speed)
+            for i, port in enumerate(self.ports)
         ]
         return jnp.stack([force.sum(0) for force in forces], axis=1)
 
@@ -100,10 +107,10 @@ class Motion(eqx.Module):
         a, n = self.matrix(), self.stiffness.shape[0]
         still, whirling = jnp.zeros(2 * n, complex), jnp.zeros(2 * n, complex)
         if self.constant is not None:
-            load = jnp.concatenate([jnp.zeros(n), self.constant])
+            load = jnp.concatenate([jnp.zeros(n), _complex(self.constant)])
             still = -jnp.linalg.solve(a, load)
         if self.unbalance is not None:
-            load = jnp.concatenate([jnp.zeros(n), self.unbalance])
+            load = jnp.concatenate([jnp.zeros(n), _complex(self.unbalance)])
             whirling = jnp.linalg.solve(1j * self.s * jnp.eye(2 * n) - a, load)
         return still, whirling
 
@@ -111,3 +118,7 @@ class Motion(eqx.Module):
 def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
     """`i v`."""
     return jnp.stack([-v[1], v[0]])
+
+
+def _complex(v: Float[Array, "2 n"]) -> Complex[Array, " n"]:
+    return v[0] + 1j * v[1]

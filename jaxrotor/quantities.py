@@ -5,7 +5,6 @@ unit, its check, the sentence a user reads when the check fails, and a leaf jax 
 """
 
 import dataclasses
-import math
 import re
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 
@@ -38,7 +38,7 @@ def real(label: str, **options: Any) -> Any:
 
 def _quantity(
     label: str,
-    holds: Callable[[Array], Array],
+    holds: Callable[[Any], Any],
     rule: str,
     default: Any = dataclasses.MISSING,
 ) -> Any:
@@ -56,7 +56,7 @@ def _quantity(
     return eqx.field(converter=convert, metadata=metadata, **options)
 
 
-def check(value: Any, label: str, holds: Callable[[Array], Array], rule: str) -> Scalar:
+def check(value: Any, label: str, holds: Callable[[Any], Any], rule: str) -> Scalar:
     """`value` as a scalar array, or one sentence: at once if its value is known, else when run."""
     if isinstance(value, str | bool | complex) or value is None:
         raise ValueError(f"`{label}` must be a number, but is {value!r}.")
@@ -66,18 +66,18 @@ def check(value: Any, label: str, holds: Callable[[Array], Array], rule: str) ->
         bad = ~(holds(array) & jnp.isfinite(array))
         return eqx.error_if(array, bad, f"`{label}` {rule} and finite.")
     try:
-        array = jnp.asarray(value, float)
-    except (TypeError, ValueError):
+        number = np.asarray(value, float)  # numpy: inside jit a jax array would be traced
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{label}` must be a number, but is {value!r}.") from None
-    _check_shape(array, label)
-    if not math.isfinite(float(array)):
-        raise ValueError(f"`{label}` must be a finite number, but is {float(array)}.")
-    if not bool(holds(array)):
-        raise ValueError(f"`{label}` {rule}, but is {float(array):g}.")
-    return array
+    _check_shape(number, label)
+    if not np.isfinite(number):
+        raise ValueError(f"`{label}` must be a finite number, but is {number:g}.")
+    if not holds(number):
+        raise ValueError(f"`{label}` {rule}, but is {number:g}.")
+    return jnp.asarray(number)
 
 
-def _check_shape(array: Array, label: str) -> None:
+def _check_shape(array: Array | np.ndarray, label: str) -> None:
     if array.ndim:
         raise ValueError(
             f"`{label}` must be a single number, but has shape {array.shape}; "

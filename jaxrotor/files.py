@@ -1,0 +1,409 @@
+"""Scene files: TOML in, TOML out; the one place where units other than SI are understood.
+
+A number is SI; a text carries its unit: "1500 rpm", "0.7 m", "60 deg", "4.087e6 N/m". Effects are
+found by the `kind` and `plural` of the classes exported in `jaxrotor.effects`, shafts and spins by
+their class names (`FlexibleShaft` is `model = "flexible"`): a new class needs no line here.
+"""
+
+import contextlib
+import dataclasses
+import functools
+import importlib.resources
+import inspect
+import math
+import os
+import re
+import reprlib
+import secrets
+import tomllib
+import typing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from decimal import Decimal
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NoReturn
+
+import equinox as eqx
+import numpy as np
+
+from . import effects, shafts, spin
+from .effects import AbstractEffect, Disc
+from .materials import NAMED, Material
+from .quantities import unit_of
+from .scene import Scene, _suggest
+from .shafts import AbstractShaft
+from .spin import AbstractSpin
+
+
+Table = dict[str, Any]
+
+_DIMENSIONS = {"at": "m", "diameter": "m", "thickness": "m", "density": "kg/m^3", "bore": "m"}
+_START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
+_COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
+_MOST = 10_000_000  # any whole number: a greater one is a slip
+_WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
+_HINTS = {"rad/s": " (write rpm or rad/s)", "rad": " (write deg or rad)"}
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
+_UNIT = re.compile(  # names, one-digit powers, 1 * / ( ): nothing pint could compute on for long
+    r"(?:[\s*/·()°%]|1(?!\w)|[^\W\d]\w*+(?:\s*(?:\^|\*\*)\s*-?\d(?!\d))?)*+"
+)
+
+
+class SceneError(ValueError):
+    """A scene file that cannot be used; its one sentence names the file, the key and what to do."""
+
+
+def load(name_or_path: str | os.PathLike[str]) -> Scene:
+    """Scene of a TOML file, or a shipped scene by its name, such as `limiter-rotor`."""
+    return _read(*_text(name_or_path))[0]
+
+
+def loads(text: str, source: str = "<text>") -> Scene:
+    """Scene written in TOML; `source` names the text in error messages."""
+    return _read(text, source)[0]
+
+
+def study(name_or_path: str | os.PathLike[str]) -> Table:
+    """The `[sweep]` table of a scene file, in SI; {} without one.
+
+    Returns:
+        Of the keys `over` (parameter path -> array of values), `settle`, `keep`,
+        `steps_per_revolution` and `start` (`radius` [m], `rate` [rad/s], `angle` [rad]) those that
+        the file gives.
+    """
+    return _read(*_text(name_or_path))[1]
+
+
+def shipped() -> list[tuple[str, str]]:
+    """Names and titles of the scenes that come with jaxrotor."""
+    texts = {name: file.read_text("utf-8") for name, file in sorted(_shipped().items())}
+    return [(name, tomllib.loads(text).get("title", "")) for name, text in texts.items()]
+
+
+def save(scene: Scene, path: str | os.PathLike[str], title: str = "") -> None:
+    """Write a scene to a `.toml` file, whole or not at all; an existing file is replaced.
+
+    Reading it back gives every parameter to the last bit. Effects of one kind are written together.
+    """
+    target, text = Path(path), dumps(scene, title)
+    if target.suffix != ".toml":
+        _refuse(f"{target}", "cannot be written; the name of a scene file ends in .toml.")
+    draft = target.with_name(f".{secrets.token_hex(8)}.toml")
+    try:
+        draft.write_text(text, "utf-8", newline="\n")
+        os.replace(draft, target)
+    except OSError as error:
+        _refuse(f"{target}", f"cannot be written ({error.strerror}); choose another place.")
+    finally:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+
+
+def dumps(scene: Scene, title: str = "") -> str:
+    """A scene as TOML: SI, every float in full, its unit behind it."""
+    import tomlkit
+
+    document = tomlkit.document()
+    if title:
+        document["title"] = title
+    document["shaft"] = _written(scene.shaft, "shaft", _models(shafts, AbstractShaft))
+    for kind in dict.fromkeys(effect.kind for effect in scene.effects):
+        members = [effect for effect in scene.effects if effect.kind == kind]
+        tables = [_written(effect, kind, _kinds()) for effect in members]
+        name, item = (members[0].plural, tables) if len(tables) > 1 else (kind, tables[0])
+        document[name] = tomlkit.item(item)
+    document["spin"] = _written(scene.spin, "spin", _models(spin, AbstractSpin))
+    return tomlkit.dumps(document)
+
+
+# === reading; a path is the file and the key so far, as in "my.toml: limiters.0.gap"
+
+
+def _shipped() -> dict[str, Any]:
+    folder = importlib.resources.files("jaxrotor") / "scenes"
+    return {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
+
+
+def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
+    """Text of a scene file, and what to call it."""
+    source, ours = os.fspath(name_or_path), _shipped()
+    try:
+        return ours.get(source, Path(source)).read_bytes().decode("utf-8-sig"), source
+    except FileNotFoundError:
+        near, names = _suggest(source, ours), ", ".join(sorted(ours))
+        _refuse(source, f"is no file and no shipped scene{near}; shipped are: {names}.")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        _refuse(source, f"cannot be read ({reason}); give a TOML file in UTF-8.")
+
+
+def _read(text: str, source: str) -> tuple[Scene, Table]:
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        _refuse(source, f"is not valid TOML: {error}.")
+    if not document:
+        _refuse(source, "is empty; a scene needs at least [shaft] and [spin].")
+    try:
+        scene = _scene(document, f"{source}: ")
+        return scene, _sweep(document.get("sweep", {}), scene, f"{source}: sweep")
+    except RecursionError:
+        _refuse(source, "is nested too deeply; a scene has tables of plain values.")
+
+
+def _scene(document: Table, prefix: str) -> Scene:
+    kinds = {name: cls for cls in _kinds().values() for name in (cls.kind, cls.plural)}
+    known = ("title", "shaft", *kinds, "spin", "sweep")
+    _check_keys(document, known, ("shaft", "spin"), prefix, "scene")
+    if not isinstance(document.get("title", ""), str):
+        _refuse(f"{prefix}title", f"must be a text, but is {_show(document['title'])}.")
+    shaft = _part(document["shaft"], "flexible", _models(shafts, AbstractShaft), f"{prefix}shaft")
+    turning = _part(document["spin"], "constant", _models(spin, AbstractSpin), f"{prefix}spin")
+    found = []
+    for key in (key for key in document if key in kinds):
+        many = isinstance(document[key], list)
+        for i, table in enumerate(document[key] if many else [document[key]]):
+            found += _effects(kinds[key], table, f"{prefix}{key}.{i}" if many else f"{prefix}{key}")
+    try:
+        return Scene(shaft, *found, spin=turning)
+    except ValueError as error:
+        raise SceneError(f"{prefix}{error}") from None
+
+
+def _part(value: Any, default: str, models: Mapping[str, type], path: str) -> Any:
+    """The shaft or the spin, of the class that its `model` names."""
+    table = {"model": default} | _table(value, path)
+    model = table.pop("model")
+    if model not in list(models):
+        _refuse(f"{path}.model", f"must be {_either(models)}, but is {_show(model)}.")
+    return _built(models[model], table, path, f"{model} {path.rpartition(' ')[2]}")
+
+
+def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
+    """The effects of one table: several if it has `angles`."""
+    table = _table(value, path)
+    if cls is Disc and table.keys() & (_DIMENSIONS.keys() - {"at"}):
+        needed = ("at", "diameter", "thickness")
+        values = _quantities(table, _DIMENSIONS, needed, path, "disc given by its dimensions")
+        yield _checked(Disc.from_dimensions, values, path)
+    elif "angles" in table and "angle" in cls.__dataclass_fields__:
+        angles = table.pop("angles")
+        if "angle" in table or not isinstance(angles, list) or not angles:
+            _refuse(f"{path}.angles", 'must be a list such as [0.0, "90 deg"], in place of angle.')
+        for i, value in enumerate(angles):
+            angle = _quantity(value, "rad", f"{path}.angles.{i}")
+            yield _built(cls, table | {"angle": angle}, path, cls.kind)
+    else:
+        yield _built(cls, table, path, cls.kind)
+
+
+def _built(cls: Any, table: Table, path: str, noun: str) -> Any:
+    """A module from a table, by its fields: quantities, nested modules and plain values."""
+    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
+    required = [n for n, p in inspect.signature(cls).parameters.items() if p.default is p.empty]
+    _check_keys(table, list(fields), required, f"{path}.", noun)
+    return _checked(cls, {k: _value(v, fields[k], f"{path}.{k}") for k, v in table.items()}, path)
+
+
+def _checked(build: Callable, values: Table, path: str) -> Any:
+    try:
+        return build(**values)
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
+    unit, kind = unit_of(field), typing.cast(Any, field.type)
+    if unit is not None:
+        return _quantity(value, unit, path)
+    if kind is Material and isinstance(value, str):
+        if value not in NAMED:
+            _refuse(path, f"must be a table or {_either(NAMED)}, but is {_show(value)}.")
+        return NAMED[value]()
+    if inspect.isclass(kind) and issubclass(kind, eqx.Module):
+        return _built(kind, _table(value, path), path, kind.__name__.lower())
+    choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
+    wrong = value not in choices if choices else kind in _WORDS and type(value) is not kind
+    if wrong or (kind is int and abs(value) > _MOST):
+        wanted = _either(choices) if choices else _WORDS[kind]
+        _refuse(path, f"must be {wanted}, but is {_show(value)}.")
+    return value
+
+
+def _sweep(value: Any, scene: Scene, path: str) -> Table:
+    table = _table(value, path)
+    _check_keys(table, ("over", *_COUNTS, "start"), (), f"{path}.", "sweep")
+    for key, least in _COUNTS.items():
+        count = table.get(key, least)
+        if type(count) is not int or not least <= count <= _MOST:
+            wanted = f"a whole number from {least} to {_MOST}"
+            _refuse(f"{path}.{key}", f"must be {wanted}, but is {_show(count)}.")
+    if "start" in table:
+        table["start"] = _quantities(table["start"], _START, (), f"{path}.start", "start")
+    if "over" in table:
+        over = dict(_flat(_table(table["over"], f"{path}.over")))
+        table["over"] = {k: _values(v, scene, k, f"{path}.over.{k}") for k, v in over.items()}
+    return table
+
+
+def _flat(table: Table, head: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values: TOML reads an unquoted `disc.mass = ..` as a table in a table."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{head}{key}.")
+        else:
+            yield head + key, value
+
+
+def _values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
+    """Values of a swept parameter, from "start : stop : count" or a list."""
+    try:
+        unit = scene.unit(name)
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}") from None
+    if isinstance(value, list) and value:
+        return np.array([_quantity(v, unit, f"{path}.{i}") for i, v in enumerate(value)])
+    parts = [part.strip() for part in value.split(":")] if isinstance(value, str) else []
+    count = int(parts[2]) if len(parts) == 3 and re.fullmatch("[0-9]{1,8}", parts[2]) else 0
+    if not 2 <= count <= _MOST:
+        wanted = f'a list, or "start : stop : count" with a count from 2 to {_MOST}'
+        _refuse(path, f"must be {wanted}, but is {_show(value)}.")
+    start, stop = (_quantity(part, unit, path) for part in parts[:2])
+    return np.linspace(start, stop, count)
+
+
+# === quantities
+
+
+def _quantities(value: Any, units: Mapping[str, str], needed: Any, path: str, noun: str) -> Table:
+    table = _table(value, path)
+    _check_keys(table, units, needed, f"{path}.", noun)
+    return {key: _quantity(value, units[key], f"{path}.{key}") for key, value in table.items()}
+
+
+def _quantity(value: Any, unit: str, path: str) -> float:
+    """A number in SI, from a number or from a text with a unit."""
+    number = None
+    if isinstance(value, str):
+        number = _converted(value, unit)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        number = float(value) if abs(value) < 1e308 else math.inf
+    wanted = "a number" if unit == "1" else f"in {unit}"
+    if number is None:
+        _refuse(path, f"must be {wanted}, but is {_show(value)}{_HINTS.get(unit, '')}.")
+    if not math.isfinite(number):
+        _refuse(path, f"must be {wanted} and finite, but is {_show(value)}.")
+    return number
+
+
+def _converted(text: str, unit: str) -> float | None:
+    """A text in `unit`, or None; worked out in decimal, so "7.5 mm" is 0.0075 to the last bit."""
+    match = _NUMBER.fullmatch(text)
+    if match is None or not _UNIT.fullmatch(match[2]):
+        return None
+    if not match[2]:
+        return float(match[1])
+    registry = _registry()
+    try:
+        units = [registry.parse_units(u) for u in (match[2], "" if unit == "1" else unit)]
+        # Angle counts as a dimension here, so that a Hz is no rad/s.
+        given, wanted = (dict(registry.get_root_units(u)[1]._units).get("radian", 0) for u in units)
+        return float(registry.convert(Decimal(match[1]), *units)) if given == wanted else None
+    except Exception:  # pint lets errors of tokenize, assert and decimal through
+        return None
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint  # half a second, so only for a file with units
+
+    return pint.UnitRegistry(non_int_type=typing.cast(Any, Decimal))
+
+
+# === writing
+
+
+def _written(module: Any, path: str, known: Mapping[str, type] | None = None) -> Any:
+    """A module as a table; `known` are the classes that a file can name there."""
+    import tomlkit
+
+    table, nested = tomlkit.table(), {}
+    if known is not None:
+        model = next((name for name, cls in known.items() if cls is type(module)), None)
+        if model is None:
+            _refuse(path, f"cannot be written: no scene file can name a {type(module).__name__}.")
+        if model != path:
+            table["model"] = model
+    for field in dataclasses.fields(module):
+        value, unit, here = getattr(module, field.name), unit_of(field), f"{path}.{field.name}"
+        if isinstance(value, eqx.Module):
+            nested[field.name] = _written(value, here)
+        elif unit is not None and value is not None:
+            item = tomlkit.item(_plain(value, here))
+            table[field.name] = item if unit == "1" else item.comment(unit)
+        elif isinstance(value, bool | int | str):
+            table[field.name] = value
+        elif value is not None:
+            _refuse(here, f"cannot be written: a scene file holds no {type(value).__name__}.")
+    table.update(nested)
+    return table
+
+
+def _plain(value: Any, path: str) -> float:
+    try:
+        number = float(value)
+    except TypeError:  # traced, or an array of many
+        number = math.nan
+    if not math.isfinite(number):
+        _refuse(path, f"cannot be written: it must be one known finite number, but is {value}.")
+    return number
+
+
+# === names and messages
+
+
+def _kinds() -> dict[str, Any]:
+    """Classes of effects by their kind: those exported in `jaxrotor.effects`."""
+    classes = [c for c in vars(effects).values() if inspect.isclass(c)]
+    named = [c for c in classes if issubclass(c, AbstractEffect) and hasattr(c, "kind")]
+    return {cls.kind: cls for cls in named if not inspect.isabstract(cls)}
+
+
+def _models(module: ModuleType, base: type) -> dict[str, type]:
+    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible"."""
+    classes = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, base)]
+    names = {c: re.sub(r"(?<!^)(?=[A-Z])", "_", c.__name__).lower() for c in classes}
+    return {n.rpartition("_")[0]: c for c, n in names.items() if not inspect.isabstract(c)}
+
+
+def _table(value: Any, path: str) -> Table:
+    if not isinstance(value, dict):
+        _refuse(path, f"must be a table, but is {_show(value)}.")
+    return dict(value)
+
+
+def _check_keys(table: Table, known: Any, needed: Any, prefix: str, noun: str) -> None:
+    article = "an" if noun[0] in "aeiou" else "a"
+    for key in table:
+        if key not in known:
+            near, names = _suggest(key, list(known)), ", ".join(known)
+            what = f"is not a parameter of {article} {noun}{near}"
+            _refuse(f"{prefix}{key}", f"{what}; it has: {names}.")
+    for key in needed:
+        if key not in table:
+            _refuse(f"{prefix}{key}", f"is missing; {article} {noun} needs: {', '.join(needed)}.")
+
+
+def _either(words: Iterable[str]) -> str:
+    return " or ".join(f"'{word}'" for word in words)
+
+
+def _refuse(path: str, text: str) -> NoReturn:
+    raise SceneError(f"{path} {text}") from None
+
+
+def _show(value: Any) -> str:
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python prints no whole number of thousands of digits
+        return "a huge number"

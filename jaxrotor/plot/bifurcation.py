@@ -1,0 +1,75 @@
+"""Bifurcation diagram: where the disc turns back, and which way it whirls."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from . import colours, page
+from .labels import coordinate, only_swept
+
+
+def bifurcation(
+    dataset: xr.Dataset, axes: Any = None, *, section: bool = False, size: float | int = 1
+) -> tuple[Axes, Axes]:
+    """Local extrema of the x displacement, and the precession index below, over one parameter.
+
+    Colours tell forward whirl (index > 0), backward (< 0) and undefined (NaN: at rest in the
+    centre; 0: no net whirl). Azarov, Gouskov, Panovko (2023), Fig. 3.
+
+    Args:
+        dataset: result of a sweep over one parameter, with `extrema` [m] and `index` [1].
+        axes: two Axes, upper and lower; a new figure if None.
+        section: draw x once a revolution (`section` [m]) instead of its extrema.
+        size: marker size of the points [pt].
+
+    Returns:
+        The upper and the lower Axes.
+    """
+    name, own = (
+        ("section", ("revolution", "axis")) if section else ("extrema", ("revolution", "extremum"))
+    )
+    dim = only_swept(dataset, name, own)
+    if only_swept(dataset, "index") != dim:
+        raise ValueError(f"`{name}` and `index` must be over the same swept dimension.")
+    array = dataset[name].isel(axis=0) if section else dataset[name]
+    displacement = 1e3 * array.transpose(dim, ...).values.reshape(dataset.sizes[dim], -1)
+    values, label = coordinate(dataset, dim)
+    index = dataset["index"].values
+
+    upper, lower = page.pair(axes, 170, 110)
+    for whirl, colour, lanes in _directions(index):
+        x, y = _cloud(values[lanes], displacement[lanes])
+        style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
+        upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=whirl, **style)
+        lower.plot(values[lanes], index[lanes], markersize=3.0, **style)
+    for ax in (upper, lower):
+        ax.margins(x=0.01)
+    page.zero(lower)
+    what = "once a revolution" if section else "local extrema"
+    upper.set_ylabel(f"x displacement,\n{what} [mm]")
+    lower.set_ylabel("precession index\n" r"mean of $\dot\psi/\Omega$ [1]")
+    lower.set_xlabel(label)
+    page.legend(upper, columns=3)
+    return upper, lower
+
+
+def _directions(index: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
+    """Name, colour and lanes of each direction of whirl that occurs."""
+    found = [
+        ("forward whirl", colours.FORWARD, index > 0),
+        ("backward whirl", colours.BACKWARD, index < 0),
+        ("undefined", colours.UNDEFINED, ~(index > 0) & ~(index < 0)),
+    ]
+    return [row for row in found if row[2].any()]
+
+
+def _cloud(
+    values: np.ndarray, displacement: Float[np.ndarray, "N e"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """All points of the lanes, less the padding."""
+    x = np.repeat(values, displacement.shape[1])
+    y = displacement.ravel()
+    return x[np.isfinite(y)], y[np.isfinite(y)]

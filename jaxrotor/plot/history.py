@@ -1,0 +1,46 @@
+"""History: the motion of one station in time."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from . import colours, page
+from .record import revolutions, signal
+
+
+def history(
+    response: Any, station: int = 0, ax: Axes | None = None, *, slope: bool = False
+) -> Axes:
+    """Displacement x and y [mm], or slope x' and y' [mrad], against time in revolutions.
+
+    Azarov, Gouskov, Panovko (2023), Fig. 4a.
+
+    Args:
+        response: one simulation, with `angle` and `displacement` [m] or `slope` [rad].
+        station: which of the response's stations.
+        ax: Axes to draw in; a new figure if None.
+        slope: draw the angular motion, the slope of the shaft.
+    """
+    turns, motion = (
+        revolutions(response),
+        signal(response, "slope" if slope else "displacement", station),
+    )
+    ax = page.single(ax, 170, 60)
+    names = ("x'", "y'") if slope else ("x", "y")
+    for name, part, colour in zip(
+        names, (np.real(motion), np.imag(motion)), (colours.BLUE, colours.ORANGE), strict=True
+    ):
+        ax.plot(
+            turns,
+            1e3 * part,
+            color=colour,
+            linewidth=0.8,
+            rasterized=turns.size > page.RASTER,
+            label=name,
+        )
+    ax.margins(x=0)
+    ax.set_xlabel("time [revolutions]")
+    ax.set_ylabel("slope [mrad]" if slope else "displacement [mm]")
+    page.legend(ax, columns=2)
+    return ax

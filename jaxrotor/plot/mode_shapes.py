@@ -1,0 +1,61 @@
+"""Mode shapes along the shaft."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Complex
+from matplotlib.axes import Axes
+
+from . import colours, page
+
+
+def mode_shapes(modes: Any, ax: Axes | None = None) -> Axes:
+    """Shapes along the shaft, largest displacement 1 and real, with the roots in the legend.
+
+    A root `s + i w` [rad/s] is a motion exp(s t) whirling forward (w > 0) or backward (dashed). A
+    dotted curve is the imaginary part, 90 degrees ahead in the plane of whirl, above a hundredth.
+
+    Args:
+        modes: `values` (m,) [rad/s], `shapes` (m, x) and `stations` (x,) [m].
+        ax: Axes to draw in; a new figure if None.
+    """
+    values = np.asarray(modes.values, dtype=complex)
+    stations = np.asarray(modes.stations, dtype=float)
+    order = np.argsort(stations)
+    ax = page.single(ax, 140, 90)
+    for number, (value, shape) in enumerate(zip(values, np.asarray(modes.shapes), strict=True)):
+        shape = _normalised(np.asarray(shape, dtype=complex))[order]
+        quadrature = np.imag(shape)
+        colour = colours.CYCLE[number % len(colours.CYCLE)]
+        ax.plot(
+            stations[order],
+            np.real(shape),
+            color=colour,
+            linewidth=1.2,
+            linestyle="--" if value.imag < 0 else "-",
+            marker=".",
+            markersize=3.5,
+            label=_described(complex(value)),
+        )
+        if np.abs(quadrature).max() > 0.01:
+            ax.plot(stations[order], quadrature, color=colour, linewidth=1.0, linestyle=":")
+    page.zero(ax)
+    ax.set_ylim(-1.1, 1.1)
+    ax.set_xlabel("position along the shaft [m]")
+    ax.set_ylabel("displacement / largest [1]")
+    page.legend(ax, columns=2)
+    return ax
+
+
+def _normalised(shape: Complex[np.ndarray, " x"]) -> Complex[np.ndarray, " x"]:
+    largest = shape[np.argmax(np.abs(shape))]
+    return shape / largest if largest != 0 else shape
+
+
+def _described(value: complex) -> str:
+    """`forward 77.0 rad/s, decay 5.04 /s`."""
+    way = "forward" if value.imag > 0 else "backward"
+    whirl = f"{way} {abs(value.imag):.4g} rad/s" if value.imag else "no whirl"
+    if value.real == 0:
+        return f"{whirl}, undamped"
+    return f"{whirl}, {'growth' if value.real > 0 else 'decay'} {abs(value.real):.3g} /s"

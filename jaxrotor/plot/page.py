@@ -1,0 +1,74 @@
+"""Page: figures at the width they are printed, 85 mm (a column) to 170 mm (a page)."""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+
+TEXT = 8.0  # pt: axis and tick labels, legends
+RASTER = 20_000  # points above which a curve is drawn as pixels, so that a PDF stays small
+
+_MM = 1 / 25.4
+_DPI = 200.0  # of what is drawn as pixels
+
+
+def single(ax: Axes | None, width: int, height: int) -> Axes:
+    """`ax`, or the Axes of a new figure [mm]; a caller's Axes keep their own sizes."""
+    return _new(1, 1, width, height)[0] if ax is None else ax
+
+
+def pair(axes: Any, width: int, height: int, *, beside: bool = False) -> tuple[Axes, Axes]:
+    """The two of `axes`, or of a new figure [mm]: one above the other, or `beside` it."""
+    if axes is None:
+        first, second = _new(*((1, 2) if beside else (2, 1)), width, height)
+        return first, second
+    given = np.ravel(np.asarray(axes, dtype=object))
+    if len(given) != 2:
+        raise ValueError(f"`axes` must be two Axes, but are {len(given)}.")
+    return given[0], given[1]
+
+
+def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
+    figure, axes = plt.subplots(
+        rows,
+        columns,
+        sharex=True,
+        squeeze=False,
+        figsize=(width * _MM, height * _MM),
+        dpi=_DPI,
+        layout="constrained",
+    )
+    for ax in axes.flat:
+        ax.tick_params(labelsize=TEXT, width=0.6, length=2.5)
+        ax.spines[:].set_linewidth(0.6)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.label.set_size(TEXT)
+            axis.get_offset_text().set_size(TEXT)
+    figure.align_ylabels()
+    return list(axes.flat)
+
+
+def legend(ax: Axes, columns: int) -> None:
+    """A legend above the Axes, clear of the data, its points large enough to tell their colours."""
+    drawn = ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        fontsize=TEXT,
+        frameon=False,
+        borderaxespad=0.0,
+        handlelength=1.8,
+        handletextpad=0.4,
+        columnspacing=1.2,
+    )
+    for handle in drawn.legend_handles:
+        if isinstance(handle, Line2D) and handle.get_linestyle() == "None":
+            handle.set_markersize(8.0)
+
+
+def zero(ax: Axes) -> None:
+    """A thin line at zero, behind the data."""
+    ax.axhline(0.0, color="0.6", linewidth=0.6, zorder=0.5)

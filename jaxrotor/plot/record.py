@@ -1,0 +1,47 @@
+"""Record: what the plots read from the response of one simulation."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+
+Times = Float[np.ndarray, " T"]
+
+
+def signal(response: Any, name: str, station: int) -> Complex[np.ndarray, " T"]:
+    """One complex signal x + i y of a response at one station."""
+    values = np.asarray(getattr(response, name), dtype=complex)
+    if values.ndim != 2:
+        raise ValueError(
+            f"This plot takes one simulation, but `{name}` has shape {values.shape}, not "
+            "(times, stations); pick one lane."
+        )
+    stations = values.shape[1]
+    if not -stations <= station < stations:
+        raise ValueError(f"`station` must be 0 to {stations - 1}, but is {station}.")
+    return values[:, station]
+
+
+def revolutions(response: Any) -> Times:
+    """Turns of the rotor at each time."""
+    return np.asarray(response.angle, dtype=float) / (2 * np.pi)
+
+
+def once_a_turn(response: Any) -> Bool[np.ndarray, " T"]:
+    """Whether a sample is the first of a revolution: a Poincare section at angle 0."""
+    # A millionth of a turn is far below any step and far above the rounding of the angle.
+    turns = np.abs(revolutions(response)) + 1e-6
+    first = turns[:1] % 1 < 2e-6
+    return np.concatenate([first, np.diff(np.floor(turns)) != 0])
+
+
+def whirl_speed(response: Any, station: int) -> Times:
+    """Relative whirl speed `Lambda = Im(conj(z) z.) / (|z|^2 Omega)`; NaN at rest in the centre."""
+    z, rate = (signal(response, name, station) for name in ("displacement", "velocity"))
+    spin = np.gradient(
+        np.asarray(response.angle, dtype=float), np.asarray(response.time, dtype=float)
+    )
+    below = np.abs(z) ** 2 * spin
+    defined = below != 0
+    return np.where(defined, np.imag(np.conj(z) * rate) / np.where(defined, below, 1.0), np.nan)

@@ -1,0 +1,3 @@
+"""Solvers: how a motion is carried through time."""
+
+from .exponential import Exponential as Exponential

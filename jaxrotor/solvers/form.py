@@ -1,0 +1,61 @@
+"""Forms: how the state of a motion is written for a solver."""
+
+import abc
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..motion import Motion
+from ..quantities import Scalar
+
+
+class AbstractForm(eqx.Module):
+    """Coordinates `y` of a motion, its vector field there, and stations read from them.
+
+    A station is read by a row of the elastic line; `rows` (s, n) are fixed when a form is built.
+    """
+
+    motion: eqx.AbstractVar[Motion]
+
+    @property
+    @abc.abstractmethod
+    def field(self) -> Callable[[Scalar, Array, None], Array]:
+        """`dy/dtheta` as a diffrax vector field, all real."""
+
+    @abc.abstractmethod
+    def encode(self, q: Complex[Array, " n"], velocity: Complex[Array, " n"]) -> Array:
+        """State at `theta = 0` from coordinates [m] and their velocities [m/s]."""
+
+    @abc.abstractmethod
+    def decode(self, y: Array) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
+        """Coordinates [m] and velocities [m/s] of a state at `theta = 0` (or any whole revolution)."""
+
+    @abc.abstractmethod
+    def read(self, theta: Scalar, y: Array) -> Float[Array, "2 2 s"]:
+        """(x, y) by (displacement [m], velocity [m/s]) by station."""
+
+
+class PhysicalForm(AbstractForm):
+    """Coordinates and their angular rates, (2, 2, n): what any diffrax solver steps."""
+
+    motion: Motion
+    rows: Float[Array, "s n"]
+
+    @property
+    def field(self):
+        return self.motion
+
+    def encode(self, q, velocity):
+        state = jnp.stack([q, velocity / self.motion.rate])
+        return jnp.stack([state.real, state.imag], axis=1)
+
+    def decode(self, y):
+        state = y[:, 0] + 1j * y[:, 1]
+        return state[0], self.motion.rate * state[1]
+
+    def read(self, theta, y):
+        del theta
+        seen = y @ self.rows.T  # (q or q', x or y, s)
+        return jnp.stack([seen[0], self.motion.rate * seen[1]], axis=1)

@@ -1,0 +1,46 @@
+"""Exponential and phi functions: `phi_k(z) = Int_0^1 exp((1 - u) z) u^(k-1)/(k-1)! du`, `phi_0 = exp`.
+
+    phi_k(z) = (phi_(k-1)(z) - 1/(k-1)!) / z = Sum_j z^j / (j + k)!
+
+Source: Hochbruck, Ostermann, Acta Numerica 19 (2010), eqs. (2.10), (2.11).
+"""
+
+import math
+
+import jax.numpy as jnp
+from jax.scipy.linalg import expm
+from jaxtyping import Array, Complex
+
+
+TERMS = 18  # of the series within |z| < 1: the remainder is below 1/18! < 2e-16
+
+
+def phi_scalar(z: Complex[Array, " m"], count: int) -> list[Complex[Array, " m"]]:
+    """`phi_0 .. phi_count` of every eigenvalue, to rounding."""
+    small = jnp.abs(z) < 1
+    near, far = jnp.where(small, z, 0.0), jnp.where(small, 1.0, z)
+    values = [jnp.exp(z)]
+    recurrence = jnp.exp(far)
+    for k in range(1, count + 1):
+        recurrence = (recurrence - 1 / math.factorial(k - 1)) / far
+        series = jnp.zeros_like(z)
+        for j in reversed(range(TERMS)):
+            series = series * near + 1 / math.factorial(j + k)
+        values.append(jnp.where(small, series, recurrence))
+    return values
+
+
+def phi_dense(
+    a: Complex[Array, "m m"], b: Complex[Array, "m p"], count: int
+) -> tuple[Complex[Array, "m m"], list[Complex[Array, "m p"]]]:
+    """`exp(a)` and `phi_k(a) b`, k = 1 .. count, from one exponential of a bordered matrix."""
+    m, p = b.shape
+    size = m + count * p
+    bordered = jnp.zeros((size, size), complex).at[:m, :m].set(a)
+    if count:
+        bordered = bordered.at[:m, m : m + p].set(b)
+        shift = jnp.eye((count - 1) * p)
+        bordered = bordered.at[m : size - p, m + p :].set(shift)
+    exponential = expm(bordered, max_squarings=64)
+    parts = [exponential[:m, m + k * p : m + (k + 1) * p] for k in range(count)]
+    return exponential[:m, :m], parts

@@ -1,0 +1,33 @@
+"""Settings that diffrax solvers need on rotors."""
+
+import diffrax as dfx
+import equinox as eqx
+import optimistix as optx
+
+
+RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute in metres of q and dq/dtheta
+
+
+def step_control(solver: dfx.AbstractSolver, rtol: float = RTOL, atol: float = ATOL):
+    """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else fixed steps."""
+    if isinstance(solver, dfx.AbstractAdaptiveSolver):
+        return dfx.PIDController(rtol=rtol, atol=atol, pcoeff=0.3, icoeff=0.4)
+    return None
+
+
+def tuned(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
+    """The solver with a root finder that stops in time.
+
+    diffrax solves for the derivative of a stage, with the tolerance of the step in the state: on
+    accelerations of a stiff rotor that is out of reach, and steps are refused over and over. A root
+    finder with tolerances of its own is left as it is.
+    """
+    if not isinstance(solver, dfx.AbstractImplicitSolver):
+        return solver
+    finder = solver.root_finder
+    if isinstance(finder.rtol, int | float):
+        return solver
+    chord = dfx.VeryChord(rtol=1e-5, atol=1e-6, norm=optx.max_norm)
+    return eqx.tree_at(lambda s: s.root_finder, solver, chord)
+
+

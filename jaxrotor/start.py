@@ -1,0 +1,61 @@
+"""Starting states of a motion."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex
+
+from .quantities import Scalar, nonnegative, real
+from .system import System
+
+
+class AbstractStart(eqx.Module):
+    """Where a motion begins, at revolution angle zero."""
+
+    @abc.abstractmethod
+    def state(
+        self, system: System, at: Scalar
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
+        """Coordinates [m] and velocities [m/s]; `at` is the observed station."""
+
+
+class AtRest(AbstractStart):
+    """Straight and still: `z = 0`, `z. = 0`."""
+
+    def state(self, system: System, at: Scalar):
+        del at
+        return jnp.zeros(system.n, complex), jnp.zeros(system.n, complex)
+
+
+class Whirl(AbstractStart):
+    """Bent as by a force at the observed station and whirling: `z = radius e^(i angle)`, `z. = i rate z`.
+
+    `rate` 0 releases the bent shaft from rest; a negative rate starts a backward whirl.
+    """
+
+    radius: Scalar = nonnegative("radius [m]")
+    rate: Scalar = real("rate [rad/s]", default=0.0)
+    angle: Scalar = real("angle [rad]", default=0.0)
+
+    def state(self, system: System, at: Scalar):
+        shape = jnp.linalg.solve(system.blocks.stiffness, system.line.column(at))
+        shape = shape / (system.line.row(at) @ shape)
+        q = self.radius * jnp.exp(1j * self.angle) * shape
+        return q, 1j * self.rate * q
+
+
+class Continued(AbstractStart):
+    """A state that another run ended with: `simulate(scene, 10, start=response.end)`."""
+
+    q: Complex[Array, " n"]
+    velocity: Complex[Array, " n"]
+
+    def state(self, system: System, at: Scalar):
+        del at
+        if self.q.size != system.n:
+            raise ValueError(
+                f"The start has {self.q.size} coordinates, but the scene {system.n}: continue a run "
+                "in a scene with the same spans and nodes."
+            )
+        return self.q, self.velocity
