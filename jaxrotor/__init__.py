@@ -8,6 +8,17 @@ import jax
 if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the environment
     jax.config.update("jax_enable_x64", True)
 
+from . import observe as observe  # noqa: E402
+from .analysis import (  # noqa: E402
+    Modes as Modes,
+    Onset as Onset,
+    UnbalanceResponse as UnbalanceResponse,
+    modes as modes,
+    onset_speed as onset_speed,
+    roots as roots,
+    stability_crossings as stability_crossings,
+    unbalance_response as unbalance_response,
+)
 from .effects import (  # noqa: E402
     Disc as Disc,
     DiscDamping as DiscDamping,
@@ -17,8 +28,20 @@ from .effects import (  # noqa: E402
     Limiter as Limiter,
     Unbalance as Unbalance,
 )
+from .files import (  # noqa: E402
+    SceneError as SceneError,
+    load as load,
+    loads as loads,
+    save as save,
+    shipped as shipped,
+    study as study,
+)
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .scene import Scene as Scene  # noqa: E402
 from .shafts import FlexibleShaft as FlexibleShaft  # noqa: E402
+from .simulate import Response as Response, simulate as simulate  # noqa: E402
+from .solvers import Exponential as Exponential  # noqa: E402
 from .spin import ConstantSpeed as ConstantSpeed  # noqa: E402
+from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl  # noqa: E402
+from .sweep import sweep as sweep  # noqa: E402
 from .system import System as System, assemble as assemble  # noqa: E402

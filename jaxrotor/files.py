@@ -30,7 +30,7 @@ from . import effects, shafts, spin
 from .effects import AbstractEffect, Disc
 from .materials import NAMED, Material
 from .quantities import unit_of
-from .scene import Scene, _suggest
+from .scene import Scene, suggest
 from .shafts import AbstractShaft
 from .spin import AbstractSpin
 
@@ -130,7 +130,7 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
     try:
         return ours.get(source, Path(source)).read_bytes().decode("utf-8-sig"), source
     except FileNotFoundError:
-        near, names = _suggest(source, ours), ", ".join(sorted(ours))
+        near, names = suggest(source, ours), ", ".join(sorted(ours))
         _refuse(source, f"is no file and no shipped scene{near}; shipped are: {names}.")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
@@ -386,7 +386,7 @@ def _check_keys(table: Table, known: Any, needed: Any, prefix: str, noun: str) -
     article = "an" if noun[0] in "aeiou" else "a"
     for key in table:
         if key not in known:
-            near, names = _suggest(key, list(known)), ", ".join(known)
+            near, names = suggest(key, list(known)), ", ".join(known)
             what = f"is not a parameter of {article} {noun}{near}"
             _refuse(f"{prefix}{key}", f"{what}; it has: {names}.")
     for key in needed:

@@ -4,7 +4,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .motion import Motion
 from .quantities import Scalar
@@ -24,7 +24,20 @@ class Plan(eqx.Module):
     adjoint: dfx.AbstractAdjoint
     max_steps: int = eqx.field(static=True)  # of an adaptive solver, in one revolution
     steps: int = eqx.field(static=True)  # samples a revolution; fixed solvers step them
+    slopes: bool = eqx.field(static=True)  # whether slopes are read besides displacements
+    contacts: bool = eqx.field(static=True)  # whether ports are read
     together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+
+
+class Orbit(eqx.Module):
+    """One revolution seen at the stations, its first and last samples included."""
+
+    displacement: Complex[Array, "T s"]  # [m]
+    velocity: Complex[Array, "T s"]  # [m/s]
+    slope: Complex[Array, "T s"] | None
+    contact_force: Complex[Array, "T k"] | None  # [N]
+    seconds: Scalar  # in a radian of revolution
+    s: Scalar  # sign of the spin
 
 
 class March(eqx.Module):
@@ -35,6 +48,7 @@ class March(eqx.Module):
     """
 
     system: System
+    stations: Float[Array, " s"]
     form: AbstractForm
     plan: Plan
     step: ExponentialStep | None
@@ -44,15 +58,26 @@ class March(eqx.Module):
         """Assemble a scene for a plan; `rate` is 2 pi over the length of a revolution."""
         system = assemble(scene, plan.together)
         motion = Motion(system, rate)
-        rows = jax.vmap(system.line.row)(stations)
+        rows = [jax.vmap(system.line.row)(stations)]
+        if plan.slopes:
+            rows.append(jax.vmap(system.line.slope_row)(stations))
+        if plan.contacts and motion.rows is not None:
+            rows.append(motion.rows)
+        rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
-            return cls(system, PhysicalForm(motion, rows), plan, None)
+            return cls(system, stations, PhysicalForm(motion, rows), plan, None)
         form = plan.solver.form(motion, rows)
         if form.ports is None:
-            return cls(system, form, plan, None)
+            return cls(system, stations, form, plan, None)
         order = plan.solver.order
         h = jnp.asarray(2 * jnp.pi / plan.steps)
-        return cls(system, form, plan, ExponentialStep(Tableau.build(form, h, order), form.field, order))
+        return cls(
+            system,
+            stations,
+            form,
+            plan,
+            ExponentialStep(Tableau.build(form, h, order), form.field, order),
+        )
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
@@ -87,15 +112,30 @@ class March(eqx.Module):
         return y, jnp.concatenate([samples, last[None]]), jnp.array(True)
 
     def collect(self, y: Array, carry, update, revolutions: int):
-        """Carry through whole revolutions: `carry, out = update(carry, samples)` at each."""
+        """Carry through whole revolutions: `carry, out = update(carry, orbit)` at each."""
 
         def turn(state, _):
             y, carry, good = state
             y, samples, ok = self.sample(y)
-            carry, out = update(carry, samples)
+            carry, out = update(carry, self.orbit(samples))
             return (y, carry, good & ok), out
 
         return self._scan(turn, (y, carry, jnp.array(True)), revolutions)
+
+    def orbit(self, samples: Float[Array, "S+1 2 2 r"]) -> "Orbit":
+        """What the samples of a revolution say, by name."""
+        seen = samples[:, 0] + 1j * samples[:, 1]  # (S + 1, displacement or velocity, rows)
+        s = self.stations.size
+        displacement, velocity = seen[:, 0], seen[:, 1]
+        forces = None
+        if self.plan.contacts and self.system.ports:
+            p = len(self.system.ports)
+            ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (S + 1, 2, p, xy)
+            vectors = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1])
+            forces = vectors[..., 0] + 1j * vectors[..., 1]
+        slope = displacement[:, s : 2 * s] if self.plan.slopes else None
+        motion = self.form.motion
+        return Orbit(displacement[:, :s], velocity[:, :s], slope, forces, 1 / motion.rate, motion.s)
 
     def _free(self) -> bool:
         """A linear scene: nothing to step."""

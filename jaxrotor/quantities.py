@@ -66,7 +66,9 @@ def check(value: Any, label: str, holds: Callable[[Any], Any], rule: str) -> Sca
         bad = ~(holds(array) & jnp.isfinite(array))
         return eqx.error_if(array, bad, f"`{label}` {rule} and finite.")
     try:
-        number = np.asarray(value, float)  # numpy: inside jit a jax array would be traced
+        # numpy: inside jit a jax array would be traced; in the precision the leaf will have
+        with np.errstate(over="ignore"):
+            number = np.asarray(value, float).astype(jax.dtypes.canonicalize_dtype(float))
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{label}` must be a number, but is {value!r}.") from None
     _check_shape(number, label)
@@ -93,3 +95,9 @@ def unit_of(field: dataclasses.Field) -> str | None:
 def known(value: Any) -> bool:
     """Whether a leaf's value can be read now (it is not being traced)."""
     return not isinstance(value, jax.core.Tracer)
+
+
+def quantity_units(module: eqx.Module) -> dict[str, str]:
+    """Quantity fields of a module and their units."""
+    units = {field.name: unit_of(field) for field in dataclasses.fields(module)}
+    return {name: unit for name, unit in units.items() if unit is not None}

@@ -7,10 +7,10 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
-from .effects.base import AbstractEffect
-from .quantities import known, unit_of
+from .effects.base import AbstractContact, AbstractEffect
+from .quantities import known, quantity_units, unit_of
 from .shafts.line import AbstractLine, AbstractShaft
 from .spin import AbstractSpin
 
@@ -48,6 +48,28 @@ class Scene(eqx.Module):
         """The elastic line of the shaft, with a span ending at every break."""
         return self.shaft.line(tuple(self.effects[i].at for i in self.breaks))
 
+    def stations(self, at: Any = None) -> Float[Array, " s"]:
+        """Stations [m] to observe: those given, each on the shaft, or one the scene suggests.
+
+        That is the station of its first contact, else of its first effect that has one, else the
+        end of the shaft.
+        """
+        if at is None:
+            placed = [e for e in self.effects if hasattr(e, "at")]
+            contacts = self.of(AbstractContact)
+            return jnp.atleast_1d((contacts or placed)[0].at if placed else self.shaft.length)
+        stations = jnp.atleast_1d(jnp.asarray(at, float))
+        if stations.ndim > 1 or not stations.size:
+            raise ValueError(f"`at [m]` must be a station or a list of them, but is {at!r}.")
+        if known(stations) and known(self.shaft.length):
+            length = float(self.shaft.length)
+            off = [x for x in stations.tolist() if not 0 <= x <= length * (1 + 1e-12)]
+            if off:
+                raise ValueError(
+                    f"`at [m]` must be on the shaft (0 to {length:g}), but is {off[0]:g}."
+                )
+        return stations
+
     def of(self, kind: type) -> tuple:
         """The effects that have a capability or are of a class."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))
@@ -58,17 +80,13 @@ class Scene(eqx.Module):
         if len(rest) == len(self.effects):
             kinds = sorted({e.plural for e in self.effects})
             raise ValueError(
-                f"The scene has no {kind!r}{_suggest(kind, kinds)}; it has: {', '.join(kinds)}."
+                f"The scene has no {kind!r}{suggest(kind, kinds)}; it has: {', '.join(kinds)}."
             )
         return Scene(self.shaft, *rest, spin=self.spin)
 
     def paths(self) -> list[str]:
         """Paths of all parameters: of the shaft, the spin, and each kind of effect."""
-        return [
-            path
-            for path, addresses in _addresses(self).items()
-            if len(addresses) == 1 or not path.split(".")[1].isdigit()
-        ]
+        return [path for path in _addresses(self) if not path.split(".")[1].isdigit()]
 
     def get(self, path: str) -> Array:
         """Value at a path; of several effects, their values in order."""
@@ -80,7 +98,7 @@ class Scene(eqx.Module):
     def unit(self, path: str) -> str:
         """Unit of the parameter at a path."""
         *parents, name = self._find(path)[0]
-        return _units(_follow(self, parents))[name]
+        return quantity_units(_follow(self, parents))[name]
 
     def replace(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other values: `scene.replace({"unbalance.eccentricity": 1e-3})`.
@@ -88,19 +106,15 @@ class Scene(eqx.Module):
         `limiters.gap` sets all of a kind, `limiters.0.gap` one. Values may be traced; then the spans
         of the shaft stay as they are.
         """
-        scene = self
+        checked = {}
         for path, value in values.items():
-            for address in self._find(path):
-                *parents, name = address
-                owner = _follow(scene, parents)
-                field = {f.name: f for f in dataclasses.fields(owner)}[name]
-                try:
-                    leaf = field.metadata["converter"](value)
-                except ValueError as error:
-                    raise ValueError(f"{path}: {error}") from None
-                scene = eqx.tree_at(
-                    lambda s, a=address: _follow(s, a), scene, leaf, is_leaf=_is_none
-                )
+            *parents, name = self._find(path)[0]
+            fields = {f.name: f for f in dataclasses.fields(_follow(self, parents))}
+            try:
+                checked[path] = fields[name].metadata["converter"](value)
+            except ValueError as error:
+                raise ValueError(f"{path}: {error}") from None
+        scene = self.put(checked)
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
@@ -109,12 +123,21 @@ class Scene(eqx.Module):
             return scene
         return Scene(scene.shaft, *scene.effects, spin=scene.spin)
 
+    def put(self, values: Mapping[str, Any]) -> "Scene":
+        """Scene with other leaves, as they are: no checks, the spans kept. See `replace`."""
+        scene = self
+        for path, leaf in values.items():
+            for address in self._find(path):
+                where = lambda s, a=address: _follow(s, a)
+                scene = eqx.tree_at(where, scene, leaf, is_leaf=_is_none)
+        return scene
+
     def _find(self, path: str) -> list[Address]:
         table = _addresses(self)
         for alias in (path, *_aliases(path, self.effects)):
             if alias in table:
                 return table[alias]
-        near = _suggest(path, table)
+        near = suggest(path, table)
         raise ValueError(
             f"The scene has no parameter `{path}`{near}; it has: {', '.join(self.paths())}."
         )
@@ -129,7 +152,8 @@ def _is_none(leaf: Any) -> bool:
     return leaf is None
 
 
-def _suggest(word: str, words: Sequence[str] | Mapping[str, Any]) -> str:
+def suggest(word: str, words: Sequence[str] | Mapping[str, Any]) -> str:
+    """A closing hint, " (did you mean `..`?)", or nothing."""
     close = difflib.get_close_matches(word, list(words), n=1)
     return f" (did you mean `{close[0]}`?)" if close else ""
 
@@ -159,12 +183,6 @@ def _breaks(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
 
 
 # === parameter paths
-
-
-def _units(module: eqx.Module) -> dict[str, str]:
-    """Quantity fields of a module and their units."""
-    units = {f.name: unit_of(f) for f in dataclasses.fields(module)}
-    return {name: unit for name, unit in units.items() if unit is not None}
 
 
 def _leaves(module: eqx.Module) -> list[Address]:

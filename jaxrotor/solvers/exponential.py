@@ -248,14 +248,14 @@ class Tableau(eqx.Module):
             times, stages = (0.0, 1.0), (0, 1)
             echo = ({}, {0: one})
             feed = [one - two, two]
-            looks = [see, _look(basis, see, flow)]
+            looks = [see, _look(see, flow)]
         else:
             mid_flow, (p,) = basis.flow(half * h, b, 1)
             times, stages = (0.0, 0.5, 1.0), (0, 1, 1, 2)
             echo = ({}, {0: p}, {1: p}, {0: basis.apply(mid_flow, p) - p, 2: 2 * p})
             both = 2 * two - 4 * three[0]
             feed = [one - 3 * two + 4 * three[0], both, both, 4 * three[0] - two]
-            looks = [see, _look(basis, see, mid_flow), _look(basis, see, flow)]
+            looks = [see, _look(see, mid_flow), _look(see, flow)]
         return cls(
             basis.step(flow),
             jnp.stack([_real(look) for look in looks]),
@@ -304,9 +304,8 @@ class ExponentialStep(dfx.AbstractSolver):
         return terms.vf(t0, y0, args)
 
 
-def well_conditioned(a: Complex[Array, "*batch m m"]) -> bool:
+def well_conditioned(vectors: np.ndarray) -> bool:
     """Whether the eigenvectors of every (known) matrix are far enough from merging."""
-    _, vectors = np.linalg.eig(np.asarray(a))
     return bool(np.all(np.linalg.cond(vectors) < WORST_CONDITION))
 
 
@@ -316,7 +315,7 @@ def station_gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "2s 
     return jnp.block([[rows, zero], [zero, motion.rate * rows]])
 
 
-def _look(basis, see, flow) -> Complex[Array, "2p m"]:
+def _look(see, flow) -> Complex[Array, "2p m"]:
     return see * flow if flow.ndim == 1 else see @ flow
 
 

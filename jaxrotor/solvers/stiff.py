@@ -29,5 +29,3 @@ def tuned(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
         return solver
     chord = dfx.VeryChord(rtol=1e-5, atol=1e-6, norm=optx.max_norm)
     return eqx.tree_at(lambda s: s.root_finder, solver, chord)
-
-

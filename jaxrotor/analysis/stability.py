@@ -1,0 +1,108 @@
+"""Speeds at which a rotor loses or regains stability."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from ..quantities import Scalar, known
+from ..scene import Scene
+from ..system import assemble
+from .modal import reference_rate, roots
+
+
+class Onset(NamedTuple):
+    """Speed where the largest growth rate crosses zero, and the whirl frequency there."""
+
+    speed: Scalar  # [rad/s]
+    whirl_frequency: Scalar  # [rad/s], positive forward
+
+
+def onset_speed(
+    scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
+) -> Onset:
+    """Lowest speed at which the straight rotor turns unstable: `max Re lambda(Omega) = 0`, rising.
+
+    Args:
+        scene: the rotor; its own speed does not matter.
+        within: speeds [rad/s] to search, by default 0 to 40 first natural frequencies.
+        samples: growth rates taken to bracket the crossing; two crossings closer than a sample
+            interval are missed.
+
+    Returns:
+        Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem.
+
+    Raises:
+        ValueError: no loss of stability in the range, unstable from its start, or no damping.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 2.
+    """
+    speeds, growth, scale = _scan(scene, within, samples)
+    rising = (growth[:-1] <= 0) & (growth[1:] > 0)
+    marginal = jnp.max(jnp.abs(growth[: samples // 4])) < 1e-9 * scale
+    refusals = [
+        (marginal, "The rotor has no damping: it is neither stable nor unstable at any speed."),
+        (growth[0] > 1e-9 * scale, "The rotor is unstable from the lowest speed searched on."),
+        (
+            ~jnp.any(rising),
+            "The rotor keeps its stability over the speeds searched; widen `within`.",
+        ),
+    ]
+    for wrong, sentence in refusals:
+        if known(wrong):
+            if bool(wrong):
+                raise ValueError(f"{sentence} Searched {speeds[0]:g} to {speeds[-1]:g} rad/s.")
+        else:
+            speeds = eqx.error_if(speeds, wrong, sentence)
+    first = jnp.argmax(rising)
+    return _refine(scene, speeds[first], speeds[first + 1])
+
+
+def stability_crossings(
+    scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
+) -> list[tuple[Onset, bool]]:
+    """All crossings in the range, in order, each with whether stability is lost (or regained)."""
+    speeds, growth, _ = _scan(scene, within, samples)
+    signs = np.asarray(growth) > 0
+    return [
+        (_refine(scene, speeds[i], speeds[i + 1]), bool(signs[i + 1]))
+        for i in np.flatnonzero(signs[:-1] != signs[1:])
+    ]
+
+
+@eqx.filter_jit
+def _scan(
+    scene: Scene, within, samples: int
+) -> tuple[Float[Array, " w"], Float[Array, " w"], Scalar]:
+    """Speeds, growth rates, and the frequency that makes a rate small or large."""
+    scale = reference_rate(assemble(scene))
+    low, high = (0.0, 40 * scale) if within is None else within
+    speeds = jnp.linspace(low, high, samples + 1)
+    # One speed after the other: see `sweep._prepare` on batched linear algebra.
+    growth = jax.lax.map(lambda speed: jnp.max(_roots_at(scene, speed).real), speeds)
+    return speeds, jax.lax.stop_gradient(growth), scale
+
+
+@eqx.filter_jit
+def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
+    growth = lambda speed, scene: jnp.max(_roots_at(scene, speed).real)
+    span = jax.lax.stop_gradient({"lower": low, "upper": high})
+    solution = optx.root_find(
+        growth,
+        optx.Bisection(rtol=1e-13, atol=1e-13),
+        (span["lower"] + span["upper"]) / 2,
+        args=scene,
+        options=span,
+        max_steps=64,
+        throw=False,
+    )
+    values = _roots_at(scene, solution.value)
+    return Onset(solution.value, values[jnp.argmax(values.real)].imag)
+
+
+def _roots_at(scene: Scene, speed: Scalar):
+    return roots(scene.put({"spin.speed": speed}))

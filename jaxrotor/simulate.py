@@ -1,0 +1,204 @@
+"""Simulate: one trajectory of one scene."""
+
+from typing import Any
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .march import March, Plan
+from .motion import Motion
+from .quantities import Scalar, known
+from .scene import Scene
+from .solvers.exponential import Exponential, well_conditioned
+from .start import AbstractStart, AtRest, Continued
+from .system import assemble, port_groups
+
+
+class Response(eqx.Module):
+    """Motion of a scene over the revolutions that were kept, `T` samples at `s` stations."""
+
+    time: Float[Array, " T"]  # [s] since the start
+    angle: Float[Array, " T"]  # [rad] of revolution since the start
+    displacement: Complex[Array, "T s"]  # x + i y [m]
+    velocity: Complex[Array, "T s"]  # [m/s]
+    slope: Complex[Array, "T s"]  # dz/dx [rad]
+    contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
+    stations: Float[Array, " s"]  # [m]
+    end: Continued  # state to go on from
+    scene: Scene
+    steps_per_revolution: int = eqx.field(static=True)
+    solver: str = eqx.field(static=True)
+
+    def __str__(self) -> str:
+        turns = (self.time.size - 1) / self.steps_per_revolution
+        where = ", ".join(f"{at:g}" for at in np.asarray(self.stations))
+        return (
+            f"Response of {turns:g} revolutions at {where} m: {self.steps_per_revolution} samples "
+            f"a revolution, {self.solver}"
+        )
+
+
+def simulate(
+    scene: Scene,
+    revolutions: int,
+    steps_per_revolution: int = 256,
+    *,
+    solver: Exponential | dfx.AbstractSolver | None = None,
+    controller: dfx.AbstractStepSizeController | None = None,
+    start: AbstractStart | None = None,
+    keep: int | None = None,
+    at: float | Any | None = None,
+    period: float | None = None,
+    adjoint: dfx.AbstractAdjoint | None = None,
+    max_steps: int = 4096,
+) -> Response:
+    """Motion `M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contact forces` in time.
+
+    Args:
+        scene: what moves, at constant speed.
+        revolutions: length of the run in revolutions.
+        steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
+            diffrax solvers without an error estimate. A scene without contact is exact at any.
+        solver: `Exponential()` (default) or any diffrax solver, `diffrax.Kvaerno5()`.
+        controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
+            atol 1e-10 m.
+        start: starting state, by default `AtRest()`; `response.end` continues a run.
+        keep: number of revolutions at the end to keep, by default all.
+        at: station(s) [m] to observe; by default that of the first contact, else of the first
+            effect with a station, else the end of the shaft.
+        period: length [s] of a "revolution" at zero speed; not allowed otherwise.
+        adjoint: diffrax adjoint for derivatives: forward mode by default,
+            `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
+        max_steps: steps an adaptive solver may take in one revolution.
+
+    Returns:
+        A `Response`. A run that fails or overflows raises; when traced, it is not finite.
+
+    Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
+    """
+    keep = revolutions if keep is None else keep
+    check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
+    if keep > revolutions:
+        raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
+    start = AtRest() if start is None else start
+    stations = scene.stations(at)
+    rate = revolution_rate(scene, period)
+    plan = Plan(
+        choose(solver, scene, rate, start),
+        controller,
+        dfx.ForwardMode() if adjoint is None else adjoint,
+        max_steps,
+        steps_per_revolution,
+        slopes=True,
+        contacts=True,
+        together=port_groups(scene),
+    )
+    end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
+    if known(good) and not bool(good):
+        raise RuntimeError(
+            "The motion did not stay finite, or the solver could not meet its tolerance: take more "
+            "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
+        )
+    count = jnp.arange(keep * steps_per_revolution + 1)
+    angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
+    return Response(
+        angle / rate,
+        angle,
+        *orbit,
+        stations,
+        Continued(*end),
+        scene,
+        steps_per_revolution,
+        solver_name(plan.solver),
+    )
+
+
+@eqx.filter_jit
+def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
+    march = March.build(scene, plan, rate, stations)
+    y, first = march.skip(march.begin(start, stations[0]), skip)
+
+    def update(carry, orbit):
+        return carry, (orbit.displacement, orbit.velocity, orbit.slope, orbit.contact_force)
+
+    (y, _, good), turns = march.collect(y, None, update, keep)
+    orbit = jax.tree.map(_join, turns)
+    return march.form.decode(y), orbit, first & good
+
+
+def _join(turns: Array) -> Array:
+    """(revolutions, S + 1, ...) -> (revolutions S + 1, ...): neighbours share a sample."""
+    flat = turns[:, :-1].reshape(-1, *turns.shape[2:])
+    return jnp.concatenate([flat, turns[-1:, -1]])
+
+
+def check_counts(**counts: int) -> None:
+    """Refuse counts that are not whole and positive."""
+    for name, value in counts.items():
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+            raise ValueError(f"`{name}` must be a whole number of at least 1, but is {value!r}.")
+
+
+def revolution_rate(scene: Scene, period: float | None) -> Scalar:
+    """`|Omega|`, or at zero speed 2 pi over the period the user names."""
+    speed = scene.spin.speed
+    if not known(speed):
+        return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
+    if speed == 0 and period is None:
+        raise ValueError(
+            "At zero speed a revolution has no length; give `period`, the seconds to count as one."
+        )
+    if speed != 0 and period is not None:
+        raise ValueError(f"`period` is for zero speed only, but the speed is {speed:g} rad/s.")
+    if period is not None and not period > 0:
+        raise ValueError(f"`period [s]` must be positive, but is {period}.")
+    return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
+
+
+def choose(
+    solver: Exponential | dfx.AbstractSolver | None, scene: Scene, rate: Scalar, start=None
+) -> Exponential | dfx.AbstractSolver:
+    """The solver with its basis settled: modal where eigenvectors serve, else dense."""
+    solver = Exponential() if solver is None else solver
+    if not isinstance(solver, Exponential | dfx.AbstractSolver):
+        raise ValueError(
+            f"`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but "
+            f"is {solver!r}."
+        )
+    if not isinstance(solver, Exponential) or solver.basis == "dense":
+        return solver
+    traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
+    if traced:
+        return Exponential(solver.order, "dense" if solver.basis == "auto" else solver.basis)
+    matrix, s = _linear(scene, rate)
+    _check_resonance(scene, np.asarray(matrix), float(s))
+    if solver.basis == "auto":
+        _, vectors = np.linalg.eig(np.asarray(matrix))
+        return Exponential(solver.order, "modal" if well_conditioned(vectors) else "dense")
+    return solver
+
+
+@eqx.filter_jit
+def _linear(scene: Scene, rate: Scalar):
+    motion = Motion(assemble(scene), rate)
+    return motion.matrix(), motion.s
+
+
+def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:
+    if s and np.min(np.abs(1j * s - np.linalg.eigvals(matrix))) < 1e-9:
+        raise ValueError(
+            f"The speed, {float(scene.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
+            "where the response to unbalance grows without bound: add damping, move the speed, or "
+            "give a diffrax solver."
+        )
+
+
+def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
+    """Short name of a solver for results."""
+    if isinstance(solver, Exponential):
+        return f"Exponential(order={solver.order}, basis={solver.basis!r})"
+    return type(solver).__name__

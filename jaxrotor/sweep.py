@@ -1,0 +1,403 @@
+"""Sweep: many trajectories, streamed into observables."""
+
+import concurrent.futures
+import contextlib
+import importlib.metadata
+import itertools
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+
+from .files import dumps
+from .march import March, Plan
+from .observe import AbstractObservable, Turn, Variable, everything
+from .quantities import quantity_units
+from .scene import Scene
+from .simulate import (
+    check_counts,
+    revolution_rate,
+    solver_name,
+)
+from .solvers.exponential import Exponential, well_conditioned
+from .start import AbstractStart, AtRest
+from .system import port_groups
+
+
+SEGMENT = 50  # revolutions between two looks at the progress bar
+STATUS = ("ok", "failed_or_not_finite", "at_rest_whirl_undefined")
+
+
+def sweep(
+    scene: Scene,
+    over: Mapping[str, Any],
+    *,
+    start: AbstractStart | None = None,
+    settle: int = 1000,
+    keep: int = 300,
+    observe: Sequence[AbstractObservable] | None = None,
+    steps_per_revolution: int = 256,
+    solver: Exponential | dfx.AbstractSolver | None = None,
+    controller: dfx.AbstractStepSizeController | None = None,
+    at: float | Any | None = None,
+    period: float | None = None,
+    lanes_per_chunk: int = 128,
+    workers: int | None = None,
+    progress: bool | None = None,
+    max_steps: int = 4096,
+) -> xr.Dataset:
+    """Long-run motion over a grid of parameters, `settle` revolutions unseen and `keep` observed.
+
+    Args:
+        scene: what moves, at constant speed.
+        over: values by parameter path; `start.radius` and its like sweep the starting state. All
+            combinations are run.
+        start: starting state of every lane, by default `AtRest()`.
+        settle: revolutions before anything is observed (0 or more).
+        keep: revolutions observed.
+        observe: observables, by default `observe.everything()`.
+        steps_per_revolution: as in `simulate`.
+        solver: as in `simulate`.
+        controller: as in `simulate`.
+        at: station [m] to observe, by default as in `simulate`.
+        period: as in `simulate`.
+        lanes_per_chunk: trajectories compiled as one program.
+        workers: chunks run at once, by default one a core (one on an accelerator).
+        progress: whether to show a progress bar; by default on a terminal.
+        max_steps: as in `simulate`.
+
+    Returns:
+        Dataset over the swept paths. `status` says of every lane whether it succeeded; a failed
+        lane is kept and flagged. Attributes hold the scene and all settings.
+    """
+    check_counts(keep=keep, steps_per_revolution=steps_per_revolution, lanes=lanes_per_chunk)
+    if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
+        raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+    start = AtRest() if start is None else start
+    observe = everything() if observe is None else tuple(observe)
+    axes = _axes(scene, start, over, period)
+    station = scene.stations(at)[0]
+    if "spin.speed" not in axes:
+        revolution_rate(scene, period)
+    plan = Plan(
+        Exponential() if solver is None else solver,
+        controller,
+        dfx.ForwardMode(),
+        max_steps,
+        steps_per_revolution,
+        slopes=False,
+        contacts=any(one.needs_contact for one in observe),
+        together=_port_groups(scene, axes),
+    )
+    points = np.array(list(itertools.product(*axes.values()))).reshape(-1, len(axes))
+    size = _chunk_size(len(points), lanes_per_chunk, workers := _workers(workers))
+    chunks = [points[i : i + size] for i in range(0, len(points), size)]
+    context = _Context(scene, start, tuple(axes), plan, station, period, observe, settle, keep)
+    total = len(chunks) * (settle + keep)
+    with _progress(progress, total, f"{len(points)} lanes") as tick:
+        results = _spread(lambda points: _run_chunk(context, points, size, tick), chunks, workers)
+    return _dataset(context, axes, results)
+
+
+class _Context(eqx.Module):
+    """What all chunks of a sweep share."""
+
+    scene: Scene
+    start: AbstractStart
+    paths: tuple[str, ...] = eqx.field(static=True)
+    plan: Plan
+    station: Float[Array, ""]
+    period: float | None = eqx.field(static=True)
+    observe: tuple[AbstractObservable, ...]
+    settle: int = eqx.field(static=True)
+    keep: int = eqx.field(static=True)
+
+
+# === before the run
+
+
+def _axes(
+    scene: Scene, start: AbstractStart, over: Mapping[str, Any], period: float | None
+) -> dict[str, np.ndarray]:
+    """Values by path, each of them tried on the scene."""
+    if not over:
+        raise ValueError(
+            "`over` must name at least one parameter, such as {'spin.speed': speeds}; one trajectory "
+            "is a job for `simulate`."
+        )
+    axes = {}
+    for path, values in over.items():
+        values = np.atleast_1d(np.asarray(values, float))
+        if values.ndim != 1 or not values.size:
+            raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
+        for value in values:
+            changed, _ = _placed(scene, start, {path: value})
+            if path == "spin.speed":
+                revolution_rate(changed, period)
+            if changed.breaks != scene.breaks:
+                raise ValueError(
+                    f"`over['{path}']` moves a station past another at {value:g}; sweep each order of "
+                    "stations apart."
+                )
+        axes[path] = values
+    return axes
+
+
+def _placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
+    """Scene and start with values by path; `start.` paths go to the start."""
+    own = {path: value for path, value in values.items() if not path.startswith("start.")}
+    for path in values.keys() - own.keys():
+        name = path.removeprefix("start.")
+        names = [f for f in start.__dataclass_fields__ if f in ("radius", "rate", "angle")]
+        if name not in names:
+            raise ValueError(
+                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(names) or '-'}."
+            )
+        kept = {n: getattr(start, n) for n in names}
+        start = type(start)(**(kept | {name: values[path]}))
+    return scene.replace(own), start
+
+
+def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:
+    """Contacts that share a port at every point of the grid."""
+    groups = {
+        port_groups(_placed(scene, AtRest(), {path: value})[0])
+        for path, values in axes.items()
+        if path.endswith(".at")
+        for value in values
+    } | {port_groups(scene)}
+    if len(groups) == 1:
+        return groups.pop()
+    return tuple((i,) for group in port_groups(scene) for i in group)
+
+
+def _workers(workers: int | None) -> int:
+    if workers is not None:
+        check_counts(workers=workers)
+        return workers
+    return (os.cpu_count() or 1) if jax.default_backend() == "cpu" else 1
+
+
+def _chunk_size(lanes: int, most: int, workers: int) -> int:
+    """Even chunks of at most `most` lanes, enough of them to busy every worker."""
+    chunks = max(-(-lanes // most), min(workers, lanes))
+    return -(-lanes // chunks)
+
+
+# === a chunk of lanes
+
+
+def _run_chunk(context: _Context, points: np.ndarray, size: int, tick):
+    """Observables of a chunk: (carries, stored, good), lanes in front."""
+    lanes = len(points)
+    padded = np.concatenate([points, np.repeat(points[-1:], size - lanes, axis=0)])
+    shared, own, y = _prepare(context, padded)
+    good = jnp.ones(size, bool)
+    for revolutions in _segments(context.settle):
+        y, ok = _skip(shared, own, y, revolutions)
+        good &= ok
+        tick(revolutions)
+    contacts = sum(len(group) for group in context.plan.together)
+    begin = tuple(one.start(contacts) for one in context.observe)
+    carry = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), begin)
+    stored, number = [], 0
+    for revolutions in _segments(context.keep):
+        (y, carry, ok), out = _keep(
+            context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
+        )
+        good &= ok
+        number += revolutions
+        stored.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], out))
+        tick(revolutions)
+    stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
+    carry = jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], carry)
+    return carry, stored, np.asarray(good)[:lanes]
+
+
+def _segments(revolutions: int) -> list[int]:
+    whole, rest = divmod(revolutions, SEGMENT)
+    return [SEGMENT] * whole + [rest] * (rest > 0)
+
+
+def _prepare(context: _Context, points: np.ndarray):
+    """Marches of the lanes, split into what all share and what each has of its own, and states.
+
+    Lanes are prepared one by one: linear algebra batched over lanes is where XLA on the CPU has
+    been seen to wait for ever (jax 0.10.2, two cores), and only known values tell what is shared.
+    """
+    plan = context.plan
+    for basis in _bases(plan.solver):
+        if basis is not None:
+            solver = Exponential(plan.solver.order, basis)
+            plan = eqx.tree_at(lambda p: p.solver, plan, solver)
+        lanes = [jax.device_get(_build(context, plan, point)) for point in points]
+        stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
+        march, y = stacked
+        if basis != "modal" or well_conditioned(march.form.basis.vectors):
+            break
+    equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), march)
+    shared = jax.tree.map(lambda leaf, same: jnp.asarray(leaf[0]) if same else None, march, equal)
+    own = jax.tree.map(lambda leaf, same: None if same else jnp.asarray(leaf), march, equal)
+    return shared, own, jnp.asarray(y)
+
+
+def _bases(solver) -> tuple[str | None, ...]:
+    """Bases to try in turn."""
+    if not isinstance(solver, Exponential):
+        return (None,)
+    return ("modal", "dense") if solver.basis == "auto" else (solver.basis,)
+
+
+@eqx.filter_jit
+def _build(context: _Context, plan: Plan, point: Float[Array, " d"]) -> tuple[March, Array]:
+    values = dict(zip(context.paths, point, strict=True))
+    scene = context.scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
+    start = context.start
+    for path in values:
+        if path.startswith("start."):
+            name = path.removeprefix("start.")
+            start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
+    rate = revolution_rate(scene, context.period)
+    march = March.build(scene, plan, rate, context.station[None])
+    return march, march.begin(start, context.station)
+
+
+@eqx.filter_jit
+def _skip(shared: March, own: March, y: Array, revolutions: int):
+    return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
+
+
+@eqx.filter_jit
+def _keep(observe, shared: March, own: March, y, carry, number, count: int, revolutions: int):
+    """Some kept revolutions from the `number`-th on, of `count` in all."""
+
+    def lane(own: March, y, carry):
+        def update(state, orbit):
+            number, carries = state
+            turn = Turn.of(orbit, number, count)
+            pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
+            return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
+
+        march = eqx.combine(own, shared)
+        (y, (_, carry), ok), out = march.collect(y, (number, carry), update, revolutions)
+        return (y, carry, ok), out
+
+    return jax.vmap(lane)(own, y, carry)
+
+
+# === many chunks
+
+
+def _spread(run, chunks: list, workers: int) -> list:
+    """Chunks over threads: a compiled program runs outside the interpreter's lock."""
+    if workers == 1 or len(chunks) == 1:
+        return [run(chunk) for chunk in chunks]
+    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(run, chunk) for chunk in chunks]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:
+            for future in futures:
+                future.cancel()
+            raise
+
+
+@contextlib.contextmanager
+def _progress(show: bool | None, total: int, what: str) -> Iterator:
+    """A bar on a terminal, else nothing: yields `tick(revolutions)`."""
+    if not (sys.stderr.isatty() if show is None else show):
+        yield lambda revolutions: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda revolutions: bar.advance(task, revolutions)
+
+
+# === after the run
+
+
+def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: list) -> xr.Dataset:
+    carry, stored, good = jax.tree.map(lambda *parts: np.concatenate(parts), *results)
+    shape = tuple(len(values) for values in axes.values())
+    data: dict[str, Variable] = {}
+    for one, last, out in zip(context.observe, carry, stored, strict=True):
+        data |= one.report(last, out, context.keep)
+    coords = {
+        path: (path, values, {"units": _unit(context, path)}) for path, values in axes.items()
+    }
+    undefined = np.zeros(len(good), bool)
+    for name in ("index", "whirl_rate"):
+        if name in data:
+            undefined |= np.isnan(data[name].values)
+    status = np.where(~good, 1, np.where(undefined, 2, 0)).astype(np.int8)
+    variables: dict[str, Any] = {}
+    for name, one in data.items():
+        attrs = {"units": one.units, "long_name": one.long_name}
+        if one.dims == (name,):
+            coords[name] = (one.dims, one.values, attrs)
+            continue
+        values = np.asarray(one.values)
+        values = values.reshape(shape + values.shape[1:])
+        variables[name] = ((*axes, *one.dims), values, attrs)
+    if any("axis" in one.dims for one in data.values()):
+        coords["axis"] = ("axis", ["x", "y"])
+    variables["status"] = (
+        tuple(axes),
+        status.reshape(shape),
+        {
+            "long_name": "outcome of the lane",
+            "flag_values": list(range(len(STATUS))),
+            "flag_meanings": " ".join(STATUS),
+        },
+    )
+    return xr.Dataset(variables, coords, _provenance(context))
+
+
+def _unit(context: _Context, path: str) -> str:
+    if path.startswith("start."):
+        return quantity_units(context.start)[path.removeprefix("start.")]
+    return context.scene.unit(path)
+
+
+def _provenance(context: _Context) -> dict[str, Any]:
+    plan = context.plan
+    versions = {
+        name: importlib.metadata.version(name) for name in ("jaxrotor", "jax", "diffrax", "equinox")
+    }
+    return {
+        "title": "jaxrotor sweep over " + ", ".join(context.paths),
+        "scene": dumps(context.scene),
+        "start": eqx.tree_pformat(context.start, short_arrays=False),
+        "station": float(context.station),
+        "settle": context.settle,
+        "keep": context.keep,
+        "steps_per_revolution": plan.steps,
+        "solver": solver_name(plan.solver),
+        "precision": str(jnp.zeros(()).dtype),
+        "versions": " ".join(f"{name} {version}" for name, version in versions.items()),
+    }
