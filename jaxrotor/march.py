@@ -1,5 +1,8 @@
 """March: a motion made ready to step, revolution after revolution."""
 
+from collections.abc import Callable
+from typing import Any
+
 import diffrax as dfx
 import equinox as eqx
 import jax
@@ -9,8 +12,9 @@ from jaxtyping import Array, Bool, Complex, Float
 from .motion import Motion
 from .quantities import Scalar
 from .scene import Scene
-from .solvers.exponential import Exponential, ExponentialForm, ExponentialStep, Tableau
+from .solvers.exponential import Exponential, ExponentialStep
 from .solvers.form import AbstractForm, PhysicalForm
+from .solvers.ports import PortForm
 from .solvers.stiff import step_control, tuned
 from .start import AbstractStart
 from .system import System, assemble
@@ -67,17 +71,7 @@ class March(eqx.Module):
         if not isinstance(plan.solver, Exponential):
             return cls(system, stations, PhysicalForm(motion, rows), plan, None)
         form = plan.solver.form(motion, rows)
-        if form.ports is None:
-            return cls(system, stations, form, plan, None)
-        order = plan.solver.order
-        h = jnp.asarray(2 * jnp.pi / plan.steps)
-        return cls(
-            system,
-            stations,
-            form,
-            plan,
-            ExponentialStep(Tableau.build(form, h, order), form.field, order),
-        )
+        return cls(system, stations, form, plan, plan.solver.stepper(form, plan.steps))
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
@@ -85,7 +79,7 @@ class March(eqx.Module):
 
     def skip(self, y: Array, revolutions: int) -> tuple[Array, Bool[Array, ""]]:
         """State after whole revolutions, and whether every one of them succeeded."""
-        if self._free():
+        if self.step is None and isinstance(self.form, PortForm):  # linear: no stepping
             return self.form.fly(y, revolutions), jnp.array(True)
 
         def turn(carry, _):
@@ -96,22 +90,21 @@ class March(eqx.Module):
         (y, good), _ = self._scan(turn, (y, jnp.array(True)), revolutions)
         return y, good
 
-    def sample(self, y: Array) -> tuple[Array, Float[Array, "S+1 2 2 s"], Bool[Array, ""]]:
+    def sample(self, y: Array) -> tuple[Array, Float[Array, "S+1 2 2 r"], Bool[Array, ""]]:
         """One revolution: state at its end, stations at its S + 1 samples, success."""
-        if not self._free():
-            return self._solve(y, sample=True)
-        grid, small = self._grid(), jnp.asarray(2 * jnp.pi / self.plan.steps)
-        b = jnp.zeros((y.size // 2, 0), complex)
-        advance = self.form.basis.step(self.form.basis.flow(small, b, 0)[0])
+        if self.step is None and isinstance(self.form, PortForm):
+            return self._glide(self.form, y)
+        return self._solve(y, sample=True)
 
-        def hop(y, theta):
-            return advance(y), self.form.read(theta, y)
-
+    def _glide(self, form: PortForm, y: Array):
+        """One revolution of a linear scene: exact hops from sample to sample."""
+        advance, grid = form.hop(self.plan.steps), self._grid()
+        hop = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(hop, y, grid[:-1])
-        last = self.form.read(grid[-1], y)
+        last = form.read(grid[-1], y)
         return y, jnp.concatenate([samples, last[None]]), jnp.array(True)
 
-    def collect(self, y: Array, carry, update, revolutions: int):
+    def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
         """Carry through whole revolutions: `carry, out = update(carry, orbit)` at each."""
 
         def turn(state, _):
@@ -137,37 +130,37 @@ class March(eqx.Module):
         motion = self.form.motion
         return Orbit(displacement[:, :s], velocity[:, :s], slope, forces, 1 / motion.rate, motion.s)
 
-    def _free(self) -> bool:
-        """A linear scene: nothing to step."""
-        return self.step is None and isinstance(self.form, ExponentialForm)
-
     def _grid(self) -> Float[Array, " S+1"]:
         return jnp.linspace(0.0, 2 * jnp.pi, self.plan.steps + 1)
 
-    def _scan(self, body, carry, length: int):
+    def _scan(self, body: Callable, carry: Any, length: int) -> Any:
         if not isinstance(self.plan.adjoint, dfx.ForwardMode):
             body = jax.checkpoint(body)
         return jax.lax.scan(body, carry, None, length=length)
 
-    def _solve(self, y: Array, *, sample: bool):
+    def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Bool[Array, ""]]:
+        """One revolution by diffrax."""
         plan, grid = self.plan, self._grid()
         read = lambda theta, y, args: self.form.read(theta, y)
-        solver = self.step or tuned(plan.solver)
-        controller = None if self.step else plan.controller or step_control(plan.solver)
-        end = dfx.SubSaveAt(t1=True)
+        if isinstance(plan.solver, dfx.AbstractSolver):
+            solver = tuned(plan.solver)
+            controller = plan.controller or step_control(plan.solver)
+        else:
+            solver, controller = self.step, None
+            assert solver is not None, "a linear scene is not stepped"
         if controller is None:  # a fixed grid: every step is a sample
-            controller, max_steps = dfx.StepTo(ts=grid), plan.steps
+            controller, max_steps, dt0 = dfx.StepTo(ts=grid), plan.steps, None
             path = dfx.SubSaveAt(t0=True, steps=True, fn=read)
         else:
-            max_steps = plan.max_steps
+            max_steps, dt0 = plan.max_steps, grid[1]
             path = dfx.SubSaveAt(ts=grid, fn=read)
-        fixed = isinstance(controller, dfx.StepTo)
+        end = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
             dfx.ODETerm(self.form.field),
             solver,
             t0=0.0,
             t1=grid[-1],
-            dt0=None if fixed else grid[1],
+            dt0=dt0,
             y0=y,
             saveat=dfx.SaveAt(subs=[end, path] if sample else [end]),
             stepsize_controller=controller,
@@ -175,6 +168,7 @@ class March(eqx.Module):
             max_steps=max_steps,
             throw=False,
         )
-        ok = solution.result == dfx.RESULTS.successful
-        y1 = solution.ys[0][-1]
-        return y1, solution.ys[1] if sample else None, ok & jnp.all(jnp.isfinite(y1))
+        saved: Any = solution.ys
+        y1 = saved[0][-1]
+        ok = (solution.result == dfx.RESULTS.successful) & jnp.all(jnp.isfinite(y1))
+        return y1, saved[1] if sample else None, ok

@@ -75,7 +75,7 @@ class Motion(eqx.Module):
             phase = self.s * theta
             acceleration += jnp.cos(phase) * self.unbalance
             acceleration += jnp.sin(phase) * _turn(self.unbalance)
-        if self.rows is not None:
+        if self.rows is not None and self.columns is not None:
             forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
             acceleration += forces @ self.columns.T
         return jnp.stack([rate, acceleration])
@@ -102,13 +102,12 @@ class Motion(eqx.Module):
         top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
         return jnp.concatenate([top, jnp.concatenate([low, high], axis=1)])
 
-    def steady(self) -> tuple[Array, Array]:
-        """Exact steady response `s0 + s1 exp(i s theta)` of the linear part, both (2n,)."""
+    def steady(self) -> tuple[Complex[Array, " 2n"] | None, Complex[Array, " 2n"] | None]:
+        """Exact steady response `s0 + s1 exp(i s theta)` of the linear part; None without its load."""
         a, n = self.matrix(), self.stiffness.shape[0]
-        still, whirling = jnp.zeros(2 * n, complex), jnp.zeros(2 * n, complex)
+        still = whirling = None
         if self.constant is not None:
-            load = jnp.concatenate([jnp.zeros(n), _complex(self.constant)])
-            still = -jnp.linalg.solve(a, load)
+            still = -jnp.linalg.solve(a, jnp.concatenate([jnp.zeros(n), _complex(self.constant)]))
         if self.unbalance is not None:
             load = jnp.concatenate([jnp.zeros(n), _complex(self.unbalance)])
             whirling = jnp.linalg.solve(1j * self.s * jnp.eye(2 * n) - a, load)

@@ -7,16 +7,20 @@ unit, its check, the sentence a user reads when the check fails, and a leaf jax 
 import dataclasses
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 
-Scalar = Float[Array, ""]
+if TYPE_CHECKING:  # a field takes a plain number and holds an array
+    Scalar: TypeAlias = Array | float
+else:
+    Scalar = Float[Array, ""]
 
 _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
 
@@ -46,7 +50,7 @@ def _quantity(
     if match is None:
         raise ValueError(f"A quantity is labelled 'name [unit]', but is '{label}'.")
 
-    def convert(value: Any) -> Array | None:
+    def convert(value: Any) -> Scalar | None:
         if value is None and default is None:
             return None
         return check(value, label, holds, rule)
@@ -60,7 +64,7 @@ def check(value: Any, label: str, holds: Callable[[Any], Any], rule: str) -> Sca
     """`value` as a scalar array, or one sentence: at once if its value is known, else when run."""
     if isinstance(value, str | bool | complex) or value is None:
         raise ValueError(f"`{label}` must be a number, but is {value!r}.")
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         array = jnp.asarray(value, float)
         _check_shape(array, label)
         bad = ~(holds(array) & jnp.isfinite(array))
@@ -94,7 +98,7 @@ def unit_of(field: dataclasses.Field) -> str | None:
 
 def known(value: Any) -> bool:
     """Whether a leaf's value can be read now (it is not being traced)."""
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
 def quantity_units(module: eqx.Module) -> dict[str, str]:

@@ -46,7 +46,7 @@ class Scene(eqx.Module):
 
     def line(self) -> AbstractLine:
         """The elastic line of the shaft, with a span ending at every break."""
-        return self.shaft.line(tuple(self.effects[i].at for i in self.breaks))
+        return self.shaft.line(tuple(_station(self.effects[i]) for i in self.breaks))
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations [m] to observe: those given, each on the shaft, or one the scene suggests.
@@ -55,9 +55,9 @@ class Scene(eqx.Module):
         end of the shaft.
         """
         if at is None:
-            placed = [e for e in self.effects if hasattr(e, "at")]
-            contacts = self.of(AbstractContact)
-            return jnp.atleast_1d((contacts or placed)[0].at if placed else self.shaft.length)
+            placed = (*self.of(AbstractContact), *self.effects)
+            first = (at for at in map(_station, placed) if at is not None)
+            return jnp.atleast_1d(next(first, self.shaft.length))
         stations = jnp.atleast_1d(jnp.asarray(at, float))
         if stations.ndim > 1 or not stations.size:
             raise ValueError(f"`at [m]` must be a station or a list of them, but is {at!r}.")
@@ -161,9 +161,14 @@ def suggest(word: str, words: Sequence[str] | Mapping[str, Any]) -> str:
 # === stations
 
 
+def _station(effect: AbstractEffect) -> Any:
+    """Station [m] of an effect, None for one that has no place."""
+    return getattr(effect, "at", None)
+
+
 def _known_stations(shaft, effects) -> tuple[float, ...] | None:
     """Station of every effect that has one, or None while any is traced."""
-    stations = [effect.at for effect in effects if hasattr(effect, "at")]
+    stations = [at for at in map(_station, effects) if at is not None]
     if not all(known(at) for at in (shaft.length, *stations)):
         return None
     return tuple(float(at) for at in stations)
@@ -171,7 +176,7 @@ def _known_stations(shaft, effects) -> tuple[float, ...] | None:
 
 def _breaks(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     """Effects at whose stations a span of the shaft ends."""
-    owners = [i for i, effect in enumerate(effects) if hasattr(effect, "at")]
+    owners = [i for i, effect in enumerate(effects) if _station(effect) is not None]
     length = float(shaft.length)
     for i, at in zip(owners, stations, strict=True):
         if at > length * (1 + 1e-12):

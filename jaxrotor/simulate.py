@@ -13,7 +13,8 @@ from .march import March, Plan
 from .motion import Motion
 from .quantities import Scalar, known
 from .scene import Scene
-from .solvers.exponential import Exponential, well_conditioned
+from .solvers.basis import well_conditioned
+from .solvers.exponential import Exponential
 from .start import AbstractStart, AtRest, Continued
 from .system import assemble, port_groups
 
@@ -105,15 +106,19 @@ def simulate(
         )
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
+    displacement, velocity, slope, contact_force = orbit
     return Response(
-        angle / rate,
-        angle,
-        *orbit,
-        stations,
-        Continued(*end),
-        scene,
-        steps_per_revolution,
-        solver_name(plan.solver),
+        time=angle / rate,
+        angle=angle,
+        displacement=displacement,
+        velocity=velocity,
+        slope=slope,
+        contact_force=contact_force,
+        stations=stations,
+        end=Continued(*end),
+        scene=scene,
+        steps_per_revolution=steps_per_revolution,
+        solver=solver_name(plan.solver),
     )
 
 

@@ -7,7 +7,7 @@ import itertools
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import diffrax as dfx
 import equinox as eqx
@@ -27,7 +27,9 @@ from .simulate import (
     revolution_rate,
     solver_name,
 )
-from .solvers.exponential import Exponential, well_conditioned
+from .solvers.basis import well_conditioned
+from .solvers.exponential import Exponential
+from .solvers.ports import PortForm
 from .start import AbstractStart, AtRest
 from .system import port_groups
 
@@ -234,26 +236,25 @@ def _prepare(context: _Context, points: np.ndarray):
     been seen to wait for ever (jax 0.10.2, two cores), and only known values tell what is shared.
     """
     plan = context.plan
-    for basis in _bases(plan.solver):
-        if basis is not None:
-            solver = Exponential(plan.solver.order, basis)
-            plan = eqx.tree_at(lambda p: p.solver, plan, solver)
-        lanes = [jax.device_get(_build(context, plan, point)) for point in points]
-        stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
-        march, y = stacked
-        if basis != "modal" or well_conditioned(march.form.basis.vectors):
-            break
+    if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
+        march, y = _build_lanes(context, _with_basis(plan, plan.solver, "modal"), points)
+        if isinstance(march.form, PortForm) and not well_conditioned(march.form.basis.vectors):
+            march, y = _build_lanes(context, _with_basis(plan, plan.solver, "dense"), points)
+    else:
+        march, y = _build_lanes(context, plan, points)
     equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), march)
     shared = jax.tree.map(lambda leaf, same: jnp.asarray(leaf[0]) if same else None, march, equal)
     own = jax.tree.map(lambda leaf, same: None if same else jnp.asarray(leaf), march, equal)
     return shared, own, jnp.asarray(y)
 
 
-def _bases(solver) -> tuple[str | None, ...]:
-    """Bases to try in turn."""
-    if not isinstance(solver, Exponential):
-        return (None,)
-    return ("modal", "dense") if solver.basis == "auto" else (solver.basis,)
+def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
+    return eqx.tree_at(lambda p: p.solver, plan, Exponential(solver.order, basis))
+
+
+def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[March, np.ndarray]:
+    lanes = [jax.device_get(_build(context, plan, point)) for point in points]
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
 
 
 @eqx.filter_jit
@@ -347,7 +348,7 @@ def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: list) -
     data: dict[str, Variable] = {}
     for one, last, out in zip(context.observe, carry, stored, strict=True):
         data |= one.report(last, out, context.keep)
-    coords = {
+    coords: dict[str, Any] = {
         path: (path, values, {"units": _unit(context, path)}) for path, values in axes.items()
     }
     undefined = np.zeros(len(good), bool)

@@ -43,7 +43,7 @@ class System(eqx.Module):
     @property
     def n(self) -> int:
         """Number of complex coordinates."""
-        return self.blocks.inertia.shape[0]
+        return self.line.stiffness.shape[0]
 
     def contact_forces(self, displacement: Array, velocity: Array) -> Float[Array, "k 2"]:
         """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports."""

@@ -58,6 +58,8 @@ def _respond(scene: Scene, speeds, stations) -> tuple[Complex[Array, "w s"], Com
         # A rate of 1 keeps zero speed regular; the matrix is solved once, so scaling is moot.
         still, whirling = Motion(system, jnp.ones(())).steady()
         rows = jax.vmap(system.line.row)(stations)
-        return rows @ whirling[: system.n], rows @ still[: system.n]
+        zero = jnp.zeros(stations.shape, complex)
+        see = lambda state: zero if state is None else rows @ state[: system.n]
+        return see(whirling), see(still)
 
     return jax.lax.map(one, speeds)

@@ -19,22 +19,22 @@ class CantileverKernel(eqx.Module):
 
     rigidity: Scalar  # EI [N m^2]
 
-    def deflection(self, x: Array, s: Array) -> Array:
+    def deflection(self, x: Array, s: Array | Scalar) -> Array:
         """`G(x, s)`: displacement at `x` by a unit force at `s` [m/N]."""
         return (_past(x, s) ** 3 / 6 - x**3 / 6 + x**2 * s / 2) / self.rigidity
 
-    def slope(self, x: Array, s: Array) -> Array:
+    def slope(self, x: Array, s: Array | Scalar) -> Array:
         """`dG/dx`: slope at `x` by a unit force at `s` [1/N]."""
         return (_past(x, s) ** 2 / 2 - x**2 / 2 + x * s) / self.rigidity
 
-    def deflection_by_couple(self, x: Array, s: Array) -> Array:
+    def deflection_by_couple(self, x: Array, s: Array | Scalar) -> Array:
         """`dG/ds`: displacement at `x` by a unit couple at `s` [1/N]."""
         return (x**2 / 2 - _past(x, s) ** 2 / 2) / self.rigidity
 
-    def slope_by_couple(self, x: Array, s: Array) -> Array:
+    def slope_by_couple(self, x: Array, s: Array | Scalar) -> Array:
         """`d2G/dx ds`: slope at `x` by a unit couple at `s` [1/(N m)]."""
         return (x - _past(x, s)) / self.rigidity
 
 
-def _past(x: Array, s: Array) -> Array:
+def _past(x: Array, s: Array | Scalar) -> Array:
     return jnp.where(x > s, x - s, 0.0)

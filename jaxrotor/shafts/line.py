@@ -5,6 +5,7 @@ import abc
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ..blocks import Blocks
 from ..quantities import Scalar
 
 
@@ -17,7 +18,10 @@ class AbstractLine(eqx.Module):
     so an effect that uses both works on every shaft.
     """
 
-    stiffness: eqx.AbstractVar[Float[Array, "n n"]]
+    @property
+    @abc.abstractmethod
+    def stiffness(self) -> Float[Array, "n n"]:
+        """The shaft's own elastic stiffness in the equations."""
 
     @abc.abstractmethod
     def row(self, at: Scalar) -> Float[Array, " n"]:
@@ -62,5 +66,5 @@ class AbstractShaft(eqx.Module):
         """The elastic line, smooth between the inner stations `breaks` (ascending)."""
 
     @abc.abstractmethod
-    def blocks(self, line: AbstractLine):
+    def blocks(self, line: AbstractLine) -> Blocks:
         """The bare shaft's own matrices."""

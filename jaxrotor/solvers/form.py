@@ -21,7 +21,7 @@ class AbstractForm(eqx.Module):
 
     @property
     @abc.abstractmethod
-    def field(self) -> Callable[[Scalar, Array, None], Array]:
+    def field(self) -> Callable[..., Array]:
         """`dy/dtheta` as a diffrax vector field, all real."""
 
     @abc.abstractmethod

@@ -1,0 +1,120 @@
+"""Bases: coordinates in which the linear part of a motion is advanced exactly."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..quantities import Scalar
+from .phi import phi_dense, phi_scalar
+
+
+WORST_CONDITION = 1e6  # of the eigenvectors: beyond it modal coordinates cost over 6 digits
+
+
+class ModalBasis(eqx.Module):
+    """`A = V diag(values) V^-1`: coordinates are amplitudes of the modes."""
+
+    values: Complex[Array, " m"]
+    vectors: Complex[Array, "m m"]
+    inverse: Complex[Array, "m m"]
+
+    @classmethod
+    def build(cls, a: Complex[Array, "m m"]) -> "ModalBasis":
+        values, vectors = jnp.linalg.eig(a)
+        return cls(values, vectors, jnp.linalg.inv(vectors))
+
+    def matrix(self) -> Complex[Array, "m m"]:
+        """`A` in this basis."""
+        return jnp.diag(self.values)
+
+    def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
+        """`exp(span A)` and `span phi_k(span A) b`, in this basis."""
+        first, *rest = phi_scalar(span * self.values, count)
+        return first, [span * phi[:, None] * b for phi in rest]
+
+    def apply(self, flow: Complex[Array, " m"], b: Complex[Array, "m p"]) -> Complex[Array, "m p"]:
+        return flow[:, None] * b
+
+    def look(self, see: Complex[Array, "s m"], flow: Complex[Array, " m"]) -> Complex[Array, "s m"]:
+        """Reading by `see` after the flow."""
+        return see * flow
+
+    def step(self, flow: Complex[Array, " m"]) -> "Rotation":
+        return Rotation(flow.real, flow.imag)
+
+    def revolutions(self, count: int, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        """State after whole free revolutions."""
+        return jnp.exp(2 * jnp.pi * count * self.values) * w
+
+
+class DenseBasis(eqx.Module):
+    """Coordinates are the state itself: no eigenvectors needed, or differentiated."""
+
+    a: Complex[Array, "m m"]
+    vectors: Complex[Array, "m m"]
+    inverse: Complex[Array, "m m"]
+
+    @classmethod
+    def build(cls, a: Complex[Array, "m m"]) -> "DenseBasis":
+        return cls(a, jnp.eye(a.shape[0]) + 0j, jnp.eye(a.shape[0]) + 0j)
+
+    def matrix(self) -> Complex[Array, "m m"]:
+        """`A` in this basis."""
+        return self.a
+
+    def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
+        return phi_dense(span * self.a, span * b, count)
+
+    def apply(self, flow: Complex[Array, "m m"], b: Complex[Array, "m p"]) -> Complex[Array, "m p"]:
+        return flow @ b
+
+    def look(
+        self, see: Complex[Array, "s m"], flow: Complex[Array, "m m"]
+    ) -> Complex[Array, "s m"]:
+        """Reading by `see` after the flow."""
+        return see @ flow
+
+    def step(self, flow: Complex[Array, "m m"]) -> "Dense":
+        return Dense(as_real(flow))
+
+    def revolutions(self, count: int, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), complex), 0)
+        return jnp.linalg.matrix_power(once, count) @ w
+
+
+class Rotation(eqx.Module):
+    """Advance of modal amplitudes: one complex factor a mode, on `[re, im]`."""
+
+    real: Float[Array, " m"]
+    imag: Float[Array, " m"]
+
+    def __call__(self, w: Float[Array, " 2m"]) -> Float[Array, " 2m"]:
+        a, b = jnp.split(w, 2)
+        return jnp.concatenate([self.real * a - self.imag * b, self.real * b + self.imag * a])
+
+
+class Dense(eqx.Module):
+    """Advance by a full matrix, on `[re, im]`."""
+
+    matrix: Float[Array, "2m 2m"]
+
+    def __call__(self, w: Float[Array, " 2m"]) -> Float[Array, " 2m"]:
+        return self.matrix @ w
+
+
+def well_conditioned(vectors: np.ndarray) -> bool:
+    """Whether the eigenvectors of every (known) matrix are far enough from merging."""
+    return bool(np.all(np.linalg.cond(vectors) < WORST_CONDITION))
+
+
+def as_real(z: Complex[Array, "a b"]) -> Float[Array, "2a 2b"]:
+    """Complex matrix as it acts on `[re, im]`."""
+    return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
+
+
+def as_complex(y: Float[Array, " 2m"]) -> Complex[Array, " m"]:
+    """`re + i im`."""
+    real, imag = jnp.split(y, 2)
+    return jax.lax.complex(real, imag)

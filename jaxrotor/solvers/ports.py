@@ -1,0 +1,140 @@
+"""Ports: the motion seen by contact forces, in coordinates that advance exactly.
+
+w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..motion import Motion
+from ..quantities import Scalar
+from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
+from .form import AbstractForm
+
+
+class Reading(eqx.Module):
+    """`[Re, Im]` of displacement and velocity of stations: linear in `y`, plus the steady response.
+
+    The parts of a load that no effect draws are None.
+    """
+
+    matrix: Float[Array, "4s 2m"]
+    still: Float[Array, " 4s"] | None
+    cos: Float[Array, " 4s"] | None
+    sin: Float[Array, " 4s"] | None
+    s: Scalar
+
+    def steady(self, theta: Scalar) -> Float[Array, " 4s"] | float:
+        """What the stations do in the steady response."""
+        steady = 0.0 if self.still is None else self.still
+        if self.cos is not None and self.sin is not None:
+            phase = self.s * theta
+            steady = steady + jnp.cos(phase) * self.cos + jnp.sin(phase) * self.sin
+        return steady
+
+    def __call__(self, theta: Scalar, y: Array) -> Float[Array, " 4s"]:
+        return self.matrix @ y + self.steady(theta)
+
+
+class Contacts(eqx.Module):
+    """Ports of a scene with contact: how they see the state, and how they drive it."""
+
+    see: Complex[Array, "2p m"]  # C
+    drive: Complex[Array, "m p"]  # B
+    reading: Reading
+
+
+class PortField(eqx.Module):
+    """`dy/dtheta = A y + B f(C y + steady)`, all real; diffrax can step it too."""
+
+    motion: Motion
+    generator: Float[Array, "2m 2m"]
+    drive: Float[Array, "2m 2p"] | None
+    reading: Reading | None
+
+    def __call__(self, theta: Scalar, y: Array, args: None = None) -> Array:
+        del args
+        rate = self.generator @ y
+        if self.reading is not None and self.drive is not None:
+            rate = rate + self.drive @ self.forces(self.reading(theta, y))
+        return rate
+
+    def forces(self, seen: Float[Array, " 4p"]) -> Float[Array, " 2p"]:
+        """`[Re, Im]` of the port forces from displacement and velocity of the ports."""
+        parts = seen.reshape(2, 2, -1)
+        return self.motion.port_forces(parts[:, 0], parts[:, 1]).ravel()
+
+
+class PortForm(AbstractForm):
+    """`y = [Re w, Im w]`: deviation from the exact steady response, in a basis of `A`."""
+
+    motion: Motion
+    basis: ModalBasis | DenseBasis
+    contacts: Contacts | None
+    stations: Reading
+    steady: Complex[Array, " m"]  # at theta = 0
+
+    @classmethod
+    def build(cls, motion: Motion, rows: Float[Array, "s n"], basis: ModalBasis | DenseBasis):
+        """The form of a motion, with stations `rows` to read."""
+        still, whirling = motion.steady()
+        contacts = None
+        if motion.columns is not None and motion.rows is not None:
+            drive = basis.inverse @ jnp.concatenate([0 * motion.columns, motion.columns])
+            see = _gain(motion, motion.rows)
+            contacts = Contacts(
+                see @ basis.vectors, drive, _reading(motion, see, basis, still, whirling)
+            )
+        stations = _reading(motion, _gain(motion, rows), basis, still, whirling)
+        steady = sum((part for part in (still, whirling) if part is not None), 0 * basis.vectors[0])
+        return cls(motion, basis, contacts, stations, steady)
+
+    @property
+    def field(self) -> PortField:
+        generator, contacts = as_real(self.basis.matrix()), self.contacts
+        if contacts is None:
+            return PortField(self.motion, generator, None, None)
+        return PortField(self.motion, generator, as_real(contacts.drive), contacts.reading)
+
+    def encode(self, q, velocity):
+        state = jnp.concatenate([q, velocity / self.motion.rate])
+        w = self.basis.inverse @ (state - self.steady)
+        return jnp.concatenate([w.real, w.imag])
+
+    def decode(self, y):
+        q, rate = jnp.split(self.basis.vectors @ as_complex(y) + self.steady, 2)
+        return q, self.motion.rate * rate
+
+    def read(self, theta, y):
+        return self.stations(theta, y).reshape(2, 2, -1)
+
+    def hop(self, steps: int) -> Rotation | Dense:
+        """Advance by a step of a revolution without contact."""
+        nothing = jnp.zeros((self.steady.size, 0), complex)
+        flow, _ = self.basis.flow(jnp.asarray(2 * jnp.pi / steps), nothing, 0)
+        return self.basis.step(flow)
+
+    def fly(self, y: Array, revolutions: int) -> Array:
+        """State after whole revolutions without contact, in closed form."""
+        w = self.basis.revolutions(revolutions, as_complex(y))
+        return jnp.concatenate([w.real, w.imag])
+
+
+def _gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "2s 2n"]:
+    """Displacement and velocity of stations from `(q, dq/dtheta)`."""
+    zero = jnp.zeros_like(rows)
+    return jnp.block([[rows, zero], [zero, motion.rate * rows]])
+
+
+def _reading(motion: Motion, see, basis, still, whirling) -> Reading:
+    matrix = as_real(see @ basis.vectors)
+    offset = None if still is None else _stack(see @ still)
+    if whirling is None:
+        return Reading(matrix, offset, None, None, motion.s)
+    whirl = see @ whirling
+    return Reading(matrix, offset, _stack(whirl), _stack(1j * whirl), motion.s)
+
+
+def _stack(z: Complex[Array, " a"]) -> Float[Array, " 2a"]:
+    return jnp.concatenate([z.real, z.imag])
