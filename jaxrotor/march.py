@@ -12,10 +12,10 @@ from jaxtyping import Array, Bool, Complex, Float
 from .motion import Motion
 from .quantities import Scalar
 from .scene import Scene
+from .solvers.control import step_control
 from .solvers.exponential import Exponential, ExponentialStep
 from .solvers.form import AbstractForm, PhysicalForm
 from .solvers.ports import PortForm
-from .solvers.stiff import step_control, tuned
 from .start import AbstractStart
 from .system import System, assemble
 
@@ -90,7 +90,7 @@ class March(eqx.Module):
         (y, good), _ = self._scan(turn, (y, jnp.array(True)), revolutions)
         return y, good
 
-    def sample(self, y: Array) -> tuple[Array, Float[Array, "S+1 2 2 r"], Bool[Array, ""]]:
+    def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Bool[Array, ""]]:
         """One revolution: state at its end, stations at its S + 1 samples, success."""
         if self.step is None and isinstance(self.form, PortForm):
             return self._glide(self.form, y)
@@ -115,7 +115,7 @@ class March(eqx.Module):
 
         return self._scan(turn, (y, carry, jnp.array(True)), revolutions)
 
-    def orbit(self, samples: Float[Array, "S+1 2 2 r"]) -> "Orbit":
+    def orbit(self, samples: Float[Array, "T 2 2 r"]) -> "Orbit":
         """What the samples of a revolution say, by name."""
         seen = samples[:, 0] + 1j * samples[:, 1]  # (S + 1, displacement or velocity, rows)
         s = self.stations.size
@@ -130,7 +130,7 @@ class March(eqx.Module):
         motion = self.form.motion
         return Orbit(displacement[:, :s], velocity[:, :s], slope, forces, 1 / motion.rate, motion.s)
 
-    def _grid(self) -> Float[Array, " S+1"]:
+    def _grid(self) -> Float[Array, " T"]:
         return jnp.linspace(0.0, 2 * jnp.pi, self.plan.steps + 1)
 
     def _scan(self, body: Callable, carry: Any, length: int) -> Any:
@@ -143,7 +143,7 @@ class March(eqx.Module):
         plan, grid = self.plan, self._grid()
         read = lambda theta, y, args: self.form.read(theta, y)
         if isinstance(plan.solver, dfx.AbstractSolver):
-            solver = tuned(plan.solver)
+            solver = plan.solver
             controller = plan.controller or step_control(plan.solver)
         else:
             solver, controller = self.step, None

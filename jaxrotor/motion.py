@@ -88,7 +88,7 @@ class Motion(eqx.Module):
         ]
         return jnp.stack([force.sum(0) for force in forces], axis=1)
 
-    def matrix(self) -> Complex[Array, "2n 2n"]:
+    def matrix(self) -> Complex[Array, "n2 n2"]:
         """`A` of the linear part `(q, q')' = A (q, q')`."""
         n = self.stiffness.shape[0]
         low = -self.stiffness + 0j
@@ -102,7 +102,7 @@ class Motion(eqx.Module):
         top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
         return jnp.concatenate([top, jnp.concatenate([low, high], axis=1)])
 
-    def steady(self) -> tuple[Complex[Array, " 2n"] | None, Complex[Array, " 2n"] | None]:
+    def steady(self) -> tuple[Complex[Array, " n2"] | None, Complex[Array, " n2"] | None]:
         """Exact steady response `s0 + s1 exp(i s theta)` of the linear part; None without its load."""
         a, n = self.matrix(), self.stiffness.shape[0]
         still = whirling = None

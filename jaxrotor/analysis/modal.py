@@ -58,7 +58,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     )
 
 
-def _values(system: System) -> Complex[Array, " 2n"]:
+def _values(system: System) -> Complex[Array, " n2"]:
     rate = reference_rate(system)
     return rate * jnp.linalg.eigvals(Motion(system, rate).matrix())
 

@@ -23,7 +23,7 @@ class SpectralLine(AbstractLine):
     """Displacements at Legendre-Gauss-Lobatto nodes of consecutive spans, the clamp left out."""
 
     kernel: CantileverKernel
-    ends: Float[Array, " spans+1"]
+    ends: Float[Array, " ends"]
     degree: int = eqx.field(static=True)
 
     @property

@@ -90,7 +90,7 @@ class Rotation(eqx.Module):
     real: Float[Array, " m"]
     imag: Float[Array, " m"]
 
-    def __call__(self, w: Float[Array, " 2m"]) -> Float[Array, " 2m"]:
+    def __call__(self, w: Float[Array, " m2"]) -> Float[Array, " m2"]:
         a, b = jnp.split(w, 2)
         return jnp.concatenate([self.real * a - self.imag * b, self.real * b + self.imag * a])
 
@@ -98,23 +98,23 @@ class Rotation(eqx.Module):
 class Dense(eqx.Module):
     """Advance by a full matrix, on `[re, im]`."""
 
-    matrix: Float[Array, "2m 2m"]
+    matrix: Float[Array, "m2 m2"]
 
-    def __call__(self, w: Float[Array, " 2m"]) -> Float[Array, " 2m"]:
+    def __call__(self, w: Float[Array, " m2"]) -> Float[Array, " m2"]:
         return self.matrix @ w
 
 
-def well_conditioned(vectors: np.ndarray) -> bool:
+def well_conditioned(vectors: Array | np.ndarray) -> bool:
     """Whether the eigenvectors of every (known) matrix are far enough from merging."""
     return bool(np.all(np.linalg.cond(vectors) < WORST_CONDITION))
 
 
-def as_real(z: Complex[Array, "a b"]) -> Float[Array, "2a 2b"]:
+def as_real(z: Complex[Array, "a b"]) -> Float[Array, "a2 b2"]:
     """Complex matrix as it acts on `[re, im]`."""
     return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
 
 
-def as_complex(y: Float[Array, " 2m"]) -> Complex[Array, " m"]:
+def as_complex(y: Float[Array, " m2"]) -> Complex[Array, " m"]:
     """`re + i im`."""
     real, imag = jnp.split(y, 2)
     return jax.lax.complex(real, imag)

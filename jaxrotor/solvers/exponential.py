@@ -63,9 +63,9 @@ class Tableau(eqx.Module):
     """
 
     advance: Rotation | Dense
-    look: Float[Array, "c 4p 2m"]  # one for every distinct stage time
-    echo: tuple[dict[int, Float[Array, "4p 2p"]], ...]  # of stage i by earlier stage j
-    feed: Float[Array, "2m stages*2p"]
+    look: Float[Array, "c p4 m2"]  # one for every distinct stage time
+    echo: tuple[dict[int, Float[Array, "p4 p2"]], ...]  # of stage i by earlier stage j
+    feed: Float[Array, "m2 stages_p2"]
     h: Scalar
     times: tuple[float, ...] = eqx.field(static=True)  # distinct, in steps
     stages: tuple[int, ...] = eqx.field(static=True)  # which time each stage is at
@@ -142,7 +142,7 @@ class ExponentialStep(dfx.AbstractSolver):
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)
 
-    def advance(self, theta: Scalar, y: Float[Array, " 2m"]) -> Float[Array, " 2m"]:
+    def advance(self, theta: Scalar, y: Float[Array, " m2"]) -> Float[Array, " m2"]:
         """State after a step from `theta`."""
         tableau = self.tableau
         seen = (tableau.look.reshape(-1, y.size) @ y).reshape(len(tableau.times), -1)

@@ -19,13 +19,13 @@ class Reading(eqx.Module):
     The parts of a load that no effect draws are None.
     """
 
-    matrix: Float[Array, "4s 2m"]
-    still: Float[Array, " 4s"] | None
-    cos: Float[Array, " 4s"] | None
-    sin: Float[Array, " 4s"] | None
+    matrix: Float[Array, "s4 m2"]
+    still: Float[Array, " s4"] | None
+    cos: Float[Array, " s4"] | None
+    sin: Float[Array, " s4"] | None
     s: Scalar
 
-    def steady(self, theta: Scalar) -> Float[Array, " 4s"] | float:
+    def steady(self, theta: Scalar) -> Float[Array, " s4"] | float:
         """What the stations do in the steady response."""
         steady = 0.0 if self.still is None else self.still
         if self.cos is not None and self.sin is not None:
@@ -33,14 +33,14 @@ class Reading(eqx.Module):
             steady = steady + jnp.cos(phase) * self.cos + jnp.sin(phase) * self.sin
         return steady
 
-    def __call__(self, theta: Scalar, y: Array) -> Float[Array, " 4s"]:
+    def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
         return self.matrix @ y + self.steady(theta)
 
 
 class Contacts(eqx.Module):
     """Ports of a scene with contact: how they see the state, and how they drive it."""
 
-    see: Complex[Array, "2p m"]  # C
+    see: Complex[Array, "p2 m"]  # C
     drive: Complex[Array, "m p"]  # B
     reading: Reading
 
@@ -49,8 +49,8 @@ class PortField(eqx.Module):
     """`dy/dtheta = A y + B f(C y + steady)`, all real; diffrax can step it too."""
 
     motion: Motion
-    generator: Float[Array, "2m 2m"]
-    drive: Float[Array, "2m 2p"] | None
+    generator: Float[Array, "m2 m2"]
+    drive: Float[Array, "m2 p2"] | None
     reading: Reading | None
 
     def __call__(self, theta: Scalar, y: Array, args: None = None) -> Array:
@@ -60,7 +60,7 @@ class PortField(eqx.Module):
             rate = rate + self.drive @ self.forces(self.reading(theta, y))
         return rate
 
-    def forces(self, seen: Float[Array, " 4p"]) -> Float[Array, " 2p"]:
+    def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
         """`[Re, Im]` of the port forces from displacement and velocity of the ports."""
         parts = seen.reshape(2, 2, -1)
         return self.motion.port_forces(parts[:, 0], parts[:, 1]).ravel()
@@ -121,7 +121,7 @@ class PortForm(AbstractForm):
         return jnp.concatenate([w.real, w.imag])
 
 
-def _gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "2s 2n"]:
+def _gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
     """Displacement and velocity of stations from `(q, dq/dtheta)`."""
     zero = jnp.zeros_like(rows)
     return jnp.block([[rows, zero], [zero, motion.rate * rows]])
@@ -136,5 +136,5 @@ def _reading(motion: Motion, see, basis, still, whirling) -> Reading:
     return Reading(matrix, offset, _stack(whirl), _stack(1j * whirl), motion.s)
 
 
-def _stack(z: Complex[Array, " a"]) -> Float[Array, " 2a"]:
+def _stack(z: Complex[Array, " a"]) -> Float[Array, " a2"]:
     return jnp.concatenate([z.real, z.imag])
