@@ -38,7 +38,7 @@ from .spin import AbstractSpin
 Table = dict[str, Any]
 
 _DIMENSIONS = {"at": "m", "diameter": "m", "thickness": "m", "density": "kg/m^3", "bore": "m"}
-_START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
+START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
 _COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
 _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
@@ -191,7 +191,7 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
         if "angle" in table or not isinstance(angles, list) or not angles:
             _refuse(f"{path}.angles", 'must be a list such as [0.0, "90 deg"], in place of angle.')
         for i, value in enumerate(angles):
-            angle = _quantity(value, "rad", f"{path}.angles.{i}")
+            angle = quantity(value, "rad", f"{path}.angles.{i}")
             yield _built(cls, table | {"angle": angle}, path, cls.kind)
     else:
         yield _built(cls, table, path, cls.kind)
@@ -215,7 +215,7 @@ def _checked(build: Callable, values: Table, path: str) -> Any:
 def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
     unit, kind = unit_of(field), typing.cast(Any, field.type)
     if unit is not None:
-        return _quantity(value, unit, path)
+        return quantity(value, unit, path)
     if kind is Material and isinstance(value, str):
         if value not in NAMED:
             _refuse(path, f"must be a table or {_either(NAMED)}, but is {_show(value)}.")
@@ -239,10 +239,10 @@ def _sweep(value: Any, scene: Scene, path: str) -> Table:
             wanted = f"a whole number from {least} to {_MOST}"
             _refuse(f"{path}.{key}", f"must be {wanted}, but is {_show(count)}.")
     if "start" in table:
-        table["start"] = _quantities(table["start"], _START, (), f"{path}.start", "start")
+        table["start"] = _quantities(table["start"], START, (), f"{path}.start", "start")
     if "over" in table:
         over = dict(_flat(_table(table["over"], f"{path}.over")))
-        table["over"] = {k: _values(v, scene, k, f"{path}.over.{k}") for k, v in over.items()}
+        table["over"] = {k: swept_values(v, scene, k, f"{path}.over.{k}") for k, v in over.items()}
     return table
 
 
@@ -255,20 +255,24 @@ def _flat(table: Table, head: str = "") -> Iterator[tuple[str, Any]]:
             yield head + key, value
 
 
-def _values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
-    """Values of a swept parameter, from "start : stop : count" or a list."""
+def swept_values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
+    """Values in SI of the swept parameter `name`, from "start : stop : count" or a list.
+
+    `path` names the value in error messages. `start.radius` and its like are of the starting state.
+    """
+    head, _, own = name.partition(".")
     try:
-        unit = scene.unit(name)
+        unit = START[own] if head == "start" and own in START else scene.unit(name)
     except ValueError as error:
         raise SceneError(f"{path}: {error}") from None
     if isinstance(value, list) and value:
-        return np.array([_quantity(v, unit, f"{path}.{i}") for i, v in enumerate(value)])
+        return np.array([quantity(v, unit, f"{path}.{i}") for i, v in enumerate(value)])
     parts = [part.strip() for part in value.split(":")] if isinstance(value, str) else []
     count = int(parts[2]) if len(parts) == 3 and re.fullmatch("[0-9]{1,8}", parts[2]) else 0
     if not 2 <= count <= _MOST:
         wanted = f'a list, or "start : stop : count" with a count from 2 to {_MOST}'
         _refuse(path, f"must be {wanted}, but is {_show(value)}.")
-    start, stop = (_quantity(part, unit, path) for part in parts[:2])
+    start, stop = (quantity(part, unit, path) for part in parts[:2])
     return np.linspace(start, stop, count)
 
 
@@ -278,11 +282,11 @@ def _values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
 def _quantities(value: Any, units: Mapping[str, str], needed: Any, path: str, noun: str) -> Table:
     table = _table(value, path)
     _check_keys(table, units, needed, f"{path}.", noun)
-    return {key: _quantity(value, units[key], f"{path}.{key}") for key, value in table.items()}
+    return {key: quantity(value, units[key], f"{path}.{key}") for key, value in table.items()}
 
 
-def _quantity(value: Any, unit: str, path: str) -> float:
-    """A number in SI, from a number or from a text with a unit."""
+def quantity(value: Any, unit: str, path: str) -> float:
+    """A number in `unit`, from a number or a text with a unit; `path` is for error messages."""
     number = None
     if isinstance(value, str):
         number = _converted(value, unit)

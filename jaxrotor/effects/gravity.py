@@ -11,7 +11,7 @@ from .base import AbstractLoad
 
 
 class Gravity(AbstractLoad):
-    """Uniform acceleration `g exp(i angle)` of every mass; by default `g` downwards, along -y.
+    """Weight `F = m g exp(i angle)` of every mass; by default downwards, along -y.
 
     Source: Azarov, Gouskov, Panovko (2023), force (2) of eq. (1), where weight acts along -x.
     """

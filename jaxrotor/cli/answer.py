@@ -1,0 +1,48 @@
+"""Answer: what a command prints on stdout, for people or as JSON."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import typer
+
+
+def print_json(answer: Mapping[str, Any]) -> None:
+    """Print valid JSON: arrays as lists, complex numbers as re and im, what is not finite as null."""
+    typer.echo(json.dumps(_plain(answer), indent=2, allow_nan=False))
+
+
+def print_table(
+    rows: Iterable[Sequence[str]], heads: Sequence[str] = (), numbers: Sequence[int] = ()
+) -> None:
+    """Print rows of text under their heads; the columns in `numbers` to the right."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD if heads else None, show_header=bool(heads), pad_edge=False)
+    rows = list(rows)
+    for i in range(len(rows[0]) if rows else len(heads)):
+        justify = "right" if i in numbers else "left"
+        table.add_column(heads[i] if heads else "", justify=justify, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    Console(markup=False, highlight=False, emoji=False).print(table)
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case None | bool() | int() | str():
+            return value
+        case float():
+            return float(value) if math.isfinite(value) else None
+        case complex():
+            return {"re": _plain(value.real), "im": _plain(value.imag)}
+        case Mapping():
+            return {str(key): _plain(item) for key, item in value.items()}
+        case list() | tuple():
+            return [_plain(item) for item in value]
+        case _:
+            return _plain(np.asarray(value).tolist())

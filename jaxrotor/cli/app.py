@@ -1,0 +1,72 @@
+"""App: the commands together, and what happens when one cannot go on."""
+
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from .linear import onset, roots
+from .scenes import scenes, show
+from .simulate import simulate
+from .sweep import sweep
+
+
+class OneSentence(TyperGroup):
+    """Bad input, a failed run or Ctrl-C end in one sentence on stderr, not in a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (typer.Exit, typer.Abort):  # RuntimeErrors, but typer's own
+            raise
+        except KeyboardInterrupt:
+            typer.echo("Interrupted; nothing was written.", err=True)
+            raise typer.Exit(130) from None
+        except (ValueError, RuntimeError) as error:
+            if ctx.params["debug"]:
+                raise
+            typer.echo(_one_line(error), err=True)
+            raise typer.Exit(2) from None
+
+
+def _one_line(error: Exception) -> str:
+    """First paragraph of a message; jax and equinox add pages about themselves."""
+    paragraph = str(error).strip().partition("\n\n")[0]
+    return " ".join(paragraph.split()) or type(error).__name__
+
+
+app = typer.Typer(
+    cls=OneSentence,
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _command in (scenes, show, roots, onset, simulate, sweep):
+    app.command()(_command)
+
+
+@app.callback()
+def options(
+    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
+) -> None:
+    """Rotor dynamics: roots, onset of instability, motion in time and bifurcation sweeps of a scene.
+
+    A scene is a shaft, what sits on it, and how it spins: a TOML file, or one of those shipped.
+
+    ```
+    jaxrotor scenes
+    jaxrotor show limiter-rotor
+    jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
+    jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
+    jaxrotor sweep limiter-rotor
+    ```
+
+    Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.
+    Every command has its own --help.
+    """
+
+
+def main() -> None:
+    """Entry point of the program."""
+    app(prog_name="jaxrotor")

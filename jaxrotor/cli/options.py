@@ -1,0 +1,107 @@
+"""Options that several commands share, and what they mean."""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import typer
+
+from ..files import START, load, quantity
+from ..scene import Scene
+from ..start import AbstractStart, AtRest, Whirl
+
+
+MOST = 10_000_000  # of any count: a greater one is a slip
+
+SceneName = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="Name of a shipped scene (see `jaxrotor scenes`) or a TOML file."
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Change a parameter, as in `--set spin.speed=6000rpm`; may be repeated. "
+        "`jaxrotor show SCENE` lists the paths.",
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and nothing else.")]
+Radius = Annotated[
+    str | None,
+    typer.Option(
+        "--start-radius",
+        metavar="LENGTH",
+        help="Displacement the shaft starts with, bent as by a force. [default: the scene's]",
+    ),
+]
+Rate = Annotated[
+    str | None,
+    typer.Option(
+        "--start-rate",
+        metavar="SPEED",
+        help="Whirl speed it starts with, negative for backward. [default: the scene's]",
+    ),
+]
+Angle = Annotated[
+    str | None,
+    typer.Option("--start-angle", metavar="ANGLE", help="Where it starts. [default: the scene's]"),
+]
+At = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Station to observe. [default: that of the first contact, else of the first effect]",
+    ),
+]
+Period = Annotated[
+    str | None,
+    typer.Option(metavar="TIME", help="What to count as a revolution at zero speed."),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier run.")]
+
+
+def scene_with(name: str, settings: Sequence[str] | None) -> Scene:
+    """The scene of a name or path, with the parameters of `--set` changed."""
+    scene, values = load(name), {}
+    for path, text in assignments("--set", settings, "spin.speed=6000rpm").items():
+        values[path] = quantity(text, scene.unit(path), f"--set {path}")
+    return scene.replace(values)
+
+
+def assignments(option: str, texts: Sequence[str] | None, example: str) -> dict[str, str]:
+    """`path=value` texts by path."""
+    found = {}
+    for text in texts or ():
+        path, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not path:
+            raise ValueError(f"{option} must be path=value, as in {example}, but is {text!r}.")
+        found[path] = value
+    return found
+
+
+def start_with(
+    study: Mapping[str, Any],
+    radius: str | None,
+    rate: str | None,
+    angle: str | None,
+    swept: Sequence[str] = (),
+) -> AbstractStart:
+    """The start of a scene file's `[sweep]` table, with what the options say otherwise."""
+    given = {"radius": radius, "rate": rate, "angle": angle}
+    values = dict(study.get("start", {})) | {
+        name: quantity(text, START[name], f"--start-{name}")
+        for name, text in given.items()
+        if text is not None
+    }
+    if any(path.startswith("start.") for path in swept):
+        values = {"radius": 0.0} | values
+    if values and "radius" not in values:
+        raise ValueError("A start off the axis needs a radius; add --start-radius.")
+    return Whirl(**values) if values else AtRest()
+
+
+def optional(text: str | None, unit: str, option: str) -> float | None:
+    """The quantity of an option that may be left out."""
+    return None if text is None else quantity(text, unit, option)

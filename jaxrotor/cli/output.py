@@ -1,0 +1,101 @@
+"""Output: files of a run, all of them or none."""
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+import xarray as xr
+
+
+_MM = 1 / 25.4
+_LOOK: Any = {  # as the pages of jaxrotor.plot: text and lines [pt]
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+}
+
+
+@contextlib.contextmanager
+def draft(out: Path, names: Sequence[str], overwrite: bool) -> Iterator[Path]:
+    """A hidden folder inside `out` to write into; in the end all that is in it moves to `out`.
+
+    Files of `names` that are in `out` already are refused, or else replaced; others are left alone.
+    When anything goes wrong, Ctrl-C included, `out` is as it was before.
+    """
+    present = [out / name for name in names if os.path.lexists(out / name)]
+    if present and not overwrite:
+        raise ValueError(
+            f"{present[0]} exists already; add --overwrite to replace it, or choose another --out."
+        )
+    missing = [folder for folder in (out, *out.parents) if not folder.exists()]
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=".draft-", dir=out))
+        try:
+            yield folder
+            _publish(folder, out, present)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise ValueError(f"{out} cannot be written ({reason}); choose another --out.") from None
+    finally:
+        for folder in missing:
+            with contextlib.suppress(OSError):  # not empty, as it should be
+                folder.rmdir()
+
+
+def _publish(folder: Path, out: Path, present: Sequence[Path]) -> None:
+    """Move old files away and new ones in, or nothing."""
+    new = sorted(folder.iterdir())
+    old = folder / "replaced"
+    old.mkdir()
+    moves = [(path, old / path.name) for path in present]
+    moves += [(path, out / path.name) for path in new]
+    done = []
+    try:
+        for source, target in moves:
+            source.rename(target)
+            done.append((source, target))
+    except BaseException:
+        for source, target in reversed(done):
+            target.rename(source)
+        raise
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Zarr format 2: there texts and consolidated metadata are standard, so nothing warns."""
+    dataset.to_zarr(path, zarr_format=2, consolidated=True)
+
+
+def draw(
+    path: Path, plot: Callable[[Any], Any], width: float | int, height: float | int, rows: int = 1
+) -> None:
+    """A picture [mm] of `plot(axes)`, without a window; one that cannot be drawn is a remark.
+
+    The picture is a view of data that are already written: it must not cost them.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(_LOOK):
+        size = (width * _MM, height * _MM)
+        figure = Figure(figsize=size, dpi=200, layout="constrained")
+        try:
+            plot(figure.subplots(rows, sharex=True))
+        except ValueError as error:
+            typer.echo(f"{path.name} was not drawn: {error}", err=True)
+            return
+        figure.align_ylabels()
+        figure.savefig(path)

@@ -1,0 +1,98 @@
+"""Commands `scenes` and `show`: what scenes there are, and what is in one."""
+
+from typing import Any
+
+import numpy as np
+
+from ..analysis import onset_speed, roots as roots_of
+from ..files import shipped
+from ..scene import Scene
+from ..system import assemble
+from . import answer
+from .linear import described_onset, marginal
+from .options import AsJson, SceneName, Settings, scene_with
+
+
+_SHOWN = 3  # whirl frequencies of each kind
+
+
+def scenes(as_json: AsJson = False) -> None:
+    """List the scenes that come with jaxrotor."""
+    found = shipped()
+    if as_json:
+        answer.print_json({"scenes": [{"name": name, "title": title} for name, title in found]})
+    else:
+        answer.print_table(found, ("scene", "title"))
+
+
+def show(scene: SceneName, settings: Settings = None, as_json: AsJson = False) -> None:
+    """Show the parameters of a scene, its whirl frequencies, and where it loses stability.
+
+    The paths in the first column are those of `--set` and `--over`.
+
+    ```
+    jaxrotor show limiter-rotor
+    jaxrotor show limiter-rotor --set disc.mass=3kg --set "limiters.0.gap=5 mm"
+    ```
+    """
+    rotor = scene_with(scene, settings)
+    parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
+    coordinates = assemble(rotor).n
+    still, _ = _whirl(rotor.replace({"spin.speed": 0.0}))
+    forward, backward = _whirl(rotor)
+    try:
+        onset, why = described_onset(onset_speed(rotor)), ""
+    except ValueError as error:
+        onset, why = None, str(error)
+    if as_json:
+        table = {path: {"value": value, "unit": unit} for path, (value, unit) in parameters.items()}
+        whirl = {"standstill": still, "forward": forward, "backward": backward}
+        answer.print_json(
+            {
+                "scene": scene,
+                "title": dict(shipped()).get(scene),
+                "parameters": table,
+                "coordinates": coordinates,
+                "whirl_frequencies": whirl,
+                "onset": onset,
+                "no_onset": why or None,
+            }
+        )
+        return
+    rows = [(path, _text(value), unit) for path, (value, unit) in parameters.items()]
+    answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
+    summary = [
+        ("coordinates", f"{coordinates}, complex x + iy"),
+        ("whirl at standstill", f"{_text(still)} rad/s"),
+        ("forward, at speed", f"{_text(forward)} rad/s"),
+        ("backward, at speed", f"{_text(backward)} rad/s"),
+        ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why),
+    ]
+    answer.print_table(summary)
+
+
+def _value(scene: Scene, path: str) -> float | list[float] | None:
+    """Value at a path, values of several effects, or None where absent."""
+    try:
+        return np.asarray(scene.get(path)).tolist()
+    except ValueError:
+        return None
+
+
+def _whirl(scene: Scene) -> tuple[list[float], list[float]]:
+    """First forward and backward whirl frequencies [rad/s]."""
+    values: Any = np.asarray(roots_of(scene))
+    whirling = values.imag[~marginal(values.imag, values)]
+    return (
+        whirling[whirling > 0][:_SHOWN].tolist(),
+        (-whirling[whirling < 0])[:_SHOWN].tolist(),
+    )
+
+
+def _text(value: float | list[float] | None) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, list):
+        same = len(value) > 1 and len(set(value)) == 1
+        return f"{value[0]:.7g} each" if same else ", ".join(_text(one) for one in value)
+    return f"{value:.7g}"

@@ -1,0 +1,201 @@
+"""Command `simulate`: one motion in time."""
+
+import enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import diffrax as dfx
+import numpy as np
+import typer
+import xarray as xr
+
+from ..files import dumps, study
+from ..simulate import Response, simulate as run
+from ..solvers import Exponential
+from . import answer
+from .options import (
+    MOST,
+    Angle,
+    AsJson,
+    At,
+    Overwrite,
+    Period,
+    Radius,
+    Rate,
+    SceneName,
+    Settings,
+    optional,
+    scene_with,
+    start_with,
+)
+from .output import draft, draw, write_dataset
+
+
+_FILES = ("response.zarr", "orbit.png", "history.png")
+
+
+class Solver(enum.StrEnum):
+    """Names of solvers: of this package, and of diffrax in lower case."""
+
+    exponential2 = "exponential2"
+    exponential4 = "exponential4"
+    kvaerno3 = "kvaerno3"
+    kvaerno4 = "kvaerno4"
+    kvaerno5 = "kvaerno5"
+    kencarp3 = "kencarp3"
+    kencarp4 = "kencarp4"
+    kencarp5 = "kencarp5"
+    tsit5 = "tsit5"
+    dopri5 = "dopri5"
+    dopri8 = "dopri8"
+
+
+_SOLVERS = {
+    Solver.exponential2: lambda: Exponential(2),
+    Solver.exponential4: lambda: Exponential(4),
+    Solver.kvaerno3: dfx.Kvaerno3,
+    Solver.kvaerno4: dfx.Kvaerno4,
+    Solver.kvaerno5: dfx.Kvaerno5,
+    Solver.kencarp3: dfx.KenCarp3,
+    Solver.kencarp4: dfx.KenCarp4,
+    Solver.kencarp5: dfx.KenCarp5,
+    Solver.tsit5: dfx.Tsit5,
+    Solver.dopri5: dfx.Dopri5,
+    Solver.dopri8: dfx.Dopri8,
+}
+
+
+def simulate(
+    scene: SceneName,
+    settings: Settings = None,
+    revolutions: Annotated[int, typer.Option(min=1, max=MOST, help="Length of the run.")] = 100,
+    keep: Annotated[
+        int | None,
+        typer.Option(min=1, max=MOST, help="Revolutions at the end to look at. [default: all]"),
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=MOST, help="Steps and samples a revolution. [default: the scene's, or 256]"
+        ),
+    ] = None,
+    solver: Annotated[
+        Solver, typer.Option(help="Exponential of order 2 or 4, or a diffrax solver.")
+    ] = Solver.exponential2,
+    start_radius: Radius = None,
+    start_rate: Rate = None,
+    start_angle: Angle = None,
+    at: At = None,
+    period: Period = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for response.zarr, orbit.png and history.png."),
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.
+
+    jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
+    jaxrotor simulate limiter-rotor --start-radius 12mm --start-rate=-441rad/s --steps 1024
+    jaxrotor simulate limiter-rotor --set unbalance.eccentricity=0.5mm --solver kvaerno5
+    """
+    rotor, table = scene_with(scene, settings), study(scene)
+    options: dict[str, Any] = {
+        "solver": _SOLVERS[solver](),
+        "start": start_with(table, start_radius, start_rate, start_angle),
+        "keep": keep,
+        "at": optional(at, "m", "--at"),
+        "period": optional(period, "s", "--period"),
+    }
+    samples: int = steps or table.get("steps_per_revolution", 256)
+    if out is None:
+        response = run(rotor, revolutions, samples, **options)
+    else:
+        with draft(out, _FILES, overwrite) as folder:
+            response = run(rotor, revolutions, samples, **options)
+            write_dataset(dataset(response), folder / "response.zarr")
+            _draw(response, folder)
+    summary = _summary(response)
+    written = [] if out is None else [str(out / n) for n in _FILES if (out / n).exists()]
+    if as_json:
+        answer.print_json({"scene": scene, **summary, "written": written})
+        return
+    index = summary["index"]
+    rows = [
+        ("radius", f"{summary['radius_min']:.6g} to {summary['radius_max']:.6g} m"),
+        ("precession index", "undefined: at rest" if np.isnan(index) else f"{index:.6g}"),
+    ]
+    rows += [
+        (f"contact {i}", f"{contact['duty']:.2%} of the time, up to {contact['peak_force']:.5g} N")
+        for i, contact in enumerate(summary["contacts"])
+    ]
+    rows += [("written" if i == 0 else "", path) for i, path in enumerate(written)]
+    typer.echo(f"{response}")
+    answer.print_table(rows)
+
+
+def dataset(response: Response) -> xr.Dataset:
+    """A response as labelled arrays; complex motions as x and y along `axis`."""
+    motion = ("time", "station", "axis")
+    variables: dict[str, Any] = {
+        "displacement": (motion, _parts(response.displacement), _about("m", "displacement")),
+        "velocity": (motion, _parts(response.velocity), _about("m/s", "velocity")),
+        "slope": (motion, _parts(response.slope), _about("rad", "slope dz/dx")),
+    }
+    if response.contact_force is not None:
+        force = _parts(response.contact_force)
+        about = _about("N", "contact force on the shaft")
+        variables["contact_force"] = (("time", "limiter", "axis"), force, about)
+    coordinates = {
+        "time": ("time", np.asarray(response.time), _about("s", "time since the start")),
+        "angle": ("time", np.asarray(response.angle), _about("rad", "angle of revolution")),
+        "station": ("station", np.asarray(response.stations), _about("m", "station")),
+        "axis": ("axis", ["x", "y"]),
+    }
+    about = {
+        "title": "jaxrotor simulation",
+        "scene": dumps(response.scene),
+        "steps_per_revolution": response.steps_per_revolution,
+        "solver": response.solver,
+    }
+    return xr.Dataset(variables, coordinates, about)
+
+
+def _parts(values: Any) -> np.ndarray:
+    values = np.asarray(values)
+    return np.stack([values.real, values.imag], axis=-1)
+
+
+def _about(units: str, long_name: str) -> dict[str, str]:
+    return {"units": units, "long_name": long_name}
+
+
+def _draw(response: Response, folder: Path) -> None:
+    from .. import plot
+
+    def history(axes):
+        plot.history(response, ax=axes[0])
+        plot.whirl_history(response, ax=axes[1])
+        axes[0].set_xlabel("")
+
+    draw(folder / "orbit.png", lambda ax: plot.orbit(response, ax=ax), 85, 85)
+    draw(folder / "history.png", history, 170, 110, rows=2)
+
+
+def _summary(response: Response) -> dict[str, Any]:
+    """What the samples say of the first station; the first sample is the end of what went before."""
+    z, velocity = (np.asarray(a)[1:, 0] for a in (response.displacement, response.velocity))  # (T,)
+    radius, speed = np.abs(z), float(response.scene.spin.speed)
+    moving = bool((radius > 0).all()) and speed != 0
+    whirl = np.mean(np.imag(np.conj(z) * velocity) / radius**2) / speed if moving else np.nan
+    force = response.contact_force
+    contacts = [] if force is None else np.abs(np.asarray(force)[1:]).T  # (k, T)
+    return {
+        "speed": speed,
+        "station": response.stations[0],
+        "radius_min": radius.min(),
+        "radius_max": radius.max(),
+        "index": float(whirl),
+        "contacts": [{"duty": np.mean(f > 0), "peak_force": f.max()} for f in contacts],
+    }

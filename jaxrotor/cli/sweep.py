@@ -1,0 +1,249 @@
+"""Command `sweep`: long-run motion over a grid of parameters."""
+
+import enum
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+import xarray as xr
+
+from ..effects import AbstractContact
+from ..files import study, swept_values
+from ..observe import AbstractObservable, Contact, WhirlSpectrum, everything
+from ..scene import Scene
+from ..solvers import Exponential
+from ..sweep import sweep as run
+from . import answer
+from .options import (
+    MOST,
+    Angle,
+    AsJson,
+    At,
+    Overwrite,
+    Period,
+    Radius,
+    Rate,
+    SceneName,
+    Settings,
+    assignments,
+    optional,
+    scene_with,
+    start_with,
+)
+from .output import draft, draw, write_dataset
+
+
+_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png")
+_COUNTS = {"settle": 1000, "keep": 300, "steps_per_revolution": 256}  # where a scene says nothing
+
+
+class Order(enum.StrEnum):
+    """Orders of the exponential integrator."""
+
+    second = "2"
+    fourth = "4"
+
+
+def sweep(
+    scene: SceneName,
+    settings: Settings = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH=START:STOP:COUNT",
+            help="Parameter to sweep, also `PATH=VALUE,VALUE,...`; may be repeated, then all "
+            "combinations are run. [default: the scene's]",
+        ),
+    ] = None,
+    settle: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=MOST, help="Revolutions before the look. [default: the scene's, or 1000]"
+        ),
+    ] = None,
+    keep: Annotated[
+        int | None,
+        typer.Option(min=1, max=MOST, help="Revolutions looked at. [default: the scene's, or 300]"),
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(min=1, max=MOST, help="Steps a revolution. [default: the scene's, or 256]"),
+    ] = None,
+    order: Annotated[
+        Order, typer.Option(help="Order of the exponential integrator.")
+    ] = Order.second,
+    start_radius: Radius = None,
+    start_rate: Rate = None,
+    start_angle: Angle = None,
+    at: At = None,
+    period: Period = None,
+    spectrum: Annotated[
+        bool,
+        typer.Option(
+            "--spectrum",
+            help="Keep the spectrum of the whirl speed; over spin.speed also draw a waterfall.",
+        ),
+    ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, max=1024, help="Parts computed at once. [default: one a core]"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for sweep.zarr and bifurcation.png. [default: runs/SCENE-sweep]",
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
+
+    Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
+    DIR/bifurcation.png. What to sweep, from which start and for how long stands in the scene's
+    `[sweep]` table; options say otherwise.
+
+    ```
+    jaxrotor sweep limiter-rotor
+    jaxrotor sweep limiter-rotor --settle 3000 --out runs/long
+    jaxrotor sweep limiter-rotor --over "unbalance.eccentricity=0:1mm:32" --over start.radius=1mm,12mm
+    jaxrotor sweep limiter-rotor --over spin.speed=4000rpm:9000rpm:101 --spectrum
+    ```
+    """
+    rotor, table = scene_with(scene, settings), study(scene)
+    axes = _axes(rotor, table, over)
+    start = start_with(table, start_radius, start_rate, start_angle, list(axes))
+    counts: dict[str, int] = {
+        name: table.get(name, default) if count is None else count
+        for (name, default), count in zip(_COUNTS.items(), (settle, keep, steps), strict=True)
+    }
+    options: dict[str, Any] = {
+        "observe": _observables(rotor, spectrum, counts["steps_per_revolution"]),
+        "solver": Exponential(2 if order is Order.second else 4),
+        "at": optional(at, "m", "--at"),
+        "period": optional(period, "s", "--period"),
+        "workers": workers,
+    }
+    out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep") if out is None else out
+    with draft(out, _FILES, overwrite) as folder:
+        begun = time.perf_counter()
+        dataset = run(rotor, axes, start=start, **counts, **options)
+        seconds = time.perf_counter() - begun
+        write_dataset(dataset, folder / "sweep.zarr")
+        _draw(dataset, list(axes), folder)
+    written = [str(out / name) for name in _FILES if (out / name).exists()]
+    lanes = _lanes(dataset)
+    if as_json:
+        answer.print_json(
+            {
+                "scene": scene,
+                **counts,
+                **lanes,
+                "seconds": seconds,
+                "written": written,
+                "results": _results(dataset, list(axes)),
+            }
+        )
+    else:
+        _print(dataset, axes, counts, lanes, seconds, written)
+
+
+def _axes(scene: Scene, table: dict[str, Any], over: list[str] | None) -> dict[str, np.ndarray]:
+    """Swept values by path: those of `--over`, else of the scene file."""
+    axes = {}
+    for path, text in assignments("--over", over, "spin.speed=0:6000rpm:61").items():
+        values = text if ":" in text else [part.strip() for part in text.split(",")]
+        axes[path] = swept_values(values, scene, path, f"--over {path}")
+    axes = axes or table.get("over", {})
+    if not axes:
+        raise ValueError(
+            "The scene does not say what to sweep; add --over, as in --over spin.speed=0:6000rpm:61."
+        )
+    return axes
+
+
+def _observables(scene: Scene, spectrum: bool, steps: int) -> tuple[AbstractObservable, ...]:
+    found = everything()
+    if scene.of(AbstractContact):
+        found += (Contact(),)
+    if spectrum:
+        one = WhirlSpectrum()
+        if steps % one.samples:
+            raise ValueError(
+                f"--spectrum needs --steps that are a multiple of {one.samples}, but they are {steps}."
+            )
+        found += (one,)
+    return found
+
+
+def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
+    from .. import plot
+
+    if len(swept) != 1:
+        return
+    draw(folder / "bifurcation.png", lambda axes: plot.bifurcation(dataset, axes), 170, 110, rows=2)
+    if "spectrum" in dataset and swept == ["spin.speed"]:
+        draw(folder / "waterfall.png", lambda ax: plot.waterfall(dataset, ax), 120, 85)
+
+
+# === what is printed
+
+
+def _lanes(dataset: xr.Dataset) -> dict[str, Any]:
+    """How many lanes do what, and the range of the index over those that whirl."""
+    index, failed = dataset["index"].values, dataset["status"].values == 1
+    whirls = np.isfinite(index) & ~failed
+    return {
+        "lanes": index.size,
+        "forward": np.sum(whirls & (index > 0)),
+        "backward": np.sum(whirls & (index < 0)),
+        "undefined": np.sum(~failed & ~(whirls & (index != 0))),
+        "failed": np.sum(failed),
+        "index_min": index[whirls].min() if whirls.any() else None,
+        "index_max": index[whirls].max() if whirls.any() else None,
+    }
+
+
+def _results(dataset: xr.Dataset, swept: list[str]) -> dict[str, Any]:
+    """Swept values, and the variables with one number a lane."""
+    coordinates = {
+        path: {"units": dataset[path].attrs["units"], "values": dataset[path].values}
+        for path in swept
+    }
+    single = {
+        str(name): array.values
+        for name, array in dataset.data_vars.items()
+        if list(array.dims) == swept
+    }
+    return {"over": coordinates, **single}
+
+
+def _print(
+    dataset: xr.Dataset,
+    axes: dict[str, np.ndarray],
+    counts: dict[str, int],
+    lanes: dict[str, Any],
+    seconds: float,
+    written: list[str],
+) -> None:
+    rows = [
+        (path, f"{v.min():.6g} to {v.max():.6g} {dataset[path].attrs['units']}, {v.size} values")
+        for path, v in axes.items()
+    ]
+    rows += [
+        ("revolutions", f"{counts['settle']} to settle, {counts['keep']} kept"),
+        ("solver", f"{dataset.attrs['solver']}, {counts['steps_per_revolution']} steps each"),
+        ("lanes", f"{lanes['lanes']}"),
+        ("forward whirl", f"{lanes['forward']}"),
+        ("backward whirl", f"{lanes['backward']}"),
+    ]
+    rows += [(name, f"{lanes[name]}") for name in ("undefined", "failed") if lanes[name]]
+    if lanes["index_min"] is not None:
+        text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"
+        rows.append(("precession index", text))
+    rows.append(("time", f"{seconds:.1f} s"))
+    rows += [("written" if i == 0 else "", path) for i, path in enumerate(written)]
+    answer.print_table(rows)

@@ -1,0 +1,128 @@
+"""Scenes of the tests: the limiter rotor by its dimensionless groups, and one of every effect."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrotor import (
+    ConstantSpeed,
+    Disc,
+    DiscDamping,
+    ExternalDamping,
+    FlexibleShaft,
+    Gravity,
+    InternalDamping,
+    Limiter,
+    Scene,
+    Unbalance,
+)
+
+
+# Base data of the sheet (section 1), from dimensions and material.
+LENGTH, DIAMETER, RIM = 0.7, 0.02, 0.1
+DENSITY, YOUNG = 7850.0, 2.1e11
+MASS = DENSITY * np.pi * RIM**2 * 0.01  # 10 mm thick
+DIAMETRAL = MASS * (2 * RIM) ** 2 / 16
+RIGIDITY = YOUNG * np.pi * DIAMETER**4 / 64
+TIME = np.sqrt(MASS * LENGTH**3 / RIGIDITY)  # T*
+PER_LENGTH = DENSITY * np.pi * DIAMETER**2 / 4
+
+
+def limiter_rotor(
+    N=15.0,
+    eta_e=0.025,
+    eta_i=0.005,
+    eta_Dxi=0.0025,
+    eta_Dtheta=0.05,
+    eps=0.0,
+    phase=0.0,
+    kappa=None,
+    eta_S=0.06,
+    chi=0.0075 / LENGTH,
+    friction=0.1,
+    sign=1.0,
+    station=1.0,
+    gravity=False,
+    contact=True,
+    blend=None,
+    slip=None,
+    **shaft,
+):
+    """The limiter rotor in the groups of the sheet.
+
+    `sign` -1 reverses the gyroscopic moment; `station` is that of disc and limiters over the length;
+    a group that is None is left out of the scene; `blend` and `slip` in SI units.
+    """
+    scale = np.sqrt(MASS * LENGTH**3 * RIGIDITY)
+    at = station * LENGTH
+    effects = [Disc(at, MASS, DIAMETRAL, sign * 2 * DIAMETRAL)]
+    if eps is not None:
+        effects.append(Unbalance(at, MASS, eps * LENGTH, phase))
+    if gravity:
+        effects.append(Gravity(9.81, angle=-1.4))
+    if eta_e is not None:
+        effects.append(ExternalDamping(2 * eta_e * scale / LENGTH**4))
+    if eta_Dxi is not None:
+        translational, angular = eta_Dxi / LENGTH**3, eta_Dtheta / LENGTH
+        effects.append(DiscDamping(at, 2 * scale * translational, 2 * scale * angular))
+    if eta_i is not None:
+        effects.append(InternalDamping(2 * eta_i * TIME))
+    if contact:
+        effects += [
+            Limiter(
+                at=at,
+                angle=np.pi / 3 + 2 * np.pi * k / 3,
+                gap=chi * LENGTH,
+                stiffness=4.087e6 if kappa is None else kappa * RIGIDITY / LENGTH**3,
+                damping=eta_S * np.sqrt(MASS * RIGIDITY / LENGTH**3),
+                friction=friction,
+                rim_radius=RIM,
+                blend=blend,
+                slip=slip,
+            )
+            for k in range(3)
+        ]
+    shaft = FlexibleShaft(LENGTH, DIAMETER, **({"polar_ratio": sign * 2.0} | shaft))
+    return Scene(shaft, *effects, spin=ConstantSpeed(N / TIME))
+
+
+def bare(*effects, N=15.0, **shaft):
+    """A shaft with what is named on it."""
+    return Scene(FlexibleShaft(LENGTH, DIAMETER, **shaft), *effects, spin=ConstantSpeed(N / TIME))
+
+
+# One of every effect, all at the free end, and the parameters that make it vanish when all are zero.
+EFFECTS = [
+    Disc(LENGTH, 2.0, 0.01, 0.02),
+    Unbalance(LENGTH, 2.0, 2e-4, 0.3),
+    Gravity(9.81, angle=-1.2),
+    ExternalDamping(8.0),
+    DiscDamping(LENGTH, 0.6, 0.05),
+    InternalDamping(2e-4),
+    Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
+]
+STRENGTHS = {
+    "disc": ("mass", "diametral", "polar"),
+    "unbalance": ("eccentricity",),
+    "gravity": ("acceleration",),
+    "external_damping": ("per_length",),
+    "disc_damping": ("translational", "angular"),
+    "internal_damping": ("voigt_time",),
+    "limiter": ("stiffness", "damping"),
+}
+
+
+def slowest(values, count):
+    """The `count` values of least magnitude, as numpy, sorted by magnitude."""
+    values = np.asarray(values)
+    return values[np.argsort(np.abs(values))][:count]
+
+
+def leaf_values(scene, paths=None):
+    """Values of the paths that are present, as a dict of scalar (or stacked) arrays."""
+    found = {}
+    for path in scene.paths() if paths is None else paths:
+        try:
+            found[path] = jnp.asarray(scene.get(path))
+        except ValueError:  # absent: None
+            continue
+    return found

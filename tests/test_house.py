@@ -1,0 +1,200 @@
+"""House rules that a machine can check: layers, abstract or final, equations, sources, units."""
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+from pathlib import Path
+
+import equinox as eqx
+import pytest
+from systems import EFFECTS, STRENGTHS
+
+import jaxrotor
+from jaxrotor import effects
+from jaxrotor.effects import AbstractEffect
+from jaxrotor.quantities import unit_of
+
+
+PACKAGE = Path(jaxrotor.__file__).parent
+
+# From the ground up; modules of one layer import each other only inside a package.
+LAYERS = [
+    ("quantities",),
+    ("materials", "blocks"),
+    ("shafts",),
+    ("effects",),
+    ("spin",),
+    ("scene",),
+    ("system",),
+    ("motion",),
+    ("start", "solvers", "analysis"),
+    ("march",),
+    ("simulate", "files"),
+    ("observe",),
+    ("sweep",),
+    ("plot", "accuracy", "design"),
+    ("__init__",),
+    ("cli",),
+    ("__main__",),
+]
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+
+
+def module_of(path):
+    """Dotted parts below the package: ("solvers", "form"), ("shafts", "__init__")."""
+    return path.relative_to(PACKAGE).with_suffix("").parts
+
+
+def imports(path):
+    """Every import of a file as dotted parts: own modules without the package's name, and others."""
+    own, others = set(), set()
+    tree = ast.parse(path.read_text())
+    parts = module_of(path)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                names = tuple(alias.name.split("."))
+                if names[0] == "jaxrotor":
+                    own.add(names[1:] or ("__init__",))
+                else:
+                    others.add(names[0])
+        elif isinstance(node, ast.ImportFrom):
+            names = tuple(node.module.split(".")) if node.module else ()
+            if node.level:
+                base = parts[:-1]
+                names = base[: len(base) - node.level + 1] + names
+            elif names[0] == "jaxrotor":
+                names = names[1:]
+            else:
+                others.add(names[0])
+                continue
+            for alias in node.names:
+                own.add(full_name(names, alias.name))
+    return own, others
+
+
+def full_name(parts, name):
+    """`from parts import name`: the module `name` where there is one, else `parts`."""
+    folder = PACKAGE.joinpath(*parts)
+    if (folder / f"{name}.py").exists() or (folder / name / "__init__.py").exists():
+        return (*parts, name)
+    return parts or ("__init__",)
+
+
+def name_of(path):
+    return "/".join(module_of(path))
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name_of)
+def test_layers_import_downwards_only(path):
+    here = module_of(path)
+    assert here[0] in LEVEL, f"Give {here[0]} its layer in LAYERS."
+    for there in imports(path)[0]:
+        if there[0] != here[0]:
+            assert LEVEL[there[0]] < LEVEL[here[0]], f"{'.'.join(here)} imports {'.'.join(there)}."
+
+
+CORE = ("scene", "system", "motion", "start", "solvers", "march", "simulate", "observe", "sweep")
+
+
+@pytest.mark.parametrize("path", [p for p in SOURCES if module_of(p)[0] in CORE], ids=name_of)
+def test_core_knows_no_concrete_effect_or_shaft(path):
+    allowed = {("effects", "base"), ("shafts", "line")}
+    known = {there for there in imports(path)[0] if there[0] in ("effects", "shafts")}
+    assert known <= allowed
+
+
+def test_capabilities_know_no_effect():
+    known = imports(PACKAGE / "effects" / "base.py")[0]
+    assert not {there for there in known if there[0] == "effects"}
+    for path in (PACKAGE / "effects").glob("*.py"):
+        if path.stem not in ("__init__", "base"):
+            known = {there for there in imports(path)[0] if there[0] == "effects"}
+            assert known <= {("effects", "base")}, f"{path.stem} imports another effect."
+
+
+def test_matplotlib_is_imported_by_plots_alone():
+    for path in SOURCES:
+        if module_of(path)[0] != "plot":
+            assert "matplotlib" not in imports(path)[1], name_of(path)
+
+
+# === classes
+
+
+def modules():
+    for info in pkgutil.walk_packages([str(PACKAGE)], "jaxrotor."):
+        if not info.name.endswith("__main__"):
+            yield importlib.import_module(info.name)
+
+
+def own_classes():
+    found = {}
+    for module in modules():
+        for value in vars(module).values():
+            if isinstance(value, type) and value.__module__ == module.__name__:
+                found[f"{value.__module__}.{value.__qualname__}"] = value
+    return found
+
+
+CLASSES = own_classes()
+MODULES = {name: cls for name, cls in CLASSES.items() if issubclass(cls, eqx.Module)}
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_module_is_abstract_or_final(name):
+    cls = MODULES[name]
+    for base in cls.__mro__[1:]:
+        if base.__module__.startswith("jaxrotor."):
+            assert base.__name__.startswith("Abstract"), f"{name} subclasses {base.__name__}."
+            repeated = {
+                key
+                for key, value in vars(base).items()
+                if inspect.isfunction(value)
+                and not key.startswith("__")
+                and not getattr(value, "__isabstractmethod__", False)
+            }
+            assert not repeated & set(vars(cls)), "A method that has a body is not overridden."
+    if cls.__name__.startswith("Abstract"):
+        assert not dataclasses.fields(cls), "An abstract class declares no fields, AbstractVar does."
+
+
+@pytest.mark.parametrize("name", [n for n in CLASSES if not n.rpartition(".")[2].startswith("_")])
+def test_every_public_class_is_described(name):
+    doc = vars(CLASSES[name]).get("__doc__") or ""
+    assert doc.strip() and not doc.startswith(f"{CLASSES[name].__name__}(")
+
+
+CONCRETE = [
+    value
+    for value in vars(effects).values()
+    if isinstance(value, type)
+    and issubclass(value, AbstractEffect)
+    and not value.__name__.startswith("Abstract")
+]
+
+
+def test_every_effect_is_in_the_list_of_the_tests():
+    assert {type(effect) for effect in EFFECTS} == set(CONCRETE)
+    assert set(STRENGTHS) == {cls.kind for cls in CONCRETE}
+    assert all(getattr(jaxrotor, cls.__name__) is cls for cls in CONCRETE)
+
+
+@pytest.mark.parametrize("cls", CONCRETE, ids=lambda cls: cls.__name__)
+def test_every_effect_has_equation_source_and_units(cls):
+    assert "=" in cls.__doc__ and "Source:" in cls.__doc__
+    assert cls.plural and cls.kind != cls.plural
+    for field in dataclasses.fields(cls):
+        if not field.metadata.get("static"):
+            assert unit_of(field), f"{cls.__name__}.{field.name} has no unit."
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_no_plain_float_field(name):
+    """A `float` field would be static: neither checked, nor traced, nor differentiated."""
+    for field in dataclasses.fields(MODULES[name]):
+        if not field.metadata.get("static"):
+            assert field.type not in (float, int, "float", "int"), field.name

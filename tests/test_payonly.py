@@ -1,0 +1,253 @@
+"""Pay only for what is drawn: size of the compiled equations, absence, retracing, closed forms."""
+
+import contextlib
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax._src import monitoring
+from systems import DIAMETRAL, EFFECTS, LENGTH, MASS, STRENGTHS, TIME, bare, limiter_rotor
+
+import jaxrotor as jr
+from jaxrotor import (
+    AtRest,
+    Disc,
+    ExternalDamping,
+    Gravity,
+    InternalDamping,
+    Limiter,
+    Unbalance,
+    Whirl,
+    assemble,
+)
+from jaxrotor.motion import Motion
+
+
+# === size of the equations
+
+
+def primitives(jaxpr):
+    """Names of all equations, those of inner jaxprs too."""
+    for equation in jaxpr.eqns:
+        inner = [
+            getattr(leaf, "jaxpr", leaf)
+            for value in equation.params.values()
+            for leaf in jax.tree.leaves(value, is_leaf=lambda x: hasattr(x, "eqns"))
+            if hasattr(getattr(leaf, "jaxpr", leaf), "eqns")
+        ]
+        yield from (name for sub in inner for name in primitives(sub))
+        if not inner:
+            yield equation.primitive.name
+
+
+def field_of(scene):
+    """Vector field's equations, size of its state, and the motion."""
+    motion = Motion(assemble(scene), jnp.asarray(1 / TIME))
+    y = jnp.zeros((2, 2, motion.stiffness.shape[0]))
+    made = jax.make_jaxpr(lambda motion, theta, y: motion(theta, y))(motion, jnp.zeros(()), y)
+    return list(primitives(made.jaxpr)), y.size, motion
+
+
+DISC = Disc(LENGTH, MASS, DIAMETRAL, 2 * DIAMETRAL)
+STOP = Limiter(LENGTH, 0.4, 0.0075, 4e6, 6.0, 0.1, 0.1)
+STAGES = {  # each adds one thing to the one before
+    "bare": (),
+    "disc": (DISC,),
+    "damping": (DISC, ExternalDamping(8.0)),
+    "internal": (DISC, ExternalDamping(8.0), InternalDamping(2e-4)),
+    "unbalance": (DISC, ExternalDamping(8.0), InternalDamping(2e-4), Unbalance(LENGTH, MASS, 1e-4)),
+}
+STAGES["gravity"] = (*STAGES["unbalance"], Gravity())
+STAGES["limiter"] = (*STAGES["gravity"], STOP)
+STAGES["limiters"] = (*STAGES["limiter"], *[eqx.tree_at(lambda s: s.angle, STOP, jnp.pi)] * 2)
+
+
+@pytest.fixture(scope="module")
+def fields():
+    return {name: field_of(bare(*effects)) for name, effects in STAGES.items()}
+
+
+def test_state_never_grows_at_the_end_of_the_shaft(fields):
+    assert {size for _, size, _ in fields.values()} == {4 * 8}
+
+
+def test_state_grows_by_a_span_for_a_kink_inside():
+    assert field_of(bare(Disc(0.3, MASS)))[1] == 2 * 4 * 8
+    assert field_of(bare(Disc(0.3, MASS), ExternalDamping(8.0), Unbalance(0.3, 1.0, 1e-4)))[1] == 64
+
+
+def test_equations_grow_only_by_what_was_added(fields):
+    count = {name: len(names) for name, (names, *_) in fields.items()}
+    assert count["disc"] == count["bare"]  # adds to blocks that were there
+    for less, more in (
+        ("disc", "damping"),
+        ("damping", "internal"),
+        ("internal", "unbalance"),
+        ("unbalance", "gravity"),
+        ("gravity", "limiter"),
+    ):
+        assert count[less] < count[more], (less, more)
+    assert count["limiters"] == count["limiter"]  # equal laws are one batched law
+    # A bare shaft: two products (stiffness, gyroscopic), a quarter turn, and no more.
+    assert count["bare"] <= 30
+
+
+def test_products(fields):
+    """One product of the state with a matrix for each block that is drawn, two for the ports."""
+    products = {name: names.count("dot_general") for name, (names, *_) in fields.items()}
+    assert products == {
+        "bare": 2,  # stiffness, gyroscopic
+        "disc": 2,
+        "damping": 3,
+        "internal": 4,  # circulatory
+        "unbalance": 4,
+        "gravity": 4,
+        "limiter": 7,  # displacement and velocity at the port, and its force
+        "limiters": 7,
+    }
+
+
+def test_trigonometry_only_for_unbalance(fields):
+    for name, (names, *_) in fields.items():
+        drawn = any(isinstance(effect, Unbalance) for effect in STAGES[name])
+        assert names.count("cos") == names.count("sin") == int(drawn), name
+
+
+def test_absent_is_none(fields):
+    absent = {
+        "bare": ("damping", "circulatory", "constant", "unbalance", "columns", "rows"),
+        "damping": ("circulatory", "constant", "unbalance", "columns", "rows"),
+        "internal": ("constant", "unbalance", "columns", "rows"),
+        "unbalance": ("constant", "columns", "rows"),
+        "gravity": ("columns", "rows"),
+    }
+    for name, missing in absent.items():
+        motion = fields[name][2]
+        assert all(getattr(motion, part) is None for part in missing), name
+        assert motion.ports == ()
+    thin = bare(rotary_inertia=False)
+    assert assemble(thin).blocks.gyroscopic is None and field_of(thin)[2].gyroscopic is None
+    assert len(field_of(thin)[0]) < len(fields["bare"][0])
+
+
+# === strength zero equals absence
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.kind)
+def test_zero_strength_equals_absence(effect):
+    others = [one for one in EFFECTS if one.kind != effect.kind]
+    base, here = bare(*others, N=4.0), bare(*others, effect, N=4.0)
+    zero = here.replace({f"{effect.kind}.{name}": 0.0 for name in STRENGTHS[effect.kind]})
+    start = Whirl(0.004, 30.0)
+    run = lambda scene: np.asarray(jr.simulate(scene, 2, 64, start=start).displacement)
+    expected = run(base)
+    np.testing.assert_allclose(run(zero), expected, rtol=0, atol=1e-11)
+    assert np.max(np.abs(run(here) - expected)) > 1e-7  # and with its strength it acts
+
+
+# === values never retrace
+
+
+@contextlib.contextmanager
+def compilations():
+    """Names of the events of tracing and compiling while the block runs."""
+    found = []
+
+    def listen(event, seconds, **_):
+        if event.startswith("/jax/core/compile"):
+            found.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    try:
+        yield found
+    finally:
+        monitoring._unregister_event_duration_listener_by_callback(listen)
+
+
+def other_values(scene):
+    """The same scene with every number changed (stations and length left where they are)."""
+    values = {}
+    for path in scene.paths():
+        if not path.endswith((".at", ".length", ".blend", ".slip")):
+            values[path] = jnp.max(scene.get(path)) * 1.01 + 1e-6
+    return scene.replace(values)
+
+
+STARTED = Whirl(0.001, 5.0)
+USES = {
+    "simulate": lambda scene: jr.simulate(scene, 2, 16, start=STARTED).displacement,
+    "roots": lambda scene: jr.roots(scene),
+    "onset": lambda scene: jr.onset_speed(scene),
+    "assemble": lambda scene: eqx.filter_jit(assemble)(scene).blocks.inertia,
+}
+
+
+@pytest.mark.parametrize("use", USES)
+def test_changing_values_never_retraces(use):
+    scene = limiter_rotor(eps=1e-4, gravity=True)
+    once, again = other_values(scene), other_values(other_values(scene))
+    USES[use](scene)
+    first = np.asarray(jax.tree.leaves(USES[use](once))[0])
+    with compilations() as found:
+        second = USES[use](again)
+    assert not found
+    assert not np.allclose(first, np.asarray(jax.tree.leaves(second)[0]), rtol=1e-6, atol=0)
+
+
+def test_new_structure_does_compile():
+    """The counter above counts."""
+    with compilations() as found:
+        jax.jit(lambda x: jnp.sin(x) + 2.71828)(jnp.zeros(7))
+    assert found
+
+
+# === linear scenes have no time loop
+
+
+@pytest.mark.parametrize("basis", ["modal", "dense"])
+def test_linear_scene_skips_in_closed_form(basis):
+    import diffrax as dfx
+
+    from jaxrotor.march import March, Plan
+
+    fields = {field.name for field in dataclasses.fields(Plan)}
+    settings = {
+        "solver": jr.Exponential(basis=basis),
+        "controller": None,
+        "adjoint": dfx.ForwardMode(),
+        "max_steps": 16,
+        "steps": 64,
+        "slopes": False,
+        "contacts": False,
+        "together": (),
+    }
+    assert fields == set(settings)
+    scene = bare(DISC, ExternalDamping(8.0), Unbalance(LENGTH, MASS, 1e-4))
+
+    def names(revolutions):
+        def skip(scene, y):
+            march = March.build(scene, Plan(**settings), scene.spin.speed, jnp.array([LENGTH]))
+            return march.skip(y, revolutions)[0]
+
+        y = jnp.zeros(4 * 8)
+        before = jax.make_jaxpr(lambda s: begin(s))(scene).jaxpr
+        del before
+        return list(primitives(eqx.filter_make_jaxpr(skip)(scene, y)[0].jaxpr))
+
+    def begin(scene):
+        march = March.build(scene, Plan(**settings), scene.spin.speed, jnp.array([LENGTH]))
+        return march.begin(AtRest(), jnp.asarray(LENGTH))
+
+    few, many = names(3), names(3000)
+    assert "scan" not in many and "while" not in many
+    assert len(many) < len(few) + 60  # at most the powers of one matrix, log2(3000)
+
+
+def test_linear_scene_is_exact_at_any_step():
+    scene = bare(DISC, ExternalDamping(8.0), Unbalance(LENGTH, MASS, 1e-4), Gravity(), N=3.0)
+    coarse = jr.simulate(scene, 30, 4, keep=1, start=STARTED).displacement
+    fine = jr.simulate(scene, 30, 64, keep=1, start=STARTED).displacement[::16]
+    np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-12)

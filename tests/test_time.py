@@ -1,0 +1,374 @@
+"""Motion in time against the reference sheet, an event-located oracle, and scipy."""
+
+import functools
+
+import diffrax as dfx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.polynomial import Legendre
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import jaxrotor as jr
+from jaxrotor.motion import Motion
+
+
+LENGTH, UNIT = 0.7, 0.022646559709295067  # l [m], T* [s]; N = Omega T* = 15
+RIGHT = jr.load("limiter-rotor")
+PAPER = jr.load("limiter-rotor-2023")
+
+
+def scene(nodes: int = 8, *, reversed_sign: bool = False) -> jr.Scene:
+    """The limiter rotor with a spectral shaft of so many nodes."""
+    shaft = jr.FlexibleShaft(LENGTH, 0.02, polar_ratio=-2.0 if reversed_sign else 2.0, nodes=nodes)
+    built = jr.Scene(shaft, *RIGHT.effects, spin=RIGHT.spin)
+    return built.replace({"disc.polar": -RIGHT.get("disc.polar")}) if reversed_sign else built
+
+
+def whirl(radius: float, rate: float = 0.0) -> jr.Whirl:
+    """Start in units of the sheet: radius in l, rate in 1 / T*."""
+    return jr.Whirl(radius * LENGTH, rate / UNIT)
+
+
+def radii(z: np.ndarray) -> tuple[float, float]:
+    return abs(z).min() / LENGTH, abs(z).max() / LENGTH
+
+
+def whirl_rate(z: np.ndarray, steps: int) -> float:
+    """Turns per revolution, weighted by a bump that vanishes smoothly at both ends."""
+    turned = np.angle(z[1:] * z[:-1].conj()) * steps / (2 * np.pi)
+    u = (np.arange(turned.size) + 0.5) / turned.size
+    weight = np.exp(-1 / (u * (1 - u)))
+    return float((turned * weight).sum() / weight.sum())
+
+
+@functools.cache
+def rub(name: str, order: int, steps: int = 512) -> jr.Response:
+    """400 revolutions of a backward rub, settled for 100."""
+    start = whirl(0.012, -10) if name == "right" else whirl(0.02, -13.9)
+    scenes = {"right": RIGHT, "reversed": scene(reversed_sign=True), "trapezoid": PAPER}
+    solver = jr.Exponential(order)
+    return jr.simulate(scenes[name], 500, steps, solver=solver, start=start, keep=400)
+
+
+# === the sheet's attractors, section 3.4
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize(
+    ("name", "rate", "low", "high"),
+    [
+        ("right", -0.567622, 0.0090533, 0.0145980),
+        ("reversed", -0.918395, 0.0129959, 0.0205970),
+        ("trapezoid", -0.931369, 0.0133469, 0.0209704),
+    ],
+)
+def test_backward_rub_of_the_sheet(name, rate, low, high, order):
+    z = np.asarray(rub(name, order).displacement[:, 0])
+    assert whirl_rate(z, 512) == pytest.approx(rate, abs=5e-5)
+    assert radii(z) == pytest.approx((low, high), rel=1e-3)
+
+
+def test_forward_bouncing_from_rest():
+    # Chaotic: the rate of a window scatters, the range is that of the sheet.
+    r = jr.simulate(RIGHT, 2000, 256, start=whirl(1e-3), keep=1000)
+    z = np.asarray(r.displacement[:, 0])
+    assert 0.116 < whirl_rate(z, 256) < 0.120
+    low, high = radii(z)
+    assert 0.002 < low < 0.009
+    assert 0.0110 < high < 0.0130
+
+
+@pytest.mark.parametrize(
+    ("width", "rate", "low", "high"),
+    [(0.03, -1.51285, 0.10731, 0.14298), (0.003, -1.5130, 0.1079, 0.1439)],
+)
+def test_three_attractors_coexist_without_unbalance(width, rate, low, high):
+    """Forward bouncing, backward rub and violent whip; the whip rolls, so its sign(V) is smoothed.
+
+    Width of the smoothing, in rim speeds: 0.1 moves the whip's rate by 1.7e-3 and its radii by
+    1.8 %, 0.03 by 1e-4 and 0.6 %, 0.003 by 0.05 %. Neither bouncing nor rub feels it.
+    """
+    assert float(RIGHT.get("unbalance.eccentricity")) == 0
+    rim = float(RIGHT.get("spin.speed")) * 0.1  # [m/s]
+    rolling = RIGHT.replace({"limiters.slip": width * rim})
+
+    def settled(start, settle):
+        rest = jr.simulate(rolling, settle, 512, start=start, keep=1).end
+        r = jr.simulate(rolling, 300, 512, start=rest)
+        z = np.asarray(r.displacement[:, 0])
+        return whirl_rate(z, 512), *radii(z)
+
+    assert 0.116 < settled(whirl(1e-3), 1000)[0] < 0.120
+    rub = settled(whirl(0.012, -10), 200)
+    assert rub[0] == pytest.approx(-0.567622, abs=5e-5)
+    assert rub[1:] == pytest.approx((0.0090533, 0.0145980), rel=1e-3)
+    whip = settled(whirl(0.1, -18), 200)
+    assert whip[0] == pytest.approx(rate, abs=2e-4)
+    assert whip[1:] == pytest.approx((low, high), rel=1.5e-3)
+
+
+# === the same rotor, written again: Ritz polynomials, contacts located to rounding
+
+
+class Oracle:
+    """The piecewise linear rotor between its contact events, each flown exactly.
+
+    Ritz basis `zeta^2 P_j(2 zeta - 1)` in the dimensionless variables of the sheet; states are
+    real, `[Re q, Re q., Im q, Im q.]`. Rim speed keeps its sign (no rolling).
+    """
+
+    def __init__(self, functions: int = 8, gyroscopic: float = 1.0):
+        n, self.speed = functions, 15.0
+        square = Legendre.fromroots([0, 0], [0, 1])
+        shapes = [square * Legendre.basis(j, [0, 1]) for j in range(n)]
+        at = lambda fs: np.array([f(1.0) for f in fs])
+
+        def product(fs):
+            areas = [[(f * g).integ(lbnd=0)(1.0) for g in fs] for f in fs]
+            return np.array(areas)
+
+        slopes, bends = [f.deriv(1) for f in shapes], [f.deriv(2) for f in shapes]
+        tip, turn = at(shapes), at(slopes)
+        beta, eta_i = (0.2 / 0.7) ** 2 / 16, 0.005
+        stiffness = product(bends)
+        rotary = 3.571429e-5 * product(slopes) + beta * np.outer(turn, turn)
+        inertia = 0.7 * product(shapes) + np.outer(tip, tip) + rotary
+        damping = 2 * 0.025 * product(shapes) + 2 * eta_i * stiffness
+        damping = damping + 2 * 0.0025 * np.outer(tip, tip) + 2 * 0.05 * np.outer(turn, turn)
+        moving = damping - 2j * self.speed * gyroscopic * rotary
+        held = (1 - 2j * eta_i * self.speed) * stiffness
+        inverse = np.linalg.inv(inertia)
+        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ held, -inverse @ moving]])
+        self.free = np.block([[a.real, -a.imag], [a.imag, a.real]])
+        zero = np.zeros(n)
+        self.z = np.array([[*tip, *zero, *zero, *zero], [*zero, *zero, *tip, *zero]])
+        self.v = np.array([[*zero, *tip, *zero, *zero], [*zero, *zero, *zero, *tip]])
+        pull = inverse @ tip
+        self.push = np.array([[*zero, *pull, *zero, *zero], [*zero, *zero, *zero, *pull]]).T
+        self.kappa, self.eta = 4.087e6 * 0.7**3 / 1649.336143, 0.06
+        self.gap, self.friction = 0.0075 / 0.7, 0.1
+        self.angles = np.pi / 3 + 2 * np.pi / 3 * np.arange(3)
+        self.static = np.linalg.solve(stiffness, tip)
+        self.static /= tip @ self.static
+        self.pieces: dict = {}
+
+    def start(self, radius: float, rate: float) -> np.ndarray:
+        q = radius * self.static
+        return np.concatenate([q, 0 * q, 0 * q, rate * q])
+
+    def piece(self, active: tuple[int, ...]):
+        """Equilibrium, eigenvalues, eigenvectors, their inverse, and events `rows x + offset`."""
+        if active not in self.pieces:
+            a, c = self.free.copy(), np.zeros(len(self.free))
+            rows, offset = [], []
+            for k, angle in enumerate(self.angles):
+                out = np.array([np.cos(angle), np.sin(angle)])
+                load = self.kappa * out @ self.z + self.eta * out @ self.v
+                if k in active:
+                    way = out + self.friction * np.array([-out[1], out[0]])
+                    a -= self.push @ np.outer(way, load)
+                    c += self.push @ way * self.kappa * self.gap
+                rows.append(-load if k in active else out @ self.z)  # lift-off, touch-down
+                offset.append(self.kappa * self.gap if k in active else -self.gap)
+            values, vectors = np.linalg.eig(a)
+            inverse = np.linalg.inv(vectors)
+            rest = -np.linalg.solve(a, c)
+            self.pieces[active] = rest, values, vectors, inverse, np.array(rows), np.array(offset)
+        return self.pieces[active]
+
+    def run(self, x: np.ndarray, time: float, look: float = 7e-4) -> list[tuple[float, int]]:
+        """Times and stops of all touch-downs."""
+        t, active, touched = 0.0, (), []
+        tau = look * np.arange(1, 41)
+        while t < time:
+            rest, values, vectors, inverse, rows, offset = self.piece(active)
+            c = inverse @ (x - rest)
+            gains, base = (rows @ vectors) * c, rows @ rest + offset
+            g = (gains @ np.exp(np.outer(values, tau))).real + base[:, None]
+            before = np.concatenate([(rows @ x + offset)[:, None], g[:, :-1]], axis=1)
+            crossed = (g > 0) & (before <= 1e-14)
+            u, stop = tau[-1], None
+            if crossed.any():
+                j = int(np.argmax(crossed.any(axis=0)))
+                found = []
+                for k in np.flatnonzero(crossed[:, j]):
+                    value = lambda u, k=k: float((gains[k] @ np.exp(values * u)).real + base[k])
+                    low = look * j if value(look * j) < 0 else look * j + 1e-9
+                    found.append((brentq(value, low, look * (j + 1), xtol=1e-15), int(k)))
+                u, stop = min(found)
+            x = rest + (vectors @ (c * np.exp(values * u))).real
+            t += u
+            if stop is not None:
+                if stop not in active:
+                    touched.append((t, stop))
+                active = tuple(sorted(set(active) ^ {stop}))
+        return touched
+
+
+def located_rate(start: tuple[float, float], gyroscopic: float) -> float:
+    """Whirl rate of the settled backward rub: -2 pi / 3 between neighbouring touch-downs."""
+    oracle = Oracle(gyroscopic=gyroscopic)
+    touched = oracle.run(oracle.start(*start), 400 * 2 * np.pi / 15)
+    times, stops = np.array([t for t, _ in touched[-200:]]), [k for _, k in touched[-200:]]
+    assert all((a - b) % 3 == 1 for a, b in zip(stops, stops[1:], strict=False))
+    assert np.ptp(np.diff(times)) < 1e-8
+    return -(2 * np.pi / 3) * 199 / (times[-1] - times[0]) / 15
+
+
+@pytest.mark.parametrize(
+    ("reversed_sign", "start", "rate"),
+    [(False, (0.012, -10.0), -0.56762695), (True, (0.02, -13.9), -0.91840269)],
+)
+def test_rub_agrees_with_contacts_located_exactly(reversed_sign, start, rate):
+    """Eight nodes cost 3e-5 of the rate; ten leave 1e-6."""
+    exact = located_rate(start, -1.0 if reversed_sign else 1.0)
+    assert exact == pytest.approx(rate, abs=2e-8)
+    built = scene(10, reversed_sign=reversed_sign)
+    r = jr.simulate(built, 500, 512, solver=jr.Exponential(4), start=whirl(*start), keep=400)
+    assert whirl_rate(np.asarray(r.displacement[:, 0]), 512) == pytest.approx(exact, abs=2e-6)
+
+
+@pytest.mark.slow
+def test_rate_converges_with_the_step():
+    def rate(order, steps):
+        return whirl_rate(np.asarray(rub("right", order, steps).displacement[:, 0]), steps)
+
+    limit = rate(4, 2048)
+    for order, bounds in ((2, {256: 2e-5, 512: 1e-5, 1024: 3e-6}), (4, {256: 4e-6, 512: 2e-6})):
+        for steps, bound in bounds.items():
+            assert rate(order, steps) == pytest.approx(limit, abs=bound)
+
+
+# === solvers among themselves
+
+
+@functools.cache
+def settled_rub(nodes: int, blend: float | None) -> tuple[jr.Scene, jr.Continued, np.ndarray]:
+    """A scene, a state of its backward rub, and six revolutions from there, 256 samples each."""
+    built = scene(nodes)
+    if blend is not None:
+        built = built.replace({"limiters.blend": blend})
+    settled = jr.simulate(built, 200, 512, start=whirl(0.012, -10), keep=1).end
+    fine = jr.simulate(built, 6, 8192, solver=jr.Exponential(4), start=settled)
+    return built, settled, np.asarray(fine.displacement[::32, 0])
+
+
+@pytest.mark.parametrize(
+    ("nodes", "blend", "solver", "tolerance", "agree"),
+    [
+        (8, None, dfx.Kvaerno5(), 1e-8, 1e-4),  # 11 jumps of the force
+        (8, 2e-4, dfx.Kvaerno5(), 1e-8, 1e-6),
+        (4, 2e-4, dfx.Tsit5(), 1e-8, 1e-6),
+        (4, 2e-4, dfx.KenCarp4(), 1e-8, 1e-6),
+    ],
+)
+def test_adaptive_solver_agrees_on_the_rub(nodes, blend, solver, tolerance, agree):
+    built, settled, want = settled_rub(nodes, blend)
+    control = dfx.PIDController(rtol=tolerance, atol=1e-3 * tolerance, pcoeff=0.3, icoeff=0.4)
+    r = jr.simulate(
+        built, 6, 256, solver=solver, controller=control, start=settled, max_steps=16384
+    )
+    z = np.asarray(r.displacement[:, 0])
+    print(type(solver).__name__, blend, abs(z - want).max() / abs(want).max())
+    assert abs(z - want).max() < agree * abs(want).max()
+
+
+def test_diffrax_solver_meets_the_whirl_rate():
+    """Kvaerno5 carried on from the settled rub, by touch-down times of the same stop."""
+    settled = rub("right", 2).end
+    r = jr.simulate(RIGHT, 60, 256, solver=dfx.Kvaerno5(), start=settled)
+    force = abs(np.asarray(r.contact_force))
+    gap = np.real(np.asarray(r.displacement[:, 0]) * np.exp(-1j * np.pi / 3)) - 0.0075
+    down = np.flatnonzero((gap[:-1] <= 0) & (gap[1:] > 0))
+    assert np.all(force[down + 1, 0] > 0)
+    times = down - gap[down] / (gap[down + 1] - gap[down])
+    rate = -(len(times) - 1) / ((times[-1] - times[0]) / 256)
+    assert rate == pytest.approx(-0.567622, abs=2e-4)  # touch-downs located on samples
+    assert whirl_rate(np.asarray(r.displacement[:, 0]), 256) == pytest.approx(rate, abs=3e-4)
+
+
+# === order
+
+
+BLEND, STOP, SLIP = 1e-3, 4e5, 132.0  # [m], [N/m], [m/s]
+
+
+def smooth_scene() -> jr.Scene:
+    """A rotor whose weight keeps it pressed on a stop below, inside the blends of both laws."""
+    stop = jr.Limiter(
+        LENGTH, -np.pi / 2, 0.0, STOP, 300.0, 0.3, rim_radius=0.1, blend=BLEND, slip=SLIP
+    )
+    keep = [e for e in RIGHT.effects if not isinstance(e, jr.Limiter)]
+    shaft = jr.FlexibleShaft(LENGTH, 0.02, nodes=4)
+    built = jr.Scene(shaft, *keep, jr.Gravity(), stop, spin=jr.ConstantSpeed(300.0))
+    return built.replace({"unbalance.eccentricity": 2e-5})
+
+
+def smooth_force(z: complex, v: complex) -> complex:
+    """The blended law of a stop at the angle -pi / 2, within both blends."""
+    depth, rate = -z.imag, -v.imag
+    u = depth / BLEND
+    rise = lambda u: u**3 * (6 - 8 * u + 3 * u**2)
+    force = STOP * (depth + BLEND * (rise(u) - u)) + 300.0 * rate * u**3 * (10 - 15 * u + 6 * u**2)
+    share = force / (STOP * BLEND)
+    force = force + STOP * BLEND * (rise(share) - share)
+    slip = (300.0 * 0.1 + v.real) / SLIP  # tangent of the stop is x
+    grip = slip * (15 - 10 * slip**2 + 3 * slip**4) / 8
+    assert 0 < u < 1
+    assert 0 < share < 1
+    assert abs(slip) < 1
+    return -force * (1 + 0.3j * grip) * -1j
+
+
+@functools.cache
+def smooth_reference() -> tuple[jr.Continued, np.ndarray]:
+    """A state well inside the smooth regime, and where scipy takes it in two revolutions."""
+    built = smooth_scene()
+    # Sink into the stop slowly: the equilibrium is the start.
+    settled = jr.simulate(built, 400, 256, keep=1, start=jr.Whirl(5e-4, angle=-np.pi / 2)).end
+    start = jr.Continued(settled.q * 1.1, settled.velocity * 1.5)
+    system = jr.assemble(built)
+    motion = Motion(system, jnp.asarray(300.0))
+    a, n = np.asarray(motion.matrix()), system.n
+    row = np.asarray(system.line.row(jnp.asarray(LENGTH)))
+    column = np.linalg.solve(system.blocks.inertia, system.line.column(jnp.asarray(LENGTH)))
+    steady, turning = (np.asarray(part[0] + 1j * part[1]) for part in _loads(motion))
+
+    def field(theta, y):
+        force = smooth_force(row @ y[:n], 300.0 * row @ y[n:])
+        load = steady + turning * np.exp(1j * theta) + column * force / 300.0**2
+        return a @ y + np.concatenate([0 * load, load])
+
+    y = np.concatenate([start.q, start.velocity / 300.0])
+    end = solve_ivp(field, (0, 4 * np.pi), y, method="DOP853", rtol=1e-12, atol=1e-16)
+    return start, row @ end.y[:n, -1]
+
+
+def _loads(motion: Motion):
+    assert motion.constant is not None
+    assert motion.unbalance is not None
+    return motion.constant, motion.unbalance
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_order_on_a_smooth_motion(order):
+    start, exact = smooth_reference()
+    steps = np.array([32, 64, 128])
+    errors = []
+    for count in steps.tolist():
+        r = jr.simulate(smooth_scene(), 2, count, solver=jr.Exponential(order), start=start, keep=1)
+        errors.append(abs(complex(r.displacement[-1, 0]) - exact))
+    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    print(order, slope, errors)
+    assert slope == pytest.approx(order, abs=0.25)
+
+
+def test_adaptive_solver_meets_scipy_on_a_smooth_motion():
+    start, exact = smooth_reference()
+    r = jr.simulate(smooth_scene(), 2, 32, solver=dfx.Tsit5(), start=start)
+    assert abs(complex(r.displacement[-1, 0]) - exact) < 1e-9
+    control = dfx.PIDController(rtol=1e-10, atol=1e-13)
+    r = jr.simulate(smooth_scene(), 2, 32, solver=dfx.Tsit5(), start=start, controller=control)
+    assert abs(complex(r.displacement[-1, 0]) - exact) < 1e-12
