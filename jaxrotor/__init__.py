@@ -29,7 +29,6 @@ from .effects import (  # noqa: E402
     Unbalance as Unbalance,
 )
 from .files import (  # noqa: E402
-    SceneError as SceneError,
     load as load,
     loads as loads,
     save as save,
@@ -45,3 +44,4 @@ from .spin import ConstantSpeed as ConstantSpeed  # noqa: E402
 from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl  # noqa: E402
 from .sweep import sweep as sweep  # noqa: E402
 from .system import System as System, assemble as assemble  # noqa: E402
+from .units import SceneError as SceneError  # noqa: E402

@@ -1,27 +1,24 @@
-"""Scene files: TOML in, TOML out; the one place where units other than SI are understood.
+"""Scene files: TOML in, TOML out.
 
-A number is SI; a text carries its unit: "1500 rpm", "0.7 m", "60 deg", "4.087e6 N/m". Effects are
+A number is SI; a text carries its unit, see `units`. Effects are
 found by the `kind` and `plural` of the classes exported in `jaxrotor.effects`, shafts and spins by
 their class names (`FlexibleShaft` is `model = "flexible"`): a new class needs no line here.
 """
 
 import contextlib
 import dataclasses
-import functools
 import importlib.resources
 import inspect
 import math
 import os
 import re
-import reprlib
 import secrets
 import tomllib
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from decimal import Decimal
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -33,6 +30,7 @@ from .quantities import unit_of
 from .scene import Scene, suggest
 from .shafts import AbstractShaft
 from .spin import AbstractSpin
+from .units import SceneError, quantity, refuse, show
 
 
 Table = dict[str, Any]
@@ -42,15 +40,6 @@ START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
 _COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
 _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
-_HINTS = {"rad/s": " (write rpm or rad/s)", "rad": " (write deg or rad)"}
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
-_UNIT = re.compile(  # names, one-digit powers, 1 * / ( ): nothing pint could compute on for long
-    r"(?:[\s*/·()°%]|1(?!\w)|[^\W\d]\w*+(?:\s*(?:\^|\*\*)\s*-?\d(?!\d))?)*+"
-)
-
-
-class SceneError(ValueError):
-    """A scene file that cannot be used; its one sentence names the file, the key and what to do."""
 
 
 def load(name_or_path: str | os.PathLike[str]) -> Scene:
@@ -87,13 +76,13 @@ def save(scene: Scene, path: str | os.PathLike[str], title: str = "") -> None:
     """
     target, text = Path(path), dumps(scene, title)
     if target.suffix != ".toml":
-        _refuse(f"{target}", "cannot be written; the name of a scene file ends in .toml.")
+        refuse(f"{target}", "cannot be written; the name of a scene file ends in .toml.")
     draft = target.with_name(f".{secrets.token_hex(8)}.toml")
     try:
         draft.write_text(text, "utf-8", newline="\n")
         os.replace(draft, target)
     except OSError as error:
-        _refuse(f"{target}", f"cannot be written ({error.strerror}); choose another place.")
+        refuse(f"{target}", f"cannot be written ({error.strerror}); choose another place.")
     finally:
         with contextlib.suppress(OSError):
             draft.unlink()
@@ -131,24 +120,24 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         return ours.get(source, Path(source)).read_bytes().decode("utf-8-sig"), source
     except FileNotFoundError:
         near, names = suggest(source, ours), ", ".join(sorted(ours))
-        _refuse(source, f"is no file and no shipped scene{near}; shipped are: {names}.")
+        refuse(source, f"is no file and no shipped scene{near}; shipped are: {names}.")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        _refuse(source, f"cannot be read ({reason}); give a TOML file in UTF-8.")
+        refuse(source, f"cannot be read ({reason}); give a TOML file in UTF-8.")
 
 
 def _read(text: str, source: str) -> tuple[Scene, Table]:
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        _refuse(source, f"is not valid TOML: {error}.")
+        refuse(source, f"is not valid TOML: {error}.")
     if not document:
-        _refuse(source, "is empty; a scene needs at least [shaft] and [spin].")
+        refuse(source, "is empty; a scene needs at least [shaft] and [spin].")
     try:
         scene = _scene(document, f"{source}: ")
         return scene, _sweep(document.get("sweep", {}), scene, f"{source}: sweep")
     except RecursionError:
-        _refuse(source, "is nested too deeply; a scene has tables of plain values.")
+        refuse(source, "is nested too deeply; a scene has tables of plain values.")
 
 
 def _scene(document: Table, prefix: str) -> Scene:
@@ -156,7 +145,7 @@ def _scene(document: Table, prefix: str) -> Scene:
     known = ("title", "shaft", *kinds, "spin", "sweep")
     _check_keys(document, known, ("shaft", "spin"), prefix, "scene")
     if not isinstance(document.get("title", ""), str):
-        _refuse(f"{prefix}title", f"must be a text, but is {_show(document['title'])}.")
+        refuse(f"{prefix}title", f"must be a text, but is {show(document['title'])}.")
     shaft = _part(document["shaft"], "flexible", _models(shafts, AbstractShaft), f"{prefix}shaft")
     turning = _part(document["spin"], "constant", _models(spin, AbstractSpin), f"{prefix}spin")
     found = []
@@ -175,7 +164,7 @@ def _part(value: Any, default: str, models: Mapping[str, type], path: str) -> An
     table = {"model": default} | _table(value, path)
     model = table.pop("model")
     if model not in list(models):
-        _refuse(f"{path}.model", f"must be {_either(models)}, but is {_show(model)}.")
+        refuse(f"{path}.model", f"must be {_either(models)}, but is {show(model)}.")
     return _built(models[model], table, path, f"{model} {path.rpartition(' ')[2]}")
 
 
@@ -189,7 +178,7 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
     elif "angles" in table and "angle" in cls.__dataclass_fields__:
         angles = table.pop("angles")
         if "angle" in table or not isinstance(angles, list) or not angles:
-            _refuse(f"{path}.angles", 'must be a list such as [0.0, "90 deg"], in place of angle.')
+            refuse(f"{path}.angles", 'must be a list such as [0.0, "90 deg"], in place of angle.')
         for i, value in enumerate(angles):
             angle = quantity(value, "rad", f"{path}.angles.{i}")
             yield _built(cls, table | {"angle": angle}, path, cls.kind)
@@ -218,7 +207,7 @@ def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
         return quantity(value, unit, path)
     if kind is Material and isinstance(value, str):
         if value not in NAMED:
-            _refuse(path, f"must be a table or {_either(NAMED)}, but is {_show(value)}.")
+            refuse(path, f"must be a table or {_either(NAMED)}, but is {show(value)}.")
         return NAMED[value]()
     if inspect.isclass(kind) and issubclass(kind, eqx.Module):
         return _built(kind, _table(value, path), path, kind.__name__.lower())
@@ -226,7 +215,7 @@ def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
     wrong = value not in choices if choices else kind in _WORDS and type(value) is not kind
     if wrong or (kind is int and abs(value) > _MOST):
         wanted = _either(choices) if choices else _WORDS[kind]
-        _refuse(path, f"must be {wanted}, but is {_show(value)}.")
+        refuse(path, f"must be {wanted}, but is {show(value)}.")
     return value
 
 
@@ -237,7 +226,7 @@ def _sweep(value: Any, scene: Scene, path: str) -> Table:
         count = table.get(key, least)
         if type(count) is not int or not least <= count <= _MOST:
             wanted = f"a whole number from {least} to {_MOST}"
-            _refuse(f"{path}.{key}", f"must be {wanted}, but is {_show(count)}.")
+            refuse(f"{path}.{key}", f"must be {wanted}, but is {show(count)}.")
     if "start" in table:
         table["start"] = _quantities(table["start"], START, (), f"{path}.start", "start")
     if "over" in table:
@@ -271,7 +260,7 @@ def swept_values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
     count = int(parts[2]) if len(parts) == 3 and re.fullmatch("[0-9]{1,8}", parts[2]) else 0
     if not 2 <= count <= _MOST:
         wanted = f'a list, or "start : stop : count" with a count from 2 to {_MOST}'
-        _refuse(path, f"must be {wanted}, but is {_show(value)}.")
+        refuse(path, f"must be {wanted}, but is {show(value)}.")
     start, stop = (quantity(part, unit, path) for part in parts[:2])
     return np.linspace(start, stop, count)
 
@@ -285,45 +274,6 @@ def _quantities(value: Any, units: Mapping[str, str], needed: Any, path: str, no
     return {key: quantity(value, units[key], f"{path}.{key}") for key, value in table.items()}
 
 
-def quantity(value: Any, unit: str, path: str) -> float:
-    """A number in `unit`, from a number or a text with a unit; `path` is for error messages."""
-    number = None
-    if isinstance(value, str):
-        number = _converted(value, unit)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        number = float(value) if abs(value) < 1e308 else math.inf
-    wanted = "a number" if unit == "1" else f"in {unit}"
-    if number is None:
-        _refuse(path, f"must be {wanted}, but is {_show(value)}{_HINTS.get(unit, '')}.")
-    if not math.isfinite(number):
-        _refuse(path, f"must be {wanted} and finite, but is {_show(value)}.")
-    return number
-
-
-def _converted(text: str, unit: str) -> float | None:
-    """A text in `unit`, or None; worked out in decimal, so "7.5 mm" is 0.0075 to the last bit."""
-    match = _NUMBER.fullmatch(text)
-    if match is None or not _UNIT.fullmatch(match[2]):
-        return None
-    if not match[2]:
-        return float(match[1])
-    registry = _registry()
-    try:
-        units = [registry.parse_units(u) for u in (match[2], "" if unit == "1" else unit)]
-        # Angle counts as a dimension here, so that a Hz is no rad/s.
-        given, wanted = (dict(registry.get_root_units(u)[1]._units).get("radian", 0) for u in units)
-        return float(registry.convert(Decimal(match[1]), *units)) if given == wanted else None
-    except Exception:  # pint lets errors of tokenize, assert and decimal through
-        return None
-
-
-@functools.cache
-def _registry() -> Any:
-    import pint  # half a second, so only for a file with units
-
-    return pint.UnitRegistry(non_int_type=typing.cast(Any, Decimal))
-
-
 # === writing
 
 
@@ -335,7 +285,7 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
     if known is not None:
         model = next((name for name, cls in known.items() if cls is type(module)), None)
         if model is None:
-            _refuse(path, f"cannot be written: no scene file can name a {type(module).__name__}.")
+            refuse(path, f"cannot be written: no scene file can name a {type(module).__name__}.")
         if model != path:
             table["model"] = model
     for field in dataclasses.fields(module):
@@ -348,7 +298,7 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
         elif isinstance(value, bool | int | str):
             table[field.name] = value
         elif value is not None:
-            _refuse(here, f"cannot be written: a scene file holds no {type(value).__name__}.")
+            refuse(here, f"cannot be written: a scene file holds no {type(value).__name__}.")
     table.update(nested)
     return table
 
@@ -359,7 +309,7 @@ def _plain(value: Any, path: str) -> float:
     except TypeError:  # traced, or an array of many
         number = math.nan
     if not math.isfinite(number):
-        _refuse(path, f"cannot be written: it must be one known finite number, but is {value}.")
+        refuse(path, f"cannot be written: it must be one known finite number, but is {value}.")
     return number
 
 
@@ -382,7 +332,7 @@ def _models(module: ModuleType, base: type) -> dict[str, type]:
 
 def _table(value: Any, path: str) -> Table:
     if not isinstance(value, dict):
-        _refuse(path, f"must be a table, but is {_show(value)}.")
+        refuse(path, f"must be a table, but is {show(value)}.")
     return dict(value)
 
 
@@ -392,22 +342,11 @@ def _check_keys(table: Table, known: Any, needed: Any, prefix: str, noun: str) -
         if key not in known:
             near, names = suggest(key, list(known)), ", ".join(known)
             what = f"is not a parameter of {article} {noun}{near}"
-            _refuse(f"{prefix}{key}", f"{what}; it has: {names}.")
+            refuse(f"{prefix}{key}", f"{what}; it has: {names}.")
     for key in needed:
         if key not in table:
-            _refuse(f"{prefix}{key}", f"is missing; {article} {noun} needs: {', '.join(needed)}.")
+            refuse(f"{prefix}{key}", f"is missing; {article} {noun} needs: {', '.join(needed)}.")
 
 
 def _either(words: Iterable[str]) -> str:
     return " or ".join(f"'{word}'" for word in words)
-
-
-def _refuse(path: str, text: str) -> NoReturn:
-    raise SceneError(f"{path} {text}") from None
-
-
-def _show(value: Any) -> str:
-    try:
-        return reprlib.repr(value)
-    except ValueError:  # Python prints no whole number of thousands of digits
-        return "a huge number"

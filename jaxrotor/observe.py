@@ -55,6 +55,10 @@ class AbstractObservable(eqx.Module):
     needs_contact: eqx.AbstractClassVar[bool]
 
     @abc.abstractmethod
+    def check(self, steps: int, contacts: int) -> None:
+        """Refuse steps a revolution, or a number of contacts, that cannot be observed."""
+
+    @abc.abstractmethod
     def start(self, contacts: int) -> Any:
         """Carry before the first revolution of a scene with so many contacts."""
 
@@ -72,6 +76,9 @@ class Section(AbstractObservable):
 
     needs_contact: ClassVar[bool] = False
 
+    def check(self, steps, contacts):
+        del steps, contacts
+
     def start(self, contacts):
         return None
 
@@ -88,6 +95,9 @@ class Extrema(AbstractObservable):
 
     needs_contact: ClassVar[bool] = False
     most: int = eqx.field(default=12, static=True)
+
+    def check(self, steps, contacts):
+        del steps, contacts
 
     def start(self, contacts):
         return jnp.array(0)
@@ -128,6 +138,9 @@ class Precession(AbstractObservable):
     """
 
     needs_contact: ClassVar[bool] = False
+
+    def check(self, steps, contacts):
+        del steps, contacts
 
     def start(self, contacts):
         zero = jnp.array(0.0)
@@ -171,6 +184,9 @@ class Radius(AbstractObservable):
 
     needs_contact: ClassVar[bool] = False
 
+    def check(self, steps, contacts):
+        del steps, contacts
+
     def start(self, contacts):
         return jnp.inf + jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
 
@@ -198,13 +214,16 @@ class Contact(AbstractObservable):
 
     needs_contact: ClassVar[bool] = True
 
+    def check(self, steps, contacts):
+        if not contacts:
+            raise ValueError("`Contact` observes limiters, but the scene has none.")
+
     def start(self, contacts):
         return jnp.zeros(contacts), jnp.zeros(contacts)
 
     def update(self, carry, turn: Turn):
-        if turn.contact_force is None:
-            raise ValueError("`Contact` observes limiters, but the scene has none.")
         duty, peak = carry
+        assert turn.contact_force is not None, "checked before the run"
         force = jnp.abs(turn.contact_force[1:])
         return (duty + jnp.mean(force > 0, axis=0), jnp.maximum(peak, force.max(axis=0))), None
 
@@ -226,16 +245,17 @@ class WhirlSpectrum(AbstractObservable):
     needs_contact: ClassVar[bool] = False
     samples: int = eqx.field(default=32, static=True)
 
-    def start(self, contacts):
-        return None
-
-    def update(self, carry, turn: Turn):
-        steps = turn.z.size - 1
+    def check(self, steps, contacts):
         if steps % self.samples:
             raise ValueError(
                 f"`steps_per_revolution` must be a multiple of WhirlSpectrum's `samples` = "
                 f"{self.samples}, but is {steps}."
             )
+
+    def start(self, contacts):
+        return None
+
+    def update(self, carry, turn: Turn):
         share = turn.turned().reshape(self.samples, -1).sum(axis=1)
         return carry, turn.s * share * self.samples / (2 * jnp.pi)
 

@@ -6,7 +6,8 @@ import importlib.metadata
 import itertools
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -17,6 +18,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from .effects.base import AbstractContact
 from .files import dumps
 from .march import March, Plan
 from .observe import AbstractObservable, Turn, Variable, everything
@@ -51,7 +53,7 @@ def sweep(
     controller: dfx.AbstractStepSizeController | None = None,
     at: float | Any | None = None,
     period: float | None = None,
-    lanes_per_chunk: int = 128,
+    lanes_per_chunk: int | None = None,
     workers: int | None = None,
     progress: bool | None = None,
     max_steps: int = 4096,
@@ -71,7 +73,7 @@ def sweep(
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
-        lanes_per_chunk: trajectories compiled as one program.
+        lanes_per_chunk: trajectories run as one program, by default 128 (16384 on an accelerator).
         workers: chunks run at once, by default one a core (one on an accelerator).
         progress: whether to show a progress bar; by default on a terminal.
         max_steps: as in `simulate`.
@@ -80,11 +82,17 @@ def sweep(
         Dataset over the swept paths. `status` says of every lane whether it succeeded; a failed
         lane is kept and flagged. Attributes hold the scene and all settings.
     """
-    check_counts(keep=keep, steps_per_revolution=steps_per_revolution, lanes=lanes_per_chunk)
+    if lanes_per_chunk is None:  # on a core, more no longer fit the cache
+        lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
+    check_counts(
+        keep=keep, steps_per_revolution=steps_per_revolution, lanes_per_chunk=lanes_per_chunk
+    )
     if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
         raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
     start = AtRest() if start is None else start
     observe = everything() if observe is None else tuple(observe)
+    for one in observe:
+        one.check(steps_per_revolution, len(scene.of(AbstractContact)))
     axes = _axes(scene, start, over, period)
     station = scene.stations(at)[0]
     if "spin.speed" not in axes:
@@ -105,7 +113,8 @@ def sweep(
     context = _Context(scene, start, tuple(axes), plan, station, period, observe, settle, keep)
     total = len(chunks) * (settle + keep)
     with _progress(progress, total, f"{len(points)} lanes") as tick:
-        results = _spread(lambda points: _run_chunk(context, points, size, tick), chunks, workers)
+        run = lambda points, tick: _run_chunk(context, points, size, tick)
+        results = _spread(run, chunks, workers, tick)
     return _dataset(context, axes, results)
 
 
@@ -253,7 +262,8 @@ def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"
 
 
 def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[March, np.ndarray]:
-    lanes = [jax.device_get(_build(context, plan, point)) for point in points]
+    with jax.default_device(jax.local_devices(backend="cpu")[0]):  # of small matrices, one by one
+        lanes = [jax.device_get(_build(context, plan, point)) for point in points]
     return jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
 
 
@@ -297,15 +307,23 @@ def _keep(observe, shared: March, own: March, y, carry, number, count: int, revo
 # === many chunks
 
 
-def _spread(run, chunks: list, workers: int) -> list:
+def _spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
     """Chunks over threads: a compiled program runs outside the interpreter's lock."""
+    stop = threading.Event()
+
+    def tick_or_stop(revolutions: int) -> None:
+        if stop.is_set():
+            raise concurrent.futures.CancelledError
+        tick(revolutions)
+
     if workers == 1 or len(chunks) == 1:
-        return [run(chunk) for chunk in chunks]
+        return [run(chunk, tick) for chunk in chunks]
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(run, chunk) for chunk in chunks]
+        futures = [pool.submit(run, chunk, tick_or_stop) for chunk in chunks]
         try:
             return [future.result() for future in futures]
-        except BaseException:
+        except BaseException:  # Ctrl-C too: running chunks end with their segment
+            stop.set()
             for future in futures:
                 future.cancel()
             raise

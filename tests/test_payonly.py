@@ -1,19 +1,17 @@
 """Pay only for what is drawn: size of the compiled equations, absence, retracing, closed forms."""
 
-import contextlib
 import dataclasses
 
+import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax._src import monitoring
 from systems import DIAMETRAL, EFFECTS, LENGTH, MASS, STRENGTHS, TIME, bare, limiter_rotor
 
 import jaxrotor as jr
 from jaxrotor import (
-    AtRest,
     Disc,
     ExternalDamping,
     Gravity,
@@ -23,6 +21,7 @@ from jaxrotor import (
     Whirl,
     assemble,
 )
+from jaxrotor.march import March, Plan
 from jaxrotor.motion import Motion
 
 
@@ -151,20 +150,10 @@ def test_zero_strength_equals_absence(effect):
 # === values never retrace
 
 
-@contextlib.contextmanager
-def compilations():
-    """Names of the events of tracing and compiling while the block runs."""
-    found = []
-
-    def listen(event, seconds, **_):
-        if event.startswith("/jax/core/compile"):
-            found.append(event)
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    try:
-        yield found
-    finally:
-        monitoring._unregister_event_duration_listener_by_callback(listen)
+TRACED = []  # events of tracing and compiling
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, *_, **__: TRACED.append(event) if event.startswith("/jax/core/compile") else None
+)
 
 
 def other_values(scene):
@@ -191,17 +180,17 @@ def test_changing_values_never_retraces(use):
     once, again = other_values(scene), other_values(other_values(scene))
     USES[use](scene)
     first = np.asarray(jax.tree.leaves(USES[use](once))[0])
-    with compilations() as found:
-        second = USES[use](again)
-    assert not found
+    TRACED.clear()
+    second = USES[use](again)
+    assert not TRACED
     assert not np.allclose(first, np.asarray(jax.tree.leaves(second)[0]), rtol=1e-6, atol=0)
 
 
 def test_new_structure_does_compile():
-    """The counter above counts."""
-    with compilations() as found:
-        jax.jit(lambda x: jnp.sin(x) + 2.71828)(jnp.zeros(7))
-    assert found
+    """The list above fills."""
+    TRACED.clear()
+    jax.jit(lambda x: jnp.sin(x) + 2.71828)(jnp.zeros(7))
+    assert TRACED
 
 
 # === linear scenes have no time loop
@@ -209,10 +198,6 @@ def test_new_structure_does_compile():
 
 @pytest.mark.parametrize("basis", ["modal", "dense"])
 def test_linear_scene_skips_in_closed_form(basis):
-    import diffrax as dfx
-
-    from jaxrotor.march import March, Plan
-
     fields = {field.name for field in dataclasses.fields(Plan)}
     settings = {
         "solver": jr.Exponential(basis=basis),
@@ -232,14 +217,7 @@ def test_linear_scene_skips_in_closed_form(basis):
             march = March.build(scene, Plan(**settings), scene.spin.speed, jnp.array([LENGTH]))
             return march.skip(y, revolutions)[0]
 
-        y = jnp.zeros(4 * 8)
-        before = jax.make_jaxpr(lambda s: begin(s))(scene).jaxpr
-        del before
-        return list(primitives(eqx.filter_make_jaxpr(skip)(scene, y)[0].jaxpr))
-
-    def begin(scene):
-        march = March.build(scene, Plan(**settings), scene.spin.speed, jnp.array([LENGTH]))
-        return march.begin(AtRest(), jnp.asarray(LENGTH))
+        return list(primitives(eqx.filter_make_jaxpr(skip)(scene, jnp.zeros(4 * 8))[0].jaxpr))
 
     few, many = names(3), names(3000)
     assert "scan" not in many and "while" not in many

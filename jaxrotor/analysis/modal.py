@@ -31,7 +31,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
         count: how many of the slowest to return, by default all `2 n`.
 
     Returns:
-        Roots [rad/s] by rising whirl speed; of a pair, forward first. Differentiable where simple.
+        Roots [rad/s] by rising magnitude; of a pair, forward first. Differentiable where simple.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact.
     """
@@ -64,7 +64,7 @@ def _values(system: System) -> Complex[Array, " n2"]:
 
 
 def _order(values: Complex[Array, " m"]) -> Array:
-    return jnp.argsort(jnp.abs(values.imag) * (1 + 1e-9 * (values.imag < 0)))
+    return jnp.argsort(jnp.abs(values) * (1 + 1e-9 * (values.imag < 0)))
 
 
 def reference_rate(system: System) -> Scalar:

@@ -45,19 +45,16 @@ def onset_speed(
     rising = (growth[:-1] <= 0) & (growth[1:] > 0)
     marginal = jnp.max(jnp.abs(growth[: samples // 4])) < 1e-9 * scale
     refusals = [
-        (marginal, "The rotor has no damping: it is neither stable nor unstable at any speed."),
-        (growth[0] > 1e-9 * scale, "The rotor is unstable from the lowest speed searched on."),
-        (
-            ~jnp.any(rising),
-            "The rotor keeps its stability over the speeds searched; widen `within`.",
-        ),
+        (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
+        (growth[0] > 1e-9 * scale, "The rotor is unstable already at the lowest speed,"),
+        (~jnp.any(rising), "The rotor never loses its stability; search a wider range than"),
     ]
     for wrong, sentence in refusals:
         if known(wrong):
             if bool(wrong):
-                raise ValueError(f"{sentence} Searched {speeds[0]:g} to {speeds[-1]:g} rad/s.")
+                raise ValueError(f"{sentence} from {speeds[0]:g} to {speeds[-1]:g} rad/s.")
         else:
-            speeds = eqx.error_if(speeds, wrong, sentence)
+            speeds = eqx.error_if(speeds, wrong, f"{sentence} the speeds searched.")
     first = jnp.argmax(rising)
     return _refine(scene, speeds[first], speeds[first + 1])
 

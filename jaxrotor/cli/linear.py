@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from ..analysis import Onset, onset_speed, roots as roots_of
-from ..files import quantity
+from ..units import quantity
 from . import answer
 from .options import MOST, AsJson, SceneName, Settings, scene_with
 

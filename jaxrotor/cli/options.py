@@ -5,9 +5,10 @@ from typing import Annotated, Any
 
 import typer
 
-from ..files import START, load, quantity
+from ..files import START, load
 from ..scene import Scene
 from ..start import AbstractStart, AtRest, Whirl
+from ..units import quantity
 
 
 MOST = 10_000_000  # of any count: a greater one is a slip

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import onset_speed, roots as roots_of
+from ..analysis import onset_speed, roots
 from ..files import shipped
 from ..scene import Scene
-from ..system import assemble
 from . import answer
 from .linear import described_onset, marginal
 from .options import AsJson, SceneName, Settings, scene_with
@@ -37,9 +36,10 @@ def show(scene: SceneName, settings: Settings = None, as_json: AsJson = False) -
     """
     rotor = scene_with(scene, settings)
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
-    coordinates = assemble(rotor).n
-    still, _ = _whirl(rotor.replace({"spin.speed": 0.0}))
-    forward, backward = _whirl(rotor)
+    values = np.asarray(roots(rotor))
+    coordinates = values.size // 2
+    still, _ = _whirl(np.asarray(roots(rotor.replace({"spin.speed": 0.0}))))
+    forward, backward = _whirl(values)
     try:
         onset, why = described_onset(onset_speed(rotor)), ""
     except ValueError as error:
@@ -79,9 +79,8 @@ def _value(scene: Scene, path: str) -> float | list[float] | None:
         return None
 
 
-def _whirl(scene: Scene) -> tuple[list[float], list[float]]:
+def _whirl(values: Any) -> tuple[list[float], list[float]]:
     """First forward and backward whirl frequencies [rad/s]."""
-    values: Any = np.asarray(roots_of(scene))
     whirling = values.imag[~marginal(values.imag, values)]
     return (
         whirling[whirling > 0][:_SHOWN].tolist(),

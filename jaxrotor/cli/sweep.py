@@ -184,7 +184,12 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
 
     if len(swept) != 1:
         return
-    draw(folder / "bifurcation.png", lambda axes: plot.bifurcation(dataset, axes), 170, 110, rows=2)
+    size = min(max(150 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
+
+    def bifurcation(axes):
+        plot.bifurcation(dataset, axes, size=size)
+
+    draw(folder / "bifurcation.png", bifurcation, 170, 110, rows=2)
     if "spectrum" in dataset and swept == ["spin.speed"]:
         draw(folder / "waterfall.png", lambda ax: plot.waterfall(dataset, ax), 120, 85)
 

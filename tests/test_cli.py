@@ -1,0 +1,450 @@
+"""Command line: the numbers it prints, the files it leaves, and one sentence for every slip."""
+
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import types
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import jaxrotor as jr
+from jaxrotor.cli import app, main
+from jaxrotor.cli.answer import _plain
+
+
+LENGTH, TIME, SPEED = 0.7, 0.022646559709295068, 662.3522597934992  # l, T*, N = 15
+SMALL = ["--over", "unbalance.eccentricity=0:1e-3:4", "--settle", "5", "--keep", "5"]
+SMALL += ["--steps", "64"]
+
+
+def call(*args, code=0):
+    result = CliRunner().invoke(app, [str(a) for a in args])
+    assert result.exit_code == code, (result.stdout, result.stderr, result.exception)
+    return result
+
+
+def answered(*args):
+    """JSON of a command; NaN and Infinity, which are no JSON, are refused."""
+    result = call(*args, "--json")
+    assert not result.stderr
+    return json.loads(result.stdout, parse_constant=lambda text: pytest.fail(text))
+
+
+def refused(*args):
+    result = call(*args, code=2)
+    assert not result.stdout
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1 and lines[0].endswith("."), result.stderr
+    return lines[0]
+
+
+def everything_below(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+# === looking at scenes
+
+
+def test_scenes():
+    assert answered("scenes")["scenes"] == [{"name": n, "title": t} for n, t in jr.shipped()]
+    assert "limiter-rotor-2023" in call("scenes").stdout
+
+
+@pytest.fixture
+def quick_onset(monkeypatch):
+    """An onset search that costs no compilation; `test_onset` runs the true one."""
+    module = importlib.import_module("jaxrotor.cli.scenes")
+    monkeypatch.setattr(module, "onset_speed", lambda scene: jr.Onset(600.0, 76.0))
+    return monkeypatch, module
+
+
+def test_show(quick_onset):
+    shown = answered("show", "limiter-rotor", "--set", "disc.mass=3kg")
+    assert shown["parameters"]["disc.mass"] == {"value": 3.0, "unit": "kg"}
+    assert shown["parameters"]["limiters.angle"]["value"] == pytest.approx(
+        [np.pi / 3, np.pi, 5 * np.pi / 3]
+    )
+    assert shown["parameters"]["limiters.blend"] == {"value": None, "unit": "m"}
+    assert shown["coordinates"] == 8 and shown["onset"]["speed"] == 600.0
+    text = call("show", "limiter-rotor").stdout
+    assert "unbalance.eccentricity" in text and "at 600 rad/s" in text
+    whirl = answered("show", "limiter-rotor")["whirl_frequencies"]
+    assert whirl["standstill"][0] == pytest.approx(1.59636651 / TIME, rel=1e-7)
+    assert whirl["forward"][0] == pytest.approx(1.74308955 / TIME, rel=1e-7)
+    assert whirl["backward"][0] == pytest.approx(1.45302933 / TIME, rel=1e-7)
+
+
+def test_show_says_why_there_is_no_onset(quick_onset):
+    monkeypatch, module = quick_onset
+
+    def none(scene):
+        raise ValueError("The rotor has no damping.")
+
+    monkeypatch.setattr(module, "onset_speed", none)
+    shown = answered("show", "limiter-rotor")
+    assert shown["onset"] is None and shown["no_onset"] == "The rotor has no damping."
+    assert "no damping" in call("show", "limiter-rotor").stdout
+
+
+def test_roots():
+    shown = answered("roots", "limiter-rotor", "--count", "2")
+    values = [complex(r["root"]["re"], r["root"]["im"]) * TIME for r in shown["roots"]]
+    assert values == pytest.approx([-0.23335496 - 1.45302933j, 0.00912266 + 1.74308955j], abs=2e-8)
+    assert [r["direction"] for r in shown["roots"]] == ["backward", "forward"]
+    assert [r["stability"] for r in shown["roots"]] == ["stable", "unstable"]
+    one = shown["roots"][0]
+    assert one["frequency_hz"] == pytest.approx(1.45302933 / TIME / (2 * np.pi), rel=1e-7)
+    assert one["damping_ratio"] == pytest.approx(0.23335496 / abs(values[0]), rel=1e-7)
+
+
+def test_speed_takes_units():
+    rpm = 20 / TIME * 30 / np.pi  # N = 20
+    for given in (["--speed", f"{rpm!r} rpm"], ["--set", f"spin.speed={20 / TIME!r}"]):
+        shown = answered("roots", "limiter-rotor", "--count", "2", *given)
+        forward = [r["root"] for r in shown["roots"] if r["direction"] == "forward"][0]
+        assert forward["re"] * TIME == pytest.approx(0.05094682, abs=2e-8)
+        assert forward["im"] * TIME == pytest.approx(1.79197492, abs=2e-8)
+    assert "unstable" in call("roots", "limiter-rotor", *given).stdout
+
+
+def test_onset():
+    shown = answered("onset", "limiter-rotor", "--from", "100", "--to", "8000rpm")
+    assert shown["speed"] * TIME == pytest.approx(13.9041252, rel=1e-7)
+    assert shown["whirl_frequency"] * TIME == pytest.approx(1.7323570, rel=1e-7)
+    assert shown["rpm"] == pytest.approx(shown["speed"] * 30 / np.pi)
+    assert "613.9619" in call("onset", "limiter-rotor", "--from", "100", "--to", "8000rpm").stdout
+    assert "stability" in refused("onset", "limiter-rotor", "--from", "1", "--to", "100")
+
+
+# === simulate
+
+
+def test_simulate(place):
+    run = ["simulate", "limiter-rotor", "--revolutions", 8, "--keep", 5, "--steps", 64]
+    run += ["--start-radius", "8.4 mm", "--start-rate", -10 / TIME]
+    shown = answered(*run, "--out", "run")
+    scene = jr.load("limiter-rotor")
+    own = jr.simulate(scene, 8, 64, keep=5, start=jr.Whirl(0.012 * LENGTH, -10 / TIME))
+    radius = np.abs(np.asarray(own.displacement))[1:, 0]
+    assert shown["radius_min"] == radius.min() and shown["radius_max"] == radius.max()
+    assert -0.7 < shown["index"] < -0.4 and len(shown["contacts"]) == 3
+    assert all(0 < one["duty"] < 1 and one["peak_force"] > 0 for one in shown["contacts"])
+    names = ["history.png", "orbit.png", "response.zarr"]
+    assert sorted(os.listdir("run")) == names
+    assert sorted(shown["written"]) == [os.path.join("run", name) for name in names]
+    with xr.open_zarr("run/response.zarr") as data:
+        assert data.displacement.attrs["units"] == "m" and data.axis.values.tolist() == ["x", "y"]
+        z = data.displacement.sel(axis="x") + 1j * data.displacement.sel(axis="y")
+        np.testing.assert_array_equal(z.values, np.asarray(own.displacement))
+        assert data.contact_force.dims == ("time", "limiter", "axis")
+        again = jr.loads(data.attrs["scene"])
+    assert float(again.spin.speed) == SPEED
+    assert "--overwrite" in refused(*run, "--out", "run")
+
+
+def test_simulate_at_rest_has_no_index(place):
+    args = ["limiter-rotor", "--revolutions", 2, "--steps", 16, "--start-radius", 0]
+    assert "undefined" in call("simulate", *args).stdout
+    assert everything_below(place) == []  # nothing is written without --out
+
+
+# === sweep
+
+
+def test_sweep(place):
+    shown = answered("sweep", "limiter-rotor", *SMALL, "--spectrum", "--out", "a/b")
+    assert sorted(os.listdir("a/b")) == ["bifurcation.png", "sweep.zarr"]
+    assert shown["lanes"] == 4 and shown["forward"] + shown["backward"] == 4
+    assert shown["failed"] == shown["undefined"] == 0
+    assert (shown["settle"], shown["keep"], shown["steps_per_revolution"]) == (5, 5, 64)
+    results = shown["results"]
+    assert results["over"]["unbalance.eccentricity"] == {
+        "units": "m",
+        "values": np.linspace(0, 1e-3, 4).tolist(),
+    }
+    assert shown["index_max"] == max(results["index"]) and results["status"] == [0] * 4
+    with xr.open_zarr("a/b/sweep.zarr") as data:
+        assert data["index"].values.tolist() == results["index"]
+        assert {"section", "extrema", "duty", "peak_force", "spectrum"} <= set(data.data_vars)
+        assert data.attrs["steps_per_revolution"] == 64
+        start = data.attrs["start"]
+    assert "0.0007" in start  # from the scene file
+    with open("a/b/bifurcation.png", "rb") as picture:
+        assert picture.read(8) == b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    """Replace the run of a sweep by `fake(how)`, and count the calls."""
+    module = importlib.import_module("jaxrotor.cli.sweep")
+    seen = types.SimpleNamespace(calls=[], set=None)
+
+    def replace(how):
+        def run(scene, axes, **options):
+            seen.calls.append((scene, axes, options))
+            return how(axes)
+
+        monkeypatch.setattr(module, "run", run)
+        return seen
+
+    return replace
+
+
+def lanes(axes, index=None, spectrum=False):
+    """Dataset as of a sweep; the index falls from 1 to -1 over the lanes."""
+    dims = tuple(axes)
+    shape = tuple(len(v) for v in axes.values())
+    if index is None:
+        index = np.linspace(1, -1, int(np.prod(shape))).reshape(shape)
+    variables = {
+        "index": (dims, index),
+        "status": (dims, np.where(np.isnan(index), 2, 0).astype(np.int8)),
+        "extrema": ((*dims, "revolution", "extremum"), np.zeros((*shape, 3, 2))),
+    }
+    coords = {path: (path, values, {"units": "m"}) for path, values in axes.items()}
+    if spectrum:
+        variables["spectrum"] = ((*dims, "frequency"), np.ones((*shape, 9)))
+        coords["frequency"] = ("frequency", np.arange(9.0))
+    return xr.Dataset(variables, coords, {"solver": "none"})
+
+
+def test_sweep_takes_what_to_do_from_the_scene_file(fake):
+    seen = fake(lanes)
+    text = call("sweep", "limiter-rotor").stdout
+    ((_, axes, options),) = seen.calls
+    study = jr.study("limiter-rotor")
+    assert list(axes) == ["unbalance.eccentricity"]
+    assert (
+        axes["unbalance.eccentricity"].tolist() == study["over"]["unbalance.eccentricity"].tolist()
+    )
+    counts = [options[name] for name in ("settle", "keep", "steps_per_revolution")]
+    assert counts == [1000, 300, 256] and float(options["start"].radius) == 7e-4
+    assert [type(one).__name__ for one in options["observe"]] == [
+        "Section",
+        "Extrema",
+        "Precession",
+        "Radius",
+        "Contact",
+    ]
+    assert "forward whirl" in text and "72" in text and "sweep.zarr" in text
+    assert os.listdir("runs/limiter-rotor-sweep")
+
+
+def test_sweep_options(fake):
+    seen = fake(lanes)
+    over = ["--over", "spin.speed=600rpm,1200rpm", "--over", "start.radius=1mm:3mm:3"]
+    more = ["--settle", 0, "--order", 4, "--workers", 1, "--at", "70 cm", "--start-rate", "-5"]
+    call("sweep", "limiter-rotor", *over, *more, "--out", "out")
+    ((_, axes, options),) = seen.calls
+    assert axes["spin.speed"] == pytest.approx([20 * np.pi, 40 * np.pi])
+    assert axes["start.radius"].tolist() == [1e-3, 2e-3, 3e-3]
+    assert options["settle"] == 0 and options["solver"].order == 4 and options["workers"] == 1
+    assert options["at"] == 0.7 and float(options["start"].rate) == -5.0
+    assert os.listdir("out") == ["sweep.zarr"]  # no diagram over two parameters
+
+
+def test_waterfall(fake):
+    fake(lambda axes: lanes(axes, spectrum=True))
+    call("sweep", "limiter-rotor", "--over", "spin.speed=600:700:3", "--spectrum", "--out", "out")
+    assert sorted(os.listdir("out")) == ["bifurcation.png", "sweep.zarr", "waterfall.png"]
+
+
+def test_undefined_lanes_are_null(fake):
+    fake(lambda axes: lanes(axes, index=np.full(2, np.nan)))
+    run = ["sweep", "limiter-rotor", "--over", "disc.mass=2,3"]
+    shown = answered(*run)
+    assert shown["undefined"] == 2 and shown["index_min"] is None
+    assert shown["results"]["index"] == [None, None]
+    assert "undefined" in call(*run, "--overwrite").stdout
+
+
+def test_a_picture_that_fails_does_not_cost_the_data(fake):
+    fake(lambda axes: lanes(axes).drop_vars("extrema"))
+    result = call("sweep", "limiter-rotor", "--out", "out")
+    assert os.listdir("out") == ["sweep.zarr"] and "not drawn" in result.stderr
+
+
+def test_overwrite_replaces_its_own_files_only(fake, place):
+    seen = fake(lambda axes: lanes(axes, spectrum=True))
+    (place / "out").mkdir()
+    (place / "out" / "notes.txt").write_text("mine")
+    run = ["sweep", "limiter-rotor", "--over", "spin.speed=600:700:3", "--spectrum", "--out", "out"]
+    call(*run)
+    sentence = refused(*run)
+    assert "exists already" in sentence and "--overwrite" in sentence and len(seen.calls) == 1
+    fake(lambda axes: lanes(axes, index=np.zeros(3)))
+    call(*run, "--overwrite")
+    assert sorted(os.listdir("out")) == ["bifurcation.png", "notes.txt", "sweep.zarr"]
+    with xr.open_zarr("out/sweep.zarr") as data:
+        assert (data["index"] == 0).all()
+    assert (place / "out" / "notes.txt").read_text() == "mine"
+
+
+def broken(error):
+    def how(axes):
+        raise error
+
+    return how
+
+
+@pytest.mark.parametrize(
+    "error, code, said",
+    [
+        (KeyboardInterrupt(), 130, "Interrupted; nothing was written."),
+        (RuntimeError("It did not converge.\n\nPages about jax."), 2, "It did not converge."),
+        (OSError(28, "No space left on device"), 2, "No space left on device"),
+    ],
+)
+def test_nothing_half_written(fake, place, error, code, said):
+    fake(broken(error))
+    result = call("sweep", "limiter-rotor", "--out", "a/b", code=code)
+    assert said in result.stderr and len(result.stderr.splitlines()) == 1 and not result.stdout
+    assert everything_below(place) == []
+    fake(lanes)
+    call("sweep", "limiter-rotor", "--out", "a/b")
+    before = everything_below(place)
+    fake(broken(error))
+    call("sweep", "limiter-rotor", "--out", "a/b", "--overwrite", code=code)
+    assert everything_below(place) == before
+
+
+def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
+    output = importlib.import_module("jaxrotor.cli.output")
+    fake(lanes)
+    call("sweep", "limiter-rotor", "--out", "out")
+    before = everything_below(place)
+    real = output.Path.rename
+
+    def rename(self, target):
+        if self.name == "sweep.zarr" and self.parent.name.startswith(".draft-"):
+            raise OSError(5, "Input/output error")
+        return real(self, target)
+
+    monkeypatch.setattr(output.Path, "rename", rename)
+    sentence = refused("sweep", "limiter-rotor", "--out", "out", "--overwrite")
+    assert "Input/output error" in sentence and everything_below(place) == before
+
+
+# === slips
+
+
+@pytest.mark.parametrize(
+    "args, said",
+    [
+        (["show", "limiter-rottor"], "did you mean `limiter-rotor`"),
+        (["roots", "limiter-rotor", "--set", "spin.sped=1"], "did you mean `spin.speed`"),
+        (["roots", "limiter-rotor", "--set", "spin.speed"], "must be path=value"),
+        (["roots", "limiter-rotor", "--set", "spin.speed=7 mm"], "write rpm or rad/s"),
+        (["roots", "limiter-rotor", "--set", "disc.mass=-1"], "must not be negative"),
+        (["roots", "limiter-rotor", "--set", "disc.at=2"], "off the shaft"),
+        (["roots", "limiter-rotor", "--set", "disc.mass=nan"], "must be in kg"),
+        (["roots", "limiter-rotor", "--speed", "fast"], "--speed must be in rad/s"),
+        (["onset", "limiter-rotor", "--from", "5"], "add --to"),
+        (["onset", "limiter-rotor", "--from", "5", "--to", "4"], "must be above"),
+        (["simulate", "limiter-rotor", "--start-radius", "-1 mm"], "must not be negative"),
+        (["simulate", "limiter-rotor", "--start-radius", "1 kg"], "--start-radius must be in m"),
+        (["simulate", "limiter-rotor", "--keep", "200"], "must not exceed"),
+        (["simulate", "limiter-rotor", "--at", "2 m"], "on the shaft"),
+        (["simulate", "limiter-rotor", "--set", "spin.speed=0"], "`period`"),
+        (["sweep", "limiter-rotor", "--over", "spin.speed=1:2"], "start : stop : count"),
+        (["sweep", "limiter-rotor", "--over", "spin.speed=1:2:1"], "count from 2"),
+        (["sweep", "limiter-rotor", "--over", "spin.speed=a:2:3"], "must be in rad/s"),
+        (["sweep", "limiter-rotor", "--over", "disc.mass=-1:2:3"], "must not be negative"),
+        (["sweep", "limiter-rotor", "--over", "discs=1:2:3"], "no parameter"),
+        (["sweep", "limiter-rotor", "--over", "start.speed=1:2:3"], "no parameter"),
+        (["sweep", "limiter-rotor", "--spectrum", "--steps", "50"], "multiple of 32"),
+    ],
+)
+def test_one_sentence(place, args, said):
+    assert said in refused(*args)
+    assert everything_below(place) == []
+
+
+def test_a_scene_without_a_sweep_table(place, fake):
+    jr.save(jr.load("limiter-rotor"), "plain.toml")
+    assert "--over" in refused("sweep", "plain.toml")
+    assert "--start-radius" in refused("simulate", "plain.toml", "--start-rate", "5")
+    seen = fake(lanes)
+    call("sweep", "plain.toml", "--over", "start.radius=0:1mm:2")
+    assert seen.calls[0][2]["settle"] == 1000 and type(seen.calls[0][2]["start"]) is jr.Whirl
+    call("sweep", "plain.toml", "--over", "disc.mass=2,3", "--out", "out")
+    assert type(seen.calls[1][2]["start"]) is jr.AtRest
+    assert os.listdir("runs") == ["plain-sweep"]
+
+
+def test_out_that_is_a_file(place):
+    (place / "out").write_text("mine")
+    sentence = refused("sweep", "limiter-rotor", "--out", "out")
+    assert "cannot be written" in sentence and (place / "out").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "args",
+    [["nonsense"], ["sweep"], ["roots", "x", "--count", "0"], ["sweep", "x", "--order", "3"]],
+)
+def test_usage_errors(args):
+    result = call(*args, code=2)
+    assert not result.stdout and "Traceback" not in result.stderr
+
+
+def test_debug_shows_where():
+    result = CliRunner().invoke(app, ["--debug", "show", "nowhere"])
+    assert isinstance(result.exception, jr.SceneError)
+
+
+def test_json_is_valid():
+    values = {
+        "a": np.float64("nan"),
+        "b": np.array([1 + 2j, np.inf]),
+        "c": np.int8(3),
+        "d": (True,),
+    }
+    assert _plain(values) == {
+        "a": None,
+        "b": [{"re": 1.0, "im": 2.0}, {"re": None, "im": 0.0}],
+        "c": 3,
+        "d": [True],
+    }
+
+
+@pytest.mark.parametrize("command", ["", "scenes", "show", "roots", "onset", "simulate", "sweep"])
+def test_help(command):
+    text = call(*filter(None, [command]), "--help").stdout
+    assert "Usage" in text and (command in ("", "scenes") or f"jaxrotor {command} limiter" in text)
+
+
+# === as a program
+
+
+def test_program(place):
+    run = [sys.executable, "-m", "jaxrotor", "show", "limiter-rottor"]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and not done.stdout
+    assert len(done.stderr.splitlines()) == 1 and "limiter-rottor" in done.stderr
+    assert callable(main)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_ctrl_c(place):
+    run = [sys.executable, "-m", "jaxrotor", "sweep", "limiter-rotor", "--settle", "1000000"]
+    process = subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not (place / "runs").exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and not out
+    assert err == "Interrupted; nothing was written.\n" and everything_below(place) == []

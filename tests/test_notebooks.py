@@ -1,0 +1,103 @@
+"""Notebooks: each runs from top to bottom, draws its figures, and finds the numbers it shows."""
+
+import base64
+import json
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+DRAWS = re.compile(r"\bplot\.\w+\(|\bplt\.subplots\(")
+PNG = b"\x89PNG\r\n\x1a\n"
+
+# Notebook -> number in the JSON its last cell prints -> (value, tolerance). The values are those of
+# the source's independent computation; tolerances cover 512 steps a revolution and short runs.
+FOUND = {
+    "01_limiter_rotor": {
+        "kappa": (849.94257, 1e-4),
+        "onset N, right sign": (13.9041251, 1e-6),
+        "onset whirl, right sign": (1.7323570, 1e-6),
+        "onset N, reversed sign, continuous": (14.2586142, 1e-6),
+        "onset whirl, reversed sign, continuous": (1.4602310, 1e-6),
+        "a', sign of 2023": (-0.024, 1e-3),
+        "b', sign of 2023": (1.58, 5e-3),
+        "forward index, sign of 2023": (0.097, 3e-3),
+        "rub, sign of 2023": (-0.931369, 1e-4),
+        "rub peak per T*, sign of 2023": (6.6686, 7e-3),
+        "rub, reversed sign, continuous": (-0.918395, 1e-4),
+        "rub, right sign": (-0.567622, 1e-4),
+        "rub radius max, right sign": (0.0145980, 5e-6),
+        "rub at eps 0.00082, right sign": (-0.5, 1e-4),
+        "whip, right sign": (-1.5130, 5e-4),
+    },
+}
+
+
+@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
+def executed(request, tmp_path_factory):
+    """Name and code cells of a notebook that ran in a folder of its own, in its quick version."""
+    notebook = nbformat.read(request.param, as_version=4)
+    folder = tmp_path_factory.mktemp(request.param.stem)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JAXROTOR_QUICK", "1")
+        patch.delenv("MPLBACKEND", raising=False)  # the kernel's own draws into the notebook
+        resources = {"metadata": {"path": str(folder)}}
+        NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
+    return request.param.stem, code_cells(notebook)
+
+
+def code_cells(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def pictures(cell):
+    data = (output.get("data", {}) for output in cell.outputs)
+    return [base64.b64decode(one["image/png"]) for one in data if "image/png" in one]
+
+
+def streams(cells, name):
+    outputs = (output for cell in cells for output in cell.outputs)
+    return [one["text"] for one in outputs if one.output_type == "stream" and one["name"] == name]
+
+
+@pytest.mark.slow
+def test_runs_without_error_or_warning(executed):
+    _, cells = executed
+    assert not [one for cell in cells for one in cell.outputs if one.output_type == "error"]
+    assert streams(cells, "stderr") == []
+
+
+@pytest.mark.slow
+def test_every_figure_cell_draws(executed):
+    _, cells = executed
+    drawing = [cell for cell in cells if DRAWS.search(cell.source)]
+    assert drawing
+    for cell in drawing:
+        assert len(pictures(cell)) == 1, cell.source
+        assert pictures(cell)[0].startswith(PNG)
+
+
+@pytest.mark.slow
+def test_finds_the_numbers_of_the_source(executed):
+    name, cells = executed
+    if name not in FOUND:
+        pytest.skip(f"no numbers to check in {name}")
+    found = json.loads(streams(cells, "stdout")[-1])
+    wrong = {
+        key: (found[key], value)
+        for key, (value, tolerance) in FOUND[name].items()
+        if not abs(found[key] - value) <= tolerance
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_is_committed_with_its_outputs(path):
+    cells = code_cells(nbformat.read(path, as_version=4))
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    assert all(pictures(cell) for cell in cells if DRAWS.search(cell.source))
+    assert path.stat().st_size < 1.5e6

@@ -1,0 +1,252 @@
+"""Sweeps against loops of single runs, observables against what they should see."""
+
+import contextlib
+import io
+import itertools
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrotor as jr
+from jaxrotor.observe import Turn
+
+
+LENGTH, UNIT = 0.7, 0.022646559709295067
+ROTOR = jr.load("limiter-rotor")
+SPEED = float(ROTOR.get("spin.speed"))
+RUB = jr.Whirl(0.012 * LENGTH, -10 / UNIT)
+SHORT = {"settle": 3, "keep": 2, "steps_per_revolution": 64, "progress": False}
+
+
+def whirl_rate(z: np.ndarray, steps: int) -> float:
+    turned = np.angle(z[1:] * z[:-1].conj()) * steps / (2 * np.pi)
+    u = (np.arange(turned.size) + 0.5) / turned.size
+    weight = np.exp(-1 / (u * (1 - u)))
+    return float((turned * weight).sum() / weight.sum())
+
+
+# === lanes
+
+
+@pytest.mark.parametrize(
+    "over",
+    [
+        {"unbalance.eccentricity": [1e-4, 5e-4], "spin.speed": [SPEED, 0.6 * SPEED]},
+        {"start.radius": [1e-3, 8.4e-3, 2e-2], "limiters.friction": [0.0, 0.3]},
+    ],
+    ids=["speed", "start"],
+)
+def test_sweep_is_a_loop_of_simulations(over):
+    observe = (*jr.observe.everything(), jr.observe.Contact())
+    ds = jr.sweep(ROTOR, over, start=RUB, observe=observe, **SHORT)
+    assert ds.index.dims == tuple(over)
+    for point in itertools.product(*(range(len(v)) for v in over.values())):
+        values = {path: over[path][i] for path, i in zip(over, point, strict=True)}
+        start = jr.Whirl(values.pop("start.radius", RUB.radius), RUB.rate)
+        r = jr.simulate(ROTOR.replace(values), 5, 64, start=start, keep=2)
+        lane = ds.isel(dict(zip(over, point, strict=True)))
+        z, v = np.asarray(r.displacement[:, 0]), np.asarray(r.velocity[:, 0])
+        force = abs(np.asarray(r.contact_force))
+        spin = float(values.get("spin.speed", SPEED))
+        close = lambda got, want: np.testing.assert_allclose(got, want, rtol=1e-10, atol=1e-13)
+        close(lane.section, np.stack([z[64::64].real, z[64::64].imag], axis=1))
+        close(lane.radius_min, abs(z[1:]).min())
+        close(lane.radius_max, abs(z[1:]).max())
+        close(lane.radius_rms, np.sqrt(np.mean(abs(z[1:]) ** 2)))
+        close(lane.index, np.mean((z[1:].conj() * v[1:]).imag / abs(z[1:]) ** 2) / spin)
+        close(lane.winding, np.angle(z[1:] / z[:-1]).sum() / (2 * np.pi) / 2)
+        close(lane.whirl_rate, whirl_rate(z, 64))
+        close(lane.duty, np.mean(force[1:] > 0, axis=0))
+        close(lane.peak_force, force[1:].max(axis=0))
+        assert int(lane.status) == 0
+
+
+def test_chunks_and_workers_do_not_change_results():
+    over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 5)}
+    whole = jr.sweep(ROTOR, over, start=RUB, workers=1, **SHORT)
+    for options in ({"lanes_per_chunk": 2, "workers": 1}, {"lanes_per_chunk": 2, "workers": 2}):
+        parts = jr.sweep(ROTOR, over, start=RUB, **options, **SHORT)
+        for name in whole:
+            np.testing.assert_allclose(parts[name], whole[name], rtol=1e-10, atol=1e-14)
+
+
+def test_adaptive_solver_in_a_sweep():
+    over = {"unbalance.eccentricity": [1e-4, 5e-4]}
+    ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Kvaerno5(), **SHORT)
+    fine = jr.sweep(ROTOR, over, start=RUB, **(SHORT | {"steps_per_revolution": 4096}))
+    assert ds.status.values.tolist() == [0, 0]
+    np.testing.assert_allclose(ds.section, fine.section, atol=2e-6)
+    np.testing.assert_allclose(ds.winding, fine.winding, atol=2e-4)
+    assert ds.attrs["solver"] == "Kvaerno5"
+
+
+def test_silent_unless_asked():
+    over = {"unbalance.eccentricity": [0.0]}
+    for progress in (None, True):
+        noise = io.StringIO()
+        with contextlib.redirect_stderr(noise), contextlib.redirect_stdout(noise):
+            jr.sweep(ROTOR, over, **(SHORT | {"progress": progress}))
+        assert bool(noise.getvalue()) == (progress is True)
+
+
+def test_provenance_brings_the_scene_back():
+    scene = ROTOR.replace({"limiters.gap": 1 / 300, "unbalance.phase": 0.1})
+    ds = jr.sweep(scene, {"unbalance.eccentricity": [0.0]}, start=RUB, **SHORT)
+    again = jr.loads(ds.attrs["scene"])
+    assert jax.tree.structure(again) == jax.tree.structure(scene)
+    assert all(
+        bool(jnp.array_equal(a, b))
+        for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(scene), strict=True)
+    )
+    assert (ds.attrs["settle"], ds.attrs["keep"], ds.attrs["steps_per_revolution"]) == (3, 2, 64)
+    assert ds.attrs["precision"] == "float64"
+    assert ds["unbalance.eccentricity"].attrs["units"] == "m"
+    assert all("long_name" in ds[name].attrs for name in ds)
+
+
+# === observables
+
+
+def observed(one, path, count: int, steps: int, speed: float = 1.0, force=None):
+    """What an observable reports of `path(t)`, its own derivative by differences."""
+    carry = one.start(0 if force is None else force(np.zeros(1)).shape[1])
+    stored = []
+    for number in range(count):
+        t = 2 * np.pi * (number + np.arange(steps + 1) / steps) / speed
+        velocity = (path(t + 1e-6) - path(t - 1e-6)) / 2e-6
+        turn = Turn(
+            jnp.asarray(path(t) + 0j),
+            jnp.asarray(velocity + 0j),
+            None if force is None else jnp.asarray(force(t) + 0j),
+            jnp.asarray(number),
+            jnp.asarray(2 * np.pi / steps / speed),
+            jnp.asarray(1.0),
+            count,
+        )
+        carry, out = one.update(carry, turn)
+        stored.append(out)
+    lane = jax.tree.map(lambda leaf: np.asarray(leaf)[None], carry)
+    stored = jax.tree.map(lambda *parts: np.stack(parts)[None], *stored)
+    return {name: v.values for name, v in one.report(lane, stored, count).items()}
+
+
+def test_section_is_the_end_of_every_revolution():
+    found = observed(jr.observe.Section(), lambda t: t * np.exp(0.3j * t), 4, 16)["section"]
+    t = 2 * np.pi * np.arange(1, 5)
+    want = t * np.exp(0.3j * t)
+    np.testing.assert_allclose(found[0], np.stack([want.real, want.imag], 1), atol=1e-12)
+
+
+def test_extrema_of_a_known_motion():
+    path = lambda t: np.cos(t + 0.3) + 0.5 * np.sin(3 * t) + 0j
+    found = observed(jr.observe.Extrema(), path, 2, 64)["extrema"]
+    fine = np.linspace(0, 2 * np.pi, 2_000_001)
+    x = path(fine).real
+    turns = x[1:-1][(np.diff(x)[:-1] * np.diff(x)[1:]) < 0]
+    for kept in found[0]:
+        assert np.sort(kept[np.isfinite(kept)]) == pytest.approx(np.sort(turns), abs=5e-5)
+    errors = []
+    for steps in (32, 64, 128):
+        kept = observed(jr.observe.Extrema(), path, 1, steps)["extrema"][0, 0]
+        errors.append(abs(np.sort(kept[np.isfinite(kept)]) - np.sort(turns)).max())
+    assert errors[2] < errors[0] / 100  # fourth order
+
+
+def test_extrema_beyond_the_room_are_counted():
+    one = jr.observe.Extrema(most=3)
+    found = observed(one, lambda t: np.cos(4 * t + 0.1) + 0j, 5, 128)
+    assert found["extrema"].shape == (1, 5, 3)
+    assert found["extrema_missed"].tolist() == [25]
+
+
+@pytest.mark.parametrize("rate", [1.0, -0.5, 0.118])
+def test_precession_of_a_circle(rate):
+    found = observed(jr.observe.Precession(), lambda t: np.exp(1j * rate * t), 7, 32)
+    for name in ("index", "winding", "whirl_rate"):
+        assert found[name][0] == pytest.approx(rate, abs=1e-9)
+
+
+def test_precession_of_unbalance_response_is_one():
+    linear = ROTOR.without("limiters").replace({"spin.speed": 0.6 * SPEED})
+    ds = jr.sweep(linear, {"unbalance.eccentricity": [1e-4]}, settle=2000, keep=3, progress=False)
+    radius = abs(
+        complex(
+            jr.unbalance_response(
+                linear.replace({"unbalance.eccentricity": 1e-4}), 0.6 * SPEED
+            ).displacement[0, 0]
+        )
+    )
+    for name in ("index", "winding", "whirl_rate"):
+        assert ds[name].item() == pytest.approx(1, abs=1e-8)
+    for name in ("radius_min", "radius_max", "radius_rms"):
+        assert ds[name].item() == pytest.approx(radius, rel=1e-8)
+
+
+def test_contact_of_a_known_force():
+    force = lambda t: np.stack([3j * (np.sin(t) > 0.5), 0 * t + 2.0], axis=1)
+    found = observed(jr.observe.Contact(), lambda t: np.exp(1j * t), 3, 360, force=force)
+    assert found["duty"][0] == pytest.approx([1 / 3, 1], abs=1 / 180)
+    assert found["peak_force"][0].tolist() == [3, 2]
+
+
+def test_spectrum_of_a_known_whirl():
+    """Lambda = 0.5 + 0.2 cos 3 theta."""
+    path = lambda t: np.exp(1j * (0.5 * t + 0.2 / 3 * np.sin(3 * t)))
+    found = observed(jr.observe.WhirlSpectrum(), path, 20, 128)
+    spectrum, frequency = found["spectrum"][0], found["frequency"]
+    peak = int(np.argmax(spectrum))
+    assert frequency[peak] == pytest.approx(3)
+    assert spectrum[peak] == pytest.approx(0.2, rel=1e-3)
+    away = abs(frequency - 3) > 0.2
+    assert spectrum[away].max() < 1e-3
+
+
+def test_spectrum_needs_steps_that_divide():
+    with pytest.raises(ValueError, match="must be a multiple"):
+        jr.sweep(
+            ROTOR,
+            {"unbalance.eccentricity": [0.0]},
+            observe=(jr.observe.WhirlSpectrum(),),
+            **(SHORT | {"steps_per_revolution": 100}),
+        )
+
+
+def test_spectrum_of_the_rub_peaks_at_three_whirls():
+    """Three stops a turn of the orbit: a peak at 3 |Lambda| cycles a revolution."""
+    ds = jr.sweep(
+        ROTOR,
+        {"unbalance.eccentricity": [0.0]},
+        start=RUB,
+        settle=100,
+        keep=100,
+        observe=(jr.observe.WhirlSpectrum(), jr.observe.Precession(), jr.observe.Contact()),
+    )
+    peak = float(ds.frequency[int(ds.spectrum[0].argmax())])
+    assert peak == pytest.approx(3 * 0.567622, abs=0.01)
+    assert ds.whirl_rate.item() == pytest.approx(-0.567622, abs=1e-4)
+    assert np.ptp(ds.duty) < 0.01
+    assert np.ptp(ds.peak_force) < 0.02 * float(ds.peak_force.max())
+
+
+# === section 3.5 of the sheet
+
+
+def test_forward_at_small_and_backward_at_large_eccentricity():
+    """Started on the rub, large unbalance locks it to -1/2; from rest, small leaves it forward."""
+    small = {"unbalance.eccentricity": np.array([0.0, 1e-4, 2e-4, 3e-4]) * LENGTH}
+    ds = jr.sweep(ROTOR, small, start=jr.Whirl(1e-3 * LENGTH), settle=1000, keep=300)
+    assert np.all((ds.index > 0.05) & (ds.index < 0.2))
+    large = {"unbalance.eccentricity": np.array([9e-4, 1.1e-3, 1.3e-3, 1.43e-3]) * LENGTH}
+    ds = jr.sweep(ROTOR, large, start=RUB, settle=300, keep=100)
+    assert ds.winding.values == pytest.approx(-0.5, abs=0.02)
+
+
+@pytest.mark.slow
+def test_large_eccentricity_escapes_to_the_rub_from_rest():
+    """A chaotic transient: 3000 revolutions let almost every lane escape."""
+    over = {"unbalance.eccentricity": np.linspace(1.2e-3, 1.4e-3, 8) * LENGTH}
+    ds = jr.sweep(ROTOR, over, start=jr.Whirl(1e-3 * LENGTH), settle=3000, keep=300)
+    assert np.count_nonzero(ds.winding < -0.4) >= 6
