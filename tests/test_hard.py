@@ -193,7 +193,7 @@ def test_zero_speed_against_the_matrix_exponential():
 def test_high_speed():
     fast = ROTOR.replace({"spin.speed": 100 / UNIT, "internal_damping.voigt_time": 0.0})
     fast = fast.replace({"unbalance.eccentricity": 1e-4})
-    r = jr.simulate(fast, 3000, 32, keep=1)
+    r = jr.simulate(fast, 12000, 32, keep=1)
     want = jr.unbalance_response(fast.without("limiters"), 100 / UNIT).displacement[0, 0]
     assert tip(r)[-1] == pytest.approx(complex(want), rel=1e-4)
 
