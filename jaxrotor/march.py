@@ -102,7 +102,7 @@ class March(eqx.Module):
         hop = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(hop, y, grid[:-1])
         last = form.read(grid[-1], y)
-        return y, jnp.concatenate([samples, last[None]]), jnp.array(True)
+        return y, jnp.concatenate([samples, last[None]]), jnp.all(jnp.isfinite(y))
 
     def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
         """Carry through whole revolutions: `carry, out = update(carry, orbit)` at each."""

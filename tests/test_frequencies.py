@@ -268,4 +268,3 @@ def test_long_run_settles_on_the_closed_form():
     np.testing.assert_allclose(
         run.displacement[:, 0], expected, rtol=0, atol=1e-5 * abs(np.asarray(amplitude))
     )
-

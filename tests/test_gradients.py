@@ -20,7 +20,7 @@ import jaxrotor as jr
 OBSERVED = 0.3  # [m], off every kink
 RTOL = 1e-5
 RULES = {
-    "spectral": {"rule": "spectral", "nodes": 5, "station": 0.35 / LENGTH},
+    "spectral": {"rule": "spectral", "nodes": 5, "station": 0.45 / LENGTH},
     "trapezoid": {"rule": "trapezoid", "nodes": 4, "station": 0.65 / LENGTH},
 }
 
@@ -56,23 +56,24 @@ def forward(function, values):
     return {path: float(push(values, still | {path: jnp.ones(())})) for path in values}
 
 
-STENCIL = {1: 2 / 3, 2: -1 / 12}  # fourth order
+STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # sixth order
 
 
 def scale_of(value):
     return abs(float(value)) if abs(value) > 1e-12 else 1.0
 
 
-def agree(function, exact, values, change):
+def agree(function, exact, values, change, most=0.02):
     """Exact derivatives equal central differences to RTOL.
 
-    A parameter steps as far as changes the result by about `change`, at most by 2 %: little enough
-    for a contact not to move to another step of the grid, enough to rise above rounding.
+    A parameter steps as far as changes the result by about `change`, at most by a share `most`:
+    little enough for no contact to move to another step of the grid, enough to rise above rounding.
     """
     function, wrong = jax.jit(function), {}
     for path, value in values.items():
         scale = scale_of(value)
-        h = scale * min(0.02, change / max(abs(exact[path]) * scale, 1e-300))
+        slope = abs(exact[path]) * scale
+        h = scale * (min(most, change / slope) if slope else 1e-4)
         at = lambda k, p=path, v=value, h=h: float(function(values | {p: v + k * h}))
         found = sum(w * (at(k) - at(-k)) for k, w in STENCIL.items()) / h
         if not abs(exact[path] - found) <= RTOL * abs(found):
@@ -97,7 +98,7 @@ def test_onset_speed_by_every_parameter(rule):
     # shaft, disc, external damping, disc damping, internal damping
     assert len(acting) == 5 + 4 + 1 + 3 + 1 - (rule == "spectral")
     assert all(exact[path] for path in acting)
-    agree(lambda some: onset(values | some), exact, acting, change=2e-3 * middle)
+    agree(lambda some: onset(values | some), exact, acting, change=2e-4 * middle)
 
 
 # === trajectories
@@ -130,7 +131,7 @@ def test_free_trajectory_by_every_parameter(rule):
     function, values = final(scene, (0.004, -3.0, 0.2), 2, 32)
     exact = forward(function, values)
     assert all(exact.values())
-    agree(function, exact, values, change=1e-2)
+    agree(function, exact, values, change=1e-3, most=0.05)
 
 
 CONTACT = {
@@ -150,6 +151,7 @@ def touching(rule, **law):
     return scene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "law"), [("spectral", "sharp"), ("trapezoid", "sharp"), ("trapezoid", "blended")]
 )
@@ -160,9 +162,10 @@ def test_contact_trajectory_by_every_parameter(rule, law):
     # A limiter that is not struck does not matter, nor how fast the rim slips on a sharp one.
     idle = {path for path in values if not exact[path]}
     assert idle <= {"limiters.0.angle", "limiters.1.angle", "limiters.rim_radius"}
-    agree(function, exact, values, change=1e-3)
+    agree(function, exact, values, change=1e-4)
 
 
+@pytest.mark.slow
 def test_reverse_mode_equals_forward_mode():
     scene = touching("spectral")
     function, values = final(scene, START["spectral"], 1, 64)

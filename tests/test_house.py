@@ -21,7 +21,7 @@ PACKAGE = Path(jaxrotor.__file__).parent
 
 # From the ground up; modules of one layer import each other only inside a package.
 LAYERS = [
-    ("quantities",),
+    ("quantities", "units"),
     ("materials", "blocks"),
     ("shafts",),
     ("effects",),
@@ -159,7 +159,9 @@ def test_every_module_is_abstract_or_final(name):
             }
             assert not repeated & set(vars(cls)), "A method that has a body is not overridden."
     if cls.__name__.startswith("Abstract"):
-        assert not dataclasses.fields(cls), "An abstract class declares no fields, AbstractVar does."
+        assert not dataclasses.fields(cls), (
+            "An abstract class declares no fields, AbstractVar does."
+        )
 
 
 @pytest.mark.parametrize("name", [n for n in CLASSES if not n.rpartition(".")[2].startswith("_")])

@@ -1,6 +1,6 @@
 """The paper's fits of onset speed and whirl frequency over the ratio of damping coefficients.
 
-    N_crit = a x + b,   omega = a' x + b',   x = eta_e / eta_i from 0.5 to 5
+N_crit = a x + b,   omega = a' x + b',   x = eta_e / eta_i from 0.5 to 5
 """
 
 import numpy as np

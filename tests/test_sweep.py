@@ -224,7 +224,7 @@ def test_spectrum_of_the_rub_peaks_at_three_whirls():
         keep=100,
         observe=(jr.observe.WhirlSpectrum(), jr.observe.Precession(), jr.observe.Contact()),
     )
-    peak = float(ds.frequency[int(ds.spectrum[0].argmax())])
+    peak = float(ds.frequency[int(ds.spectrum[0].values.argmax())])
     assert peak == pytest.approx(3 * 0.567622, abs=0.01)
     assert ds.whirl_rate.item() == pytest.approx(-0.567622, abs=1e-4)
     assert np.ptp(ds.duty) < 0.01

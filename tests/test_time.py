@@ -258,8 +258,8 @@ def settled_rub(nodes: int, blend: float | None) -> tuple[jr.Scene, jr.Continued
 @pytest.mark.parametrize(
     ("nodes", "blend", "solver", "tolerance", "agree"),
     [
-        (8, None, dfx.Kvaerno5(), 1e-8, 1e-4),  # 11 jumps of the force
-        (8, 2e-4, dfx.Kvaerno5(), 1e-8, 1e-6),
+        (8, None, dfx.Kvaerno5(), 1e-8, 2e-4),  # 11 jumps of the force
+        (8, 2e-4, dfx.Kvaerno5(), 1e-8, 5e-6),
         (4, 2e-4, dfx.Tsit5(), 1e-8, 1e-5),
         (4, 2e-4, dfx.KenCarp4(), 1e-8, 1e-5),
     ],

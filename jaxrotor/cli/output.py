@@ -12,20 +12,6 @@ import typer
 import xarray as xr
 
 
-_MM = 1 / 25.4
-_LOOK: Any = {  # as the pages of jaxrotor.plot: text and lines [pt]
-    "font.size": 8.0,
-    "axes.labelsize": 8.0,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-}
-
-
 @contextlib.contextmanager
 def draft(out: Path, names: Sequence[str], overwrite: bool) -> Iterator[Path]:
     """A hidden folder inside `out` to write into; in the end all that is in it moves to `out`.
@@ -86,16 +72,9 @@ def draw(
 
     The picture is a view of data that are already written: it must not cost them.
     """
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
+    from ..plot import write
 
-    with rc_context(_LOOK):
-        size = (width * _MM, height * _MM)
-        figure = Figure(figsize=size, dpi=200, layout="constrained")
-        try:
-            plot(figure.subplots(rows, sharex=True))
-        except ValueError as error:
-            typer.echo(f"{path.name} was not drawn: {error}", err=True)
-            return
-        figure.align_ylabels()
-        figure.savefig(path)
+    try:
+        write(path, plot, width, height, rows)
+    except ValueError as error:
+        typer.echo(f"{path.name} was not drawn: {error}", err=True)

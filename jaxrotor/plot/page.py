@@ -1,10 +1,14 @@
 """Page: figures at the width they are printed, 85 mm (a column) to 170 mm (a page)."""
 
+import os
+from collections.abc import Callable
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 
@@ -13,6 +17,17 @@ RASTER = 20_000  # points above which a curve is drawn as pixels, so that a PDF 
 
 _MM = 1 / 25.4
 _DPI = 200.0  # of what is drawn as pixels
+_LOOK: Any = {  # of a picture file: text and lines [pt]
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+}
 
 
 def single(ax: Axes | None, width: int, height: int) -> Axes:
@@ -49,6 +64,22 @@ def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
             axis.get_offset_text().set_size(TEXT)
     figure.align_ylabels()
     return list(axes.flat)
+
+
+def write(
+    path: str | os.PathLike[str],
+    draw: Callable[[Any], Any],
+    width: float | int,
+    height: float | int,
+    rows: int = 1,
+) -> None:
+    """Write a picture [mm] of `draw(axes)` to a file, without a window and without pyplot."""
+    with rc_context(_LOOK):
+        size = (width * _MM, height * _MM)
+        figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+        draw(figure.subplots(rows, sharex=True))
+        figure.align_ylabels()
+        figure.savefig(path)
 
 
 def legend(ax: Axes, columns: int) -> None:
