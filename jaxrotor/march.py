@@ -154,9 +154,13 @@ class March(eqx.Module):
         else:
             max_steps, dt0 = plan.max_steps, grid[1]
             path = dfx.SubSaveAt(ts=grid, fn=read)
+        terms: Any = dfx.ODETerm(self.form.field)
+        if _splits(solver):
+            motion = self.form.motion
+            terms = dfx.MultiTerm(dfx.ODETerm(motion.contact), dfx.ODETerm(motion.linear))
         end = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
-            dfx.ODETerm(self.form.field),
+            terms,
             solver,
             t0=0.0,
             t1=grid[-1],
@@ -172,3 +176,9 @@ class March(eqx.Module):
         y1 = saved[0][-1]
         ok = (solution.result == dfx.RESULTS.successful) & jnp.all(jnp.isfinite(y1))
         return y1, saved[1] if sample else None, ok
+
+
+def _splits(solver: dfx.AbstractSolver) -> bool:
+    """Whether a solver takes an explicit and an implicit part (KenCarp4 and its like)."""
+    structure = solver.term_structure
+    return getattr(structure, "__origin__", structure) is dfx.MultiTerm

@@ -60,6 +60,11 @@ class Motion(eqx.Module):
         self.rows, self.ports, self.speed = rows, system.ports, speed
 
     def __call__(self, theta: Scalar, y: State, args: None = None) -> State:
+        linear = self.linear(theta, y)
+        return linear if self.rows is None else linear + self.contact(theta, y)
+
+    def linear(self, theta: Scalar, y: State, args: None = None) -> State:
+        """The stiff part: all but contact."""
         del args
         q, rate = y
         acceleration = -(q @ self.stiffness.T)
@@ -75,10 +80,16 @@ class Motion(eqx.Module):
             phase = self.s * theta
             acceleration += jnp.cos(phase) * self.unbalance
             acceleration += jnp.sin(phase) * _turn(self.unbalance)
-        if self.rows is not None and self.columns is not None:
-            forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
-            acceleration += forces @ self.columns.T
         return jnp.stack([rate, acceleration])
+
+    def contact(self, theta: Scalar, y: State, args: None = None) -> State:
+        """The part that is not smooth."""
+        del theta, args
+        if self.rows is None or self.columns is None:
+            return jnp.zeros_like(y)
+        q, rate = y
+        forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
+        return jnp.stack([jnp.zeros_like(q), forces @ self.columns.T])
 
     def port_forces(self, displacement: Array, velocity: Array) -> Float[Array, "2 p"]:
         """Total force at every port from displacement and velocity there, all (2, p)."""

@@ -168,12 +168,7 @@ def choose(
     solver: Exponential | dfx.AbstractSolver | None, scene: Scene, rate: Scalar, start=None
 ) -> Exponential | dfx.AbstractSolver:
     """The solver with its basis settled: modal where eigenvectors serve, else dense."""
-    solver = Exponential() if solver is None else solver
-    if not isinstance(solver, Exponential | dfx.AbstractSolver):
-        raise ValueError(
-            f"`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but "
-            f"is {solver!r}."
-        )
+    solver = checked_solver(solver)
     if not isinstance(solver, Exponential) or solver.basis == "dense":
         return solver
     traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
@@ -200,6 +195,17 @@ def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:
             "where the response to unbalance grows without bound: add damping, move the speed, or "
             "give a diffrax solver."
         )
+
+
+def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
+    """The solver asked for, by default the exponential one; refuses what is none."""
+    solver = Exponential() if solver is None else solver
+    if not isinstance(solver, Exponential | dfx.AbstractSolver):
+        raise ValueError(
+            "`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but is "
+            f"{solver!r}."
+        )
+    return solver
 
 
 def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:

@@ -26,6 +26,7 @@ from .quantities import quantity_units
 from .scene import Scene
 from .simulate import (
     check_counts,
+    checked_solver,
     revolution_rate,
     solver_name,
 )
@@ -98,7 +99,7 @@ def sweep(
     if "spin.speed" not in axes:
         revolution_rate(scene, period)
     plan = Plan(
-        Exponential() if solver is None else solver,
+        checked_solver(solver),
         controller,
         dfx.ForwardMode(),
         max_steps,
@@ -241,8 +242,8 @@ def _segments(revolutions: int) -> list[int]:
 def _prepare(context: _Context, points: np.ndarray):
     """Marches of the lanes, split into what all share and what each has of its own, and states.
 
-    Lanes are prepared one by one: linear algebra batched over lanes is where XLA on the CPU has
-    been seen to wait for ever (jax 0.10.2, two cores), and only known values tell what is shared.
+    Lanes are prepared one after the other: linear algebra batched over lanes is where XLA on the
+    CPU has been seen to wait for ever (jax 0.10.2, two cores). Values tell what is shared.
     """
     plan = context.plan
     if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
@@ -251,10 +252,11 @@ def _prepare(context: _Context, points: np.ndarray):
             march, y = _build_lanes(context, _with_basis(plan, plan.solver, "dense"), points)
     else:
         march, y = _build_lanes(context, plan, points)
-    equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), march)
-    shared = jax.tree.map(lambda leaf, same: jnp.asarray(leaf[0]) if same else None, march, equal)
-    own = jax.tree.map(lambda leaf, same: None if same else jnp.asarray(leaf), march, equal)
-    return shared, own, jnp.asarray(y)
+    arrays, constant = eqx.partition(march, eqx.is_array)
+    equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
+    shared = jax.tree.map(lambda leaf, same: jnp.asarray(leaf[0]) if same else None, arrays, equal)
+    own = jax.tree.map(lambda leaf, same: None if same else jnp.asarray(leaf), arrays, equal)
+    return eqx.combine(shared, constant), own, jnp.asarray(y)
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
@@ -262,23 +264,35 @@ def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"
 
 
 def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[March, np.ndarray]:
-    with jax.default_device(jax.local_devices(backend="cpu")[0]):  # of small matrices, one by one
-        lanes = [jax.device_get(_build(context, plan, point)) for point in points]
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
+    cpu = jax.local_devices(backend="cpu")[0]
+    parts = (context.scene, plan, context.start, context.station, context.period)
+    with jax.default_device(cpu):  # small matrices, one lane after the other
+        lanes = _build_all(*parts, context.paths, jnp.asarray(points))
+        shape = eqx.filter_eval_shape(_build, *parts, context.paths, points[0])
+    constant = eqx.filter(shape, lambda leaf: not isinstance(leaf, jax.ShapeDtypeStruct))
+    return eqx.combine(jax.device_get(lanes), constant)
 
 
 @eqx.filter_jit
-def _build(context: _Context, plan: Plan, point: Float[Array, " d"]) -> tuple[March, Array]:
-    values = dict(zip(context.paths, point, strict=True))
-    scene = context.scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
-    start = context.start
+def _build_all(scene, plan, start, station, period, paths, points: Float[Array, "lanes d"]):
+    def one(point):
+        return eqx.filter(_build(scene, plan, start, station, period, paths, point), eqx.is_array)
+
+    return jax.lax.map(one, points)
+
+
+def _build(
+    scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point
+) -> tuple[March, Array]:
+    """A lane's march and its state at the start."""
+    values = dict(zip(paths, point, strict=True))
+    scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
     for path in values:
         if path.startswith("start."):
             name = path.removeprefix("start.")
             start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
-    rate = revolution_rate(scene, context.period)
-    march = March.build(scene, plan, rate, context.station[None])
-    return march, march.begin(start, context.station)
+    march = March.build(scene, plan, revolution_rate(scene, period), station[None])
+    return march, march.begin(start, station)
 
 
 @eqx.filter_jit
