@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from .motion import Motion
 from .quantities import Scalar
 from .scene import Scene
-from .solvers.control import step_control
+from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential, ExponentialStep
 from .solvers.form import AbstractForm, PhysicalForm
 from .solvers.ports import PortForm
@@ -143,7 +143,7 @@ class March(eqx.Module):
         plan, grid = self.plan, self._grid()
         read = lambda theta, y, args: self.form.read(theta, y)
         if isinstance(plan.solver, dfx.AbstractSolver):
-            solver = plan.solver
+            solver = tuned(plan.solver)
             controller = plan.controller or step_control(plan.solver)
         else:
             solver, controller = self.step, None

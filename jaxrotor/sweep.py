@@ -268,7 +268,7 @@ def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[Mar
     parts = (context.scene, plan, context.start, context.station, context.period)
     with jax.default_device(cpu):  # small matrices, one lane after the other
         lanes = _build_all(*parts, context.paths, jnp.asarray(points))
-        shape = eqx.filter_eval_shape(_build, *parts, context.paths, points[0])
+        shape = eqx.filter_eval_shape(_build, *parts, context.paths, jnp.asarray(points[0]))
     constant = eqx.filter(shape, lambda leaf: not isinstance(leaf, jax.ShapeDtypeStruct))
     return eqx.combine(jax.device_get(lanes), constant)
 

@@ -1,6 +1,8 @@
-"""Step control of diffrax solvers on rotors."""
+"""Settings of diffrax solvers on rotors."""
 
 import diffrax as dfx
+import equinox as eqx
+import optimistix as optx
 
 
 RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute in metres of q and dq/dtheta
@@ -9,12 +11,23 @@ RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute in metres of q and dq/dtheta
 def step_control(
     solver: dfx.AbstractSolver, rtol: float = RTOL, atol: float = ATOL
 ) -> dfx.AbstractStepSizeController | None:
-    """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else None.
-
-    The state is in metres and per radian of revolution, so one tolerance suits displacements and
-    rates, and the root finder of an implicit solver may share it: on the limiter rotor a finder
-    with tolerances of its own saves no step of Kvaerno5 or KenCarp4 (in SI units it saved most).
-    """
+    """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else None."""
     if isinstance(solver, dfx.AbstractAdaptiveSolver):
         return dfx.PIDController(rtol=rtol, atol=atol, pcoeff=0.3, icoeff=0.4)
     return None
+
+
+def tuned(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
+    """The solver with a root finder that stops in time.
+
+    diffrax solves for the derivative of a stage with the tolerance of the state, out of reach on
+    the accelerations of a stiff rotor. Here the state is scaled (metres, radians of revolution) and
+    Kvaerno5 bears it; KenCarp4 takes 18 times the steps. A root finder with tolerances of its own
+    is left as it is.
+    """
+    if not isinstance(solver, dfx.AbstractImplicitSolver):
+        return solver
+    if isinstance(getattr(solver.root_finder, "rtol", 0.0), int | float):
+        return solver
+    chord = dfx.VeryChord(rtol=1e-5, atol=1e-6, norm=optx.max_norm)
+    return eqx.tree_at(lambda s: s.root_finder, solver, chord)
