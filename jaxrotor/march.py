@@ -156,7 +156,7 @@ class March(eqx.Module):
             path = dfx.SubSaveAt(ts=grid, fn=read)
         terms: Any = dfx.ODETerm(self.form.field)
         if _splits(solver):
-            motion = self.form.motion
+            motion: Any = self.form.motion
             terms = dfx.MultiTerm(dfx.ODETerm(motion.contact), dfx.ODETerm(motion.linear))
         end = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
