@@ -19,6 +19,7 @@ from .analysis import (  # noqa: E402
     stability_crossings as stability_crossings,
     unbalance_response as unbalance_response,
 )
+from .dataset import dataset as dataset  # noqa: E402
 from .effects import (  # noqa: E402
     Disc as Disc,
     DiscDamping as DiscDamping,

@@ -70,7 +70,7 @@ class March(eqx.Module):
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
             return cls(system, stations, PhysicalForm(motion, rows), plan, None)
-        form = plan.solver.form(motion, rows)
+        form = plan.solver.form(system, motion, rows)
         return cls(system, stations, form, plan, plan.solver.stepper(form, plan.steps))
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
@@ -102,7 +102,7 @@ class March(eqx.Module):
         hop = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(hop, y, grid[:-1])
         last = form.read(grid[-1], y)
-        return y, jnp.concatenate([samples, last[None]]), jnp.all(jnp.isfinite(y))
+        return y, jnp.concatenate([samples, last[None]]), _bounded(y)
 
     def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
         """Carry through whole revolutions: `carry, out = update(carry, orbit)` at each."""
@@ -174,8 +174,13 @@ class March(eqx.Module):
         )
         saved: Any = solution.ys
         y1 = saved[0][-1]
-        ok = (solution.result == dfx.RESULTS.successful) & jnp.all(jnp.isfinite(y1))
+        ok = (solution.result == dfx.RESULTS.successful) & _bounded(y1)
         return y1, saved[1] if sample else None, ok
+
+
+def _bounded(y: Array) -> Bool[Array, ""]:
+    """Whether a state and its squares, which observables take, are finite."""
+    return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4)
 
 
 def _splits(solver: dfx.AbstractSolver) -> bool:

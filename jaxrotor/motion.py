@@ -113,22 +113,7 @@ class Motion(eqx.Module):
         top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
         return jnp.concatenate([top, jnp.concatenate([low, high], axis=1)])
 
-    def steady(self) -> tuple[Complex[Array, " n2"] | None, Complex[Array, " n2"] | None]:
-        """Exact steady response `s0 + s1 exp(i s theta)` of the linear part; None without its load."""
-        a, n = self.matrix(), self.stiffness.shape[0]
-        still = whirling = None
-        if self.constant is not None:
-            still = -jnp.linalg.solve(a, jnp.concatenate([jnp.zeros(n), _complex(self.constant)]))
-        if self.unbalance is not None:
-            load = jnp.concatenate([jnp.zeros(n), _complex(self.unbalance)])
-            whirling = jnp.linalg.solve(1j * self.s * jnp.eye(2 * n) - a, load)
-        return still, whirling
-
 
 def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
     """`i v`."""
     return jnp.stack([-v[1], v[0]])
-
-
-def _complex(v: Float[Array, "2 n"]) -> Complex[Array, " n"]:
-    return v[0] + 1j * v[1]

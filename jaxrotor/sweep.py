@@ -2,7 +2,6 @@
 
 import concurrent.futures
 import contextlib
-import importlib.metadata
 import itertools
 import os
 import sys
@@ -18,6 +17,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from .dataset import versions
 from .effects.base import AbstractContact
 from .files import dumps
 from .march import March, Plan
@@ -419,9 +419,6 @@ def _unit(context: _Context, path: str) -> str:
 
 def _provenance(context: _Context) -> dict[str, Any]:
     plan = context.plan
-    versions = {
-        name: importlib.metadata.version(name) for name in ("jaxrotor", "jax", "diffrax", "equinox")
-    }
     return {
         "title": "jaxrotor sweep over " + ", ".join(context.paths),
         "scene": dumps(context.scene),
@@ -432,5 +429,5 @@ def _provenance(context: _Context) -> dict[str, Any]:
         "steps_per_revolution": plan.steps,
         "solver": solver_name(plan.solver),
         "precision": str(jnp.zeros(()).dtype),
-        "versions": " ".join(f"{name} {version}" for name, version in versions.items()),
+        "versions": versions(),
     }

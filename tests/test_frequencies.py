@@ -58,7 +58,8 @@ def test_conservative_frequencies():
 def test_conservative_roots_are_imaginary(nodes, N):
     values = np.asarray(jr.roots(limiter_rotor(N=N, nodes=nodes, **UNDAMPED)))
     assert values.size == 2 * nodes
-    assert np.max(np.abs(values.real / values)) < 1e-12
+    # Rounding is relative to 1 / lambda of the slowest, so the slowest have the most digits.
+    assert np.all(np.abs(values.real) < 1e-13 * np.abs(values) ** 2 / np.min(np.abs(values)))
 
 
 def test_uniform_cantilever():
@@ -191,11 +192,7 @@ def test_discs_against_finite_elements(discs):
         )
 
 
-@pytest.mark.xfail(
-    reason="The slope of a disc is read from one span alone; it needs an unknown of its own.",
-    strict=True,
-)
-@pytest.mark.parametrize(("reach", "nodes"), [(0.65, 8), (0.6, 5)])
+@pytest.mark.parametrize(("reach", "nodes"), [(0.65, 8), (0.65, 5), (0.6, 5), (0.03, 12)])
 def test_no_spurious_mode_grows(reach, nodes):
     """A disc near the end of the shaft, below its onset speed: every root is stable."""
     scene = limiter_rotor(N=1.0, eta_i=None, station=reach / LENGTH, nodes=nodes, contact=False)

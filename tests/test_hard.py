@@ -216,7 +216,14 @@ def double_root() -> jr.Scene:
     )
     # with Voigt damping alone mode j has lambda^2 + T w^2 lambda + w^2: double at T = 2 / w
     first = abs(np.asarray(jr.roots(quiet.replace({"internal_damping.voigt_time": 0.0}))[0]))
-    return quiet.replace({"internal_damping.voigt_time": 2 / float(first) * (1 + 1e-14)})
+    near = [2 / float(first) * (1 + k * 2e-14) for k in range(-5, 6)]
+    return max((quiet.replace({"internal_damping.voigt_time": t}) for t in near), key=merged)
+
+
+def merged(scene: jr.Scene, period: float = 0.02) -> float:
+    """Condition number of the eigenvectors."""
+    matrix = Motion(assemble(scene), jnp.asarray(2 * jnp.pi / period)).matrix()
+    return float(np.linalg.cond(np.linalg.eig(np.asarray(matrix))[1]))
 
 
 def test_near_a_double_root_the_basis_is_dense_and_right():
@@ -224,8 +231,7 @@ def test_near_a_double_root_the_basis_is_dense_and_right():
     rate = jnp.asarray(2 * jnp.pi / period)
     motion = Motion(assemble(scene), rate)
     a = np.asarray(motion.matrix())
-    condition = np.linalg.cond(np.linalg.eig(a)[1])
-    assert condition > 1e6
+    assert merged(scene, period) > 1e6
     chosen = choose(None, scene, rate)
     assert isinstance(chosen, jr.Exponential)
     assert chosen.basis == "dense"

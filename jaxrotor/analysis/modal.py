@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ..motion import Motion
+from ..pencil import Pencil
 from ..quantities import Scalar
 from ..scene import Scene
 from ..system import System, assemble
@@ -47,20 +47,19 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     """
     system = assemble(scene)
     rate = reference_rate(system)
-    values, vectors = jnp.linalg.eig(Motion(system, rate).matrix())
+    inverses, vectors = jnp.linalg.eig(Pencil(system).inverse(rate))
+    values = rate / inverses
     order = _order(values)[:count]
     stations = jnp.linspace(0.0, scene.shaft.length, points)
     rows = jax.vmap(system.line.row)(stations)
     shapes = vectors[: system.n, order].T @ rows.T
     largest = jnp.argmax(jnp.abs(shapes), axis=1, keepdims=True)
-    return Modes(
-        rate * values[order], shapes / jnp.take_along_axis(shapes, largest, axis=1), stations
-    )
+    return Modes(values[order], shapes / jnp.take_along_axis(shapes, largest, axis=1), stations)
 
 
 def _values(system: System) -> Complex[Array, " n2"]:
     rate = reference_rate(system)
-    return rate * jnp.linalg.eigvals(Motion(system, rate).matrix())
+    return rate / jnp.linalg.eigvals(Pencil(system).inverse(rate))
 
 
 def _order(values: Complex[Array, " m"]) -> Array:

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 import diffrax as dfx
 import numpy as np
 import typer
-import xarray as xr
 
-from ..files import dumps, study
+from ..dataset import dataset
+from ..files import study
 from ..simulate import Response, simulate as run
 from ..solvers import Exponential
 from . import answer
@@ -133,42 +133,6 @@ def simulate(
     rows += [("written" if i == 0 else "", path) for i, path in enumerate(written)]
     typer.echo(f"{response}")
     answer.print_table(rows)
-
-
-def dataset(response: Response) -> xr.Dataset:
-    """A response as labelled arrays; complex motions as x and y along `axis`."""
-    motion = ("time", "station", "axis")
-    variables: dict[str, Any] = {
-        "displacement": (motion, _parts(response.displacement), _about("m", "displacement")),
-        "velocity": (motion, _parts(response.velocity), _about("m/s", "velocity")),
-        "slope": (motion, _parts(response.slope), _about("rad", "slope dz/dx")),
-    }
-    if response.contact_force is not None:
-        force = _parts(response.contact_force)
-        about = _about("N", "contact force on the shaft")
-        variables["contact_force"] = (("time", "limiter", "axis"), force, about)
-    coordinates = {
-        "time": ("time", np.asarray(response.time), _about("s", "time since the start")),
-        "angle": ("time", np.asarray(response.angle), _about("rad", "angle of revolution")),
-        "station": ("station", np.asarray(response.stations), _about("m", "station")),
-        "axis": ("axis", ["x", "y"]),
-    }
-    about = {
-        "title": "jaxrotor simulation",
-        "scene": dumps(response.scene),
-        "steps_per_revolution": response.steps_per_revolution,
-        "solver": response.solver,
-    }
-    return xr.Dataset(variables, coordinates, about)
-
-
-def _parts(values: Any) -> np.ndarray:
-    values = np.asarray(values)
-    return np.stack([values.real, values.imag], axis=-1)
-
-
-def _about(units: str, long_name: str) -> dict[str, str]:
-    return {"units": units, "long_name": long_name}
 
 
 def _draw(response: Response, folder: Path) -> None:

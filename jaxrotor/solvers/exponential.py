@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from ..motion import Motion
 from ..quantities import Scalar
+from ..system import System
 from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_real
 from .ports import Contacts, PortField, PortForm, Reading
 
@@ -40,10 +41,10 @@ class Exponential(eqx.Module):
         if self.basis not in ("auto", "modal", "dense"):
             raise ValueError(f"`basis` must be 'auto', 'modal' or 'dense', but is {self.basis!r}.")
 
-    def form(self, motion: Motion, rows: Float[Array, "s n"]) -> PortForm:
+    def form(self, system: System, motion: Motion, rows: Float[Array, "s n"]) -> PortForm:
         """The motion in the coordinates this solver steps."""
         build = DenseBasis.build if self.basis == "dense" else ModalBasis.build
-        return PortForm.build(motion, rows, build(motion.matrix()))
+        return PortForm.build(system, motion, rows, build(motion.matrix()))
 
     def stepper(self, form: PortForm, steps: int) -> "ExponentialStep | None":
         """One step of `steps` in a revolution, or None where no contact needs stepping."""

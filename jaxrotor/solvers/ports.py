@@ -8,7 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..motion import Motion
+from ..pencil import steady_response
 from ..quantities import Scalar
+from ..system import System
 from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
 from .form import AbstractForm
 
@@ -76,9 +78,13 @@ class PortForm(AbstractForm):
     steady: Complex[Array, " m"]  # at theta = 0
 
     @classmethod
-    def build(cls, motion: Motion, rows: Float[Array, "s n"], basis: ModalBasis | DenseBasis):
-        """The form of a motion, with stations `rows` to read."""
-        still, whirling = motion.steady()
+    def build(cls, system: System, motion: Motion, rows: Array, basis: ModalBasis | DenseBasis):
+        """The form of a system's motion, with stations `rows` (s, n) to read."""
+        still, whirling = steady_response(system)
+        if still is not None:
+            still = jnp.concatenate([still, jnp.zeros_like(still)])
+        if whirling is not None:
+            whirling = jnp.concatenate([whirling, 1j * motion.s * whirling])
         contacts = None
         if motion.columns is not None and motion.rows is not None:
             drive = basis.inverse @ jnp.concatenate([0 * motion.columns, motion.columns])
