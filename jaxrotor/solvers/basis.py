@@ -10,7 +10,7 @@ from ..quantities import Scalar
 from .phi import phi_dense, phi_scalar
 
 
-WORST_CONDITION = 1e6  # of the eigenvectors: beyond it modal coordinates cost over 6 digits
+WORST_CONDITION = 1e5  # of the eigenvectors: beyond it modal coordinates cost over 5 digits
 
 
 class ModalBasis(eqx.Module):
