@@ -10,11 +10,17 @@ if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the envir
 
 from . import observe as observe  # noqa: E402
 from .analysis import (  # noqa: E402
+    Campbell as Campbell,
+    CriticalSpeeds as CriticalSpeeds,
     Modes as Modes,
     Onset as Onset,
+    Perturbation as Perturbation,
     UnbalanceResponse as UnbalanceResponse,
+    campbell as campbell,
+    critical_speeds as critical_speeds,
     modes as modes,
     onset_speed as onset_speed,
+    perturbed_roots as perturbed_roots,
     roots as roots,
     stability_crossings as stability_crossings,
     unbalance_response as unbalance_response,
@@ -25,8 +31,10 @@ from .effects import (  # noqa: E402
     DiscDamping as DiscDamping,
     ExternalDamping as ExternalDamping,
     Gravity as Gravity,
+    HystereticDamping as HystereticDamping,
     InternalDamping as InternalDamping,
     Limiter as Limiter,
+    Support as Support,
     Unbalance as Unbalance,
 )
 from .files import (  # noqa: E402
@@ -38,7 +46,7 @@ from .files import (  # noqa: E402
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .scene import Scene as Scene  # noqa: E402
-from .shafts import FlexibleShaft as FlexibleShaft  # noqa: E402
+from .shafts import FlexibleShaft as FlexibleShaft, MasslessShaft as MasslessShaft  # noqa: E402
 from .simulate import Response as Response, simulate as simulate  # noqa: E402
 from .solvers import Exponential as Exponential  # noqa: E402
 from .spin import ConstantSpeed as ConstantSpeed  # noqa: E402

@@ -7,8 +7,15 @@ from jaxtyping import Array, Complex, Float
 class Blocks(eqx.Module):
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`, a uniform acceleration `a` adding `weight a`.
 
-    All real, `n` by `n`, in the equations' own units (one row a coordinate); None means absent and
-    leaves no trace in the compiled program. Blocks add.
+    `n` by `n`, in the equations' own units (one row a coordinate); None means absent and leaves no
+    trace in the compiled program. Blocks add. Beyond these,
+
+    - cross-coupling adds `i skew_damping q. + i skew_stiffness q`,
+    - what is not the same in x and y adds `fixed_damping q*. + fixed_stiffness q*` (q* conjugate),
+    - the same in axes that turn with the shaft, `q = r exp(i Omega t)`, adds to the equations of `r`
+      `rotating_damping r*. + rotating_stiffness r*`,
+    - hysteresis adds `i eta_s hysteretic q`, where eta_s is +1 for a motion that whirls faster than
+      the shaft turns and -1 for one that does not: it is known for harmonic motions only.
     """
 
     inertia: Float[Array, "n n"] | None = None
@@ -17,6 +24,13 @@ class Blocks(eqx.Module):
     stiffness: Float[Array, "n n"] | None = None
     circulatory: Float[Array, "n n"] | None = None
     weight: Float[Array, " n"] | None = None
+    skew_damping: Float[Array, "n n"] | None = None
+    skew_stiffness: Float[Array, "n n"] | None = None
+    fixed_damping: Complex[Array, "n n"] | None = None
+    fixed_stiffness: Complex[Array, "n n"] | None = None
+    rotating_damping: Complex[Array, "n n"] | None = None
+    rotating_stiffness: Complex[Array, "n n"] | None = None
+    hysteretic: Float[Array, "n n"] | None = None
 
     def __add__(self, other: "Blocks") -> "Blocks":
         return Blocks(

@@ -63,6 +63,16 @@ def study(name_or_path: str | os.PathLike[str]) -> Table:
     return _read(*_text(name_or_path))[1]
 
 
+def source(name_or_path: str | os.PathLike[str]) -> str:
+    """Text of a scene file, comments and all."""
+    return _text(name_or_path)[0]
+
+
+def title(name_or_path: str | os.PathLike[str]) -> str:
+    """Title of a scene file, "" without one."""
+    return tomllib.loads(_text(name_or_path)[0]).get("title", "")
+
+
 def shipped() -> list[tuple[str, str]]:
     """Names and titles of the scenes that come with jaxrotor."""
     texts = {name: file.read_text("utf-8") for name, file in sorted(_shipped().items())}
@@ -327,7 +337,7 @@ def _models(module: ModuleType, base: type) -> dict[str, type]:
     """Classes of shafts or spins by model: `FlexibleShaft` is "flexible"."""
     classes = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, base)]
     names = {c: re.sub(r"(?<!^)(?=[A-Z])", "_", c.__name__).lower() for c in classes}
-    return {n.rpartition("_")[0]: c for c, n in names.items() if not inspect.isabstract(c)}
+    return {n.rpartition("_")[0]: c for c, n in names.items() if not n.startswith("abstract")}
 
 
 def _table(value: Any, path: str) -> Table:

@@ -4,6 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from .blocks import Blocks
+from .pencil import isotropic
 from .quantities import Scalar
 from .system import Port, System
 
@@ -36,16 +38,19 @@ class Motion(eqx.Module):
 
     def __init__(self, system: System, rate: Scalar):
         blocks, load = system.blocks, system.load
+        _check_in_time(blocks)
         speed = system.spin.speed
         columns = rows = None
         if system.ports:
             columns = jnp.stack([port.column for port in system.ports], axis=1)
             rows = jnp.stack([port.row for port in system.ports])
+        gyroscopic = _sum((speed, blocks.gyroscopic), (-1.0, blocks.skew_damping))
+        circulatory = _sum((speed, blocks.circulatory), (-1.0, blocks.skew_stiffness))
         parts = {
             "stiffness": (blocks.stiffness, 1 / rate**2),
             "damping": (blocks.damping, 1 / rate),
-            "gyroscopic": (blocks.gyroscopic, speed / rate),
-            "circulatory": (blocks.circulatory, speed / rate**2),
+            "gyroscopic": (gyroscopic, 1 / rate),
+            "circulatory": (circulatory, 1 / rate**2),
             "constant": (load.constant, 1 / rate**2),
             "unbalance": (load.unbalance, (speed / rate) ** 2),
             "columns": (columns, 1 / rate**2),
@@ -112,6 +117,25 @@ class Motion(eqx.Module):
             high = high + 1j * self.gyroscopic
         top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
         return jnp.concatenate([top, jnp.concatenate([low, high], axis=1)])
+
+
+def _sum(*terms: tuple[Scalar | float, Array | None]) -> Array | None:
+    """Sum of factors times parts, None where every part is absent."""
+    products = [factor * part for factor, part in terms if part is not None]
+    return sum(products[1:], products[0]) if products else None
+
+
+def _check_in_time(blocks: Blocks) -> None:
+    if blocks.hysteretic is not None:
+        raise ValueError(
+            "Hysteretic damping is known for harmonic motions only (roots, Campbell diagrams), not in "
+            'time; take `scene.without("hysteretic_damping")` and InternalDamping in its place.'
+        )
+    if not isotropic(blocks):
+        raise ValueError(
+            "Motions in time are simulated for rotors that are the same along every axis, but this "
+            "one has supports or a shaft with two stiffnesses; its roots and linear response exist."
+        )
 
 
 def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:

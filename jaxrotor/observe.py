@@ -140,7 +140,12 @@ class Precession(AbstractObservable):
     needs_contact: ClassVar[bool] = False
 
     def check(self, steps, contacts):
-        del steps, contacts
+        del contacts
+        if steps < 8:
+            raise ValueError(
+                f"`steps_per_revolution` = {steps} is too few to see which way an orbit turns; take 8 "
+                "or more."
+            )
 
     def start(self, contacts):
         zero = jnp.array(0.0)
@@ -239,7 +244,8 @@ class WhirlSpectrum(AbstractObservable):
     """Amplitude spectrum of Lambda(t): Hann window, mean removed, up to `samples`/2 cycles a revolution.
 
     Each sample is the mean of Lambda over its share of the revolution; the spectrum is corrected
-    for that. Source: Azarov, Gouskov, Panovko (2023), Figs. 5, 6.
+    for that. Undefined (NaN) where the precession is. Source: Azarov, Gouskov, Panovko (2023),
+    Figs. 5, 6.
     """
 
     needs_contact: ClassVar[bool] = False
@@ -256,7 +262,9 @@ class WhirlSpectrum(AbstractObservable):
         return None
 
     def update(self, carry, turn: Turn):
+        still = jnp.any(turn.z == 0) | (turn.s == 0)
         share = turn.turned().reshape(self.samples, -1).sum(axis=1)
+        share = jnp.where(still, jnp.nan, share)
         return carry, turn.s * share * self.samples / (2 * jnp.pi)
 
     def report(self, carry, stored, count):
@@ -266,6 +274,8 @@ class WhirlSpectrum(AbstractObservable):
         amplitude = 2 * np.abs(np.fft.rfft(signal * window)) / window.sum()
         frequency = np.arange(amplitude.shape[-1]) / count
         amplitude = amplitude / np.sinc(frequency / self.samples)
+        if signal.shape[-1] % 2 == 0:
+            amplitude[..., -1] /= 2  # the highest has no negative twin
         long_name = "amplitude of relative whirl speed"
         return {
             "spectrum": Variable(("frequency",), amplitude, "1", long_name),
@@ -273,6 +283,6 @@ class WhirlSpectrum(AbstractObservable):
         }
 
 
-def everything() -> tuple[AbstractObservable, ...]:
-    """All observables that any scene has."""
-    return Section(), Extrema(), Precession(), Radius()
+def everything(contacts: bool = False) -> tuple[AbstractObservable, ...]:
+    """All observables but the spectrum; with `contacts`, those of limiters too."""
+    return Section(), Extrema(), Precession(), Radius(), *[Contact()][:contacts]

@@ -1,48 +1,171 @@
-"""Pencil: the linear part of a system as a quadratic of the growth rate."""
+"""Pencil: the linear part of a system as a quadratic of the growth rate, in the frame that suits it."""
+
+from typing import Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex
 
+from .blocks import Blocks
 from .quantities import Scalar
 from .system import System
 
 
-class Pencil(eqx.Module):
-    """`P(lambda) = lambda^2 M + lambda (C - i Omega G) + K - i Omega H` in complex coordinates.
+Frame = Literal["fixed", "rotating", "periodic"]
 
-    `M` is never inverted here: in collocation its eigenvalues are those of the flexibility, so the
-    highest modes would cost the lowest their digits.
+
+def isotropic(blocks: Blocks) -> bool:
+    """Whether the equations are the same along every axis."""
+    return not (_has(blocks, "fixed") or _has(blocks, "rotating"))
+
+
+def frame(blocks: Blocks) -> Frame:
+    """Axes in which the equations have constant coefficients; "periodic" where none do."""
+    if _has(blocks, "rotating"):
+        return "periodic" if _has(blocks, "fixed") else "rotating"
+    return "fixed"
+
+
+def _has(blocks: Blocks, axes: str) -> bool:
+    parts = (getattr(blocks, f"{axes}_{name}") for name in ("damping", "stiffness"))
+    return any(part is not None for part in parts)
+
+
+class Pencil(eqx.Module):
+    """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all forces included.
+
+    An isotropic system has `n` complex coordinates `q = x + i y` in the fixed frame. Else the unknowns
+    are the pair `(q, q*)`, `m = 2n`, in the fixed frame or, where the anisotropy turns with the
+    shaft, in the rotating frame. `M` is never inverted: in collocation its eigenvalues are those of
+    the flexibility, so the highest modes would cost the lowest their digits, and coordinates
+    without mass are allowed.
     """
 
-    inertia: Float[Array, "n n"]
-    damping: Complex[Array, "n n"]
-    stiffness: Complex[Array, "n n"]
+    inertia: Complex[Array, "m m"]
+    damping: Complex[Array, "m m"]
+    stiffness: Complex[Array, "m m"]
 
-    def __init__(self, system: System):
+    @classmethod
+    def of(cls, system: System, whirl: int = 0) -> "Pencil":
+        """Pencil of a system; `whirl` +1 or -1 adds the hysteresis of a faster or slower whirl."""
         blocks, speed = system.blocks, system.spin.speed
-        zero = jnp.zeros_like(system.line.stiffness)
+        zero = jnp.zeros(system.line.stiffness.shape, complex)
         part = lambda block: zero if block is None else block
-        self.inertia = part(blocks.inertia)
-        self.damping = part(blocks.damping) - 1j * speed * part(blocks.gyroscopic)
-        self.stiffness = part(blocks.stiffness) - 1j * speed * part(blocks.circulatory)
+        inertia = zero + part(blocks.inertia)
+        damping = part(blocks.damping) + 1j * (
+            part(blocks.skew_damping) - speed * part(blocks.gyroscopic)
+        )
+        stiffness = part(blocks.stiffness) + 1j * (
+            part(blocks.skew_stiffness)
+            - speed * part(blocks.circulatory)
+            + whirl * part(blocks.hysteretic)
+        )
+        if isotropic(blocks):
+            return cls(inertia, damping, stiffness)
+        axes = frame(blocks)
+        if axes == "periodic":
+            raise ValueError(
+                "A shaft of two stiffnesses on supports of two stiffnesses has no constant "
+                "coefficients in any frame, so it has no roots; look at `floquet_multipliers`."
+            )
+        if blocks.hysteretic is not None:
+            raise ValueError(
+                "Hysteretic damping is defined for circular whirl only, but the rotor is not the same "
+                "along every axis; use InternalDamping."
+            )
+        if axes == "rotating":
+            stiffness = stiffness + 1j * speed * damping - speed**2 * inertia
+            damping = damping + 2j * speed * inertia
+        pair = lambda own, other: jnp.block([[own, other], [other.conj(), own.conj()]])
+        return cls(
+            pair(inertia, zero),
+            pair(damping, zero + part(getattr(blocks, f"{axes}_damping"))),
+            pair(stiffness, zero + part(getattr(blocks, f"{axes}_stiffness"))),
+        )
 
-    def response(self, frequency: Scalar, force: Complex[Array, " n"]) -> Complex[Array, " n"]:
+    @property
+    def rate(self) -> Scalar:
+        """Of the order of the first natural frequency [rad/s]; scales time in what follows.
+
+        Each equation is divided by its stiffness, so that a stiff one without mass does not count.
+        """
+        stiff = jnp.max(jnp.abs(self.stiffness), axis=1, keepdims=True)
+        scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
+        return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.linalg.norm(scaled)))
+
+    def response(self, frequency: Scalar, force: Complex[Array, " m"]) -> Complex[Array, " m"]:
         """`q` of the steady motion `q exp(i frequency t)` under `force exp(i frequency t)`."""
         dynamic = self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
         return jnp.linalg.solve(dynamic, force)
 
-    def inverse(self, rate: Scalar) -> Complex[Array, "n2 n2"]:
-        """`A^-1` of `(q', q'') = A (q, q')` in the time `rate t`: eigenvalues are `rate / lambda`."""
-        n = self.inertia.shape[0]
-        upper = jnp.concatenate([rate * self.damping, rate**2 * self.inertia], axis=1)
-        lower = jnp.concatenate([jnp.eye(n), jnp.zeros((n, n))], axis=1)
-        return jnp.concatenate([-jnp.linalg.solve(self.stiffness, upper), lower])
+    def inverse(self, shift: Scalar) -> Complex[Array, "m2 m2"]:
+        """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.
+
+        Zero eigenvalues stand for coordinates without mass. The time of `q.` is scaled by the shift.
+        """
+        m = self.inertia.shape[0]
+        inertia, damping = shift**2 * self.inertia, shift * self.damping
+        fixed = self.stiffness + damping + inertia
+        upper = -jnp.linalg.solve(fixed, jnp.concatenate([damping + inertia, inertia], axis=1))
+        lower = upper.at[:, :m].add(jnp.eye(m))
+        return jnp.concatenate([upper, lower]) / shift
+
+
+def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
+    """All `lambda` with `det P(lambda) = 0`, in no order; infinite for coordinates without mass."""
+    return _eigenvalues(pencil.inertia, pencil.damping, pencil.stiffness)
+
+
+def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
+    """Eigenvalues and their vectors `q`, one a row."""
+    shift = pencil.rate
+    inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
+    return _values(inverses, shift), vectors[: pencil.inertia.shape[0]].T
+
+
+@jax.custom_jvp
+def _eigenvalues(inertia, damping, stiffness):
+    pencil = Pencil(inertia, damping, stiffness)
+    shift = pencil.rate
+    return _values(jnp.linalg.eigvals(pencil.inverse(shift)), shift)
+
+
+def _values(inverses: Complex[Array, " m2"], shift: Scalar) -> Complex[Array, " m2"]:
+    infinite = jnp.abs(inverses) * shift < 1e-10
+    return jnp.where(infinite, jnp.inf, shift + 1 / jnp.where(infinite, 1.0, inverses))
+
+
+@_eigenvalues.defjvp
+def _eigenvalues_jvp(primals, tangents):
+    """`d lambda = -y dP x / (y P' x)`, `x` and `y` the null vectors of `P(lambda)` on either side.
+
+    Two equal roots that keep two vectors get the mean of their derivatives; equal roots that share
+    one vector have none, and the result is not finite there.
+    """
+    inertia, damping, stiffness = primals
+    values = _eigenvalues(*primals)
+
+    def one(value):
+        finite = jnp.isfinite(value)
+        root = jnp.where(finite, value, 0.0)
+        u, sizes, v = jnp.linalg.svd(root**2 * inertia + root * damping + stiffness)
+        left, right = u[:, -2:].conj().T, v[-2:].conj().T
+        slope = left @ (2 * root * inertia + damping) @ right
+        change = left @ (root**2 * tangents[0] + root * tangents[1] + tangents[2]) @ right
+        twice = (sizes.size > 1) & (sizes[-2:][0] < 1e-9 * sizes[0])
+        simple = -change[-1, -1] / slope[-1, -1]
+        double = -jnp.trace(
+            jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), change)
+        )
+        return jnp.where(finite, jnp.where(twice, double / 2, simple), 0.0)
+
+    return values, jax.lax.map(one, values)
 
 
 def steady_response(system: System) -> tuple[Array | None, Array | None]:
-    """`q = still + whirling exp(i Omega t)` of the system without contact; None without its load."""
-    pencil, load, speed = Pencil(system), system.load, system.spin.speed
+    """`q = still + whirling exp(i Omega t)` of an isotropic system; None without its load."""
+    pencil, load, speed = Pencil.of(system), system.load, system.spin.speed
     still = whirling = None
     if load.constant is not None:
         still = pencil.response(jnp.zeros(()), load.constant)

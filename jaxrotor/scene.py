@@ -68,6 +68,10 @@ class Scene(eqx.Module):
                 raise ValueError(
                     f"`at [m]` must be on the shaft (0 to {length:g}), but is {off[0]:g}."
                 )
+            for x in stations.tolist():
+                reason = self.shaft.reason_against(x)
+                if reason is not None:
+                    raise ValueError(f"`at [m]` = {x:g} m {reason}.")
         return stations
 
     def of(self, kind: type) -> tuple:
@@ -137,9 +141,10 @@ class Scene(eqx.Module):
         for alias in (path, *_aliases(path, self.effects)):
             if alias in table:
                 return table[alias]
-        near = suggest(path, table)
+        head = path.partition(".")[0]
+        alike = [p for p in self.paths() if p.partition(".")[0] == head] or self.paths()
         raise ValueError(
-            f"The scene has no parameter `{path}`{near}; it has: {', '.join(self.paths())}."
+            f"The scene has no parameter `{path}`{suggest(path, table)}; it has: {', '.join(alike)}."
         )
 
 
@@ -177,13 +182,10 @@ def _known_stations(shaft, effects) -> tuple[float, ...] | None:
 def _breaks(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     """Effects at whose stations a span of the shaft ends."""
     owners = [i for i, effect in enumerate(effects) if _station(effect) is not None]
-    length = float(shaft.length)
     for i, at in zip(owners, stations, strict=True):
-        if at > length * (1 + 1e-12):
-            raise ValueError(
-                f"The {effects[i].kind} at {at:g} m is off the shaft; `at [m]` must be between 0 and "
-                f"the shaft's length, {length:g} m."
-            )
+        reason = shaft.reason_against(at)
+        if reason is not None:
+            raise ValueError(f"The {effects[i].kind} at {at:g} m {reason}.")
     return tuple(owners[k] for k in shaft.breaks(stations))
 
 

@@ -152,7 +152,10 @@ def revolution_rate(scene: Scene, period: float | None) -> Scalar:
     """`|Omega|`, or at zero speed 2 pi over the period the user names."""
     speed = scene.spin.speed
     if not known(speed):
-        return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
+        if period is None:
+            return jnp.abs(speed)
+        rate = jnp.asarray(2 * jnp.pi / period)
+        return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
     if speed == 0 and period is None:
         raise ValueError(
             "At zero speed a revolution has no length; give `period`, the seconds to count as one."
@@ -174,8 +177,9 @@ def choose(
     traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
     if traced:
         return Exponential(solver.order, "dense" if solver.basis == "auto" else solver.basis)
-    matrix, s = _linear(scene, rate)
-    _check_resonance(scene, np.asarray(matrix), float(s))
+    matrix, s, driven = _linear(scene, rate)
+    if driven:
+        _check_resonance(scene, np.asarray(matrix), float(s))
     if solver.basis == "auto":
         _, vectors = np.linalg.eig(np.asarray(matrix))
         return Exponential(solver.order, "modal" if well_conditioned(vectors) else "dense")
@@ -185,7 +189,7 @@ def choose(
 @eqx.filter_jit
 def _linear(scene: Scene, rate: Scalar):
     motion = Motion(assemble(scene), rate)
-    return motion.matrix(), motion.s
+    return motion.matrix(), motion.s, motion.unbalance is not None
 
 
 def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
-from .quantities import Scalar, nonnegative, real
+from .quantities import Scalar, known, nonnegative, real
 from .system import System
 
 
@@ -40,7 +40,15 @@ class Whirl(AbstractStart):
 
     def state(self, system: System, at: Scalar):
         shape = jnp.linalg.solve(system.blocks.stiffness, system.line.column(at))
-        shape = shape / (system.line.row(at) @ shape)
+        there = system.line.row(at) @ shape
+        held = jnp.abs(there) <= 1e-9 * jnp.max(jnp.abs(shape))
+        sentence = "A whirl cannot start at a station that is held fast; observe another with `at`."
+        if known(held):
+            if bool(held):
+                raise ValueError(sentence)
+        else:
+            there = eqx.error_if(there, held, sentence)
+        shape = shape / there
         q = self.radius * jnp.exp(1j * self.angle) * shape
         return q, 1j * self.rate * q
 

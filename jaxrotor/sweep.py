@@ -68,7 +68,7 @@ def sweep(
         start: starting state of every lane, by default `AtRest()`.
         settle: revolutions before anything is observed (0 or more).
         keep: revolutions observed.
-        observe: observables, by default `observe.everything()`.
+        observe: observables, by default `observe.everything()`, with contact where there is any.
         steps_per_revolution: as in `simulate`.
         solver: as in `simulate`.
         controller: as in `simulate`.
@@ -80,8 +80,8 @@ def sweep(
         max_steps: as in `simulate`.
 
     Returns:
-        Dataset over the swept paths. `status` says of every lane whether it succeeded; a failed
-        lane is kept and flagged. Attributes hold the scene and all settings.
+        Dataset over the swept paths, not differentiable. `status` says of every lane whether it
+        succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings.
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
@@ -91,11 +91,18 @@ def sweep(
     if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
         raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
     start = AtRest() if start is None else start
-    observe = everything() if observe is None else tuple(observe)
+    contacts = bool(scene.of(AbstractContact))
+    if observe is None:
+        observe = everything(contacts)
+    observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
     for one in observe:
+        if not isinstance(one, AbstractObservable):
+            raise ValueError(f"`observe` must hold observables such as Section(), but has {one!r}.")
         one.check(steps_per_revolution, len(scene.of(AbstractContact)))
     axes = _axes(scene, start, over, period)
-    station = scene.stations(at)[0]
+    stations = scene.stations(at)
+    if stations.size > 1:
+        raise ValueError(f"A sweep observes one station, but `at` names {stations.size}.")
     if "spin.speed" not in axes:
         revolution_rate(scene, period)
     plan = Plan(
@@ -111,7 +118,7 @@ def sweep(
     points = np.array(list(itertools.product(*axes.values()))).reshape(-1, len(axes))
     size = _chunk_size(len(points), lanes_per_chunk, workers := _workers(workers))
     chunks = [points[i : i + size] for i in range(0, len(points), size)]
-    context = _Context(scene, start, tuple(axes), plan, station, period, observe, settle, keep)
+    context = _Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
     total = len(chunks) * (settle + keep)
     with _progress(progress, total, f"{len(points)} lanes") as tick:
         run = lambda points, tick: _run_chunk(context, points, size, tick)
@@ -154,13 +161,24 @@ def _axes(
             changed, _ = _placed(scene, start, {path: value})
             if path == "spin.speed":
                 revolution_rate(changed, period)
-            if changed.breaks != scene.breaks:
-                raise ValueError(
-                    f"`over['{path}']` moves a station past another at {value:g}; sweep each order of "
-                    "stations apart."
-                )
         axes[path] = values
+    for changed in _rearranged(scene, axes):
+        if changed.breaks != scene.breaks:
+            raise ValueError(
+                "The sweep moves a station past another; sweep each order of stations apart."
+            )
     return axes
+
+
+def _rearranged(scene: Scene, axes: Mapping[str, np.ndarray]) -> Iterator[Scene]:
+    """The scene with every combination of the lengths that are swept, each a valid scene."""
+    lengths = {
+        path: values
+        for path, values in axes.items()
+        if path.endswith(".at") or path.startswith("shaft.")
+    }
+    for point in itertools.product(*lengths.values()):
+        yield scene.replace(dict(zip(lengths, point, strict=True)))
 
 
 def _placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
@@ -180,12 +198,7 @@ def _placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
 
 def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:
     """Contacts that share a port at every point of the grid."""
-    groups = {
-        port_groups(_placed(scene, AtRest(), {path: value})[0])
-        for path, values in axes.items()
-        if path.endswith(".at")
-        for value in values
-    } | {port_groups(scene)}
+    groups = {port_groups(changed) for changed in _rearranged(scene, axes)}
     if len(groups) == 1:
         return groups.pop()
     return tuple((i,) for group in port_groups(scene) for i in group)
@@ -428,6 +441,9 @@ def _provenance(context: _Context) -> dict[str, Any]:
         "keep": context.keep,
         "steps_per_revolution": plan.steps,
         "solver": solver_name(plan.solver),
+        "observe": ", ".join(eqx.tree_pformat(one) for one in context.observe),
+        "controller": eqx.tree_pformat(plan.controller) if plan.controller else "default",
+        "max_steps": plan.max_steps,
         "precision": str(jnp.zeros(()).dtype),
         "versions": versions(),
     }

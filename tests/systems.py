@@ -10,9 +10,11 @@ from jaxrotor import (
     ExternalDamping,
     FlexibleShaft,
     Gravity,
+    HystereticDamping,
     InternalDamping,
     Limiter,
     Scene,
+    Support,
     Unbalance,
 )
 
@@ -99,7 +101,9 @@ EFFECTS = [
     DiscDamping(LENGTH, 0.6, 0.05),
     InternalDamping(2e-4),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
+    Support(LENGTH, 3e4, 9.0, cross=0.3, damping_cross=0.2),
 ]
+HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 STRENGTHS = {
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
@@ -108,6 +112,8 @@ STRENGTHS = {
     "disc_damping": ("translational", "angular"),
     "internal_damping": ("voigt_time",),
     "limiter": ("stiffness", "damping"),
+    "support": ("stiffness", "damping"),
+    "hysteretic_damping": ("loss_factor",),
 }
 
 

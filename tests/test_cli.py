@@ -87,6 +87,14 @@ def test_show(quick_onset):
     assert whirl["backward"][0] == pytest.approx(1.45302933 / TIME, rel=1e-7)
 
 
+def test_show_toml_is_a_scene_to_start_from(quick_onset, place):
+    text = call("show", "limiter-rotor", "--toml").stdout
+    (place / "own.toml").write_text(text)
+    assert "#" in text and jr.load("own.toml") == jr.load("limiter-rotor")
+    heavier = call("show", "limiter-rotor", "--set", "disc.mass=3kg", "--toml").stdout
+    assert float(jr.loads(heavier).get("disc.mass")) == 3.0
+
+
 def test_show_says_why_there_is_no_onset(quick_onset):
     monkeypatch, module = quick_onset
 
@@ -213,6 +221,7 @@ def lanes(axes, index=None, spectrum=False):
         "index": (dims, index),
         "status": (dims, np.where(np.isnan(index), 2, 0).astype(np.int8)),
         "extrema": ((*dims, "revolution", "extremum"), np.zeros((*shape, 3, 2))),
+        "radius_max": (dims, np.zeros(shape)),
     }
     coords = {path: (path, values, {"units": "m"}) for path, values in axes.items()}
     if spectrum:
@@ -241,6 +250,12 @@ def test_sweep_takes_what_to_do_from_the_scene_file(fake):
     ]
     assert "forward whirl" in text and "72" in text and "sweep.zarr" in text
     assert os.listdir("runs/limiter-rotor-sweep")
+
+
+def test_a_large_radius_is_noted(fake, place):
+    fake(lambda axes: lanes(axes).assign(radius_max=lanes(axes)["radius_max"] + 0.08))
+    note = call("sweep", "limiter-rotor").stderr
+    assert "0.08 m, exceeds a tenth of the shaft's length, 0.7 m" in note
 
 
 def test_sweep_options(fake):
@@ -366,6 +381,7 @@ def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
         (["sweep", "limiter-rotor", "--over", "discs=1:2:3"], "no parameter"),
         (["sweep", "limiter-rotor", "--over", "start.speed=1:2:3"], "no parameter"),
         (["sweep", "limiter-rotor", "--spectrum", "--steps", "50"], "multiple of 32"),
+        (["sweep", "limiter-rotor", "--set", "unbalance.eccentricity=0"], "it is swept"),
     ],
 )
 def test_one_sentence(place, args, said):

@@ -196,8 +196,8 @@ def every_effect() -> Scene:
     members = []
     for cls in files._kinds().values():
         for _ in range(rng.choice([1, 2])):
-            values = {field.name: rng.random() / 3 for field in dataclasses.fields(cls)}
-            members.append(cls(**values))
+            numbers = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
+            members.append(cls(**{name: rng.random() / 3 for name in numbers}))
     material = Material(1e11 / 3, 7e3 / 9)
     shaft = FlexibleShaft(1 / 3, 1e-2 / 7, material, -1 / 9, nodes=5, rotary_inertia=False)
     return Scene(shaft, *members, spin=ConstantSpeed(-1e5 / 3))
@@ -507,9 +507,13 @@ def study_of(text):
         (
             "[shaft]",
             "[shaft]\nmodel = 'flexibel'",
-            "shaft.model must be 'flexible', but is 'flexibel'.",
+            "shaft.model must be 'flexible' or 'massless', but is 'flexibel'.",
         ),
-        ("[shaft]", "[shaft]\nmodel = [1]", "shaft.model must be 'flexible', but is [1]."),
+        (
+            "[shaft]",
+            "[shaft]\nmodel = [1]",
+            "shaft.model must be 'flexible' or 'massless', but is [1].",
+        ),
         ("[spin]", "[spin]\nmodel = 3", "spin.model must be 'constant', but is 3."),
         (
             "[shaft]",

@@ -90,7 +90,7 @@ def test_onset_speed_by_every_parameter(rule):
     values = parameters(scene)
     middle = float(jr.onset_speed(scene).speed)
     within = 0.8 * middle, 1.3 * middle
-    onset = lambda values: jr.onset_speed(put(scene, values), within=within, samples=4).speed
+    onset = lambda values: jr.onset_speed(put(scene, values), within=within, samples=8).speed
     exact = forward(onset, values)
     idle = [p for p in values if p.startswith(("limiters", "unbalance", "gravity", "spin"))]
     assert {exact[path] for path in idle} == {0.0}

@@ -359,6 +359,9 @@ print(ds.attrs["precision"])
 # === refusals
 
 
+OVER = {"limiters.gap": [1e-3]}
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -381,6 +384,25 @@ print(ds.attrs["precision"])
             lambda: jr.simulate(ROTOR, 1, start=jr.Continued(jnp.zeros(3) + 0j, jnp.zeros(3) + 0j)),
             "has 3 coordinates",
         ),
+        (lambda: jr.sweep(ROTOR, OVER, at=[0.1, 0.2]), "A sweep observes one station"),
+        (lambda: jr.sweep(ROTOR, OVER, steps_per_revolution=4), "= 4 is too few to see which way"),
+        (
+            # Each alone keeps the order of the stations; together they do not.
+            lambda: jr.sweep(
+                ROTOR.replace({"limiters.at": 0.4}),
+                {"limiters.at": [0.4, 0.6], "shaft.length": [0.7, 0.7001], "disc.at": [0.5, 0.7]},
+            ),
+            "moves a station past another",
+        ),
+        (
+            lambda: jr.onset_speed(ROTOR, samples=4),
+            "`samples` must be a whole number of at least 8",
+        ),
+        (lambda: jr.onset_speed(ROTOR, within=(9.0, 3.0)), "must be a lower and a higher speed"),
+        (
+            lambda: jr.FlexibleShaft(0.7, 0.02, rule="trapezoid", rotary_inertia=False),
+            "slopes for coordinates",
+        ),
     ],
 )
 def test_bad_input_gets_a_sentence(call, sentence):
@@ -388,6 +410,11 @@ def test_bad_input_gets_a_sentence(call, sentence):
         call()
     assert str(raised.value).strip().endswith(".")
     assert "\n" not in str(raised.value)
+
+
+def test_a_whirl_does_not_start_where_the_shaft_is_held():
+    with pytest.raises(RuntimeError, match="a station that is held fast"):
+        jr.simulate(ROTOR, 1, at=[0.0], start=jr.Whirl(1e-3, 5.0))
 
 
 def test_bad_types_get_a_sentence():
@@ -402,6 +429,7 @@ for call in (
     lambda: jr.Exponential(3),
     lambda: jr.Exponential(2, "best"),
     lambda: jr.sweep(rotor, {"limiters.gap": [1e-3]}, settle=1, keep=1, solver="x"),
+    lambda: jr.sweep(rotor, {"limiters.gap": [1e-3]}, observe=[3]),
 ):
     try:
         call()
@@ -414,9 +442,16 @@ for call in (
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=200, check=True
     )
-    starts = ["`steps_per_revolution`", *["`solver`"] * 2, "`order`", "`basis`", "`solver`"]
+    starts = [
+        "`steps_per_revolution`",
+        *["`solver`"] * 2,
+        "`order`",
+        "`basis`",
+        "`solver`",
+        "`observe`",
+    ]
     said = done.stdout.strip().splitlines()
-    assert [line.split(" must be ")[0] for line in said] == starts
+    assert [line.partition(" must ")[0] for line in said] == starts
 
 
 def test_a_failing_lane_is_flagged_and_kept():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import equinox as eqx
 import pytest
-from systems import EFFECTS, STRENGTHS
+from systems import EFFECTS, HARMONIC, STRENGTHS
 
 import jaxrotor
 from jaxrotor import effects
@@ -181,7 +181,7 @@ CONCRETE = [
 
 
 def test_every_effect_is_in_the_list_of_the_tests():
-    assert {type(effect) for effect in EFFECTS} == set(CONCRETE)
+    assert {type(effect) for effect in EFFECTS + HARMONIC} == set(CONCRETE)
     assert set(STRENGTHS) == {cls.kind for cls in CONCRETE}
     assert all(getattr(jaxrotor, cls.__name__) is cls for cls in CONCRETE)
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems import DIAMETRAL, EFFECTS, LENGTH, MASS, STRENGTHS, TIME, bare, limiter_rotor
+from systems import DIAMETRAL, EFFECTS, HARMONIC, LENGTH, MASS, STRENGTHS, TIME, bare, limiter_rotor
 
 import jaxrotor as jr
 from jaxrotor import (
@@ -155,6 +155,15 @@ def test_zero_strength_equals_absence(effect):
     largest = np.max(np.abs(expected))
     np.testing.assert_allclose(rates(zero, states), expected, rtol=0, atol=1e-12 * largest)
     assert np.max(np.abs(rates(here, states) - expected)) > 1e-10 * largest  # at strength it acts
+
+
+@pytest.mark.parametrize("effect", HARMONIC, ids=lambda effect: effect.kind)
+def test_zero_strength_equals_absence_among_harmonic_motions(effect):
+    base, here = bare(*EFFECTS, N=4.0), bare(*EFFECTS, effect, N=4.0)
+    zero = here.replace({f"{effect.kind}.{name}": 0.0 for name in STRENGTHS[effect.kind]})
+    expected = np.asarray(jr.roots(base, 6))
+    np.testing.assert_allclose(np.asarray(jr.roots(zero, 6)), expected, rtol=1e-11)
+    assert np.max(np.abs(np.asarray(jr.roots(here, 6)) / expected - 1)) > 1e-4
 
 
 # === values never retrace

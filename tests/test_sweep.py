@@ -205,6 +205,19 @@ def test_spectrum_of_a_known_whirl():
     assert spectrum[away].max() < 1e-3
 
 
+def test_spectrum_of_the_highest_frequency_and_of_rest():
+    """Lambda alternates from sample to sample: its amplitude, once; none at the centre."""
+    samples = jr.observe.WhirlSpectrum().samples
+    sign = lambda t: 1 - 2 * (np.floor(t * samples / (2 * np.pi) - 1e-9) % 2)
+    rises = lambda t: np.concatenate([[0.0], np.cumsum(0.2 * sign(t[1:]) * np.diff(t))])
+    path = lambda t: np.exp(1j * (0.5 * t + rises(t)))
+    found = observed(jr.observe.WhirlSpectrum(), path, 20, 4 * samples)
+    highest = found["spectrum"][0, -1] * np.sinc(0.5)  # as if sampled, not averaged
+    assert found["frequency"][-1] == samples / 2 and highest == pytest.approx(0.2, rel=1e-6)
+    still = observed(jr.observe.WhirlSpectrum(), lambda t: np.exp(1j * t) * (t > 1), 4, 128)
+    assert np.isnan(still["spectrum"]).all()
+
+
 def test_spectrum_needs_steps_that_divide():
     with pytest.raises(ValueError, match="must be a multiple"):
         jr.sweep(

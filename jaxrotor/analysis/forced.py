@@ -7,9 +7,13 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..pencil import steady_response
-from ..quantities import known
+from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import assemble
+from ..system import System, assemble
+from .modal import natural_roots
+
+
+CRITICAL = 1e-9  # relative distance of speed and frequency at which a response has no digits
 
 
 class UnbalanceResponse(eqx.Module):
@@ -42,22 +46,32 @@ def unbalance_response(scene: Scene, speeds, at=None) -> UnbalanceResponse:
         )
     speeds = jnp.atleast_1d(jnp.asarray(speeds, float))
     stations = scene.stations(at)
-    displacement, deflection = _respond(scene, speeds, stations)
-    if known(displacement) and not np.all(np.isfinite(displacement)):
-        bad = np.asarray(speeds)[~np.isfinite(displacement).all(axis=1)]
+    displacement, deflection, distance = _respond(scene, speeds, stations)
+    if known(distance) and np.any(distance < CRITICAL):
+        bad = float(speeds[np.argmin(distance)])
         raise ValueError(
-            f"The response is unbounded at {bad[0]:g} rad/s, an undamped critical speed; add damping."
+            f"The response is unbounded at {bad:g} rad/s, an undamped critical speed; add damping."
         )
     return UnbalanceResponse(speeds, stations, displacement, deflection)
 
 
+def _from_critical(system: System) -> Scalar:
+    """How far the speed is from that of an undamped whirl, relative; 1 without unbalance."""
+    if system.load.unbalance is None:
+        return jnp.ones(())
+    speed = jax.lax.stop_gradient(system.spin.speed)
+    still = jnp.where(speed == 0, 1.0, speed)
+    values = natural_roots(jax.lax.stop_gradient(system))
+    return jnp.where(speed == 0, 1.0, jnp.min(jnp.abs(values / (1j * still) - 1)))
+
+
 @eqx.filter_jit
-def _respond(scene: Scene, speeds, stations) -> tuple[Complex[Array, "w s"], Complex[Array, "w s"]]:
+def _respond(scene: Scene, speeds, stations):
     def one(speed):
         system = assemble(scene.put({"spin.speed": speed}))
         still, whirling = steady_response(system)
         rows = jax.vmap(system.line.row)(stations)
         see = lambda q: jnp.zeros(stations.shape, complex) if q is None else rows @ q
-        return see(whirling), see(still)
+        return see(whirling), see(still), _from_critical(system)
 
     return jax.lax.map(one, speeds)

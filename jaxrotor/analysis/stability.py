@@ -9,10 +9,11 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..pencil import Pencil
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import assemble
-from .modal import reference_rate, roots
+from .modal import natural_roots
 
 
 class Onset(NamedTuple):
@@ -29,7 +30,7 @@ def onset_speed(
 
     Args:
         scene: the rotor; its own speed does not matter.
-        within: speeds [rad/s] to search, by default 0 to 40 first natural frequencies.
+        within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency.
         samples: growth rates taken to bracket the crossing; two crossings closer than a sample
             interval are missed.
 
@@ -41,6 +42,7 @@ def onset_speed(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2.
     """
+    _check_search(within, samples)
     speeds, growth, scale = _scan(scene, within, samples)
     rising = (growth[:-1] <= 0) & (growth[1:] > 0)
     marginal = jnp.max(jnp.abs(growth[: samples // 4])) < 1e-9 * scale
@@ -63,6 +65,7 @@ def stability_crossings(
     scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
 ) -> list[tuple[Onset, bool]]:
     """All crossings in the range, in order, each with whether stability is lost (or regained)."""
+    _check_search(within, samples)
     speeds, growth, _ = _scan(scene, within, samples)
     signs = np.asarray(growth) > 0
     return [
@@ -71,12 +74,19 @@ def stability_crossings(
     ]
 
 
+def _check_search(within, samples: int) -> None:
+    if isinstance(samples, bool) or not isinstance(samples, int) or samples < 8:
+        raise ValueError(f"`samples` must be a whole number of at least 8, but is {samples!r}.")
+    if within is not None and known(within[0]) and known(within[1]) and within[0] >= within[1]:
+        raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")
+
+
 @eqx.filter_jit
 def _scan(
     scene: Scene, within, samples: int
 ) -> tuple[Float[Array, " w"], Float[Array, " w"], Scalar]:
     """Speeds, growth rates, and the frequency that makes a rate small or large."""
-    scale = reference_rate(assemble(scene))
+    scale = Pencil.of(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
     low, high = (0.0, 40 * scale) if within is None else within
     speeds = jnp.linspace(low, high, samples + 1)
     # One speed after the other: see `sweep._prepare` on batched linear algebra.
@@ -102,4 +112,5 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
 
 
 def _roots_at(scene: Scene, speed: Scalar):
-    return roots(scene.put({"spin.speed": speed}))
+    values = natural_roots(assemble(scene.put({"spin.speed": speed})))
+    return jnp.where(jnp.isfinite(values), values, -jnp.inf)  # no mass, no motion

@@ -46,3 +46,13 @@ def _plain(value: Any) -> Any:
             return [_plain(item) for item in value]
         case _:
             return _plain(np.asarray(value).tolist())
+
+
+def note_large(radius: float, length: float) -> None:
+    """A note on stderr where a motion has left the theory of small deflections."""
+    if radius > length / 10:
+        typer.echo(
+            f"Note: the largest radius, {radius:.3g} m, exceeds a tenth of the shaft's length, "
+            f"{length:.3g} m, so the theory of small deflections no longer holds.",
+            err=True,
+        )

@@ -11,6 +11,9 @@ from .simulate import simulate
 from .sweep import sweep
 
 
+UsageError: Any = typer.BadParameter.__base__  # of the click that typer brings
+
+
 class OneSentence(TyperGroup):
     """Bad input, a failed run or Ctrl-C end in one sentence on stderr, not in a traceback."""
 
@@ -22,17 +25,20 @@ class OneSentence(TyperGroup):
         except KeyboardInterrupt:
             typer.echo("Interrupted; nothing was written.", err=True)
             raise typer.Exit(130) from None
+        except UsageError as error:
+            typer.echo(f"{_one_line(error.format_message())} (see --help)", err=True)
+            raise typer.Exit(2) from None
         except (ValueError, RuntimeError) as error:
             if ctx.params["debug"]:
                 raise
-            typer.echo(_one_line(error), err=True)
+            typer.echo(_one_line(error) or type(error).__name__, err=True)
             raise typer.Exit(2) from None
 
 
-def _one_line(error: Exception) -> str:
+def _one_line(error: object) -> str:
     """First paragraph of a message; jax and equinox add pages about themselves."""
     paragraph = str(error).strip().partition("\n\n")[0]
-    return " ".join(paragraph.split()) or type(error).__name__
+    return " ".join(paragraph.removeprefix("Value error, ").split())
 
 
 app = typer.Typer(

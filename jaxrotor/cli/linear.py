@@ -57,7 +57,9 @@ def onset(
     high: Annotated[
         str | None,
         typer.Option(
-            "--to", metavar="SPEED", help="Where to end. [default: 40 first natural frequencies]"
+            "--to",
+            metavar="SPEED",
+            help="Where to end. [default: 40 first frequencies]",
         ),
     ] = None,
     as_json: AsJson = False,

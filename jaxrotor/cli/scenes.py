@@ -1,11 +1,12 @@
 """Commands `scenes` and `show`: what scenes there are, and what is in one."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from ..analysis import onset_speed, roots
-from ..files import shipped
+from ..files import dumps, shipped, source, title
 from ..scene import Scene
 from . import answer
 from .linear import described_onset, marginal
@@ -24,17 +25,28 @@ def scenes(as_json: AsJson = False) -> None:
         answer.print_table(found, ("scene", "title"))
 
 
-def show(scene: SceneName, settings: Settings = None, as_json: AsJson = False) -> None:
+def show(
+    scene: SceneName,
+    settings: Settings = None,
+    toml: Annotated[
+        bool, typer.Option("--toml", help="Print the scene file itself, to start one's own from.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """Show the parameters of a scene, its whirl frequencies, and where it loses stability.
 
     The paths in the first column are those of `--set` and `--over`.
 
     ```
     jaxrotor show limiter-rotor
+    jaxrotor show limiter-rotor --toml > my-rotor.toml
     jaxrotor show limiter-rotor --set disc.mass=3kg --set "limiters.0.gap=5 mm"
     ```
     """
     rotor = scene_with(scene, settings)
+    if toml:
+        typer.echo(dumps(rotor, title(scene)) if settings else source(scene), nl=False)
+        return
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     values = np.asarray(roots(rotor))
     coordinates = values.size // 2
@@ -50,7 +62,7 @@ def show(scene: SceneName, settings: Settings = None, as_json: AsJson = False) -
         answer.print_json(
             {
                 "scene": scene,
-                "title": dict(shipped()).get(scene),
+                "title": title(scene),
                 "parameters": table,
                 "coordinates": coordinates,
                 "whirl_frequencies": whirl,

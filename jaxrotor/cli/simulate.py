@@ -117,6 +117,7 @@ def simulate(
             write_dataset(dataset(response), folder / "response.zarr")
             _draw(response, folder)
     summary = _summary(response)
+    answer.note_large(float(summary["radius_max"]), float(rotor.shaft.length))
     written = [] if out is None else [str(out / n) for n in _FILES if (out / n).exists()]
     if as_json:
         answer.print_json({"scene": scene, **summary, "written": written})

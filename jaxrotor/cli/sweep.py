@@ -11,7 +11,7 @@ import xarray as xr
 
 from ..effects import AbstractContact
 from ..files import study, swept_values
-from ..observe import AbstractObservable, Contact, WhirlSpectrum, everything
+from ..observe import AbstractObservable, WhirlSpectrum, everything
 from ..scene import Scene
 from ..solvers import Exponential
 from ..sweep import sweep as run
@@ -115,6 +115,9 @@ def sweep(
     """
     rotor, table = scene_with(scene, settings), study(scene)
     axes = _axes(rotor, table, over)
+    for path in assignments("--set", settings, ""):
+        if path in axes:
+            raise ValueError(f"--set {path} has no effect: it is swept; sweep others with --over.")
     start = start_with(table, start_radius, start_rate, start_angle, list(axes))
     counts: dict[str, int] = {
         name: table.get(name, default) if count is None else count
@@ -136,6 +139,8 @@ def sweep(
         _draw(dataset, list(axes), folder)
     written = [str(out / name) for name in _FILES if (out / name).exists()]
     lanes = _lanes(dataset)
+    good = dataset["radius_max"].values[dataset["status"].values != 1]
+    answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
     if as_json:
         answer.print_json(
             {
@@ -166,9 +171,7 @@ def _axes(scene: Scene, table: dict[str, Any], over: list[str] | None) -> dict[s
 
 
 def _observables(scene: Scene, spectrum: bool, steps: int) -> tuple[AbstractObservable, ...]:
-    found = everything()
-    if scene.of(AbstractContact):
-        found += (Contact(),)
+    found = everything(bool(scene.of(AbstractContact)))
     if spectrum:
         one = WhirlSpectrum()
         if steps % one.samples:
@@ -184,7 +187,7 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
 
     if len(swept) != 1:
         return
-    size = min(max(150 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
+    size = min(max(250 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
 
     def bifurcation(axes):
         plot.bifurcation(dataset, axes, size=size)

@@ -10,6 +10,8 @@ from .base import (
 from .disc import Disc as Disc
 from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping
 from .gravity import Gravity as Gravity
+from .hysteretic_damping import HystereticDamping as HystereticDamping
 from .internal_damping import InternalDamping as InternalDamping
 from .limiter import Limiter as Limiter
+from .support import Support as Support
 from .unbalance import Unbalance as Unbalance

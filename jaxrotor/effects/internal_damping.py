@@ -22,4 +22,9 @@ class InternalDamping(AbstractLinear):
 
     def blocks(self, line: AbstractLine) -> Blocks:
         viscous = self.voigt_time * line.stiffness
-        return Blocks(damping=viscous, circulatory=viscous)
+        unequal = line.rotating_stiffness
+        return Blocks(
+            damping=viscous,
+            circulatory=viscous,
+            rotating_damping=None if unequal is None else self.voigt_time * unequal,
+        )

@@ -38,6 +38,8 @@ def bifurcation(
     displacement = 1e3 * array.transpose(dim, ...).values.reshape(dataset.sizes[dim], -1)
     values, label = coordinate(dataset, dim)
     index = dataset["index"].values
+    if "status" in dataset:  # failed lanes show nothing
+        displacement[dataset["status"].values == 1] = np.nan
 
     upper, lower = page.pair(axes, 170, 110)
     for whirl, colour, lanes in _directions(index):

@@ -39,9 +39,6 @@ def once_a_turn(response: Any) -> Bool[np.ndarray, " T"]:
 def whirl_speed(response: Any, station: int) -> Times:
     """Relative whirl speed `Lambda = Im(conj(z) z.) / (|z|^2 Omega)`; NaN at rest in the centre."""
     z, rate = (signal(response, name, station) for name in ("displacement", "velocity"))
-    spin = np.gradient(
-        np.asarray(response.angle, dtype=float), np.asarray(response.time, dtype=float)
-    )
-    below = np.abs(z) ** 2 * spin
+    below = np.abs(z) ** 2 * float(response.scene.spin.speed)
     defined = below != 0
     return np.where(defined, np.imag(np.conj(z) * rate) / np.where(defined, below, 1.0), np.nan)

@@ -5,6 +5,7 @@ from typing import Literal
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..blocks import Blocks
 from ..materials import Material, steel
@@ -37,6 +38,11 @@ class FlexibleShaft(AbstractShaft):
     def __check_init__(self):
         if self.rule not in ("spectral", "trapezoid"):
             raise ValueError(f"`rule` must be 'spectral' or 'trapezoid', but is {self.rule!r}.")
+        if self.rule == "trapezoid" and not self.rotary_inertia:
+            raise ValueError(
+                "The trapezoidal rule has slopes for coordinates, which without `rotary_inertia` have "
+                'no mass; keep it, or take rule="spectral".'
+            )
         least = 2 if self.rule == "spectral" else 1
         if isinstance(self.nodes, bool) or not isinstance(self.nodes, int):
             raise ValueError(f"`nodes` must be a whole number, but is {self.nodes!r}.")
@@ -60,11 +66,20 @@ class FlexibleShaft(AbstractShaft):
     def _second_moment(self) -> Scalar:
         return jnp.pi * self.diameter**4 / 64
 
+    def reason_against(self, at: float) -> str | None:
+        length = float(self.length)
+        if 0 <= at <= length * (1 + 1e-12):
+            return None
+        return f"is off the shaft; `at [m]` must be between 0 and the shaft's length, {length:g} m"
+
+    def seen(self, points: int) -> Float[Array, " x"]:
+        return jnp.linspace(0.0, self.length, points)
+
     def breaks(self, stations: tuple[float, ...]) -> tuple[int, ...]:
         if self.rule == "trapezoid":
             return ()
-        # A span much shorter than its neighbours costs conditioning and gains nothing.
-        shortest = 0.02 * float(self.length)
+        # Stations this close count as one: shorter spans cost more digits than the break gains.
+        shortest = 0.002 * float(self.length)
         chosen, last = [], 0.0
         for index in np.argsort(stations, kind="stable"):
             at = stations[index]

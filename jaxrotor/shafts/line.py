@@ -3,7 +3,7 @@
 import abc
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar
@@ -22,6 +22,11 @@ class AbstractLine(eqx.Module):
     @abc.abstractmethod
     def stiffness(self) -> Float[Array, "n n"]:
         """The shaft's own elastic stiffness in the equations."""
+
+    @property
+    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
+        """What two unequal principal stiffnesses add in the axes of the shaft, see `Blocks`."""
+        return None
 
     @abc.abstractmethod
     def row(self, at: Scalar) -> Float[Array, " n"]:
@@ -56,6 +61,14 @@ class AbstractShaft(eqx.Module):
     """A shaft: the straight elastic or rigid body everything else sits on."""
 
     length: eqx.AbstractVar[Scalar]
+
+    @abc.abstractmethod
+    def reason_against(self, at: float) -> str | None:
+        """Why nothing can sit at a known station `at` [m], or None where it can."""
+
+    @abc.abstractmethod
+    def seen(self, points: int) -> Float[Array, " x"]:
+        """Stations [m], about `points` of them, along which its shapes are drawn."""
 
     @abc.abstractmethod
     def breaks(self, stations: tuple[float, ...]) -> tuple[int, ...]:

@@ -1,0 +1,76 @@
+"""First-order formulas for the whirl of a gyroscopic rotor, beside its exact `roots`."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Complex, Float
+
+from ..scene import Scene
+from ..system import assemble
+
+
+LARGEST_SHIFT = (
+    0.1  # relative gyroscopic change of a frequency beyond which the formula is no answer
+)
+LEAST_SLOPE = 0.3  # of the denominator, relative to its value at rest
+
+
+class Perturbation(eqx.Module):
+    """Approximate roots: forward slow and fast, backward slow and fast."""
+
+    values: Complex[Array, " 4"]  # lambda [rad/s]
+    at_rest: Float[Array, " 4"]  # whirl frequency without rotation and loss, signed [rad/s]
+    undamped: Float[Array, " 4"]  # whirl frequency without loss [rad/s]
+    valid: Bool[Array, " 4"]  # whether the first order may be trusted
+
+
+@eqx.filter_jit
+def perturbed_roots(scene: Scene) -> Perturbation:
+    """`Omega = Lambda (1 + i e_h)`, `Lambda = lambda (1 + e_w)`; returned as `i Omega`.
+
+        e_w = I_0 w L (m L^2 - k11) / (4 m I L^4 - 3 m I_0 w L^3 - 2 S L^2 + k11 I_0 w L),  L = lambda
+        e_h = eta_s (S L^2 - k11 I_0 w L - 2 det) / (the same),                             L = Lambda
+
+    `S = m k22 + I k11`, `det = k11 k22 - k12^2`; `eta_s = +eta` where `Lambda > w`, else `-eta`.
+
+    Args:
+        scene: a `MasslessShaft` with slope on rigid ends, discs, at most HystereticDamping.
+
+    Returns:
+        Approximate roots. `valid` is false where the gyroscopic shift exceeds a tenth or nears the
+        pole of `e_w` (its denominator below 0.3 of that at rest): there only `roots` answers.
+
+    Source: Brysin, Nikiforov (2019), eqs. (4)-(6).
+    """
+    system = assemble(scene)
+    blocks, w = system.blocks, system.spin.speed
+    others = (blocks.damping, blocks.fixed_stiffness, blocks.rotating_stiffness)
+    if system.n != 2 or any(block is not None for block in others):
+        raise ValueError(
+            "The first-order formulas are for a MasslessShaft with k12 and k22 on rigid ends that "
+            "carries discs, with no damping but HystereticDamping; `roots` takes any rotor."
+        )
+    zero = jnp.zeros((2, 2))
+    part = lambda block: zero if block is None else block
+    (m, _), (_, inertia) = part(blocks.inertia)
+    polar = part(blocks.gyroscopic)[1, 1]
+    (k11, k12), (_, k22) = part(blocks.stiffness)
+    eta = part(blocks.hysteretic)[0, 0] / k11
+    total, det = m * k22 + inertia * k11, k11 * k22 - k12**2
+    turn = polar * w
+
+    def denominator(x, turn):
+        slow = 4 * m * inertia * x**4 - 2 * total * x**2
+        return slow - 3 * m * turn * x**3 + k11 * turn * x
+
+    middle, spread = total, jnp.sqrt(total**2 - 4 * m * inertia * det)
+    slow = jnp.sqrt(2 * det / (middle + spread))  # no cancellation
+    fast = jnp.sqrt((middle + spread) / (2 * m * inertia))
+    at_rest = jnp.array([slow, fast, -slow, -fast])
+    below = denominator(at_rest, turn)
+    shift = turn * at_rest * (m * at_rest**2 - k11) / below
+    undamped = at_rest * (1 + shift)
+    loss = jnp.where(undamped > w, eta, -eta)
+    top = total * undamped**2 - k11 * turn * undamped - 2 * det
+    values = undamped * (1j - loss * top / denominator(undamped, turn))
+    near_pole = below / denominator(at_rest, 0.0) < LEAST_SLOPE
+    return Perturbation(values, at_rest, undamped, (jnp.abs(shift) <= LARGEST_SHIFT) & ~near_pole)
