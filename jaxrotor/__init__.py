@@ -46,7 +46,12 @@ from .files import (  # noqa: E402
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .scene import Scene as Scene  # noqa: E402
-from .shafts import FlexibleShaft as FlexibleShaft, MasslessShaft as MasslessShaft  # noqa: E402
+from .shafts import (  # noqa: E402
+    Constraint as Constraint,
+    FlexibleShaft as FlexibleShaft,
+    MasslessShaft as MasslessShaft,
+    Step as Step,
+)
 from .simulate import Response as Response, simulate as simulate  # noqa: E402
 from .solvers import Exponential as Exponential  # noqa: E402
 from .spin import ConstantSpeed as ConstantSpeed  # noqa: E402

@@ -215,12 +215,18 @@ def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
     unit, kind = unit_of(field), typing.cast(Any, field.type)
     if unit is not None:
         return quantity(value, unit, path)
-    if kind is Material and isinstance(value, str):
+    if Material in (kind, *typing.get_args(kind)) and isinstance(value, str):
         if value not in NAMED:
             refuse(path, f"must be a table or {_either(NAMED)}, but is {show(value)}.")
         return NAMED[value]()
-    if inspect.isclass(kind) and issubclass(kind, eqx.Module):
-        return _built(kind, _table(value, path), path, kind.__name__.lower())
+    for own in (kind, *typing.get_args(kind)):  # a module, an optional one, or a tuple of them
+        if inspect.isclass(own) and issubclass(own, eqx.Module):
+            if typing.get_origin(kind) is not tuple:
+                return _built(own, _table(value, path), path, own.__name__.lower())
+            if not isinstance(value, list):
+                refuse(path, f"must be a list of tables, but is {show(value)}.")
+            parts = [(_table(one, f"{path}.{i}"), f"{path}.{i}") for i, one in enumerate(value)]
+            return tuple(_built(own, *part, own.__name__.lower()) for part in parts)
     choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
     wrong = value not in choices if choices else kind in _WORDS and type(value) is not kind
     if wrong or (kind is int and abs(value) > _MOST):
@@ -302,6 +308,9 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
         value, unit, here = getattr(module, field.name), unit_of(field), f"{path}.{field.name}"
         if isinstance(value, eqx.Module):
             nested[field.name] = _written(value, here)
+        elif isinstance(value, tuple):
+            tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
+            nested[field.name] = tomlkit.item(tables) if tables else []
         elif unit is not None and value is not None:
             item = tomlkit.item(_plain(value, here))
             table[field.name] = item if unit == "1" else item.comment(unit)

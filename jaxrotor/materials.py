@@ -6,15 +6,16 @@ from .quantities import Scalar, positive
 
 
 class Material(eqx.Module):
-    """Linear elastic material of Young's modulus `E` and density `rho`."""
+    """Linear elastic material: Young's modulus `E`, density `rho`, shear modulus `G` (for shear)."""
 
     youngs_modulus: Scalar = positive("youngs_modulus [Pa]")
     density: Scalar = positive("density [kg/m^3]")
+    shear_modulus: Scalar = positive("shear_modulus [Pa]", default=None)
 
 
 def steel() -> Material:
-    """Structural steel, `E = 2.1e11 Pa`, `rho = 7850 kg/m^3`."""
-    return Material(youngs_modulus=2.1e11, density=7850.0)
+    """Structural steel, `E = 2.1e11 Pa`, `rho = 7850 kg/m^3`, `nu = E / 2G - 1 = 0.3`."""
+    return Material(youngs_modulus=2.1e11, density=7850.0, shear_modulus=2.1e11 / 2.6)
 
 
 NAMED = {"steel": steel}

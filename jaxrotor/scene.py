@@ -28,7 +28,7 @@ class Scene(eqx.Module):
     shaft: AbstractShaft
     effects: tuple[AbstractEffect, ...]
     spin: AbstractSpin
-    breaks: tuple[int, ...] = eqx.field(static=True)
+    spans: tuple[int, ...] = eqx.field(static=True)
 
     def __init__(self, shaft: AbstractShaft, *effects: AbstractEffect, spin: AbstractSpin):
         _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
@@ -42,11 +42,11 @@ class Scene(eqx.Module):
                 "A scene must be built from known stations and length; build it outside jax.jit or "
                 "jax.grad and give it traced values with `scene.replace`."
             )
-        self.breaks = _breaks(shaft, effects, stations)
+        self.spans = _spans(shaft, effects, stations)
 
     def line(self) -> AbstractLine:
-        """The elastic line of the shaft, with a span ending at every break."""
-        return self.shaft.line(tuple(_station(self.effects[i]) for i in self.breaks))
+        """The elastic line of the shaft."""
+        return self.shaft.line(_stations(self.shaft, self.effects), self.spans)
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations [m] to observe: those given, each on the shaft, or one the scene suggests.
@@ -122,8 +122,7 @@ class Scene(eqx.Module):
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
-        breaks = _breaks(scene.shaft, scene.effects, stations)
-        if breaks == self.breaks:
+        if _spans(scene.shaft, scene.effects, stations) == self.spans:
             return scene
         return Scene(scene.shaft, *scene.effects, spin=scene.spin)
 
@@ -171,22 +170,28 @@ def _station(effect: AbstractEffect) -> Any:
     return getattr(effect, "at", None)
 
 
+def _stations(shaft, effects) -> tuple[Any, ...]:
+    """Stations of the shaft's own, then of every effect that has one."""
+    return (*shaft.stations, *(at for at in map(_station, effects) if at is not None))
+
+
 def _known_stations(shaft, effects) -> tuple[float, ...] | None:
-    """Station of every effect that has one, or None while any is traced."""
-    stations = [at for at in map(_station, effects) if at is not None]
+    """All stations, or None while any is traced."""
+    stations = _stations(shaft, effects)
     if not all(known(at) for at in (shaft.length, *stations)):
         return None
     return tuple(float(at) for at in stations)
 
 
-def _breaks(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
-    """Effects at whose stations a span of the shaft ends."""
-    owners = [i for i, effect in enumerate(effects) if _station(effect) is not None]
-    for i, at in zip(owners, stations, strict=True):
+def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
+    """Stations between which the elastic line is smooth."""
+    owners = [effect.kind for effect in effects if _station(effect) is not None]
+    owners = ["constraint or step"] * len(shaft.stations) + owners
+    for owner, at in zip(owners, stations, strict=True):
         reason = shaft.reason_against(at)
         if reason is not None:
-            raise ValueError(f"The {effects[i].kind} at {at:g} m {reason}.")
-    return tuple(owners[k] for k in shaft.breaks(stations))
+            raise ValueError(f"The {owner} at {at:g} m {reason}.")
+    return shaft.spans(stations)
 
 
 # === parameter paths
@@ -201,6 +206,9 @@ def _leaves(module: eqx.Module) -> list[Address]:
             found.append((field.name,))
         elif isinstance(value, eqx.Module):
             found += [(field.name, *rest) for rest in _leaves(value)]
+        elif isinstance(value, tuple):
+            parts = [(i, part) for i, part in enumerate(value) if isinstance(part, eqx.Module)]
+            found += [(field.name, i, *rest) for i, part in parts for rest in _leaves(part)]
     return found
 
 
@@ -208,7 +216,7 @@ def _addresses(scene: Scene) -> dict[str, list[Address]]:
     table: dict[str, list[Address]] = {}
     for part in ("shaft", "spin"):
         for leaf in _leaves(getattr(scene, part)):
-            table[".".join((part, *leaf))] = [(part, *leaf)]
+            table[".".join(map(str, (part, *leaf)))] = [(part, *leaf)]
     for kind in dict.fromkeys(effect.kind for effect in scene.effects):
         members = [i for i, effect in enumerate(scene.effects) if effect.kind == kind]
         plural = scene.effects[members[0]].plural
@@ -216,9 +224,9 @@ def _addresses(scene: Scene) -> dict[str, list[Address]]:
         for number, i in enumerate(members):
             for leaf in _leaves(scene.effects[i]):
                 address = ("effects", i, *leaf)
-                table.setdefault(".".join((group, *leaf)), []).append(address)
+                table.setdefault(".".join(map(str, (group, *leaf))), []).append(address)
                 if len(members) > 1:
-                    table[".".join((group, str(number), *leaf))] = [address]
+                    table[".".join(map(str, (group, number, *leaf)))] = [address]
     return table
 
 

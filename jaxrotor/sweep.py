@@ -163,7 +163,7 @@ def _axes(
                 revolution_rate(changed, period)
         axes[path] = values
     for changed in _rearranged(scene, axes):
-        if changed.breaks != scene.breaks:
+        if changed.spans != scene.spans:
             raise ValueError(
                 "The sweep moves a station past another; sweep each order of stations apart."
             )

@@ -5,24 +5,30 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative
+from ..quantities import Scalar, nonnegative, real
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
 
 class ExternalDamping(AbstractLinear):
-    """Shaft in a medium: `p = -d z.` per length, with `d` in N s/m^2.
+    """Shaft in a medium: `p = -d (z. + a exp(2 i angle) z.*)` per length, with `d` in N s/m^2.
 
-    Source: Azarov, Gouskov, Panovko (2023), eq. (5); `eta_e = d l^4 / (2 sqrt(M l^3 E I))`.
+    `anisotropy` a: `d (1 + a)` along the axis at `angle` and `d (1 - a)` across it, fixed in space;
+    None is the same along every axis. Source: Azarov, Gouskov, Panovko (2023), eq. (5); `eta_e = d l^4 / (2 sqrt(M l^3 E I))`.
     """
 
     kind: ClassVar[str] = "external_damping"
     plural: ClassVar[str] = "external_dampings"
 
     per_length: Scalar = nonnegative("per_length [N s/m^2]")
+    anisotropy: Scalar = real("anisotropy [1]", default=None)
+    angle: Scalar = real("angle [rad]", default=0.0)
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        return Blocks(damping=self.per_length * line.forces_along())
+        damping, unequal = line.forces_along(self.per_length), None
+        if self.anisotropy is not None:
+            unequal = self.anisotropy * jnp.exp(2j * self.angle) * damping
+        return Blocks(damping=damping, fixed_damping=unequal)
 
 
 class DiscDamping(AbstractLinear):

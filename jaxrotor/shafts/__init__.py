@@ -1,5 +1,6 @@
 """Shaft models."""
 
-from .flexible import FlexibleShaft as FlexibleShaft
+from .flexible import Constraint as Constraint, FlexibleShaft as FlexibleShaft
 from .line import AbstractLine as AbstractLine, AbstractShaft as AbstractShaft
 from .massless import MasslessShaft as MasslessShaft
+from .section import Step as Step

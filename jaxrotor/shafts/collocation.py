@@ -12,88 +12,111 @@ from collections.abc import Callable
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 from numpy.polynomial import legendre
 
 from ..quantities import Scalar
-from .greens import CantileverKernel
-from .line import AbstractLine
+from .greens import AbstractKernel, HeldKernel
+from .line import AbstractLine, PerLength
+
+
+Held = tuple[
+    tuple[bool, bool], ...
+]  # whether displacement and slope are held at every end of spans
 
 
 class SpectralLine(AbstractLine):
-    """`q = (z at the nodes, l z' at the inner ends)`: Lobatto nodes of spans, the clamp left out.
+    """`q = (z at the nodes, l z' where spans meet)`: Lobatto nodes of spans, what is held left out.
 
     Where two spans meet the interpolant keeps the slope, scaled by the length `l` of the shaft, as
     an unknown collocated by `dG/dx`: a disc there would otherwise see the slope of one side only,
-    and a high mode could grow.
+    and a high mode could grow. A shaft that can move without bending has auxiliary constraints
+    (see `HeldKernel`) at its ends: the coordinate there is the motion, and its equation says that
+    the constraint does not react.
     """
 
-    kernel: CantileverKernel
-    ends: Float[Array, " ends"]
+    kernel: AbstractKernel
+    ends: Float[Array, " ends"]  # of the spans [m]
     degree: int = eqx.field(static=True)
+    held: Held = eqx.field(static=True)
+    free: tuple[int, ...] = eqx.field(static=True)  # ends of auxiliary constraints: 0 or -1
+    anisotropy: Scalar | None
 
     @property
     def nodes(self) -> Float[Array, " nodes"]:
-        """Stations of the displacements [m]."""
+        """Stations of the displacements, held ones too [m]."""
         inner = jnp.asarray(lobatto(self.degree))[1:]  # (degree,)
-        return (self.ends[:-1, None] + self._widths[:, None] * inner).ravel()
+        beyond = self.ends[:-1, None] + self._widths[:, None] * inner
+        return jnp.append(self.ends[0], beyond)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
-        return jnp.eye(self.nodes.size + self._inner.size)
+        stiffness = jnp.eye(self.nodes.size + self._inner.size)
+        if isinstance(self.kernel, HeldKernel):
+            for number, end in enumerate(self._free_nodes):
+                rigid = self.kernel.rigid(number, self.nodes)
+                turned = self.ends[-1] * self.kernel.rigid_slope(number, self._inner)
+                stiffness = stiffness.at[:, end].add(-jnp.concatenate([rigid, turned]))
+            stiffness = stiffness.at[np.array(self._free_nodes, int)].set(0.0)
+        return stiffness[np.ix_(self._kept, self._kept)]
+
+    @property
+    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
+        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
-        local, inside = self._locate(at)
-        return self._gather(inside[:, None] * self._shapes(local[:, None])[:, 0])
+        return self._form(self._shapes, at)
 
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        local, inside = self._locate(at)
-        return self._gather(inside[:, None] * self._slopes(local[:, None])[:, 0])
+        return self._form(self._slopes, at)
 
     def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._collocate(self._by_force, lambda kernel, x: kernel(x, at))
+        return self._collocate(False, lambda kernel, x: kernel(x, at))
 
     def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._collocate(self._by_couple, lambda kernel, x: kernel(x, at))
+        return self._collocate(True, lambda kernel, x: kernel(x, at))
 
-    def forces_along(self) -> Float[Array, "n n"]:
-        return self._collocate(self._by_force, functools.partial(self._integrate, self._shapes))
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        return self._collocate(False, functools.partial(self._integrate, self._shapes, per_length))
 
-    def couples_along(self) -> Float[Array, "n n"]:
-        return self._collocate(self._by_couple, functools.partial(self._integrate, self._slopes))
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        return self._collocate(True, functools.partial(self._integrate, self._slopes, per_length))
 
-    def load_along(self) -> Float[Array, " n"]:
-        return self._collocate(self._by_force, self._total)
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        return self._collocate(False, functools.partial(self._total, per_length))
 
     # --- equations
 
-    @property
-    def _by_force(self) -> tuple[Callable, Callable]:
-        return self.kernel.deflection, self.kernel.slope
+    def _collocate(self, couple: bool, evaluate: Callable) -> Array:
+        """Equations of displacement at the nodes, then of scaled slope; of forces or of couples."""
+        kernel, length = self.kernel, self.ends[-1]
+        displaced = kernel.deflection_by_couple if couple else kernel.deflection
+        sloped = kernel.slope_by_couple if couple else kernel.slope
+        equations = evaluate(displaced, self.nodes)
+        if self._inner.size:
+            slopes = length * evaluate(sloped, self._inner)
+            equations = jnp.concatenate([equations, slopes])
+        if isinstance(kernel, HeldKernel):
+            moved = kernel.rigid_slope if couple else kernel.rigid
+            for number, node in enumerate(self._free_nodes):
+                work = lambda x, s, number=number: moved(number, s) + jnp.zeros_like(x)
+                row = kernel.compliance * evaluate(work, self.nodes[:1])[0]
+                equations = equations.at[node].set(row)
+        return equations[self._kept]
 
-    @property
-    def _by_couple(self) -> tuple[Callable, Callable]:
-        return self.kernel.deflection_by_couple, self.kernel.slope_by_couple
-
-    def _collocate(self, kernels: tuple[Callable, Callable], evaluate: Callable) -> Array:
-        """Equations of displacement at the nodes, then of scaled slope at the inner ends."""
-        displacement, slope = kernels
-        equations = evaluate(displacement, self.nodes)
-        if not self._inner.size:
-            return equations
-        slopes = self.ends[-1] * evaluate(slope, self._inner)
-        return jnp.concatenate([equations, slopes])
-
-    def _integrate(self, shapes: Callable, kernel: Callable, x: Array) -> Float[Array, "i n"]:
-        """`Int kernel(x_i, s) h_j(s) ds`."""
+    def _integrate(self, shapes: Callable, per_length: PerLength, kernel: Callable, x: Array):
+        """`Int kernel(x_i, s) per_length(s) h_j(s) ds`: (i, coordinates)."""
         s, weight, local = self._quadrature(x)
-        values = weight * kernel(x[:, None, None], s)
-        return self._gather(jnp.einsum("ipg,ipgj->ipj", values, shapes(local)))
+        values = weight * kernel(x[:, None, None], s) * by_span(per_length)
+        interpolants, places = shapes(local)
+        integrals = jnp.einsum("ipg,ipgj->ipj", values, interpolants)
+        return jnp.einsum("ipj,pjn->in", integrals, places)[:, self._kept]
 
-    def _total(self, kernel: Callable, x: Array) -> Float[Array, " i"]:
-        """`Int kernel(x_i, s) ds`."""
+    def _total(self, per_length: PerLength, kernel: Callable, x: Array) -> Float[Array, " i"]:
+        """`Int kernel(x_i, s) per_length(s) ds`."""
         s, weight, _ = self._quadrature(x)
-        return jnp.sum(weight * kernel(x[:, None, None], s), axis=(1, 2))
+        values = weight * kernel(x[:, None, None], s) * by_span(per_length)
+        return jnp.sum(values, axis=(1, 2))
 
     def _quadrature(self, x: Array) -> tuple[Array, Array, Array]:
         """Gauss points (x, spans, g) on both sides of `s = x_i`, exact for the kernel times h_j."""
@@ -107,7 +130,7 @@ class SpectralLine(AbstractLine):
         weight = (half * jnp.asarray(weights)).reshape(*kink.shape, -1)
         return s, weight, (s - start[:, None]) / self._widths[:, None]
 
-    # --- interpolants
+    # --- coordinates
 
     @property
     def _inner(self) -> Float[Array, " inner"]:
@@ -118,32 +141,63 @@ class SpectralLine(AbstractLine):
     def _widths(self) -> Float[Array, " spans"]:
         return jnp.diff(self.ends)
 
-    def _locate(self, at: Scalar) -> tuple[Array, Array]:
-        """Local coordinate of a station in every span, and which span holds it."""
+    @property
+    def _free_nodes(self) -> list[int]:
+        """Nodes of the auxiliary constraints."""
+        last = self.degree * (self.ends.size - 1)
+        return [0 if end == 0 else last for end in self.free]
+
+    @property
+    def _kept(self) -> np.ndarray:
+        """Which displacements and slopes are coordinates: all that no constraint holds."""
+        count, held = self.nodes.size, []
+        for end, (displacement, slope) in enumerate(self.held):
+            if displacement:
+                held.append(self.degree * end)
+            if slope and 0 < end < self.ends.size - 1:
+                held.append(count + end - 1)
+        return np.delete(np.arange(count + self._inner.size), held)
+
+    def _form(self, shapes: Callable, at: Scalar) -> Float[Array, " n"]:
+        """Displacement or slope at one station as a form of the coordinates."""
         inside = jnp.arange(self._widths.size) == jnp.searchsorted(self._inner, at)
-        return (at - self.ends[:-1]) / self._widths, inside
+        local = (at - self.ends[:-1]) / self._widths
+        interpolants, places = shapes(local[:, None])
+        return jnp.einsum("pj,pjn->n", inside[:, None] * interpolants[:, 0], places)[self._kept]
 
-    def _shapes(self, local: Array, derivative: int = 0) -> Float[Array, "*x spans g shapes"]:
-        """Interpolants of every span: by its displacements, then by its slopes at either end."""
-        count = self._widths.size
-        coefficients = np.stack(
-            [_to_legendre(self.degree, k > 0, k < count - 1) for k in range(count)]
-        )
-        basis = legendre_polynomials(self.degree + 2, local, derivative)
+    def _shapes(self, local: Array, derivative: int = 0) -> tuple[Array, np.ndarray]:
+        """Interpolants (.., spans, g, shapes) of every span, and which coordinates they take.
+
+        Shapes of a span are by its displacements, then by its slopes at either end.
+        """
+        spans, degree = self._widths.size, self.degree
+        coefficients = np.stack([_to_legendre(degree, k > 0, k < spans - 1) for k in range(spans)])
+        basis = legendre_polynomials(degree + 2, local, derivative)
         shapes = jnp.einsum("...pgd,pdj->...pgj", basis, coefficients)
-        scale = (self._widths / self.ends[-1])[:, None, None]
-        by_slopes = shapes[..., self.degree + 1 :] * scale
-        return jnp.concatenate([shapes[..., : self.degree + 1], by_slopes], axis=-1)
+        scale = jnp.ones((spans, 1, degree + 3))
+        scale = scale.at[..., degree + 1 :].set((self._widths / self.ends[-1])[:, None, None])
+        places = np.zeros((spans, degree + 3, spans * degree + 1 + spans - 1))
+        places[:, : degree + 1] = neighbours(spans, degree, places.shape[2])
+        for k in range(spans - 1):  # the slope between span k and the next
+            places[k, -1, spans * degree + 1 + k] = places[k + 1, -2, spans * degree + 1 + k] = 1
+        return scale * shapes, places
 
-    def _slopes(self, local: Array) -> Float[Array, "*x spans g shapes"]:
-        return self._shapes(local, 1) / self._widths[:, None, None]
+    def _slopes(self, local: Array) -> tuple[Array, np.ndarray]:
+        slopes, places = self._shapes(local, 1)
+        return slopes / self._widths[:, None, None], places
 
-    def _gather(self, by_span: Array) -> Array:
-        """(.., spans, degree + 3) -> (.., n): neighbours share ends, the clamp is dropped."""
-        own, left, right = by_span[..., 1:-2], by_span[..., -2], by_span[..., -1]
-        shared = jnp.pad(by_span[..., 1:, 0], [(0, 0)] * (own.ndim - 2) + [(0, 1)])
-        displacements = own.at[..., -1].add(shared).reshape(*own.shape[:-2], -1)
-        return jnp.concatenate([displacements, right[..., :-1] + left[..., 1:]], axis=-1)
+
+def neighbours(spans: int, degree: int, count: int) -> np.ndarray:
+    """Nodes of every span among all, neighbours sharing ends: 0 or 1 of (span, own node, node)."""
+    places = np.zeros((spans, degree + 1, count))
+    for k in range(spans):
+        places[k, range(degree + 1), range(k * degree, (k + 1) * degree + 1)] = 1
+    return places
+
+
+def by_span(per_length: PerLength) -> Array:
+    """A density, uniform or of each span, against (x, spans, g)."""
+    return jnp.asarray(per_length)[..., None]
 
 
 def lobatto(degree: int) -> np.ndarray:

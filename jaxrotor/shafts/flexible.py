@@ -4,27 +4,53 @@ from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks
 from ..materials import Material, steel
-from ..quantities import Scalar, positive, real
-from .collocation import SpectralLine
-from .greens import CantileverKernel
+from ..quantities import Scalar, known, nonnegative, positive, real
+from .collocation import Held, SpectralLine
+from .greens import CantileverKernel, HeldKernel
 from .line import AbstractLine, AbstractShaft
+from .section import Section, Step
+from .shear import ShearLine
 from .trapezoid import TrapezoidLine
 
 
+class Constraint(eqx.Module):
+    """What is held fast at a station: displacement (pin), slope (guide) or both (clamp)."""
+
+    at: Scalar = nonnegative("at [m]")
+    holds: Literal["pin", "guide", "clamp"] = eqx.field(default="pin", static=True)
+
+    def __check_init__(self):
+        if self.holds not in ("pin", "guide", "clamp"):
+            raise ValueError(f"`holds` must be 'pin', 'guide' or 'clamp', but is {self.holds!r}.")
+
+    @property
+    def displacement(self) -> bool:
+        """Whether the displacement is held."""
+        return self.holds != "guide"
+
+    @property
+    def slope(self) -> bool:
+        """Whether the slope is held."""
+        return self.holds != "pin"
+
+
 class FlexibleShaft(AbstractShaft):
-    """Clamped-free Euler-Bernoulli shaft with rotary inertia, round and uniform.
+    """Euler-Bernoulli or Timoshenko shaft with rotary inertia, of one or many round sections.
 
         z(x) + .. = - Int G(x,s) m z.. ds - Int dG/ds(x,s) (J z'.. - i Omega P z'.) ds + loads
 
     `m = rho A` mass, `J = rho I` diametral and `P = polar_ratio J` polar inertia per length; `G`
-    the clamped-free Green's function. `rule="spectral"`: `nodes` unknowns on each span between
-    stations, exponential convergence; `rule="trapezoid"`: `nodes` equal cells with displacement and
-    slope at each, second order, as published. Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
+    the Green's function under its `constraints`, by default a clamp at 0; `constraints=()` leaves it
+    to its supports. `steps` change the section from where they are onwards. `shear=True` adds
+    shear, so the slope is that of the sections. `anisotropy` mu: bending stiffness `(1 + mu)` of the
+    given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere.
+    `rule="spectral"`: `nodes` a span between stations, exponential convergence;
+    `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, second order, as published.
+    Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """
 
     length: Scalar = positive("length [m]")
@@ -34,37 +60,74 @@ class FlexibleShaft(AbstractShaft):
     nodes: int = eqx.field(default=8, static=True)
     rule: Literal["spectral", "trapezoid"] = eqx.field(default="spectral", static=True)
     rotary_inertia: bool = eqx.field(default=True, static=True)
+    inner_diameter: Scalar = nonnegative("inner_diameter [m]", default=None)
+    steps: tuple[Step, ...] = ()
+    constraints: tuple[Constraint, ...] = eqx.field(
+        default_factory=lambda: (Constraint(0.0, "clamp"),)
+    )
+    shear: bool = eqx.field(default=False, static=True)
+    anisotropy: Scalar = real("anisotropy [1]", default=None)
 
     def __check_init__(self):
         if self.rule not in ("spectral", "trapezoid"):
             raise ValueError(f"`rule` must be 'spectral' or 'trapezoid', but is {self.rule!r}.")
-        if self.rule == "trapezoid" and not self.rotary_inertia:
-            raise ValueError(
-                "The trapezoidal rule has slopes for coordinates, which without `rotary_inertia` have "
-                'no mass; keep it, or take rule="spectral".'
-            )
-        least = 2 if self.rule == "spectral" else 1
         if isinstance(self.nodes, bool) or not isinstance(self.nodes, int):
             raise ValueError(f"`nodes` must be a whole number, but is {self.nodes!r}.")
+        least = 2 if self.rule == "spectral" else 1
         if self.nodes < least or (self.rule == "spectral" and self.nodes > 24):
             raise ValueError(
                 f"`nodes` must be {least} to 24 (any number from 1 for the trapezoidal rule), but is "
                 f"{self.nodes}; more accuracy on a long shaft comes from more spans."
             )
+        for name, kind in (("steps", Step), ("constraints", Constraint)):
+            members = getattr(self, name)
+            if not isinstance(members, tuple) or not all(isinstance(m, kind) for m in members):
+                raise ValueError(
+                    f"`{name}` must be a tuple of {kind.__name__}, but is {members!r}."
+                )
+        if not self.rotary_inertia and (self.shear or self.rule == "trapezoid"):
+            raise ValueError(
+                "With shear, and in the trapezoidal rule, slopes are coordinates, which without "
+                "`rotary_inertia` have no mass; keep it."
+            )
+        for section in self._sections:
+            section.check(self.shear)
+        if self.anisotropy is not None and known(self.anisotropy) and abs(self.anisotropy) >= 1:
+            raise ValueError(
+                f"`anisotropy [1]` must be between -1 and 1, but is {float(self.anisotropy):g}."
+            )
+        if self.rule == "trapezoid" and (self.steps or self.shear or not self._cantilever):
+            raise ValueError(
+                "The trapezoidal rule serves the uniform shaft clamped at 0, without shear; take "
+                'rule="spectral".'
+            )
 
     @property
     def rigidity(self) -> Scalar:
-        """Bending stiffness `EI` [N m^2]."""
-        return self.material.youngs_modulus * self._second_moment
+        """Bending stiffness `EI` [N m^2] at the start of the shaft."""
+        return self._sections[0].rigidity
 
     @property
     def mass_per_length(self) -> Scalar:
-        """`rho A` [kg/m]."""
-        return self.material.density * jnp.pi * self.diameter**2 / 4
+        """`rho A` [kg/m] at the start of the shaft."""
+        return self._sections[0].mass_per_length
 
     @property
-    def _second_moment(self) -> Scalar:
-        return jnp.pi * self.diameter**4 / 64
+    def _sections(self) -> list[Section]:
+        first = Section(self.diameter, self.inner_diameter, self.material)
+        return [first, *(step.section(self.material) for step in self.steps)]
+
+    @property
+    def _cantilever(self) -> bool:
+        """Whether it is just clamped at 0, as far as can be seen."""
+        one = self.constraints[0] if len(self.constraints) == 1 else None
+        return one is not None and one.holds == "clamp" and not (known(one.at) and one.at > 0)
+
+    # --- stations
+
+    @property
+    def stations(self) -> tuple[Scalar, ...]:
+        return tuple(own.at for own in (*self.constraints, *self.steps))
 
     def reason_against(self, at: float) -> str | None:
         length = float(self.length)
@@ -75,36 +138,107 @@ class FlexibleShaft(AbstractShaft):
     def seen(self, points: int) -> Float[Array, " x"]:
         return jnp.linspace(0.0, self.length, points)
 
-    def breaks(self, stations: tuple[float, ...]) -> tuple[int, ...]:
-        if self.rule == "trapezoid":
-            return ()
+    def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:
+        length, own = float(self.length), len(self.stations)
         # Stations this close count as one: shorter spans cost more digits than the break gains.
-        shortest = 0.002 * float(self.length)
-        chosen, last = [], 0.0
-        for index in np.argsort(stations, kind="stable"):
-            at = stations[index]
-            if at - last >= shortest and float(self.length) - at >= shortest:
-                chosen.append(int(index))
-                last = at
-        return tuple(chosen)
+        shortest = 0.002 * length
+        held = len(self.constraints)
+        first = last = -1
+        inner: list[int] = []
+        for number, at in enumerate(stations):
+            constraint = number < held
+            if at <= 1e-12 * length or at >= (1 - 1e-12) * length:
+                if held <= number < own:
+                    raise ValueError(f"A step at {at:g} m is at an end of the shaft; leave it out.")
+                if constraint and at > length / 2:
+                    last = _only(number, last, at)
+                elif constraint:
+                    first = _only(number, first, at)
+                continue
+            near = [k for k in inner if abs(stations[k] - at) < shortest]
+            near += [-1] * (min(at, length - at) < shortest)
+            same = all(k >= 0 and abs(stations[k] - at) <= 1e-12 * length for k in near)
+            if number < own and near and not (same and not constraint):
+                raise ValueError(
+                    f"What is held or steps at {at:g} m is nearer than {shortest:.2g} m to another such "
+                    "station or an end of the shaft; move one of them."
+                )
+            if not near and self.rule == "spectral":
+                inner.append(number)
+        steps = [stations[k] for k in range(held, own)]
+        if sorted(steps) != steps:
+            raise ValueError(f"`steps` must be in the order of their stations, but are at {steps}.")
+        return (first, *sorted(inner, key=stations.__getitem__), last)
 
-    def line(self, breaks: tuple[Scalar, ...]) -> AbstractLine:
-        kernel = CantileverKernel(self.rigidity)
+    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> AbstractLine:
+        starts = jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
+        rigidity = jnp.stack([section.rigidity for section in self._sections])
+        beam = CantileverKernel(starts, 1 / rigidity)
         if self.rule == "trapezoid":
-            return TrapezoidLine(kernel, self.length, self.nodes)
-        ends = jnp.stack([jnp.zeros_like(self.length), *breaks, self.length])
-        return SpectralLine(kernel, ends, self.nodes)
+            return TrapezoidLine(beam, self.length, self.nodes, self.anisotropy)
+        inner = [stations[k] for k in spans[1:-1]]
+        ends = jnp.stack([jnp.zeros_like(self.length), *inner, self.length])
+        held, free = self._held(spans)
+        if self.shear:
+            stiff = jnp.stack([section.shear_stiffness for section in self._sections])
+            own = self._of_span(ends)
+            return ShearLine(ends, rigidity[own], stiff[own], self.nodes, held, self.anisotropy)
+        kernel = beam
+        if held[0] != (True, True) or any(any(one) for one in held[1:]):
+            fast = [(k, sloped) for k, one in enumerate(held) for sloped in (0, 1) if one[sloped]]
+            fast += [(k, 0) for k in free]
+            at = jnp.stack([ends[k] for k, _ in fast])
+            sloped = tuple(bool(sloped) for _, sloped in fast)
+            kernel = HeldKernel(beam, self.length, at, sloped, len(free))
+        return SpectralLine(kernel, ends, self.nodes, held, free, self.anisotropy)
+
+    def _held(self, spans: tuple[int, ...]) -> tuple[Held, tuple[int, ...]]:
+        """Displacement and slope held at every end of spans; ends of auxiliary constraints."""
+        own = self.constraints
+        held = tuple(
+            (own[k].displacement, own[k].slope) if 0 <= k < len(own) else (False, False)
+            for k in spans
+        )
+        pins, slopes = sum(one[0] for one in held), sum(one[1] for one in held)
+        if pins >= 2 or (pins and slopes):
+            free = ()
+        elif pins:
+            free = (-1,) if held[0][0] else (0,)
+        else:
+            free = (0,) if slopes else (0, -1)
+        return held, free
+
+    # --- equations
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        inertia = self.mass_per_length * line.forces_along()
+        own = self._of_span(getattr(line, "ends", None))
+        mass = jnp.stack([section.mass_per_length for section in self._sections])[own]
+        inertia = line.forces_along(mass)
         gyroscopic = None
         if self.rotary_inertia:
-            couples = self.material.density * self._second_moment * line.couples_along()
+            rotary = jnp.stack([section.rotary_inertia for section in self._sections])[own]
+            couples = line.couples_along(rotary)
             inertia = inertia + couples
             gyroscopic = self.polar_ratio * couples
         return Blocks(
             inertia=inertia,
             gyroscopic=gyroscopic,
             stiffness=line.stiffness,
-            weight=self.mass_per_length * line.load_along(),
+            rotating_stiffness=line.rotating_stiffness,
+            weight=line.load_along(mass),
         )
+
+    def _of_span(self, ends: Array | None) -> Array:
+        """Which section every span has; the one section of all where there are no steps."""
+        if ends is None or not self.steps:
+            return jnp.zeros(1, int)
+        starts = jnp.stack([step.at for step in self.steps])
+        return jnp.sum((ends[:-1, None] + ends[1:, None]) / 2 > starts, axis=1)
+
+
+def _only(number: int, taken: int, at: float) -> int:
+    if taken >= 0:
+        raise ValueError(
+            f"Two constraints are at {at:g} m; give one, a clamp holds displacement and slope."
+        )
+    return number

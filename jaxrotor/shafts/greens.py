@@ -1,40 +1,146 @@
-"""Green's function of a beam: deflection under a unit force.
+"""Green's functions of beams: deflection under a unit force, for any sections and any constraints.
 
-    EI w'''' = delta(x - s),   G(x, s) = Int_0^min(x,s) (x - u)(s - u)/EI du   (clamped-free)
-             = [ <x - s>^3/6 - x^3/6 + x^2 s/2 ] / EI,   <a> = max(a, 0)
+    G(x, s) = Int_0^min(x,s) (x - u)(s - u) / EI(u) du       (clamped at 0, free)
 
 Every derivative is written out: automatic differentiation through `min` would give the wrong
 slope on the diagonal. Source: Azarov, Gouskov, Panovko (2023), the kernel below eq. (9).
 """
 
+import abc
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..quantities import Scalar
 
 
-class CantileverKernel(eqx.Module):
-    """Clamped-free kernel; `x`, `s` in [0, length] broadcast; metres and newtons."""
+class AbstractKernel(eqx.Module):
+    """Influence of loads at `s` on the line at `x`; both in [0, length] and broadcast."""
 
-    rigidity: Scalar  # EI [N m^2]
-
-    def deflection(self, x: Array, s: Array | Scalar) -> Array:
+    @abc.abstractmethod
+    def deflection(self, x: Array | Scalar, s: Array | Scalar) -> Array:
         """`G(x, s)`: displacement at `x` by a unit force at `s` [m/N]."""
-        return (_past(x, s) ** 3 / 6 - x**3 / 6 + x**2 * s / 2) / self.rigidity
 
-    def slope(self, x: Array, s: Array | Scalar) -> Array:
-        """`dG/dx`: slope at `x` by a unit force at `s` [1/N]."""
-        return (_past(x, s) ** 2 / 2 - x**2 / 2 + x * s) / self.rigidity
+    @abc.abstractmethod
+    def slope(self, x: Array | Scalar, s: Array | Scalar) -> Array:
+        """Slope at `x` by a unit force at `s` [1/N]."""
 
-    def deflection_by_couple(self, x: Array, s: Array | Scalar) -> Array:
-        """`dG/ds`: displacement at `x` by a unit couple at `s` [1/N]."""
-        return (x**2 / 2 - _past(x, s) ** 2 / 2) / self.rigidity
+    @abc.abstractmethod
+    def deflection_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
+        """Displacement at `x` by a unit couple at `s` [1/N]."""
 
-    def slope_by_couple(self, x: Array, s: Array | Scalar) -> Array:
-        """`d2G/dx ds`: slope at `x` by a unit couple at `s` [1/(N m)]."""
-        return (x - _past(x, s)) / self.rigidity
+    @abc.abstractmethod
+    def slope_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
+        """Slope at `x` by a unit couple at `s` [1/(N m)]."""
 
 
-def _past(x: Array, s: Array | Scalar) -> Array:
-    return jnp.where(x > s, x - s, 0.0)
+class CantileverKernel(AbstractKernel):
+    """Clamped at 0 and free, of `sections` uniform one by one: a sum of polynomials over them."""
+
+    starts: Float[Array, " sections"]  # where each begins [m], 0 first
+    bending: Float[Array, " sections"]  # 1 / EI [1/(N m^2)]
+
+    def deflection(self, x, s):
+        to_x, to_s, d = self._reach(x, s)
+        bent = to_x * to_s * d - (to_x + to_s) * d**2 / 2 + d**3 / 3
+        return (self.bending * bent).sum(-1)
+
+    def slope(self, x, s):
+        _, to_s, d = self._reach(x, s)
+        return (self.bending * (to_s * d - d**2 / 2)).sum(-1)
+
+    def deflection_by_couple(self, x, s):
+        to_x, _, d = self._reach(x, s)
+        return (self.bending * (to_x * d - d**2 / 2)).sum(-1)
+
+    def slope_by_couple(self, x, s):
+        return (self.bending * self._reach(x, s)[2]).sum(-1)
+
+    def _reach(self, x, s) -> tuple[Array, Array, Array]:
+        """From the start of every section to `x`, to `s`, and the stretch of it below both."""
+        x, s = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(s))
+        stops = jnp.append(self.starts[1:], jnp.inf)
+        below = jnp.where(x > s, s, x)[..., None]
+        inside = jnp.minimum(jnp.maximum(below, self.starts), stops)
+        return x[..., None] - self.starts, s[..., None] - self.starts, inside - self.starts
+
+
+class HeldKernel(AbstractKernel):
+    """Any rigid constraints `c`, from the clamped-free kernel `G` by one Schur complement.
+
+        G_held(x, s) = G(x, s) - [G(x, c), E(x)] W [G(c, s); E(s)],   W = [[G(c, c), E(c)], [E(c)', 0]]^-1
+
+    `E = (1, x)` are the rigid motions: the clamp at 0 goes, the constraints react instead. The last
+    `free` of them are auxiliary: they are moved by coordinates of their own and must not react.
+    All in units of the length and of `compliance = l^3 / EI`.
+    """
+
+    beam: CantileverKernel
+    length: Scalar
+    stations: Float[Array, " c"]
+    slopes: tuple[bool, ...] = eqx.field(
+        static=True
+    )  # whether the slope is held, or the displacement
+    free: int = eqx.field(static=True)
+    inverse: Float[Array, "c2 c2"]
+
+    def __init__(self, beam, length, stations, slopes: tuple[bool, ...], free: int):
+        self.beam, self.length, self.stations = beam, length, stations
+        self.slopes, self.free = slopes, free
+        rows = [
+            self._felt(at, sloped) * (length if sloped else 1.0)
+            for at, sloped in zip(stations, slopes, strict=True)
+        ]
+        corner = jnp.concatenate([jnp.stack(rows)[:, -2:].T, jnp.zeros((2, 2))], axis=1)
+        self.inverse = jnp.linalg.inv(jnp.concatenate([jnp.stack(rows), corner]))
+
+    @property
+    def compliance(self) -> Scalar:
+        """`l^3 / EI` [m/N] at the start of the shaft."""
+        return self.length**3 * self.beam.bending[0]
+
+    def deflection(self, x, s):
+        return self.beam.deflection(x, s) - self._reacted(x, s, False, False)
+
+    def slope(self, x, s):
+        return self.beam.slope(x, s) - self._reacted(x, s, True, False)
+
+    def deflection_by_couple(self, x, s):
+        return self.beam.deflection_by_couple(x, s) - self._reacted(x, s, False, True)
+
+    def slope_by_couple(self, x, s):
+        return self.beam.slope_by_couple(x, s) - self._reacted(x, s, True, True)
+
+    def rigid(self, number: int, x: Array) -> Array:
+        """Displacement at `x` by a unit motion of the auxiliary constraint `number`."""
+        offset, tilt = self._rigid(number)
+        return offset + tilt * x
+
+    def rigid_slope(self, number: int, x: Array) -> Array:
+        """Slope at `x` by a unit motion of the auxiliary constraint `number` [1/m]."""
+        return self._rigid(number)[1] + jnp.zeros_like(x)
+
+    def _rigid(self, number: int) -> tuple[Scalar, Scalar]:
+        offset, tilt = self.inverse[-2:, len(self.slopes) - self.free + number]
+        return offset, tilt / self.length
+
+    def _reacted(self, x, s, sloped: bool, couple: bool) -> Array:
+        left, right = self._felt(x, sloped), self._felt(s, couple)
+        return self.compliance * jnp.einsum("...i,ij,...j->...", left, self.inverse, right)
+
+    def _felt(self, x, sloped: bool) -> Float[Array, "*x c2"]:
+        """Displacement or slope at `x` by unit reactions of the constraints and rigid motions.
+
+        By reciprocity also what the constraints feel of a force or a couple at `x`.
+        """
+        x = jnp.asarray(x)
+        of_force = self.beam.slope if sloped else self.beam.deflection
+        of_couple = self.beam.slope_by_couple if sloped else self.beam.deflection_by_couple
+        felt = [
+            (self.length * of_couple(x, at) if held else of_force(x, at)) / self.compliance
+            for at, held in zip(self.stations, self.slopes, strict=True)
+        ]
+        one, zero = jnp.ones_like(x), jnp.zeros_like(x)
+        rigid = [zero, one / self.length] if sloped else [one, x / self.length]
+        return jnp.stack([*felt, *rigid], axis=-1)

@@ -9,6 +9,9 @@ from ..blocks import Blocks
 from ..quantities import Scalar
 
 
+PerLength = Scalar | Float[Array, "#spans"]  # uniform, or a value for each span
+
+
 class AbstractLine(eqx.Module):
     """Elastic line `z(x) = row(x) . q` of a shaft in `n` complex coordinates `q`.
 
@@ -24,9 +27,9 @@ class AbstractLine(eqx.Module):
         """The shaft's own elastic stiffness in the equations."""
 
     @property
+    @abc.abstractmethod
     def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
         """What two unequal principal stiffnesses add in the axes of the shaft, see `Blocks`."""
-        return None
 
     @abc.abstractmethod
     def row(self, at: Scalar) -> Float[Array, " n"]:
@@ -45,16 +48,16 @@ class AbstractLine(eqx.Module):
         """What a unit couple at station `at` [m] adds to the equations."""
 
     @abc.abstractmethod
-    def forces_along(self) -> Float[Array, "n n"]:
-        """`Int column(s) row(s) ds`: a force per length proportional to displacement."""
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        """`Int column(s) per_length(s) row(s) ds`: a force per length, times displacement."""
 
     @abc.abstractmethod
-    def couples_along(self) -> Float[Array, "n n"]:
-        """`Int couple_column(s) slope_row(s) ds`: a couple per length proportional to slope."""
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        """`Int couple_column(s) per_length(s) slope_row(s) ds`: a couple per length, times slope."""
 
     @abc.abstractmethod
-    def load_along(self) -> Float[Array, " n"]:
-        """`Int column(s) ds`: a uniform unit force per length."""
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        """`Int column(s) per_length(s) ds`: a force per length."""
 
 
 class AbstractShaft(eqx.Module):
@@ -70,13 +73,21 @@ class AbstractShaft(eqx.Module):
     def seen(self, points: int) -> Float[Array, " x"]:
         """Stations [m], about `points` of them, along which its shapes are drawn."""
 
+    @property
     @abc.abstractmethod
-    def breaks(self, stations: tuple[float, ...]) -> tuple[int, ...]:
-        """Which of the known `stations` [m] end a smooth stretch of the elastic line."""
+    def stations(self) -> tuple[Scalar, ...]:
+        """Stations of its own [m], such as constraints and steps of diameter."""
 
     @abc.abstractmethod
-    def line(self, breaks: tuple[Scalar, ...]) -> AbstractLine:
-        """The elastic line, smooth between the inner stations `breaks` (ascending)."""
+    def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:
+        """Which of the known `stations` [m], its own before those of effects, end a smooth stretch.
+
+        Ascending along the shaft, from its start to its end; -1 stands for no station there.
+        """
+
+    @abc.abstractmethod
+    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> AbstractLine:
+        """The elastic line, smooth between the stations that `spans` lists."""
 
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:

@@ -46,17 +46,18 @@ class MasslessLine(AbstractLine):
     def couple_column(self, at: Scalar) -> Float[Array, " n"]:
         return self.slope_row(at)
 
-    def forces_along(self):
-        return _refuse_length()
+    def forces_along(self, per_length):
+        return _refuse_length(per_length)
 
-    def couples_along(self):
-        return _refuse_length()
+    def couples_along(self, per_length):
+        return _refuse_length(per_length)
 
-    def load_along(self):
-        return _refuse_length()
+    def load_along(self, per_length):
+        return _refuse_length(per_length)
 
 
-def _refuse_length():
+def _refuse_length(per_length):
+    del per_length
     raise ValueError(
         "A massless shaft is known at one station only, so nothing can be spread along it; put "
         "damping at the station (DiscDamping)."
@@ -120,12 +121,16 @@ class MasslessShaft(AbstractShaft):
         del points
         return jnp.atleast_1d(self.at)
 
-    def breaks(self, stations: tuple[float, ...]) -> tuple[int, ...]:
+    @property
+    def stations(self) -> tuple[Scalar, ...]:
+        return ()
+
+    def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:
         del stations
         return ()
 
-    def line(self, breaks: tuple[Scalar, ...]) -> MasslessLine:
-        del breaks
+    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> MasslessLine:
+        del stations, spans
         elasticity = jnp.reshape(self.k11, (1, 1))
         if self.k12 is not None:
             elasticity = jnp.array([[self.k11, self.k12], [self.k12, self.k22]])

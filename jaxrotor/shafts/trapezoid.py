@@ -6,11 +6,11 @@ curve of the accuracy figures. Source: Azarov, Gouskov, Panovko (2023), eq. (9) 
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from ..quantities import Scalar
 from .greens import CantileverKernel
-from .line import AbstractLine
+from .line import AbstractLine, PerLength
 
 
 class TrapezoidLine(AbstractLine):
@@ -19,6 +19,7 @@ class TrapezoidLine(AbstractLine):
     kernel: CantileverKernel
     length: Scalar
     cells: int = eqx.field(static=True)
+    anisotropy: Scalar | None
 
     @property
     def nodes(self) -> Float[Array, " m"]:
@@ -28,6 +29,10 @@ class TrapezoidLine(AbstractLine):
     @property
     def stiffness(self) -> Float[Array, "n n"]:
         return jnp.eye(2 * self.cells)
+
+    @property
+    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
+        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._hermite(at)[0]
@@ -43,16 +48,16 @@ class TrapezoidLine(AbstractLine):
         slope = self.length * self.kernel.slope_by_couple(self.nodes, at)
         return jnp.concatenate([self.kernel.deflection_by_couple(self.nodes, at), slope])
 
-    def forces_along(self) -> Float[Array, "n n"]:
-        columns = self._each(self.column) * self._weights()
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        columns = self._each(self.column) * per_length * self._weights()
         return jnp.concatenate([columns, jnp.zeros_like(columns)], axis=1)
 
-    def couples_along(self) -> Float[Array, "n n"]:
-        columns = self._each(self.couple_column) * self._weights() / self.length
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        columns = self._each(self.couple_column) * per_length * self._weights() / self.length
         return jnp.concatenate([jnp.zeros_like(columns), columns], axis=1)
 
-    def load_along(self) -> Float[Array, " n"]:
-        return self._each(self.column) @ self._weights()
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        return per_length * (self._each(self.column) @ self._weights())
 
     def _each(self, column) -> Float[Array, "n m"]:
         return eqx.filter_vmap(column, out_axes=1)(self.nodes)

@@ -1,0 +1,86 @@
+"""Round sections of a shaft, solid or hollow."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..materials import Material
+from ..quantities import Scalar, known, nonnegative, positive
+
+
+class Section(eqx.Module):
+    """Ring of outer diameter `D` and inner diameter `d` (None: solid) of a material."""
+
+    diameter: Scalar
+    inner_diameter: Scalar | None
+    material: Material
+
+    @property
+    def _ratio(self) -> Scalar:
+        return jnp.zeros(()) if self.inner_diameter is None else self.inner_diameter / self.diameter
+
+    @property
+    def area(self) -> Scalar:
+        """`A = pi (D^2 - d^2) / 4` [m^2]."""
+        return jnp.pi * self.diameter**2 / 4 * (1 - self._ratio**2)
+
+    @property
+    def second_moment(self) -> Scalar:
+        """`I = pi (D^4 - d^4) / 64` [m^4]."""
+        return jnp.pi * self.diameter**4 / 64 * (1 - self._ratio**4)
+
+    @property
+    def rigidity(self) -> Scalar:
+        """Bending stiffness `EI` [N m^2]."""
+        return self.material.youngs_modulus * self.second_moment
+
+    @property
+    def mass_per_length(self) -> Scalar:
+        """`rho A` [kg/m]."""
+        return self.material.density * self.area
+
+    @property
+    def rotary_inertia(self) -> Scalar:
+        """`rho I` [kg m], diametral inertia per length."""
+        return self.material.density * self.second_moment
+
+    @property
+    def shear_stiffness(self) -> Scalar:
+        """`k G A` [N] with the shear coefficient of a hollow circle.
+
+        `k = 6 (1 + r^2)^2 (1 + nu) / [(7 + 6 nu)(1 + r^2)^2 + (20 + 12 nu) r^2]`, `r = d / D`,
+        `nu = E / 2G - 1`. Source: Cowper (1966).
+        """
+        shear = self.material.shear_modulus
+        nu = self.material.youngs_modulus / (2 * shear) - 1
+        square = self._ratio**2
+        above = 6 * (1 + square) ** 2 * (1 + nu)
+        below = (7 + 6 * nu) * (1 + square) ** 2 + (20 + 12 * nu) * square
+        return above / below * shear * self.area
+
+    def check(self, shear: bool) -> None:
+        """Refuse a bore wider than the shaft, and shear of a material that does not say how."""
+        inner, outer = self.inner_diameter, self.diameter
+        if inner is not None and known(inner) and known(outer) and inner >= outer:
+            raise ValueError(
+                f"`inner_diameter [m]` must be below the diameter, {float(outer):g}, but is "
+                f"{float(inner):g}."
+            )
+        if shear and self.material.shear_modulus is None:
+            raise ValueError(
+                "A shaft with `shear` needs the material's `shear_modulus [Pa]`, which is absent."
+            )
+
+
+class Step(eqx.Module):
+    """Another section from the station `at` onwards: to the next step or the end of the shaft."""
+
+    at: Scalar = positive("at [m]")
+    diameter: Scalar = positive("diameter [m]")
+    inner_diameter: Scalar = nonnegative("inner_diameter [m]", default=None)
+    material: Material | None = None  # None: that of the shaft
+
+    def section(self, material: Material) -> Section:
+        """Its section on a shaft of a material."""
+        return Section(
+            self.diameter, self.inner_diameter, material if self.material is None else self.material
+        )

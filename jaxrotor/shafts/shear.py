@@ -1,0 +1,135 @@
+"""Spectral elements of a Timoshenko beam: displacement and slope of the section by themselves.
+
+    2 U = Int [ EI psi'^2 + kGA (z' - psi)^2 ] dx,   z and psi polynomials on spans, continuous
+
+Written as flexibility: the equations are those of Galerkin times the inverse of the stiffness, so
+that they read as collocation does. (Collocation of the kernel with shear has high modes that grow.)
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..quantities import Scalar
+from .collocation import Held, by_span, legendre_polynomials, lobatto, neighbours
+from .line import AbstractLine, PerLength
+
+
+class ShearLine(AbstractLine):
+    """`q = (z at the nodes, l psi at the nodes)`: Lobatto nodes of spans, what is held left out."""
+
+    ends: Float[Array, " ends"]  # of the spans [m]
+    bending: Float[Array, "#spans"]  # EI [N m^2]
+    shear: Float[Array, "#spans"]  # kGA [N]
+    degree: int = eqx.field(static=True)
+    held: Held = eqx.field(static=True)
+    anisotropy: Scalar | None
+
+    @property
+    def nodes(self) -> Float[Array, " nodes"]:
+        """Stations of the coordinates, held ones too [m]."""
+        inner = jnp.asarray(lobatto(self.degree))[1:]
+        return jnp.append(self.ends[0], self.ends[:-1, None] + self._widths[:, None] * inner)
+
+    @property
+    def stiffness(self) -> Float[Array, "n n"]:
+        unit = jnp.eye(self._kept.size)
+        rigid = self._rigid
+        if rigid is None:
+            return unit
+        return unit - rigid @ jnp.linalg.solve(rigid.T @ rigid, rigid.T)
+
+    @property
+    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
+        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
+
+    def row(self, at: Scalar) -> Float[Array, " n"]:
+        return self._form(at, 0)
+
+    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
+        return self._form(at, 1) / self.ends[-1]
+
+    def column(self, at: Scalar) -> Float[Array, " n"]:
+        return self._bent(self.row(at))
+
+    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
+        return self._bent(self.slope_row(at))
+
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        z = self._at_gauss(0, 0)
+        return self._bent(self._integral(per_length, z, z))
+
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        psi = self._at_gauss(1, 0) / self.ends[-1]
+        return self._bent(self._integral(per_length, psi, psi))
+
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        unit = jnp.ones((self._widths.size, self.degree + 1, 1))
+        return self._bent(self._integral(per_length, self._at_gauss(0, 0), unit)[:, 0])
+
+    # --- energy
+
+    def _bent(self, force: Array) -> Array:
+        """Coordinates under forces of Galerkin's equations; motions without bending held softly."""
+        curvature = self._at_gauss(1, 1) / self.ends[-1]
+        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
+        energy = self._integral(self.bending, curvature, curvature)
+        energy = energy + self._integral(self.shear, angle, angle)
+        if (rigid := self._rigid) is not None:
+            energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
+        return jnp.linalg.solve(energy, force)
+
+    def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
+        """`Int per_length left right dx` of forms at the Gauss points (spans, g, n)."""
+        weights = self._widths[:, None] * np.polynomial.legendre.leggauss(self.degree + 1)[1] / 2
+        return jnp.einsum("pg,pgn,pgm->nm", weights * by_span(per_length), left, right)
+
+    @property
+    def _rigid(self) -> Float[Array, "n r"] | None:
+        """Motions without bending that the constraints allow."""
+        pins = [k for k, (displacement, _) in enumerate(self.held) if displacement]
+        slopes = any(slope for _, slope in self.held)
+        if len(pins) >= 2 or (pins and slopes):
+            return None
+        one, x = jnp.ones_like(self.nodes), self.nodes / self.ends[-1]
+        centre = self.ends[pins[0]] / self.ends[-1] if pins else 0.5
+        shift, tilt = jnp.concatenate([one, 0 * one]), jnp.concatenate([x - centre, one])
+        motions = [shift] * (not pins) + [tilt] * (not slopes)
+        return jnp.stack(motions, axis=1)[self._kept]
+
+    # --- coordinates
+
+    @property
+    def _widths(self) -> Float[Array, " spans"]:
+        return jnp.diff(self.ends)
+
+    @property
+    def _kept(self) -> np.ndarray:
+        """Which displacements and slopes are coordinates: all that no constraint holds."""
+        count = self.nodes.size
+        places = self.degree * np.arange(self.ends.size)
+        held = np.array(self.held, bool).T  # displacement, slope
+        return np.delete(np.arange(2 * count), [*places[held[0]], *count + places[held[1]]])
+
+    def _at_gauss(self, which: int, derivative: int) -> Float[Array, "spans g n"]:
+        """Forms of `z` (0) or `l psi` (1), or of its derivative, at the Gauss points of spans."""
+        local = (1 + np.polynomial.legendre.leggauss(self.degree + 1)[0]) / 2
+        shapes = self._shapes(jnp.asarray(local), derivative)  # (g, shapes)
+        forms = jnp.einsum("gj,pjn->pgn", shapes, self._places(which))
+        return forms / self._widths[:, None, None] ** derivative
+
+    def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:
+        span = jnp.searchsorted(self.ends[1:-1], at)
+        local = (at - self.ends[span]) / self._widths[span]
+        return self._shapes(local) @ jnp.asarray(self._places(which))[span]
+
+    def _shapes(self, local: Array, derivative: int = 0) -> Float[Array, "*x shapes"]:
+        nodes = np.polynomial.legendre.legvander(2 * lobatto(self.degree) - 1, self.degree)
+        return legendre_polynomials(self.degree, local, derivative) @ np.linalg.inv(nodes)
+
+    def _places(self, which: int) -> np.ndarray:
+        """Coordinates of the displacements (0) or slopes (1) of every span: (span, node, n)."""
+        count = self.nodes.size
+        places = neighbours(self._widths.size, self.degree, 2 * count)
+        return np.roll(places, which * count, axis=2)[..., self._kept]
