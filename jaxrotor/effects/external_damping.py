@@ -14,7 +14,8 @@ class ExternalDamping(AbstractLinear):
     """Shaft in a medium: `p = -d (z. + a exp(2 i angle) z.*)` per length, with `d` in N s/m^2.
 
     `anisotropy` a: `d (1 + a)` along the axis at `angle` and `d (1 - a)` across it, fixed in space;
-    None is the same along every axis. Source: Azarov, Gouskov, Panovko (2023), eq. (5); `eta_e = d l^4 / (2 sqrt(M l^3 E I))`.
+    None is the same along every axis. Source: Azarov, Gouskov, Panovko (2023), eq. (5);
+    `eta_e = d l^4 / (2 sqrt(M l^3 E I))`.
     """
 
     kind: ClassVar[str] = "external_damping"
