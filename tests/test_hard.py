@@ -342,7 +342,7 @@ print(ds.attrs["precision"])
         env=os.environ | {"JAX_ENABLE_X64": "0"},
         capture_output=True,
         text=True,
-        timeout=200,
+        timeout=900,
     )
     if done.returncode:  # then a refusal in words
         assert "Error: " in done.stderr.strip().splitlines()[-1], done.stderr
@@ -440,7 +440,7 @@ for call in (
         print(type(error).__name__)
 """
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=200, check=True
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=900, check=True
     )
     starts = [
         "`steps_per_revolution`",
