@@ -42,8 +42,8 @@ def campbell(
         The upper and the lower Axes.
     """
     speeds, values = np.asarray(result.speeds), np.asarray(result.values)
-    frequency = np.abs(values.imag)
-    growth = np.where(np.abs(values.real) > 1e-9 * np.abs(values), values.real, 0.0)
+    frequency, growth = np.abs(np.imag(values)), np.real(values)
+    growth = np.where(np.abs(growth) > 1e-9 * np.abs(values), growth, 0.0)
     directions = _directions(speeds, values)
     if mirrored:
         _check_mirror(speeds, [name for name, _, _ in directions])
@@ -86,10 +86,11 @@ def _directions(
     speeds: Float[np.ndarray, " w"], values: Complex[np.ndarray, "w m"]
 ) -> list[tuple[str, str, Mask]]:
     """Name, colour and points of each direction of whirl; only circular whirl has one."""
-    circular = (values.imag.mean(axis=0) < 0).any()  # else one of each conjugate pair
+    frequency = np.imag(values)
+    circular = (frequency.mean(axis=0) < 0).any()  # else one of each conjugate pair
     if not circular:
         return [("whirl", colours.DARK, np.ones(values.shape, bool))]
-    with_spin = values.imag * np.where(speeds < 0, -1.0, 1.0)[:, None]
+    with_spin = frequency * np.where(speeds < 0, -1.0, 1.0)[:, None]
     least = 1e-9 * np.abs(values)
     found = [
         ("forward whirl", colours.FORWARD, with_spin > least),

@@ -59,7 +59,12 @@ def _raised(unit: str) -> str:
 
 def root(value: complex) -> str:
     """`77 rad/s, decay 5.04 /s`."""
-    whirl = f"{abs(value.imag):.4g} rad/s" if value.imag else "no whirl"
+    whirl = f"{abs(value.imag):.4g} rad/s" if whirls(value) else "no whirl"
     if abs(value.real) <= 1e-9 * abs(value):
         return f"{whirl}, undamped"
     return f"{whirl}, {'growth' if value.real > 0 else 'decay'} {abs(value.real):.3g} /s"
+
+
+def whirls(value: complex) -> bool:
+    """Whether the imaginary part of a root is more than its rounding."""
+    return abs(value.imag) > 1e-9 * abs(value)

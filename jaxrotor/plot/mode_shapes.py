@@ -54,5 +54,6 @@ def _normalised(shape: Complex[np.ndarray, " x"]) -> Complex[np.ndarray, " x"]:
 
 def _described(value: complex) -> str:
     """`forward 77 rad/s, decay 5.04 /s`."""
-    way = "forward " if value.imag > 0 else "backward " if value.imag < 0 else ""
-    return f"{way}{labels.root(value)}"
+    if not labels.whirls(value):
+        return labels.root(value)
+    return f"{'forward' if value.imag > 0 else 'backward'} {labels.root(value)}"

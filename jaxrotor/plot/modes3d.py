@@ -35,37 +35,34 @@ def modes3d(
     Returns:
         One 3-D Axes a mode.
     """
-    values = np.asarray(modes.values)
+    values: Any = np.asarray(modes.values)
     stations = np.asarray(modes.stations)
     order = np.argsort(stations)
     shapes = np.asarray(modes.shapes)
     counters = np.zeros_like(shapes) if modes.counter is None else np.asarray(modes.counter)
-    if numbers is None:
-        single = np.ones(values.shape, bool) if modes.counter is None else values.imag >= 0
-        numbers = np.flatnonzero(single)[:4].tolist()
-    outside = [number for number in numbers if not -values.size <= number < values.size]
-    if outside or not numbers:
+    single = np.full(values.shape, modes.counter is None) | (values.imag >= 0)
+    chosen = np.flatnonzero(single)[:4].tolist() if numbers is None else list(numbers)
+    outside = [number for number in chosen if not -values.size <= number < values.size]
+    if outside or not chosen:
         raise ValueError(
-            f"`numbers` must be one or more of 0 to {values.size - 1}, but is {list(numbers)}."
+            f"`numbers` must be one or more of 0 to {values.size - 1}, but is {chosen}."
         )
-    drawn = page.solid(axes, len(numbers))
-    for ax, number in zip(drawn, numbers, strict=True):
+    drawn = page.solid(axes, len(chosen))
+    for ax, number in zip(drawn, chosen, strict=True):
         value = complex(values[number])
         shape, counter = shapes[number, order], counters[number, order]
-        directions = _draw(ax, value.imag, stations[order], shape, counter, orbits)
+        directions = _draw(ax, value, stations[order], shape, counter, orbits)
         title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(value)}"
         ax.set_title(title, fontsize=page.TEXT, y=1.05, pad=0.0)
     axis = " of the shaft" if modes.frame == "rotating" else ""
     for ax in drawn:
-        ax.set_xlabel("position [m]")
-        ax.set_ylabel(f"x{axis} [1]")
-        ax.set_zlabel(f"y{axis} [1]")
+        ax.set(xlabel="position [m]", ylabel=f"x{axis} [1]", zlabel=f"y{axis} [1]")
     return drawn
 
 
 def _draw(
     ax: Any,
-    frequency: float,
+    value: complex,
     stations: Float[np.ndarray, " x"],
     shape: Complex[np.ndarray, " x"],
     counter: Complex[np.ndarray, " x"],
@@ -74,10 +71,10 @@ def _draw(
     """The shaft and its orbits; returns the directions of whirl that occur."""
     size = (np.abs(shape) + np.abs(counter)).max()
     shape, counter = shape / size, counter / size
-    line = shape + np.conj(counter)
+    line: Any = shape + np.conj(counter)
     radius = np.abs(shape) + np.abs(counter)
-    sense = np.sign(frequency) * (np.abs(shape) ** 2 - np.abs(counter) ** 2)
-    turn = np.exp(1j * np.copysign(_PHASE, frequency))
+    sense = np.sign(value.imag) * (np.abs(shape) ** 2 - np.abs(counter) ** 2)
+    turn = np.exp(1j * np.copysign(_PHASE, value.imag))
     chosen = np.unique(np.linspace(0, stations.size - 1, orbits).round().astype(int))
     chosen = chosen[radius[chosen] > 1e-3]
     found = []
@@ -87,11 +84,11 @@ def _draw(
         ("straight", colours.UNDEFINED, np.abs(sense) <= 1e-6),
     ):
         members = chosen[belongs[chosen]]
-        if frequency == 0 or not members.size:
+        if not members.size or not labels.whirls(value):
             continue
         found.append(name)
-        paths = shape[members, None] * turn + np.conj(counter[members, None] * turn)
-        paths = np.pad(paths, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+        orbit = shape[members, None] * turn + np.conj(counter[members, None] * turn)
+        paths: Any = np.pad(orbit, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
         at = np.repeat(stations[members], _PHASE.size + 1)
         style = {"color": colour, "linewidth": 0.9, "clip_on": False, "label": name}
         ax.plot(at, paths.real, paths.imag, **style)

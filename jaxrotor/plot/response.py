@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from . import colours, page
 from .record import signal
@@ -69,7 +70,7 @@ def _draw(
     lower.plot(x, _phase(motion), color=colour, linewidth=1.2)
     upper.set_ylabel(f"amplitude [{unit}]")
     lower.set_ylabel("phase [deg]")
-    lower.yaxis.get_major_locator().set_params(steps=[1, 1.8, 3, 4.5, 9, 10])
+    lower.yaxis.set_major_locator(MaxNLocator(steps=[1, 1.8, 3, 4.5, 9, 10]))
     for ax in (upper, lower):
         ax.margins(x=0)
 

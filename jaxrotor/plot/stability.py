@@ -30,7 +30,7 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
         levels = np.maximum(steps, 1e-6 * top)  # less is the rounding of an undamped root
         mesh = ax.contourf(x, y, growth.T, levels=levels, cmap=colours.RAMP, zorder=0.5)
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-        bar.set_ticks(levels[::2], labels=[f"{step:g}" for step in steps[::2]])
+        bar.set_ticks(levels[::2].tolist(), labels=[f"{step:g}" for step in steps[::2]])
         bar.set_label("growth rate where unstable [1/s]", size=page.TEXT)
         bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
     _draw_boundaries(ax, result, (to_x, to_y), colours.DARK, "boundary of stability")
