@@ -70,7 +70,7 @@ def _draw(
     lower.plot(x, _phase(motion), color=colour, linewidth=1.2)
     upper.set_ylabel(f"amplitude [{unit}]")
     lower.set_ylabel("phase [deg]")
-    lower.yaxis.set_major_locator(MaxNLocator(steps=[1, 1.8, 3, 4.5, 9, 10]))
+    lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
     for ax in (upper, lower):
         ax.margins(x=0)
 
