@@ -36,7 +36,7 @@ def campbell(
     low: Low = None,
     high: High = None,
     points: Points = 61,
-    count: Annotated[int, typer.Option(min=1, max=MOST, help="Branches, the slowest first.")] = 6,
+    count: Annotated[int, typer.Option(min=1, max=MOST, help="Branches, the slowest first.")] = 4,
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Draw backward whirl at negative speeds.")
     ] = False,

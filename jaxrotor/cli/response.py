@@ -54,7 +54,7 @@ def response(
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
-    station = optional(at, "m", "--at")
+    station = rotor.stations(optional(at, "m", "--at"))
     speeds = speeds_between(rotor, low, high, points)
     with draft_or_none(out, _FILES, overwrite) as folder:
         forward = np.asarray(critical_speeds(rotor).forward)
@@ -96,7 +96,7 @@ def _row(one: dict[str, Any]) -> tuple[str, str, str, str]:
     return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}")
 
 
-def _at(rotor: Scene, speed: float, station: float | None) -> dict[str, Any]:
+def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
     """Amplitude [m] and phase [rad] at a speed; None where they are unbounded."""
     try:
         motion = complex(unbalance_response(rotor, speed, station).displacement[0, 0])
@@ -107,7 +107,6 @@ def _at(rotor: Scene, speed: float, station: float | None) -> dict[str, Any]:
 
 def _peaks(rotor: Scene, result: UnbalanceResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
     """Local maxima of the amplitude, each sought between the neighbours of the highest sample."""
-    station = float(result.stations[0])
     speeds, motion = np.asarray(result.speeds), np.asarray(result.displacement)[:, 0]
     amplitude = np.abs(motion)
     rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
@@ -118,10 +117,10 @@ def _peaks(rotor: Scene, result: UnbalanceResponse, unbounded: np.ndarray) -> li
             continue
         for _ in range(_ZOOMS):
             grid = np.linspace(low, high, _SAMPLES)
-            closer = np.abs(unbalance_response(rotor, grid, station).displacement[:, 0])
+            closer = np.abs(unbalance_response(rotor, grid, result.stations).displacement[:, 0])
             best = int(np.clip(np.argmax(closer), 1, _SAMPLES - 2))
             low, high = grid[best - 1], grid[best + 1]
-        found.append(_at(rotor, float((low + high) / 2), station))
+        found.append(_at(rotor, float((low + high) / 2), result.stations))
     return found
 
 
