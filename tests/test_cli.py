@@ -137,6 +137,138 @@ def test_onset():
     assert "stability" in refused("onset", "limiter-rotor", "--from", "1", "--to", "100")
 
 
+# === frequencies against speed
+
+
+def gyroscopic():
+    """The gyroscopic rotor of spec 3, set CAN."""
+    shaft = jr.MasslessShaft(0.645, 0.16125, 11.51e4, -9.28e3, 1.00e3)
+    disc = jr.Disc(0.16125, 2.62, 86e-4, 2.38e-4)
+    spin = jr.ConstantSpeed(100.0)
+    jr.save(jr.Scene(shaft, disc, jr.HystereticDamping(0.029), spin=spin), "can.toml")
+    return "can.toml"
+
+
+def test_campbell(place):
+    run = ["campbell", gyroscopic(), "--from", 240.800121421, "--to", 389.529692329]
+    shown = answered(*run, "--points", 5, "--mirrored", "--out", "run")
+    assert shown["frame"] == "fixed" and len(shown["speeds"]) == 5
+    at_end = {
+        (one["direction"], round(one["frequency"][-1])): (one["frequency"][-1], one["growth"][-1])
+        for one in shown["branches"]
+    }
+    assert at_end == {  # spec 3, table 3.4
+        ("forward", 93): pytest.approx((93.416720969, 1.334848603), abs=1e-8),
+        ("forward", 394): pytest.approx((393.677368664, -5.646849586), abs=1e-8),
+        ("backward", 91): pytest.approx((90.749146939, -1.334838339), abs=1e-8),
+        ("backward", 386): pytest.approx((385.564934930, -5.646859850), abs=1e-8),
+    }
+    slow = next(one for one in shown["branches"] if round(one["frequency"][0]) == 93)
+    assert slow["frequency"][0] == pytest.approx(92.905851899, abs=1e-8)
+    names = ["campbell.png", "campbell.zarr"]
+    assert sorted(os.listdir("run")) == names
+    assert sorted(shown["written"]) == [os.path.join("run", name) for name in names]
+    with xr.open_zarr("run/campbell.zarr") as data:
+        assert data.attrs["frame"] == "fixed" and data.frequency.attrs["units"] == "rad/s"
+        assert data.speed.values.tolist() == shown["speeds"]
+        signed = data.frequency.values.T  # backward is negative
+        for found, one in zip(signed, shown["branches"], strict=True):
+            sign = 1 if one["direction"] == "forward" else -1
+            assert found.tolist() == [sign * f for f in one["frequency"]]
+        assert data.growth.values[:, 0].tolist() == shown["branches"][0]["growth"]
+        assert float(jr.loads(data.attrs["scene"]).shaft.k11) == 11.51e4
+    assert "--overwrite" in refused(*run, "--out", "run")
+    text = call(*run, "--count", 1).stdout
+    assert "91.2567" in text and "90.7491" in text and "forward" not in text
+
+
+def test_campbell_ends_above_the_second_critical_speed():
+    shown = answered("campbell", gyroscopic(), "--points", 3)
+    assert shown["speeds"][0] == 0 and shown["written"] == []
+    assert shown["speeds"][-1] == pytest.approx(1.25 * 393.680758289)
+    fast = answered("campbell", "can.toml", "--points", 3, "--set", "spin.speed=800")
+    assert fast["speeds"][-1] == 1000.0
+
+
+def test_campbell_in_the_axes_of_the_shaft():
+    """`w^2 = k / m`, 10 % more and less along two axes: unstable between the critical speeds."""
+    shaft = jr.MasslessShaft(0.6, 0.3, 1e5, anisotropy=0.1)
+    jr.save(jr.Scene(shaft, jr.Disc(0.3, 10.0), spin=jr.ConstantSpeed(50.0)), "two.toml")
+    shown = answered("campbell", "two.toml", "--from", 90, "--to", 110, "--points", 3)
+    assert shown["frame"] == "rotating"
+    # (s^2 + w^2 - W^2)^2 + 4 W^2 s^2 = 0.01 w^4, at W = w
+    growth = [one["growth"][1] for one in shown["branches"]]
+    assert max(growth) == pytest.approx(100 * np.sqrt(np.sqrt(4.01) - 2), rel=1e-9)
+    assert all({one["direction"]} == {"whirl"} for one in shown["branches"])
+    text = call("campbell", "two.toml", "--from", 90, "--to", 110, "--points", 3).stdout
+    assert "in the axes of the shaft" in text
+
+
+def test_critical():
+    shown = answered("critical", gyroscopic())
+    speeds = {name: [one["speed"] for one in shown[name]] for name in ("forward", "backward")}
+    assert speeds == {  # spec 3, section 3.6
+        "forward": pytest.approx([92.387084740, 393.680758289], rel=1e-10),
+        "backward": pytest.approx([91.756478455, 385.564284342], rel=1e-10),
+    }
+    first = shown["forward"][0]
+    assert first["rpm"] == pytest.approx(92.387084740 * 60 / (2 * np.pi))
+    assert first["hz"] == pytest.approx(92.387084740 / (2 * np.pi))
+    text = call("critical", "can.toml", "--count", 1).stdout
+    assert "92.3870847" in text and "91.7564785" in text and "393.68" not in text
+
+
+# === response
+
+
+def damped(damping=100.0, *more):
+    """A disc of 10 kg on 1e5 N/m, `w` = 100 rad/s, `D` = 0.05 for 100 N s/m; 0.1 kg off by 1 cm."""
+    parts = [jr.Disc(0.3, 10.0), jr.Unbalance(0.3, 0.1, 0.01), *more]
+    parts += [jr.DiscDamping(0.3, damping, 0.0)] if damping else []
+    shaft, spin = jr.MasslessShaft(0.6, 0.3, 1e5), jr.ConstantSpeed(50.0)
+    jr.save(jr.Scene(shaft, *parts, spin=spin), "damped.toml")
+    return "damped.toml"
+
+
+def test_response(place):
+    limiter = jr.Limiter(at=0.3, angle=0.0, gap=0.01, stiffness=1e6)
+    run = ["response", damped(100.0, limiter), "--from", 10, "--to", 300, "--points", 42]
+    shown = answered(*run, "--out", "run")
+    assert shown["without"] == ["limiters"] and shown["station"] == 0.3
+    eccentricity, ratio = 0.1 * 0.01 / 10, 0.05
+    (peak,) = shown["peaks"]
+    assert peak["speed"] == pytest.approx(100 / np.sqrt(1 - 2 * ratio**2), rel=1e-6)
+    largest = eccentricity / (2 * ratio * np.sqrt(1 - ratio**2))
+    assert peak["amplitude"] == pytest.approx(largest, rel=1e-10)
+    (critical,) = shown["critical"]
+    assert critical["speed"] == pytest.approx(100.0)
+    assert critical["amplitude"] == pytest.approx(eccentricity / (2 * ratio))
+    assert critical["phase"] == pytest.approx(-np.pi / 2)
+    assert sorted(os.listdir("run")) == ["response.png", "response.zarr"]
+    with xr.open_zarr("run/response.zarr") as data:
+        assert {10.0, 300.0, critical["speed"]} <= set(data.speed.values)
+        speed, motion = data.speed.values, data.amplitude.values * np.exp(1j * data.phase.values)
+        exact = eccentricity * speed**2 / (1e4 - speed**2 + 10j * speed)
+        np.testing.assert_allclose(motion[:, 0], exact, rtol=1e-10)
+        assert data.amplitude.attrs["units"] == "m" and data.phase.attrs["units"] == "rad"
+    text = call(*run).stdout
+    assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
+
+
+def test_response_without_damping_is_unbounded():
+    shown = answered("response", damped(0.0), "--points", 42)
+    assert shown["peaks"] == [] and shown["critical"][0]["amplitude"] is None
+    assert "unbounded" in call("response", "damped.toml", "--points", 42).stdout
+    below = call("response", "damped.toml", "--to", 50, "--points", 42).stdout
+    assert "none between these speeds" in below
+
+
+def test_response_of_a_balanced_rotor(place):
+    balanced = ["--set", "unbalance.eccentricity=0", "--points", 5, "--out", "run"]
+    sentence = refused("response", damped(), *balanced)
+    assert "unbalance" in sentence and everything_below(place) == ["damped.toml"]
+
+
 # === simulate
 
 
@@ -369,6 +501,11 @@ def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
         (["roots", "limiter-rotor", "--speed", "fast"], "--speed must be in rad/s"),
         (["onset", "limiter-rotor", "--from", "5"], "add --to"),
         (["onset", "limiter-rotor", "--from", "5", "--to", "4"], "must be above"),
+        (["campbell", "limiter-rotor", "--from", "5", "--to", "4"], "must be above"),
+        (["campbell", "limiter-rotor", "--to", "fast"], "--to must be in rad/s"),
+        (["critical", "limiter-rotor", "--set", "disc.mass=-1"], "must not be negative"),
+        (["response", "limiter-rotor", "--to", "900", "--at", "2 m"], "on the shaft"),
+        (["response", "limiter-rotor", "--from", "5 kg", "--to", "6"], "--from must be in rad/s"),
         (["simulate", "limiter-rotor", "--start-radius", "-1 mm"], "must not be negative"),
         (["simulate", "limiter-rotor", "--start-radius", "1 kg"], "--start-radius must be in m"),
         (["simulate", "limiter-rotor", "--keep", "200"], "must not exceed"),
@@ -409,7 +546,13 @@ def test_out_that_is_a_file(place):
 
 @pytest.mark.parametrize(
     "args",
-    [["nonsense"], ["sweep"], ["roots", "x", "--count", "0"], ["sweep", "x", "--order", "3"]],
+    [
+        ["nonsense"],
+        ["sweep"],
+        ["roots", "x", "--count", "0"],
+        ["campbell", "x", "--points", "2"],
+        ["sweep", "x", "--order", "3"],
+    ],
 )
 def test_usage_errors(args):
     result = call(*args, code=2)
@@ -436,7 +579,10 @@ def test_json_is_valid():
     }
 
 
-@pytest.mark.parametrize("command", ["", "scenes", "show", "roots", "onset", "simulate", "sweep"])
+COMMANDS = ["show", "roots", "onset", "campbell", "critical", "response", "simulate", "sweep"]
+
+
+@pytest.mark.parametrize("command", ["", "scenes", *COMMANDS])
 def test_help(command):
     text = call(*filter(None, [command]), "--help").stdout
     assert "Usage" in text and (command in ("", "scenes") or f"jaxrotor {command} limiter" in text)

@@ -7,6 +7,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 
+import jax.numpy as jnp  # noqa: E402
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
@@ -391,6 +392,375 @@ def test_onset_draws_speed_and_frequency():
     assert relabelled.get_xlabel() == "shaft diameter [mm]"
 
 
+# === Campbell diagram
+
+
+def branches(slopes, growth, frame="fixed", speeds=(0.0, 10.0, 20.0, 30.0)):
+    """Branches `frequency + slope Omega` of a constant growth rate."""
+    speeds = jnp.asarray(speeds)
+    values = [g + 1j * (f + s * speeds) for (f, s), g in zip(slopes, growth, strict=True)]
+    return jr.Campbell(speeds, jnp.stack(values, axis=1), frame)
+
+
+GYROSCOPIC = [(20.0, 0.1), (-20.0, 0.1), (90.0, 1.0), (-90.0, 1.0)]  # [rad/s], [1]
+
+
+def parts(line):
+    """The branches that one line joins, without the gaps between them."""
+    x, y = (np.asarray(a) for a in line.get_data())
+    ends = np.flatnonzero(np.isnan(x))
+    return [
+        (x[k][np.isfinite(y[k])], y[k][np.isfinite(y[k])])
+        for k in np.split(np.arange(len(x)), ends)
+        if np.isfinite(y[k]).any()
+    ]
+
+
+def rings(ax):
+    found = [line for line in ax.lines if line.get_marker() == "o"]
+    return {to_hex(line.get_color()).upper(): np.asarray(line.get_data()) for line in found}
+
+
+def test_campbell_draws_forward_and_backward_branches():
+    upper, lower = plot.campbell(branches(GYROSCOPIC, [-1.0, -2.0, 0.5, -3.0]))
+    speeds = np.arange(0.0, 31.0, 10.0)
+    for label, colour, lines_, rates in (
+        ("forward whirl", colours.FORWARD, [20 + 0.1 * speeds, 90 + speeds], [-1.0, 0.5]),
+        ("backward whirl", colours.BACKWARD, [20 - 0.1 * speeds, 90 - speeds], [-2.0, -3.0]),
+    ):
+        frequency, growth = lines(upper)[label], lines(lower)[label]
+        assert to_hex(frequency.get_color()).upper() == colour
+        for (x, y), (_, g), expected, rate in zip(
+            parts(frequency), parts(growth), lines_, rates, strict=True
+        ):
+            np.testing.assert_allclose(x, speeds)
+            np.testing.assert_allclose(y, expected)
+            np.testing.assert_allclose(g, rate)
+    assert upper.get_ylabel() == "whirl frequency [rad/s]" and upper.get_ylim()[0] == 0
+    assert lower.get_ylabel() == "growth rate [1/s]" and lower.get_yscale() == "linear"
+    assert lower.get_xlabel() == "spin speed [rad/s]"
+
+
+def test_campbell_marks_critical_speeds():
+    upper, _ = plot.campbell(branches(GYROSCOPIC, [-1.0] * 4))
+    synchronous = lines(upper)["synchronous"]
+    np.testing.assert_allclose(synchronous.get_ydata(), synchronous.get_xdata())
+    # 20 + 0.1 Omega = Omega and 20 - 0.1 Omega = Omega; the fast branches stay above
+    np.testing.assert_allclose(rings(upper)[colours.FORWARD], [[20 / 0.9]] * 2)
+    np.testing.assert_allclose(rings(upper)[colours.BACKWARD], [[20 / 1.1]] * 2)
+    assert "critical speed" in lines(upper)
+
+
+def test_campbell_of_more_orders():
+    upper, _ = plot.campbell(branches(GYROSCOPIC, [-1.0] * 4), orders=(2.5, 3), highest=70.0)
+    assert upper.get_ylim() == (0.0, 70.0)
+    thrice = lines(upper)["3 a revolution"]
+    np.testing.assert_allclose(thrice.get_ydata(), 3 * thrice.get_xdata())
+    crossings = [line.get_xdata() for line in upper.lines if line.get_marker() == "o"]
+    # 20 + 0.1 Omega = n Omega; backward 20 - 0.1 Omega and 90 - Omega
+    expected = [[20 / 2.4], [20 / 2.9], [20 / 2.6, 90 / 3.5], [20 / 3.1, 90 / 4]]
+    for found, x in zip(crossings, expected, strict=True):
+        np.testing.assert_allclose(np.sort(found), x)
+    assert "critical speed" not in lines(upper) and "crossing" in lines(upper)
+
+
+def test_campbell_mirrored():
+    upper, lower = plot.campbell(branches(GYROSCOPIC, [-1.0] * 4), mirrored=True)
+    x, y = parts(lines(upper)["backward whirl"])[0]
+    np.testing.assert_allclose((x, y), [[0, -10, -20, -30], [20, 19, 18, 17]], atol=1e-12)
+    assert parts(lines(lower)["backward whirl"])[0][0].max() == 0.0
+    x, y = parts(lines(upper)["forward whirl"])[0]
+    np.testing.assert_allclose((x, y), [[0, 10, 20, 30], [20, 21, 22, 23]])
+    np.testing.assert_allclose(rings(upper)[colours.BACKWARD], [[-20 / 1.1], [20 / 1.1]])
+    wings = lines(upper)["synchronous"]
+    np.testing.assert_allclose(wings.get_data(), [[-30, 0, 30], [30, 0, 30]])
+    assert "backward whirl at negative" in lower.get_xlabel()
+
+
+def test_campbell_says_why_it_is_not_mirrored():
+    with pytest.raises(ValueError, match=r"has no backward branch; leave `mirrored` out\.$"):
+        plot.campbell(branches([(20.0, 0.1)], [0.0]), mirrored=True)
+    both_ways = branches(GYROSCOPIC, [0.0] * 4, speeds=(-30.0, 0.0, 30.0))
+    with pytest.raises(ValueError, match=r"begin at -30 rad/s; begin at 0\.$"):
+        plot.campbell(both_ways, mirrored=True)
+
+
+def test_campbell_of_a_rotor_that_spins_both_ways():
+    """Forward is with the spin, so a branch changes its direction at standstill."""
+    upper, _ = plot.campbell(branches(GYROSCOPIC[:2], [0.0] * 2, speeds=(-30.0, 0.0, 30.0)))
+    forward = parts(lines(upper)["forward whirl"])
+    np.testing.assert_allclose(forward[0], [[0.0, 30.0], [20.0, 23.0]])
+    np.testing.assert_allclose(forward[1], [[-30.0], [23.0]])
+
+
+def test_campbell_of_elliptic_whirl_has_no_direction():
+    upper, _ = plot.campbell(branches([(19.0, -0.1), (21.0, 0.1)], [0.0, 1e-14]))
+    assert "whirl" in lines(upper) and "forward whirl" not in lines(upper)
+    np.testing.assert_allclose(np.sort(rings(upper)[colours.DARK][0]), [19 / 1.1, 21 / 0.9])
+
+
+def test_campbell_in_the_axes_of_the_shaft():
+    result = branches([(-20.0, 2.0), (20.0, 1.0)], [-1.0, -1.0], "rotating")
+    upper, _ = plot.campbell(result)
+    x, y = parts(lines(upper)["whirl"])[0]
+    np.testing.assert_allclose((x, y), [[0, 10, 20, 30], [20, 0, 20, 40]])
+    weight = lines(upper)["weight"]
+    np.testing.assert_allclose(weight.get_ydata(), weight.get_xdata())
+    assert "axes\nof the shaft [rad/s]" in upper.get_ylabel() and not rings(upper)
+
+
+def test_campbell_shows_a_slow_branch_beside_fast_ones():
+    _, lower = plot.campbell(branches(GYROSCOPIC, [0.5, -1.0, -900.0, -1000.0]))
+    assert lower.get_yscale() == "asinh"
+    at = lambda growth: lower.transAxes.inverted().transform(
+        lower.transData.transform((0.0, growth))
+    )[1]
+    assert at(0.5) - at(0.0) > 0.03  # a linear axis would give 0.0005
+    assert 0.0 in lower.get_yticks()
+
+
+def test_campbell_takes_rounding_for_zero():
+    upper, lower = plot.campbell(branches([(20.0, 0.0), (-20.0, 0.0)], [1e-13, -1e-13]))
+    assert (parts(lines(lower)["forward whirl"])[0][1] == 0).all()
+    assert lower.get_ylim() == (-1.0, 1.0)
+    _, lower = plot.campbell(branches([(1e-12, 0.0), (-20.0, 0.0)], [-50.0, -1.0]))
+    assert to_hex(lines(lower)["no whirl"].get_color()).upper() == colours.UNDEFINED
+
+
+# === modes in space
+
+
+def motions(values, shapes, counter=None, stations=(0.0, 0.5, 1.0), frame="fixed"):
+    to = lambda a: None if a is None else jnp.asarray(a, complex)
+    return jr.Modes(to(values), to(shapes), to(counter), jnp.asarray(stations), frame)
+
+
+def orbits(ax):
+    """Direction, colour and orbits (station, path) of each line of orbits."""
+    found = {}
+    for line in ax.lines:
+        if line.get_label() in ("forward", "backward", "straight"):
+            x, y, z = (np.asarray(a) for a in line.get_data_3d())
+            path = np.where(np.isfinite(y), y + 1j * z, np.nan)
+            whole = np.isfinite(y)
+            groups = np.split(np.arange(len(x)), np.flatnonzero(~whole))
+            paths = [(x[k[-1]], path[k][np.isfinite(path[k])]) for k in groups if whole[k].any()]
+            assert (
+                to_hex(line.get_color()).upper()
+                == {
+                    "forward": colours.FORWARD,
+                    "backward": colours.BACKWARD,
+                    "straight": colours.UNDEFINED,
+                }[line.get_label()]
+            )
+            found[line.get_label()] = paths
+    return found
+
+
+def test_modes3d_draws_circles_of_both_directions():
+    shape = [0.0, 0.5j, 1.0]
+    drawn = plot.modes3d(motions([-1 + 70j, -60j], [shape, shape]))
+    for ax, way, sign in zip(drawn, ("forward", "backward"), (1, -1), strict=True):
+        ((way_found, paths),) = orbits(ax).items()
+        assert way_found == way and [at for at, _ in paths] == [0.5, 1.0]  # no orbit at the clamp
+        for (_, path), start in zip(paths, shape[1:], strict=True):
+            np.testing.assert_allclose(np.abs(path), abs(start))
+            np.testing.assert_allclose(path[0], start)
+            turned = np.sum(np.angle(path[1:] / path[:-1]))
+            assert turned == pytest.approx(sign * 2 * np.pi * 11 / 12)
+        (line,) = [line for line in ax.lines if line.get_label() == "phase 0"]
+        np.testing.assert_allclose(line.get_data_3d(), [[0, 0.5, 1], [0, 0, 1], [0, 0.5, 0]])
+    assert [ax.get_title() for ax in drawn] == [
+        "forward, 70 rad/s, decay 1 /s",
+        "backward, 60 rad/s, undamped",
+    ]
+    assert drawn[0].get_xlabel() == "position [m]"
+    assert (drawn[0].get_ylabel(), drawn[0].get_zlabel()) == ("x [1]", "y [1]")
+
+
+def test_modes3d_draws_ellipses_by_their_direction_at_each_station():
+    """`z = s exp(i p) + conj(c exp(i p))`: axes |s| + |c| and |s| - |c|, forward where |s| > |c|."""
+    pair = motions(
+        [50j, -50j],
+        [[0.75, 0.25, 0.5], [0.75, 0.25, 0.5]],
+        [[0.25, 0.75, 0.5], [0.25, 0.75, 0.5]],
+        stations=(1.0, 0.0, 0.5),
+        frame="rotating",
+    )
+    (ax,) = plot.modes3d(pair)  # of the conjugate pair one
+    found = orbits(ax)
+    for way, at, turned in (("forward", 1.0, 1), ("backward", 0.0, -1)):
+        ((station, path),) = found[way]
+        assert station == at
+        np.testing.assert_allclose((path.real / 1.0) ** 2 + (path.imag / 0.5) ** 2, 1.0)
+        assert np.imag(np.conj(path[0]) * path[1]) * turned > 0
+    ((station, path),) = found["straight"]
+    assert station == 0.5
+    np.testing.assert_allclose(path.imag, 0.0, atol=1e-12)
+    assert ax.get_title() == "forward and backward and straight, 50 rad/s, undamped"
+    assert ax.get_ylabel() == "x of the shaft [1]"
+
+
+def test_modes3d_without_whirl_has_no_orbit():
+    (ax,) = plot.modes3d(motions([-200 + 1e-13j], [[0, 0.5, 1.0]]))
+    assert not orbits(ax) and ax.get_title() == "no whirl, decay 200 /s"
+
+
+def test_modes3d_of_one_station_and_of_chosen_modes():
+    many = motions(np.arange(1, 7) * 10j, np.ones((6, 1)), stations=(0.3,))
+    assert len(plot.modes3d(many)) == 4
+    (ax,) = plot.modes3d(many, [-1])
+    assert ax.get_title() == "forward, 60 rad/s, undamped"
+    assert [at for at, _ in orbits(ax)["forward"]] == [0.3]
+    for numbers in ([6], []):
+        with pytest.raises(ValueError, match=r"`numbers` must be one or more of 0 to 5, but is"):
+            plot.modes3d(many, numbers)
+
+
+def test_modes3d_in_given_axes():
+    one = motions([10j], [[0.0, 1.0, 2.0]])
+    ax = plt.figure().add_subplot(projection="3d")
+    assert plot.modes3d(one, axes=ax) == (ax,)
+    with pytest.raises(ValueError, match=r"must be 1 3-D Axes .*, but are 1: rectilinear\.$"):
+        plot.modes3d(one, axes=plt.subplots()[1])
+
+
+# === response
+
+
+def resonance(damping=0.05, speeds=None):
+    """`z = e W^2 / (w^2 - W^2 + 2 i D w W)` of w = 100 rad/s, and twice it at a second station."""
+    speeds = np.linspace(0.0, 300.0, 301) if speeds is None else np.asarray(speeds)
+    z = 1e-3 * speeds**2 / (1e4 - speeds**2 + 2j * damping * 100 * speeds + (damping == 0) * 1e-9)
+    pair = jnp.asarray(np.stack([z, 2 * z], axis=1), complex)
+    stations = jnp.array([0.2, 0.4])
+    return jr.UnbalanceResponse(jnp.asarray(speeds), stations, pair, 0 * pair)
+
+
+def test_response_draws_amplitude_and_phase():
+    upper, lower = plot.response(resonance(), station=1, critical=[100.0, 400.0])
+    speed, amplitude = upper.lines[0].get_data()
+    assert amplitude[speed == 100.0] == pytest.approx([2 * 1.0 / 0.1])  # mm: 2 e / (2 D)
+    phase = lower.lines[0].get_ydata()
+    assert np.isnan(phase[0])  # nothing moves at rest
+    assert phase[speed == 100.0] == pytest.approx([-90.0])
+    assert (np.diff(phase[1:]) < 0).all() and phase[-1] < -170
+    marks = lines(upper)["critical speed"]
+    np.testing.assert_allclose(marks.get_xdata(), 100.0)  # 400 rad/s is outside
+    assert sum(line.get_linestyle() == "--" for line in upper.lines) == 1
+    assert upper.get_ylabel() == "amplitude [mm]" and lower.get_ylabel() == "phase [deg]"
+    assert lower.get_xlabel() == "spin speed [rad/s]" and upper.get_ylim()[0] == 0.0
+
+
+def test_response_in_micrometres_and_decades():
+    small = resonance()
+    small = jr.UnbalanceResponse(
+        small.speeds, small.stations, 1e-3 * small.displacement, small.deflection
+    )
+    upper, _ = plot.response(small, log=True)
+    assert upper.lines[0].get_ydata().max() == pytest.approx(10.0, rel=0.01)
+    assert upper.get_ylabel() == "amplitude [\N{MICRO SIGN}m]" and upper.get_yscale() == "log"
+
+
+def test_response_phase_runs_on():
+    """Two resonances turn the phase by a whole turn; of no damping it falls by half a turn."""
+    speeds = np.linspace(1.0, 400.0, 800)
+    product = np.prod([w**2 / (w**2 - speeds**2 + 4j * speeds) for w in (100.0, 250.0)], axis=0)
+    both = jnp.asarray(product[:, None], complex)
+    result = jr.UnbalanceResponse(jnp.asarray(speeds), jnp.array([0.2]), both, 0 * both)
+    phase = plot.response(result)[1].lines[0].get_ydata()
+    assert (np.diff(phase) < 0).all() and -360 < phase[-1] < -350 and phase[0] > -1
+    undamped = plot.response(resonance(0.0, [50.0, 90.0, 110.0, 200.0]))[1].lines[0].get_ydata()
+    np.testing.assert_allclose(undamped, [0.0, 0.0, -180.0, -180.0], atol=1e-9)
+
+
+def test_response_of_a_station_that_is_not_there():
+    with pytest.raises(ValueError, match="`station` must be 0 to 1, but is 2."):
+        plot.response(resonance(), station=2)
+
+
+# === stability maps
+
+
+def stability(shift=0.0, growth=None, paths=("unbalance.eccentricity", "spin.speed")):
+    """Unstable right of the circle's arc `x = 0.002 + shift + (y / 1000 - 0.3)^2 / 50`."""
+    x, y = np.linspace(0.0, 0.01, 41), np.linspace(100.0, 500.0, 31)
+    arc = lambda y: 0.002 + shift + (y / 1000 - 0.3) ** 2 / 50
+    values = 1e3 * (x[:, None] - arc(y))
+    curve = np.stack([arc(y), y], axis=1)
+    return types.SimpleNamespace(
+        paths=paths,
+        units=("m", "rad/s"),
+        x=x,
+        y=y,
+        growth=values if growth is None else growth + 0 * values,
+        boundaries=(curve,) if growth is None else (),
+    )
+
+
+def test_stability_map_shades_what_is_unstable():
+    ax = plot.stability_map(stability())
+    (shading,) = ax.collections
+    inside = lambda x, y: any(path.contains_point((x, y)) for path in shading.get_paths())
+    for y in (110.0, 300.0, 490.0):  # x in mm
+        edge = 2.0 + 20 * (y / 1000 - 0.3) ** 2
+        assert inside(edge + 0.05, y) and not inside(edge - 0.05, y)
+    boundary = lines(ax)["boundary of stability"]
+    np.testing.assert_allclose(boundary.get_xdata(), 1e3 * stability().boundaries[0][:, 0])
+    assert boundary.get_linewidth() > 1.5 and to_hex(boundary.get_color()).upper() == colours.DARK
+    assert ax.get_xlabel() == "unbalance eccentricity [mm]"
+    assert ax.get_ylabel() == "spin speed [rad/s]"
+    assert ax.get_xlim() == (0.0, 10.0) and ax.get_ylim() == (100.0, 500.0)
+    bar = shading.colorbar
+    assert "[1/s]" in bar.ax.get_ylabel() and bar.ax.get_yticklabels()[0].get_text() == "0"
+    assert shading.get_clim()[1] >= 8.0  # [1/s], the largest of the map
+
+
+def test_stability_map_without_a_boundary():
+    stable = plot.stability_map(stability(growth=-1.0))
+    assert not stable.collections and stable.get_legend() is None
+    undamped = plot.stability_map(stability(growth=np.eye(41, 31) - 1.0))
+    assert not undamped.collections and undamped.get_xlim() == (0.0, 10.0)
+
+
+def test_boundary_family_draws_sections():
+    maps = [stability(shift) for shift in (0.0, 0.001, 0.002)]
+    ax = plot.boundary_family(maps, ["k = 0", "k = 1", "k = 2"])
+    for number, (name, line) in enumerate(lines(ax).items()):
+        assert name == f"k = {number}"
+        np.testing.assert_allclose(line.get_xdata().min(), 2.0 + number, atol=1e-2)
+    assert len({to_hex(line.get_color()) for line in ax.lines}) == 3
+    assert ax.get_xlabel() == "unbalance eccentricity [mm]" and ax.get_ylim() == (100.0, 500.0)
+    with pytest.raises(ValueError, match="has 3 maps and 1 names"):
+        plot.boundary_family(maps, ["k"])
+    with pytest.raises(ValueError, match="over the same two parameters"):
+        plot.boundary_family([maps[0], stability(paths=("disc.mass", "spin.speed"))], ["a", "b"])
+
+
+# === error map
+
+
+def test_error_map_has_decades_lines_and_hatches():
+    x, y = np.linspace(0.0, 1.0, 50), np.linspace(0.1, 1.0, 40)
+    error = 0.4 * (x[:, None] * y) ** 2
+    ax = plot.error_map(x, y, error, x[:, None] * y < 0.5)
+    shading = ax.collections[0]
+    assert shading.get_clim() == (1e-6, 1.0) and isinstance(shading.norm, LogNorm)
+    assert ax.collections[0].colorbar.ax.get_ylabel() == "relative error [1]"
+    (marked,) = [c for c in ax.collections if list(getattr(c, "levels", [])) == [0.01, 0.05]]
+    for path, product in zip(marked.get_paths(), (0.025**0.5, 0.125**0.5), strict=True):
+        np.testing.assert_allclose(np.prod(path.vertices, axis=1), product, rtol=0.02)
+    (hatched,) = [c for c in ax.collections if getattr(c, "hatches", [None]) == ["///"]]
+    inside = lambda x, y: any(path.contains_point((x, y)) for path in hatched.get_paths())
+    assert inside(0.9, 0.9) and not inside(0.6, 0.6)
+    assert r"$\Omega/\lambda_2$" in ax.get_xlabel() and "$I_0/I$" in ax.get_ylabel()
+
+
+def test_error_map_of_no_error():
+    with pytest.raises(ValueError, match="needs an error above zero"):
+        plot.error_map([0.0, 1.0], [0.0, 1.0], np.zeros((2, 2)), np.ones((2, 2)))
+
+
 # === all
 
 
@@ -402,8 +772,20 @@ def test_onset_draws_speed_and_frequency():
         lambda ax: plot.whirl_history(response(0.5, 0.1), ax=ax),
         lambda ax: plot.whirl_spectrum(response(0.5, 0.1), ax=ax),
         lambda ax: plot.waterfall(spectra(), ax=ax),
+        lambda ax: plot.stability_map(stability(), ax=ax),
+        lambda ax: plot.boundary_family([stability()], ["k = 0"], ax=ax),
+        lambda ax: plot.error_map([0, 1], [0, 1], np.eye(2), np.eye(2), ax=ax),
     ],
-    ids=["orbit", "history", "whirl_history", "whirl_spectrum", "waterfall"],
+    ids=[
+        "orbit",
+        "history",
+        "whirl_history",
+        "whirl_spectrum",
+        "waterfall",
+        "stability_map",
+        "boundary_family",
+        "error_map",
+    ],
 )
 def test_draws_in_given_axes_or_a_figure_of_its_own(draw):
     _, ax = plt.subplots()

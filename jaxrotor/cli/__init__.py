@@ -1,3 +1,3 @@
-"""Command line: `jaxrotor scenes | show | roots | onset | simulate | sweep`."""
+"""Command line: `jaxrotor scenes | show | roots | campbell | critical | response | sweep ..`."""
 
 from .app import app as app, main as main

@@ -22,14 +22,21 @@ def print_table(
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD if heads else None, show_header=bool(heads), pad_edge=False)
     rows = list(rows)
+    if not rows and not heads:
+        return
+    table = Table(box=box.SIMPLE_HEAD if heads else None, show_header=bool(heads), pad_edge=False)
     for i in range(len(rows[0]) if rows else len(heads)):
         justify = "right" if i in numbers else "left"
         table.add_column(heads[i] if heads else "", justify=justify, overflow="fold")
     for row in rows:
         table.add_row(*row)
     Console(markup=False, highlight=False, emoji=False).print(table)
+
+
+def written(paths: Sequence[str]) -> list[tuple[str, str]]:
+    """Rows of a table that name the files of a run."""
+    return [("written" if i == 0 else "", path) for i, path in enumerate(paths)]
 
 
 def _plain(value: Any) -> Any:

@@ -5,7 +5,9 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from .campbell import campbell, critical
 from .linear import onset, roots
+from .response import response
 from .scenes import scenes, show
 from .simulate import simulate
 from .sweep import sweep
@@ -48,7 +50,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (scenes, show, roots, onset, simulate, sweep):
+for _command in (scenes, show, roots, onset, campbell, critical, response, simulate, sweep):
     app.command()(_command)
 
 
@@ -56,7 +58,7 @@ for _command in (scenes, show, roots, onset, simulate, sweep):
 def options(
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
 ) -> None:
-    """Rotor dynamics: roots, onset of instability, motion in time and bifurcation sweeps of a scene.
+    """Rotor dynamics: roots, Campbell diagram, stability, response and bifurcation of a scene.
 
     A scene is a shaft, what sits on it, and how it spins: a TOML file, or one of those shipped.
 
@@ -64,6 +66,9 @@ def options(
     jaxrotor scenes
     jaxrotor show limiter-rotor
     jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
+    jaxrotor campbell limiter-rotor --out run
+    jaxrotor critical limiter-rotor
+    jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --out run
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor
     ```

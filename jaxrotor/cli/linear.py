@@ -9,7 +9,7 @@ import typer
 from ..analysis import Onset, onset_speed, roots as roots_of
 from ..units import quantity
 from . import answer
-from .options import MOST, AsJson, SceneName, Settings, scene_with
+from .options import MOST, AsJson, Low, SceneName, Settings, interval, rpm, scene_with
 
 
 def roots(
@@ -50,10 +50,7 @@ def roots(
 def onset(
     scene: SceneName,
     settings: Settings = None,
-    low: Annotated[
-        str | None,
-        typer.Option("--from", metavar="SPEED", help="Where to begin. [default: 0]"),
-    ] = None,
+    low: Low = None,
     high: Annotated[
         str | None,
         typer.Option(
@@ -90,7 +87,7 @@ def described_onset(found: Onset) -> dict[str, float]:
     speed, whirl = float(found.speed), float(found.whirl_frequency)
     return {
         "speed": speed,
-        "rpm": speed * 30 / math.pi,
+        "rpm": rpm(speed),
         "whirl_frequency": whirl,
         "whirl_frequency_hz": whirl / (2 * math.pi),
     }
@@ -107,11 +104,7 @@ def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
         if low is not None:
             raise ValueError("--from needs the other end of the range; add --to.")
         return None
-    start = quantity(low or "0", "rad/s", "--from")
-    stop = quantity(high, "rad/s", "--to")
-    if not start < stop:
-        raise ValueError(f"--to must be above --from = {start:g} rad/s, but is {stop:g} rad/s.")
-    return start, stop
+    return interval(low, high)
 
 
 def _described(root: complex) -> dict[str, Any]:

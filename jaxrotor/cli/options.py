@@ -1,10 +1,14 @@
 """Options that several commands share, and what they mean."""
 
+import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
+from ..analysis import critical_speeds
 from ..files import START, load
 from ..scene import Scene
 from ..start import AbstractStart, AtRest, Whirl
@@ -60,6 +64,20 @@ Period = Annotated[
     str | None,
     typer.Option(metavar="TIME", help="What to count as a revolution at zero speed."),
 ]
+Low = Annotated[
+    str | None, typer.Option("--from", metavar="SPEED", help="Where to begin. [default: 0]")
+]
+High = Annotated[
+    str | None,
+    typer.Option(
+        "--to",
+        metavar="SPEED",
+        help="Where to end. [default: a quarter above the second critical speed, or above the "
+        "scene's speed if that is higher]",
+    ),
+]
+Points = Annotated[int, typer.Option(min=3, max=MOST, help="How many speeds.")]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for data and a picture.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier run.")]
 
 
@@ -106,3 +124,24 @@ def start_with(
 def optional(text: str | None, unit: str, option: str) -> float | None:
     """The quantity of an option that may be left out."""
     return None if text is None else quantity(text, unit, option)
+
+
+def interval(low: str | None, high: str) -> tuple[float, float]:
+    """The speeds of `--from` and `--to` [rad/s], in order."""
+    start, stop = quantity(low or "0", "rad/s", "--from"), quantity(high, "rad/s", "--to")
+    if not start < stop:
+        raise ValueError(f"--to must be above --from = {start:g} rad/s, but is {stop:g} rad/s.")
+    return start, stop
+
+
+def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:
+    """Speeds [rad/s] of `--from`, `--to` and `--points`."""
+    if high is None:
+        marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.get("spin.speed")))]
+        high = repr(1.25 * max(marks))
+    return np.linspace(*interval(low, high), points)
+
+
+def rpm(speed: float) -> float:
+    """Revolutions per minute of a speed [rad/s]."""
+    return speed * 30 / math.pi

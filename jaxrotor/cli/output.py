@@ -11,6 +11,17 @@ from typing import Any
 import typer
 import xarray as xr
 
+from ..dataset import versions
+from ..files import dumps
+from ..scene import Scene
+
+
+def draft_or_none(
+    out: Path | None, names: Sequence[str], overwrite: bool
+) -> contextlib.AbstractContextManager[Path | None]:
+    """`draft`, or None where nothing is to be written."""
+    return contextlib.nullcontext() if out is None else draft(out, names, overwrite)
+
 
 @contextlib.contextmanager
 def draft(out: Path, names: Sequence[str], overwrite: bool) -> Iterator[Path]:
@@ -58,6 +69,22 @@ def _publish(folder: Path, out: Path, present: Sequence[Path]) -> None:
         for source, target in reversed(done):
             target.rename(source)
         raise
+
+
+def written_to(out: Path | None, names: Sequence[str]) -> list[str]:
+    """Those of the files of a run that were written."""
+    return [] if out is None else [str(out / name) for name in names if (out / name).exists()]
+
+
+def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Scene) -> xr.Dataset:
+    """Dataset of variables and coordinates, with the scene and the versions that made it."""
+    about = {"title": title, "scene": dumps(scene), "versions": versions()}
+    return xr.Dataset(*parts, about)
+
+
+def about(units: str, long_name: str) -> dict[str, str]:
+    """Attributes of a variable."""
+    return {"units": units, "long_name": long_name}
 
 
 def write_dataset(dataset: xr.Dataset, path: Path) -> None:

@@ -28,7 +28,7 @@ from .options import (
     scene_with,
     start_with,
 )
-from .output import draft, draw, write_dataset
+from .output import draft, draw, write_dataset, written_to
 
 
 _FILES = ("response.zarr", "orbit.png", "history.png")
@@ -118,7 +118,7 @@ def simulate(
             _draw(response, folder)
     summary = _summary(response)
     answer.note_large(float(summary["radius_max"]), float(rotor.shaft.length))
-    written = [] if out is None else [str(out / n) for n in _FILES if (out / n).exists()]
+    written = written_to(out, _FILES)
     if as_json:
         answer.print_json({"scene": scene, **summary, "written": written})
         return
@@ -131,7 +131,7 @@ def simulate(
         (f"contact {i}", f"{contact['duty']:.2%} of the time, up to {contact['peak_force']:.5g} N")
         for i, contact in enumerate(summary["contacts"])
     ]
-    rows += [("written" if i == 0 else "", path) for i, path in enumerate(written)]
+    rows += answer.written(written)
     typer.echo(f"{response}")
     answer.print_table(rows)
 

@@ -32,7 +32,7 @@ from .options import (
     scene_with,
     start_with,
 )
-from .output import draft, draw, write_dataset
+from .output import draft, draw, write_dataset, written_to
 
 
 _FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png")
@@ -137,7 +137,7 @@ def sweep(
         seconds = time.perf_counter() - begun
         write_dataset(dataset, folder / "sweep.zarr")
         _draw(dataset, list(axes), folder)
-    written = [str(out / name) for name in _FILES if (out / name).exists()]
+    written = written_to(out, _FILES)
     lanes = _lanes(dataset)
     good = dataset["radius_max"].values[dataset["status"].values != 1]
     answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
@@ -253,5 +253,5 @@ def _print(
         text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"
         rows.append(("precession index", text))
     rows.append(("time", f"{seconds:.1f} s"))
-    rows += [("written" if i == 0 else "", path) for i, path in enumerate(written)]
+    rows += answer.written(written)
     answer.print_table(rows)

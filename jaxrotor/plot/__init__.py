@@ -1,10 +1,15 @@
 """Plots: free functions that take a result and return its matplotlib Axes."""
 
 from .bifurcation import bifurcation as bifurcation
+from .campbell import campbell as campbell
+from .error_map import error_map as error_map
 from .history import history as history
 from .mode_shapes import mode_shapes as mode_shapes
+from .modes3d import modes3d as modes3d
 from .onset import onset as onset
 from .orbit import orbit as orbit
 from .page import write as write
+from .response import response as response
+from .stability import boundary_family as boundary_family, stability_map as stability_map
 from .waterfall import waterfall as waterfall
 from .whirl import whirl_history as whirl_history, whirl_spectrum as whirl_spectrum

@@ -1,5 +1,8 @@
 """Colours: Paul Tol's "vibrant" set, told apart by colour-blind readers and in print."""
 
+from matplotlib.colors import LinearSegmentedColormap
+
+
 BLUE = "#0077BB"
 RED = "#CC3311"
 ORANGE = "#EE7733"
@@ -10,3 +13,5 @@ DARK = "#333333"
 
 FORWARD, BACKWARD, UNDEFINED = BLUE, RED, GREY
 CYCLE = (BLUE, ORANGE, TEAL, RED, MAGENTA, DARK)
+
+RAMP = LinearSegmentedColormap.from_list("ramp", ["#FCF0E4", "#DE9468"])  # under lines and text

@@ -1,4 +1,4 @@
-"""Labels: the swept parameters of a dataset, in the unit they are drawn in."""
+"""Labels: parameters in the unit they are drawn in, and roots in words."""
 
 import re
 
@@ -36,13 +36,35 @@ def only_swept(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) ->
 def coordinate(dataset: xr.Dataset, dim: str) -> tuple[Shaped[np.ndarray, " N"], str]:
     """Values of a swept parameter as drawn, and its axis label "name [unit]"."""
     array = dataset[dim]
-    unit = str(array.attrs.get("units", "1"))
-    unit, factor = _DRAWN.get(unit, (unit, None))
-    values = array.values if factor is None else array.values * factor
-    name = str(array.attrs.get("long_name", re.sub(r"[._]", " ", dim)))
-    return values, f"{name} [{_raised(unit)}]"
+    name = str(array.attrs.get("long_name", words(dim)))
+    factor, label = parameter(name, str(array.attrs.get("units", "1")))
+    return array.values if factor == 1 else array.values * factor, label
+
+
+def parameter(name: str, unit: str) -> tuple[float, str]:
+    """Factor from SI to the unit that a parameter is drawn in, and its axis label "name [unit]"."""
+    unit, factor = _DRAWN.get(unit, (unit, 1.0))
+    return factor, f"{name} [{_raised(unit)}]"
+
+
+def words(path: str) -> str:
+    """`spin.speed` as it is spoken."""
+    return re.sub(r"[._]", " ", path)
 
 
 def _raised(unit: str) -> str:
     """`kg/m^3` with its power raised."""
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", unit)
+
+
+def root(value: complex) -> str:
+    """`77 rad/s, decay 5.04 /s`."""
+    whirl = f"{abs(value.imag):.4g} rad/s" if whirls(value) else "no whirl"
+    if abs(value.real) <= 1e-9 * abs(value):
+        return f"{whirl}, undamped"
+    return f"{whirl}, {'growth' if value.real > 0 else 'decay'} {abs(value.real):.3g} /s"
+
+
+def whirls(value: complex) -> bool:
+    """Whether the imaginary part of a root is more than its rounding."""
+    return abs(value.imag) > 1e-9 * abs(value)

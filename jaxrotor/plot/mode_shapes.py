@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex
 from matplotlib.axes import Axes
 
-from . import colours, page
+from . import colours, labels, page
 
 
 def mode_shapes(modes: Any, ax: Axes | None = None) -> Axes:
@@ -53,9 +53,7 @@ def _normalised(shape: Complex[np.ndarray, " x"]) -> Complex[np.ndarray, " x"]:
 
 
 def _described(value: complex) -> str:
-    """`forward 77.0 rad/s, decay 5.04 /s`."""
-    way = "forward" if value.imag > 0 else "backward"
-    whirl = f"{way} {abs(value.imag):.4g} rad/s" if value.imag else "no whirl"
-    if value.real == 0:
-        return f"{whirl}, undamped"
-    return f"{whirl}, {'growth' if value.real > 0 else 'decay'} {abs(value.real):.3g} /s"
+    """`forward 77 rad/s, decay 5.04 /s`."""
+    if not labels.whirls(value):
+        return labels.root(value)
+    return f"{'forward' if value.imag > 0 else 'backward'} {labels.root(value)}"

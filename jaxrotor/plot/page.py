@@ -46,6 +46,34 @@ def pair(axes: Any, width: int, height: int, *, beside: bool = False) -> tuple[A
     return given[0], given[1]
 
 
+def solid(axes: Any, count: int) -> tuple[Axes, ...]:
+    """`count` 3-D Axes: those of `axes`, or of a new figure."""
+    if axes is None:
+        columns = min(count, 2)
+        rows = -(-count // columns)
+        figure = plt.figure(figsize=(85 * columns * _MM, 65 * rows * _MM), dpi=_DPI)
+        grid = {"left": 0.0, "right": 0.97, "bottom": 0.06, "top": 0.91, "wspace": 0.0}
+        axes = figure.subplots(
+            rows, columns, squeeze=False, subplot_kw={"projection": "3d"}, gridspec_kw=grid
+        ).flat
+        for ax in axes[count:]:
+            ax.remove()
+        axes = axes[:count]
+    given = tuple(np.ravel(np.asarray(axes, dtype=object)))
+    if len(given) != count or any(ax.name != "3d" for ax in given):
+        raise ValueError(
+            f'`axes` must be {count} 3-D Axes (`projection="3d"`), but are {len(given)}: '
+            f"{', '.join(ax.name for ax in given)}."
+        )
+    for ax in given:
+        ax.set_box_aspect((2.0, 1.0, 1.0), zoom=1.25)
+        ax.tick_params(labelsize=TEXT, pad=-2.0)
+        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+            axis.label.set_size(TEXT)
+            axis.labelpad = -7.0
+    return given
+
+
 def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
     figure, axes = plt.subplots(
         rows,

@@ -1,0 +1,148 @@
+"""Command `response`: steady whirl under unbalance, its peaks and what it is at critical speeds."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..analysis import UnbalanceResponse, critical_speeds, unbalance_response
+from ..effects import AbstractContact
+from ..scene import Scene
+from . import answer
+from .options import (
+    AsJson,
+    At,
+    High,
+    Low,
+    Out,
+    Overwrite,
+    Points,
+    SceneName,
+    Settings,
+    optional,
+    rpm,
+    scene_with,
+    speeds_between,
+)
+from .output import about, draft_or_none, draw, labelled, write_dataset, written_to
+
+
+_FILES = ("response.zarr", "response.png")
+_ZOOMS, _SAMPLES = 5, 33  # a peak is found to 1e-6 of the distance between speeds
+
+
+def response(
+    scene: SceneName,
+    settings: Settings = None,
+    low: Low = None,
+    high: High = None,
+    points: Points = 401,
+    at: At = None,
+    out: Out = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Steady response to unbalance: its peaks, and what it is at every critical speed.
+
+    The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
+    gap, ask `simulate`. With --out, DIR/response.zarr and DIR/response.png.
+
+    jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
+    """
+    rotor = scene_with(scene, settings)
+    contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
+    for kind in contacts:
+        rotor = rotor.without(kind)
+    station = rotor.stations(optional(at, "m", "--at"))
+    speeds = speeds_between(rotor, low, high, points)
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        forward = np.asarray(critical_speeds(rotor).forward)
+        inside = forward[(forward >= speeds[0]) & (forward <= speeds[-1])]
+        critical = [_at(rotor, speed, station) for speed in inside.tolist()]
+        bounded = [one["speed"] for one in critical if one["amplitude"] is not None]
+        result = unbalance_response(rotor, np.union1d(speeds, bounded), station)
+        if not np.asarray(result.displacement).any():
+            raise ValueError(
+                "Nothing moves at that station; give the scene an unbalance that is not 0, as in "
+                "--set unbalance.eccentricity=0.1mm."
+            )
+        peaks = _peaks(rotor, result, np.setdiff1d(inside, bounded))
+        if folder is not None:
+            data = labelled(_variables(result), "jaxrotor unbalance response", rotor)
+            write_dataset(data, folder / "response.zarr")
+            _draw(result, inside, folder)
+    largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
+    answer.note_large(largest, float(rotor.shaft.length))
+    if as_json:
+        found = {"station": result.stations[0], "without": contacts}
+        found |= {"peaks": peaks, "critical": critical, "written": written_to(out, _FILES)}
+        answer.print_json({"scene": scene, **found})
+        return
+    rows = [("peak", *_row(one)) for one in peaks]
+    rows += [("critical speed", *_row(one)) for one in critical]
+    heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]")
+    if rows:
+        answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
+    notes = [("without", ", ".join(contacts))] if contacts else []
+    notes += [("peak", "none between these speeds")] if not rows else []
+    answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
+
+
+def _row(one: dict[str, Any]) -> tuple[str, str, str, str]:
+    speed = (f"{one['speed']:.7g}", f"{rpm(one['speed']):.6g}")
+    if one["amplitude"] is None:
+        return (*speed, "unbounded", "-")
+    return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}")
+
+
+def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
+    """Amplitude [m] and phase [rad] at a speed; None where they are unbounded."""
+    try:
+        motion = complex(unbalance_response(rotor, speed, station).displacement[0, 0])
+    except ValueError:
+        return {"speed": speed, "amplitude": None, "phase": None}
+    return {"speed": speed, "amplitude": abs(motion), "phase": math.atan2(motion.imag, motion.real)}
+
+
+def _peaks(rotor: Scene, result: UnbalanceResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
+    """Local maxima of the amplitude, each sought between the neighbours of the highest sample."""
+    speeds, motion = np.asarray(result.speeds), np.asarray(result.displacement)[:, 0]
+    amplitude = np.abs(motion)
+    rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
+    found = []
+    for k in np.flatnonzero(rises & falls) + 1:
+        low, high = speeds[k - 1], speeds[k + 1]
+        if np.any((low <= unbounded) & (unbounded <= high)):
+            continue
+        for _ in range(_ZOOMS):
+            grid = np.linspace(low, high, _SAMPLES)
+            closer = np.abs(unbalance_response(rotor, grid, result.stations).displacement[:, 0])
+            best = int(np.clip(np.argmax(closer), 1, _SAMPLES - 2))
+            low, high = grid[best - 1], grid[best + 1]
+        found.append(_at(rotor, float((low + high) / 2), result.stations))
+    return found
+
+
+def _variables(result: UnbalanceResponse) -> tuple[dict[str, Any], dict[str, Any]]:
+    dims, motion = ("speed", "station"), np.asarray(result.displacement)
+    phase = about("rad", "lead over the rotation")
+    return (
+        {
+            "amplitude": (dims, np.abs(motion), about("m", "radius of the synchronous orbit")),
+            "phase": (dims, np.angle(motion), phase),
+        },
+        {
+            "speed": ("speed", np.asarray(result.speeds), about("rad/s", "spin speed")),
+            "station": ("station", np.asarray(result.stations), about("m", "station")),
+        },
+    )
+
+
+def _draw(result: UnbalanceResponse, critical: np.ndarray, folder: Path) -> None:
+    from .. import plot
+
+    def both(axes: Any) -> None:
+        plot.response(result, axes, critical=critical)
+
+    draw(folder / "response.png", both, 170, 110, rows=2)

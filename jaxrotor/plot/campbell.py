@@ -1,0 +1,146 @@
+"""Campbell diagram: whirl frequency and growth rate against the speed of rotation."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+from matplotlib.axes import Axes
+from matplotlib.ticker import NullLocator, SymmetricalLogLocator
+
+from ..analysis import Campbell
+from . import colours, page
+
+
+Branches = Float[np.ndarray, "w m"]
+Mask = Bool[np.ndarray, "w m"]
+
+
+def campbell(
+    result: Campbell,
+    axes: Any = None,
+    *,
+    mirrored: bool = False,
+    orders: Sequence[float | int] = (1,),
+    highest: float | int | None = None,
+) -> tuple[Axes, Axes]:
+    """Whirl frequency `|Im lambda|` above and growth rate `Re lambda` below, against spin speed.
+
+    Lines `n Omega` are drawn for `orders` n, with a ring where a branch crosses one: on the line 1
+    these are the critical speeds. Brysin, Nikiforov (2019), Figs. 3, 4 (their decay is minus our
+    growth). In the axes of the shaft (`result.frame` is "rotating") an unbalance stands still, so a
+    speed is critical where a frequency is zero; there the one line is that of the weight, `Omega`.
+
+    Args:
+        result: branches of `jaxrotor.campbell`.
+        axes: two Axes, upper and lower; a new figure if None.
+        mirrored: draw backward whirl at negative speeds.
+        orders: cycles per revolution of the lines.
+        highest: end of the frequency axis [rad/s], by default above the highest branch.
+
+    Returns:
+        The upper and the lower Axes.
+    """
+    speeds, values = np.asarray(result.speeds), np.asarray(result.values)
+    frequency, growth = np.abs(np.imag(values)), np.real(values)
+    growth = np.where(np.abs(growth) > 1e-9 * np.abs(values), growth, 0.0)
+    directions = _directions(speeds, values)
+    if mirrored:
+        _check_mirror(speeds, [name for name, _, _ in directions])
+    rotating = result.frame == "rotating"
+    lines = () if rotating else orders
+
+    upper, lower = page.pair(axes, 170, 120)
+    ends = np.array([-speeds[-1] if mirrored else speeds[0], 0.0, speeds[-1]])
+    ends = np.sort(np.clip(ends, ends[0], ends[-1]))
+    for order in (1,) if rotating else lines:
+        name = "weight" if rotating else "synchronous" if order == 1 else f"{order:g} a revolution"
+        style = {"linestyle": "-" if order == 1 else ":", "linewidth": 0.8}
+        upper.plot(ends, order * np.abs(ends), color=colours.GREY, label=name, **style)
+    rings = []
+    for name, colour, shown in directions:
+        x = -speeds if mirrored and name == "backward whirl" else speeds
+        for ax, part in ((upper, frequency), (lower, growth)):
+            ax.plot(*_joined(x, part, shown), color=colour, linewidth=1.2, label=name)
+        rings += [(colour, _crossings(x, frequency, shown, order)) for order in lines]
+    for number, (colour, (x, y)) in enumerate(rings):
+        style = {"linestyle": "none", "marker": "o", "markersize": 4.0, "markerfacecolor": "white"}
+        name = None if number else "critical speed" if tuple(lines) == (1,) else "crossing"
+        upper.plot(x, y, color=colour, label=name, zorder=3, **style)
+
+    for ax in (upper, lower):
+        ax.margins(x=0)
+    upper.set_ylim(0.0, 1.05 * frequency.max(initial=1e-9) if highest is None else highest)
+    _scale_growth(lower, growth)
+    page.zero(lower)
+    upper.set_ylabel(
+        "frequency in the axes\nof the shaft [rad/s]" if rotating else "whirl frequency [rad/s]"
+    )
+    lower.set_ylabel("growth rate [1/s]")
+    lower.set_xlabel(f"spin speed [rad/s]{', backward whirl at negative' if mirrored else ''}")
+    page.legend(upper, columns=5)
+    return upper, lower
+
+
+def _directions(
+    speeds: Float[np.ndarray, " w"], values: Complex[np.ndarray, "w m"]
+) -> list[tuple[str, str, Mask]]:
+    """Name, colour and points of each direction of whirl; only circular whirl has one."""
+    frequency = np.imag(values)
+    circular = (frequency.mean(axis=0) < 0).any()  # else one of each conjugate pair
+    if not circular:
+        return [("whirl", colours.DARK, np.ones(values.shape, bool))]
+    with_spin = frequency * np.where(speeds < 0, -1.0, 1.0)[:, None]
+    least = 1e-9 * np.abs(values)
+    found = [
+        ("forward whirl", colours.FORWARD, with_spin > least),
+        ("backward whirl", colours.BACKWARD, with_spin < -least),
+        ("no whirl", colours.UNDEFINED, np.abs(with_spin) <= least),
+    ]
+    return [row for row in found if row[2].any()]
+
+
+def _check_mirror(speeds: Float[np.ndarray, " w"], directions: list[str]) -> None:
+    if "backward whirl" not in directions:
+        raise ValueError(
+            "A mirrored axis parts forward from backward whirl, but this result has no backward "
+            "branch; leave `mirrored` out."
+        )
+    if speeds[0] < 0:
+        raise ValueError(
+            "A mirrored axis puts backward whirl at negative speeds, but the speeds themselves begin "
+            f"at {speeds[0]:g} rad/s; begin at 0."
+        )
+
+
+def _joined(
+    x: Float[np.ndarray, " w"], branches: Branches, shown: Mask
+) -> tuple[np.ndarray, np.ndarray]:
+    """All branches as one curve with gaps between them and where they are not `shown`."""
+    width = branches.shape[1]
+    y = np.vstack([np.where(shown, branches, np.nan), np.full(width, np.nan)])
+    return np.tile(np.append(x, np.nan), width), y.ravel(order="F")
+
+
+def _crossings(
+    x: Float[np.ndarray, " w"], frequency: Branches, shown: Mask, order: float | int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where branches cross the line `order |x|`, by linear interpolation."""
+    above = frequency - order * np.abs(x)[:, None]
+    k, branch = np.nonzero(((above[:-1] < 0) != (above[1:] < 0)) & shown[:-1] & shown[1:])
+    part = above[k, branch] / (above[k, branch] - above[k + 1, branch])
+    at = x[k] + part * (x[k + 1] - x[k])
+    return at, order * np.abs(at)
+
+
+def _scale_growth(ax: Axes, growth: Branches) -> None:
+    """Nearly logarithmic where fast branches would hide whether the slowest is stable."""
+    sizes = np.abs(growth).max(axis=0)
+    sizes = sizes[sizes > 0]
+    if not sizes.size:
+        ax.set_ylim(-1.0, 1.0)
+    elif sizes.max() > 30 * sizes.min():
+        ax.set_yscale("asinh", linear_width=sizes.min())
+        least = 10 ** np.ceil(np.log10(sizes.min()))  # decades nearer to 0 have no room
+        ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=least))
+        ax.yaxis.set_minor_locator(NullLocator())

@@ -1,0 +1,60 @@
+"""Error map: how far an approximation is off over two parameters, and where it is no answer."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+
+from . import colours, page
+
+
+def error_map(
+    x: Any,
+    y: Any,
+    error: Any,
+    valid: Any,
+    ax: Axes | None = None,
+    *,
+    x_label: str = r"spin speed / second frequency $\Omega/\lambda_2$ [1]",
+    y_label: str = r"polar / diametral inertia $I_0/I$ [1]",
+    label: str = "relative error [1]",
+    marked: Sequence[float] = (0.01, 0.05),
+) -> Axes:
+    """Relative error as colour by decades, hatched where the approximation says it is no answer.
+
+    Args:
+        x: (a,) parameter along, by default the speed over the second frequency at rest.
+        y: (b,) parameter upwards, by default the polar over the diametral inertia.
+        error: (a, b) relative error, not negative.
+        valid: (a, b) whether the approximation may be trusted.
+        ax: Axes to draw in; a new figure if None.
+        x_label: label of the horizontal axis.
+        y_label: label of the vertical axis.
+        label: label of the colours.
+        marked: errors to draw as lines.
+    """
+    x, y, valid = np.asarray(x), np.asarray(y), np.asarray(valid, bool).T
+    error = np.asarray(error, float).T
+    positive = error[np.isfinite(error) & (error > 0)]
+    if not positive.size:
+        raise ValueError("An error map needs an error above zero, but all are zero or undefined.")
+    low, high = np.floor(np.log10(positive.min())), np.ceil(np.log10(positive.max()))
+    levels = 10.0 ** np.arange(max(low, high - 6), max(high, low + 1) + 1)
+    ax = page.single(ax, 120, 85)
+    norm = LogNorm(levels[0], levels[-1])
+    mesh = ax.contourf(x, y, np.maximum(error, levels[0]), levels, norm=norm, cmap=colours.RAMP)
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    bar.set_label(label, size=page.TEXT)
+    bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    inside = [mark for mark in marked if positive.min() < mark < positive.max()]
+    if inside:
+        lines = ax.contour(x, y, error, inside, colors=colours.DARK, linewidths=1.0)
+        ax.clabel(lines, fmt=lambda mark: f"{100 * mark:g} %", fontsize=page.TEXT)
+    if not valid.all():
+        ax.contourf(x, y, ~valid, [0.5, 1.5], colors="none", hatches=["///"])
+        ax.contour(x, y, ~valid, [0.5], colors=colours.BLUE, linewidths=1.2)
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(y_label)
+    return ax

@@ -1,0 +1,102 @@
+"""Mode shapes in space, with the orbits of whirl."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Complex, Float
+from matplotlib.axes import Axes
+
+from ..analysis import Modes
+from . import colours, labels, page
+
+
+_PHASE = np.linspace(0.0, 2 * np.pi * 11 / 12, 67)  # an orbit less the last hour of its clock
+
+
+def modes3d(
+    modes: Modes,
+    numbers: Sequence[int] | None = None,
+    axes: Any = None,
+    *,
+    orbits: int = 9,
+) -> tuple[Axes, ...]:
+    """Mode shapes in space: `z(x, phase) = shape exp(i phase) + conj(counter exp(i phase))`.
+
+    The dark line is the shaft at phase 0. Each orbit begins there, at the dot, and ends short of it,
+    so the gap is behind the dot's motion; its colour tells its direction at that station.
+
+    Args:
+        modes: of `jaxrotor.modes`; in the axes of the shaft where `modes.frame` is "rotating".
+        numbers: which of them, by default the first four (of conjugate pairs one).
+        axes: as many 3-D Axes; a new figure if None.
+        orbits: how many orbits along the shaft.
+
+    Returns:
+        One 3-D Axes a mode.
+    """
+    values: Any = np.asarray(modes.values)
+    stations = np.asarray(modes.stations)
+    order = np.argsort(stations)
+    shapes = np.asarray(modes.shapes)
+    counters = np.zeros_like(shapes) if modes.counter is None else np.asarray(modes.counter)
+    single = np.full(values.shape, modes.counter is None) | (values.imag >= 0)
+    chosen = np.flatnonzero(single)[:4].tolist() if numbers is None else list(numbers)
+    outside = [number for number in chosen if not -values.size <= number < values.size]
+    if outside or not chosen:
+        raise ValueError(
+            f"`numbers` must be one or more of 0 to {values.size - 1}, but is {chosen}."
+        )
+    drawn = page.solid(axes, len(chosen))
+    for ax, number in zip(drawn, chosen, strict=True):
+        value = complex(values[number])
+        shape, counter = shapes[number, order], counters[number, order]
+        directions = _draw(ax, value, stations[order], shape, counter, orbits)
+        title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(value)}"
+        ax.set_title(title, fontsize=page.TEXT, y=1.05, pad=0.0)
+    axis = " of the shaft" if modes.frame == "rotating" else ""
+    for ax in drawn:
+        ax.set(xlabel="position [m]", ylabel=f"x{axis} [1]", zlabel=f"y{axis} [1]")
+    return drawn
+
+
+def _draw(
+    ax: Any,
+    value: complex,
+    stations: Float[np.ndarray, " x"],
+    shape: Complex[np.ndarray, " x"],
+    counter: Complex[np.ndarray, " x"],
+    orbits: int,
+) -> list[str]:
+    """The shaft and its orbits; returns the directions of whirl that occur."""
+    size = (np.abs(shape) + np.abs(counter)).max()
+    shape, counter = shape / size, counter / size
+    line: Any = shape + np.conj(counter)
+    radius = np.abs(shape) + np.abs(counter)
+    sense = np.sign(value.imag) * (np.abs(shape) ** 2 - np.abs(counter) ** 2)
+    turn = np.exp(1j * np.copysign(_PHASE, value.imag))
+    chosen = np.unique(np.linspace(0, stations.size - 1, orbits).round().astype(int))
+    chosen = chosen[radius[chosen] > 1e-3]
+    found = []
+    for name, colour, belongs in (
+        ("forward", colours.FORWARD, sense > 1e-6),
+        ("backward", colours.BACKWARD, sense < -1e-6),
+        ("straight", colours.UNDEFINED, np.abs(sense) <= 1e-6),
+    ):
+        members = chosen[belongs[chosen]]
+        if not members.size or not labels.whirls(value):
+            continue
+        found.append(name)
+        orbit = shape[members, None] * turn + np.conj(counter[members, None] * turn)
+        paths: Any = np.pad(orbit, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+        at = np.repeat(stations[members], _PHASE.size + 1)
+        style = {"color": colour, "linewidth": 0.9, "clip_on": False, "label": name}
+        ax.plot(at, paths.real, paths.imag, **style)
+    ends = np.array([min(0.0, stations[0]), stations[-1]])
+    ax.plot(ends, [0, 0], [0, 0], color="0.6", linewidth=0.6)
+    style = {"color": colours.DARK, "linewidth": 1.4, "clip_on": False}
+    ax.plot(stations, line.real, line.imag, label="phase 0", **style)
+    style |= {"linestyle": "none", "marker": ".", "markersize": 5.0}
+    ax.plot(stations[chosen], line[chosen].real, line[chosen].imag, **style)
+    ax.set(ylim=(-1, 1), zlim=(-1, 1), yticks=(-1, 0, 1), zticks=(-1, 0, 1))
+    return found

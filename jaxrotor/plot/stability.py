@@ -1,0 +1,86 @@
+"""Stability maps: where a rotor is stable over two parameters, and the curves that bound it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from . import colours, labels, page
+
+
+def stability_map(result: Any, ax: Axes | None = None) -> Axes:
+    """Growth rate where the rotor is unstable, as colour, and the traced boundaries of stability.
+
+    Args:
+        result: `paths`, `units`, `x` (a,) and `y` (b,) of two parameters, the largest `growth` (a, b)
+            [1/s] over them, and `boundaries`, curves (k, 2) of zero growth.
+        ax: Axes to draw in; a new figure if None.
+    """
+    (to_x, x_label), (to_y, y_label) = _parameters(result)
+    growth = np.asarray(result.growth, float)
+    top = float(np.max(growth, initial=0.0, where=np.isfinite(growth)))
+    ax = page.single(ax, 120, 85)
+    x, y = to_x * np.asarray(result.x), to_y * np.asarray(result.y)
+    if top > 0:
+        steps = MaxNLocator(10).tick_values(0.0, top)
+        levels = np.maximum(steps, 1e-6 * top)  # less is the rounding of an undamped root
+        mesh = ax.contourf(x, y, growth.T, levels=levels, cmap=colours.RAMP, zorder=0.5)
+        bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+        bar.set_ticks(levels[::2].tolist(), labels=[f"{step:g}" for step in steps[::2]])
+        bar.set_label("growth rate where unstable [1/s]", size=page.TEXT)
+        bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    _draw_boundaries(ax, result, (to_x, to_y), colours.DARK, "boundary of stability")
+    ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(y_label)
+    if len(result.boundaries):
+        page.legend(ax, columns=1)
+    return ax
+
+
+def boundary_family(results: Sequence[Any], names: Sequence[str], ax: Axes | None = None) -> Axes:
+    """Boundaries of several maps over the same two parameters: sections of a boundary surface.
+
+    Args:
+        results: stability maps, each for one value of a third parameter.
+        names: one a map, as in `["k = 0", "k = 0.1"]`.
+        ax: Axes to draw in; a new figure if None.
+    """
+    if not results or len(results) != len(names):
+        raise ValueError(
+            f"A family needs one name a map, but has {len(results)} maps and {len(names)} names."
+        )
+    if len({tuple(result.paths) for result in results}) != 1:
+        raise ValueError("The maps of a family must be over the same two parameters.")
+    (to_x, x_label), (to_y, y_label) = _parameters(results[0])
+    ax = page.single(ax, 120, 85)
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(results)))
+    for result, name, shade in zip(results, names, shades, strict=True):
+        _draw_boundaries(ax, result, (to_x, to_y), shade, name)
+    ends = [(np.min(r.x), np.max(r.x), np.min(r.y), np.max(r.y)) for r in results]
+    left, right, bottom, top = np.transpose(ends)
+    ax.set_xlim(to_x * left.min(), to_x * right.max())
+    ax.set_ylim(to_y * bottom.min(), to_y * top.max())
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(y_label)
+    page.legend(ax, columns=4)
+    return ax
+
+
+def _parameters(result: Any) -> list[tuple[float, str]]:
+    """Factor from SI and axis label of the two parameters."""
+    pairs = zip(result.paths, result.units, strict=True)
+    return [labels.parameter(labels.words(path), unit) for path, unit in pairs]
+
+
+def _draw_boundaries(
+    ax: Axes, result: Any, factors: tuple[float, float], colour: Any, name: str
+) -> None:
+    for number, curve in enumerate(result.boundaries):
+        curve: Float[np.ndarray, "k 2"] = np.asarray(curve) * factors
+        label = None if number else name
+        ax.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.6, label=label)
