@@ -18,6 +18,8 @@ from .analysis import (  # noqa: E402
     UnbalanceResponse as UnbalanceResponse,
     campbell as campbell,
     critical_speeds as critical_speeds,
+    floquet_multipliers as floquet_multipliers,
+    growth_rate as growth_rate,
     modes as modes,
     onset_speed as onset_speed,
     perturbed_roots as perturbed_roots,
