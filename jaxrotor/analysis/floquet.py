@@ -46,7 +46,7 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
     """
     _check_steps(steps)
     speed = scene.spin.speed
-    if known(speed) and speed == 0:
+    if known(speed) and float(speed) == 0:
         raise ValueError(
             "Floquet multipliers are those of one revolution, but the speed is 0; look at `roots`."
         )
@@ -112,6 +112,10 @@ def _monodromy(system: System, step: Scalar, steps: int) -> Float[Array, "m m"]:
     With momentum, not velocity, mass is never inverted, and massless coordinates have exactly none.
     """
     inertia, damping, stiffness = _coefficients(system, step)
+    # Each equation by its size, so that momenta are of the order of places.
+    sizes = jnp.abs(inertia) + steps**2 * jnp.abs(stiffness[0])
+    scale = jax.lax.stop_gradient(1 / jnp.max(sizes, axis=1, keepdims=True))
+    inertia, damping, stiffness = scale * inertia, scale * damping, scale * stiffness
     nodes, weights = RADAU
     size = inertia.shape[0]
 
