@@ -109,10 +109,13 @@ class Pencil(eqx.Module):
         scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
         return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.linalg.norm(scaled)))
 
+    def dynamic(self, frequency: Scalar) -> Complex[Array, "m m"]:
+        """Dynamic stiffness `P(i frequency)`."""
+        return self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
+
     def response(self, frequency: Scalar, force: Complex[Array, " m"]) -> Complex[Array, " m"]:
         """`q` of the steady motion `q exp(i frequency t)` under `force exp(i frequency t)`."""
-        dynamic = self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
-        return jnp.linalg.solve(dynamic, force)
+        return jnp.linalg.solve(self.dynamic(frequency), force)
 
     def inverse(self, shift: Scalar) -> Complex[Array, "m2 m2"]:
         """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.

@@ -7,7 +7,14 @@ from .campbell import (
     critical_speeds as critical_speeds,
 )
 from .floquet import floquet_multipliers as floquet_multipliers
-from .forced import UnbalanceResponse as UnbalanceResponse, unbalance_response as unbalance_response
+from .forced import (
+    HarmonicForce as HarmonicForce,
+    HarmonicResponse as HarmonicResponse,
+    WeightResponse as WeightResponse,
+    forced_response as forced_response,
+    unbalance_response as unbalance_response,
+    weight_response as weight_response,
+)
 from .modal import Modes as Modes, modes as modes, roots as roots
 from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
 from .stability import (
