@@ -12,18 +12,24 @@ from . import observe as observe  # noqa: E402
 from .analysis import (  # noqa: E402
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
+    HarmonicForce as HarmonicForce,
+    HarmonicResponse as HarmonicResponse,
     Modes as Modes,
     Onset as Onset,
     Perturbation as Perturbation,
-    UnbalanceResponse as UnbalanceResponse,
+    WeightResponse as WeightResponse,
     campbell as campbell,
     critical_speeds as critical_speeds,
+    floquet_multipliers as floquet_multipliers,
+    forced_response as forced_response,
+    growth_rate as growth_rate,
     modes as modes,
     onset_speed as onset_speed,
     perturbed_roots as perturbed_roots,
     roots as roots,
     stability_crossings as stability_crossings,
     unbalance_response as unbalance_response,
+    weight_response as weight_response,
 )
 from .dataset import dataset as dataset  # noqa: E402
 from .effects import (  # noqa: E402

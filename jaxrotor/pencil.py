@@ -32,6 +32,15 @@ def _has(blocks: Blocks, axes: str) -> bool:
     return any(part is not None for part in parts)
 
 
+def check_circular(blocks: Blocks) -> None:
+    """Refuse hysteresis where whirl is not circular."""
+    if blocks.hysteretic is not None and not isotropic(blocks):
+        raise ValueError(
+            "Hysteretic damping is defined for circular whirl only, but the rotor is not the same "
+            "along every axis; use InternalDamping."
+        )
+
+
 class Pencil(eqx.Module):
     """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all forces included.
 
@@ -47,8 +56,8 @@ class Pencil(eqx.Module):
     stiffness: Complex[Array, "m m"]
 
     @classmethod
-    def of(cls, system: System, whirl: int = 0) -> "Pencil":
-        """Pencil of a system; `whirl` +1 or -1 adds the hysteresis of a faster or slower whirl."""
+    def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
+        """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
         blocks, speed = system.blocks, system.spin.speed
         zero = jnp.zeros(system.line.stiffness.shape, complex)
         part = lambda block: zero if block is None else block
@@ -61,27 +70,33 @@ class Pencil(eqx.Module):
             - speed * part(blocks.circulatory)
             + whirl * part(blocks.hysteretic)
         )
+        return cls(inertia, damping, stiffness)
+
+    @classmethod
+    def of(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
+        """Pencil of a system; `whirl` +1 or -1 adds the hysteresis of a faster or slower whirl."""
+        blocks, speed = system.blocks, system.spin.speed
+        own = cls.mean(system, whirl)
         if isotropic(blocks):
-            return cls(inertia, damping, stiffness)
+            return own
         axes = frame(blocks)
         if axes == "periodic":
             raise ValueError(
                 "A shaft of two stiffnesses on supports of two stiffnesses has no constant "
                 "coefficients in any frame, so it has no roots; look at `floquet_multipliers`."
             )
-        if blocks.hysteretic is not None:
-            raise ValueError(
-                "Hysteretic damping is defined for circular whirl only, but the rotor is not the same "
-                "along every axis; use InternalDamping."
-            )
+        check_circular(blocks)
+        inertia, damping, stiffness = own.inertia, own.damping, own.stiffness
         if axes == "rotating":
             stiffness = stiffness + 1j * speed * damping - speed**2 * inertia
             damping = damping + 2j * speed * inertia
+        zero = jnp.zeros_like(inertia)
+        part = lambda block: zero if block is None else block
         pair = lambda own, other: jnp.block([[own, other], [other.conj(), own.conj()]])
         return cls(
             pair(inertia, zero),
-            pair(damping, zero + part(getattr(blocks, f"{axes}_damping"))),
-            pair(stiffness, zero + part(getattr(blocks, f"{axes}_stiffness"))),
+            pair(damping, part(getattr(blocks, f"{axes}_damping"))),
+            pair(stiffness, part(getattr(blocks, f"{axes}_stiffness"))),
         )
 
     @property
@@ -94,10 +109,13 @@ class Pencil(eqx.Module):
         scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
         return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.linalg.norm(scaled)))
 
+    def dynamic(self, frequency: Scalar) -> Complex[Array, "m m"]:
+        """Dynamic stiffness `P(i frequency)`."""
+        return self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
+
     def response(self, frequency: Scalar, force: Complex[Array, " m"]) -> Complex[Array, " m"]:
         """`q` of the steady motion `q exp(i frequency t)` under `force exp(i frequency t)`."""
-        dynamic = self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
-        return jnp.linalg.solve(dynamic, force)
+        return jnp.linalg.solve(self.dynamic(frequency), force)
 
     def inverse(self, shift: Scalar) -> Complex[Array, "m2 m2"]:
         """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.
@@ -138,29 +156,36 @@ def _values(inverses: Complex[Array, " m2"], shift: Scalar) -> Complex[Array, " 
 
 @_eigenvalues.defjvp
 def _eigenvalues_jvp(primals, tangents):
+    values = _eigenvalues(*primals)
+    finite = jnp.isfinite(values)
+    roots = jnp.where(finite, values, 0.0)
+    changes = root_changes(roots, Pencil(*primals), Pencil(*tangents))
+    return values, jnp.where(finite, changes, 0.0)
+
+
+def root_changes(
+    roots: Complex[Array, " k"], pencil: Pencil, change: Pencil
+) -> Complex[Array, " k"]:
     """`d lambda = -y dP x / (y P' x)`, `x` and `y` the null vectors of `P(lambda)` on either side.
 
     Two equal roots that keep two vectors get the mean of their derivatives; equal roots that share
     one vector have none, and the result is not finite there.
     """
-    inertia, damping, stiffness = primals
-    values = _eigenvalues(*primals)
 
-    def one(value):
-        finite = jnp.isfinite(value)
-        root = jnp.where(finite, value, 0.0)
-        u, sizes, v = jnp.linalg.svd(root**2 * inertia + root * damping + stiffness)
+    def one(root):
+        at = lambda p: root**2 * p.inertia + root * p.damping + p.stiffness
+        u, sizes, v = jnp.linalg.svd(at(pencil))
         left, right = u[:, -2:].conj().T, v[-2:].conj().T
-        slope = left @ (2 * root * inertia + damping) @ right
-        change = left @ (root**2 * tangents[0] + root * tangents[1] + tangents[2]) @ right
+        slope = left @ (2 * root * pencil.inertia + pencil.damping) @ right
+        moved = left @ at(change) @ right
         twice = (sizes.size > 1) & (sizes[-2:][0] < 1e-9 * sizes[0])
-        simple = -change[-1, -1] / slope[-1, -1]
+        simple = -moved[-1, -1] / slope[-1, -1]
         double = -jnp.trace(
-            jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), change)
+            jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved)
         )
-        return jnp.where(finite, jnp.where(twice, double / 2, simple), 0.0)
+        return jnp.where(twice, double / 2, simple)
 
-    return values, jax.lax.map(one, values)
+    return jax.lax.map(one, roots)
 
 
 def steady_response(system: System) -> tuple[Array | None, Array | None]:

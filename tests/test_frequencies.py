@@ -232,7 +232,7 @@ def test_static_deflection(reach, rule):
     g, x = 9.81, np.array([0.0, 0.14, 0.28, 0.42, 0.7])
     nodes = {"spectral": 6, "trapezoid": 60}[rule]
     scene = bare(Disc(reach, MASS), Gravity(g), nodes=nodes, rule=rule)
-    found = np.asarray(jr.unbalance_response(scene, 0.0, at=x).deflection[0])
+    found = np.asarray(jr.weight_response(scene, 0.0, at=x).deflection[0])
     expected = -1j * hanging(x, PER_LENGTH * g, MASS * g, reach)
     tolerance = {"spectral": 1e-11, "trapezoid": 2e-4}[rule]
     np.testing.assert_allclose(found, expected, rtol=tolerance, atol=1e-18)
@@ -242,7 +242,7 @@ def test_internal_damping_turns_the_static_deflection():
     """A shaft that spins in its own Voigt material hangs askew: z = z_0 / (1 - i Omega T)."""
     scene = bare(Disc(LENGTH, MASS), InternalDamping(3e-4), ExternalDamping(8.0), Gravity(9.81))
     speeds = np.array([-400.0, 0.0, 250.0, 900.0])
-    found = np.asarray(jr.unbalance_response(scene, speeds, at=LENGTH).deflection[:, 0])
+    found = np.asarray(jr.weight_response(scene, speeds, at=LENGTH).deflection[:, 0])
     straight = -1j * hanging(LENGTH, PER_LENGTH * 9.81, MASS * 9.81, LENGTH)
     np.testing.assert_allclose(found, straight / (1 - 1j * speeds * 3e-4), rtol=1e-10)
 
@@ -259,7 +259,7 @@ def test_unbalance_response_against_finite_elements():
         nodes=10,
     )
     speeds = np.array([-300.0, 40.0, 160.0, 700.0, 1500.0])  # below and above critical speeds
-    found = np.asarray(jr.unbalance_response(scene, speeds, at=stations).displacement)
+    found = np.asarray(jr.unbalance_response(scene, speeds, at=stations).forward)
     moment = MASS * 2e-4 * np.exp(0.7j)
     expected = [elements.response(speed, 0.35, moment, stations) for speed in speeds]
     np.testing.assert_allclose(found, expected, rtol=1e-6)
@@ -269,7 +269,7 @@ def test_long_run_settles_on_the_closed_form():
     """Stepped by diffrax, which knows no closed form, from rest until transients are gone."""
     scene = limiter_rotor(N=1.2, eta_e=0.3, eps=0.001, phase=0.4, contact=False, nodes=3)
     run = jr.simulate(scene, 24, 16, solver=dfx.Kvaerno5(), keep=1)
-    amplitude = jr.unbalance_response(scene, scene.spin.speed).displacement[0, 0]
+    amplitude = jr.unbalance_response(scene, scene.spin.speed).forward[0, 0]
     expected = np.asarray(amplitude) * np.exp(1j * np.asarray(run.angle))
     decay = np.exp(np.max(np.asarray(jr.roots(scene)).real) * float(run.time[0]))
     assert decay < 1e-6

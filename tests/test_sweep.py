@@ -177,7 +177,7 @@ def test_precession_of_unbalance_response_is_one():
         complex(
             jr.unbalance_response(
                 linear.replace({"unbalance.eccentricity": 1e-4}), 0.6 * SPEED
-            ).displacement[0, 0]
+            ).forward[0, 0]
         )
     )
     for name in ("index", "winding", "whirl_rate"):

@@ -1,4 +1,6 @@
-"""Steady response of a linear rotor to its loads."""
+"""Steady response of a linear rotor to its unbalance, its weight and a given harmonic force."""
+
+from typing import Literal
 
 import equinox as eqx
 import jax
@@ -6,27 +8,85 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..pencil import steady_response
-from ..quantities import Scalar, known
+from ..effects import Disc
+from ..pencil import Pencil, frame, isotropic
+from ..quantities import Scalar, known, nonnegative, real
 from ..scene import Scene
 from ..system import System, assemble
-from .modal import natural_roots
 
 
-CRITICAL = 1e-9  # relative distance of speed and frequency at which a response has no digits
+CRITICAL = 1e-9  # relative distance from resonance at which a response has no digits
 
 
-class UnbalanceResponse(eqx.Module):
-    """`z(x, t) = displacement exp(i Omega t) + deflection`; `w` speeds, `s` stations."""
+class HarmonicForce(eqx.Module):
+    """`F(t) = amplitude exp(i angle)` times `cos phi`, `exp(i phi)` or `exp(-i phi)`, phi = w t + phase.
 
-    speeds: Float[Array, " w"]  # [rad/s]
+    `whirl="none"`: along the axis at `angle`; "forward" and "backward": turning, at `angle` when
+    phi = 0.
+    """
+
+    at: Scalar = nonnegative("at [m]")
+    amplitude: Scalar = nonnegative("amplitude [N]", default=1.0)
+    angle: Scalar = real("angle [rad]", default=0.0)
+    phase: Scalar = real("phase [rad]", default=0.0)
+    whirl: Literal["none", "forward", "backward"] = eqx.field(default="none", static=True)
+
+    def __check_init__(self):
+        if self.whirl not in ("none", "forward", "backward"):
+            raise ValueError(
+                f"`whirl` must be 'none', 'forward' or 'backward', but is {self.whirl!r}."
+            )
+
+    @property
+    def parts(self) -> tuple[Complex[Array, ""] | None, Complex[Array, ""] | None]:
+        """`f, b` of `F = f exp(i w t) + b exp(-i w t)` [N]."""
+        forward, backward = (
+            self.amplitude * jnp.exp(1j * (self.angle + sense * self.phase)) for sense in (1, -1)
+        )
+        if self.whirl == "none":
+            return forward / 2, backward / 2
+        return (forward, None) if self.whirl == "forward" else (None, backward)
+
+
+class HarmonicResponse(eqx.Module):
+    """`z(x, t) = forward exp(i w t) + backward exp(-i w t)`; `k` cases, `s` stations.
+
+    A shaft of two stiffnesses adds `sidebands[0] exp(i (2 Omega - w) t) + sidebands[1] exp(i (2 Omega
+    + w) t)`: what the parts are in its turning axes, mirrored. Of unbalance they are none.
+    """
+
+    speeds: Float[Array, " k"]  # Omega [rad/s]
+    frequencies: Float[Array, " k"]  # w [rad/s]
     stations: Float[Array, " s"]  # [m]
-    displacement: Complex[Array, "w s"]  # amplitude and phase of synchronous whirl [m]
-    deflection: Complex[Array, "w s"]  # static, by weight [m]
+    forward: Complex[Array, "k s"]  # [m]
+    backward: Complex[Array, "k s"]  # [m]
+    sidebands: Complex[Array, "2 k s"] | None  # [m]
+
+    @property
+    def major(self) -> Float[Array, "k s"]:
+        """Larger half axis [m] of the ellipse of the first two parts."""
+        return jnp.abs(self.forward) + jnp.abs(self.backward)
+
+    @property
+    def minor(self) -> Float[Array, "k s"]:
+        """Smaller half axis [m] of that ellipse, negative where it is passed backward."""
+        return jnp.abs(self.forward) - jnp.abs(self.backward)
 
 
-def unbalance_response(scene: Scene, speeds, at=None) -> UnbalanceResponse:
+class WeightResponse(eqx.Module):
+    """`z(x, t) = deflection + twice exp(2 i Omega t)`; `k` speeds, `s` stations."""
+
+    speeds: Float[Array, " k"]  # [rad/s]
+    stations: Float[Array, " s"]  # [m]
+    deflection: Complex[Array, "k s"]  # [m]
+    twice: Complex[Array, "k s"]  # [m], zero where the shaft is equally stiff along every axis
+
+
+def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
     """`( K - i Omega H + i Omega (C - i Omega G) - Omega^2 M ) q = Omega^2 U`, without time stepping.
+
+    On supports of two stiffnesses the orbits are ellipses; a shaft of two stiffnesses stands bent in
+    its own axes, so its orbits are circles.
 
     Args:
         scene: a rotor without contact (`scene.without("limiters")` removes it).
@@ -34,44 +94,174 @@ def unbalance_response(scene: Scene, speeds, at=None) -> UnbalanceResponse:
         at: station(s) [m], by default the observed station of `simulate`.
 
     Returns:
-        Complex amplitudes: magnitude is the radius of the circular orbit, the angle its lead over
-        the rotation angle.
+        Complex amplitudes with `w = Omega`: the angle of `forward` is its lead over the rotation
+        angle. They exist where the rotor is unstable too; look at `growth_rate` beside them.
+        Differentiable.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) with Pi = eps N^2 exp(i N tau).
     """
-    if assemble(scene).ports:
+    speeds, stations = _cases(scene, speeds, at)
+    forward, backward, mirrored, _ = _respond(scene, speeds, speeds, stations, _of_unbalance)
+    return HarmonicResponse(speeds, speeds, stations, forward + mirrored, backward, None)
+
+
+def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
+    """Static deflection under the scene's Gravity, and the twice-per-revolution response.
+
+    In the axes of a shaft of two stiffnesses weight turns backward, `W exp(-i Omega t)`; its answer
+    there, `a exp(-i Omega t) + b exp(i Omega t)`, is `a + b exp(2 i Omega t)` in the fixed frame.
+
+    Args:
+        scene: a rotor without contact that has Gravity.
+        speeds: [rad/s], one or many, none of them resonant and undamped.
+        at: station(s) [m], by default the observed station of `simulate`.
+
+    Returns:
+        Complex amplitudes; differentiable.
+
+    Source: Klochkov, eqs. (4), (8).
+    """
+    speeds, stations = _cases(scene, speeds, at)
+    still = jnp.zeros_like(speeds)
+    forward, backward, twice, _ = _respond(scene, speeds, still, stations, _of_weight)
+    return WeightResponse(speeds, stations, forward + backward, twice)  # both at frequency zero
+
+
+def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) -> HarmonicResponse:
+    """Response to a given harmonic force alone, the rotor turning at its own speed.
+
+    Args:
+        scene: a rotor without contact; its unbalance and weight do not count.
+        frequencies: w [rad/s], one or many, none of them resonant and undamped.
+        force: where and how it acts. The line of a flexible shaft has a kink there, so a span ends
+            there, unless a station is traced; then let a Disc of no mass end it.
+        at: station(s) [m] to observe, by default that of the force.
+
+    Returns:
+        Complex amplitudes per force: those of a rotor with hysteresis by the sign of `w` (of `-w`
+        for the backward part) less the speed. Differentiable.
+    """
+    scene = _ending_span(scene, scene.stations(force.at)[0])
+    frequencies, stations = _cases(scene, frequencies, force.at if at is None else at)
+    speeds = jnp.broadcast_to(scene.spin.speed, frequencies.shape)
+    load = eqx.Partial(_of_force, force)
+    forward, backward, *mirrored = _respond(scene, speeds, frequencies, stations, load)
+    turning = frame(assemble(scene).blocks) == "rotating"
+    sidebands = jnp.stack(mirrored) if turning else None
+    return HarmonicResponse(speeds, frequencies, stations, forward, backward, sidebands)
+
+
+def _of_unbalance(system: System):
+    speed = system.spin.speed
+    return _times(speed**2, system.load.unbalance), None
+
+
+def _of_weight(system: System):
+    return system.load.constant, None
+
+
+def _of_force(force: HarmonicForce, system: System):
+    forward, backward = force.parts
+    column = system.line.column(force.at)
+    return _times(forward, column), _times(backward, column)
+
+
+def _times(factor, vector: Array | None) -> Array | None:
+    return None if factor is None or vector is None else factor * vector
+
+
+def _ending_span(scene: Scene, at: Scalar) -> Scene:
+    """The scene with a span that ends at a station, where all stations are known."""
+    placed = [getattr(effect, "at", at) for effect in scene.effects]
+    if all(map(known, (at, scene.shaft.length, *scene.shaft.stations, *placed))):
+        return Scene(scene.shaft, *scene.effects, Disc(at, mass=0.0), spin=scene.spin)
+    return scene
+
+
+def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " s"]]:
+    """Speeds or frequencies, and stations, of a rotor that has a closed-form response."""
+    system = assemble(scene)
+    if system.ports:
         raise ValueError(
             "The closed-form response is that of a linear rotor, but the scene has contacts; remove "
             'them with `scene.without("limiters")` or use `simulate`.'
         )
-    speeds = jnp.atleast_1d(jnp.asarray(speeds, float))
-    stations = scene.stations(at)
-    displacement, deflection, distance = _respond(scene, speeds, stations)
-    if known(distance) and np.any(distance < CRITICAL):
-        bad = float(speeds[np.argmin(distance)])
+    if frame(system.blocks) == "periodic":
         raise ValueError(
-            f"The response is unbounded at {bad:g} rad/s, an undamped critical speed; add damping."
+            "A shaft of two stiffnesses on supports of two stiffnesses answers a harmonic load with "
+            "a whole series of frequencies, not in closed form; give either the same stiffness along "
+            "every axis."
         )
-    return UnbalanceResponse(speeds, stations, displacement, deflection)
+    return jnp.atleast_1d(jnp.asarray(cases, float)), scene.stations(at)
 
 
-def _from_critical(system: System) -> Scalar:
-    """How far the speed is from that of an undamped whirl, relative; 1 without unbalance."""
-    if system.load.unbalance is None:
-        return jnp.ones(())
-    speed = jax.lax.stop_gradient(system.spin.speed)
-    still = jnp.where(speed == 0, 1.0, speed)
-    values = natural_roots(jax.lax.stop_gradient(system))
-    return jnp.where(speed == 0, 1.0, jnp.min(jnp.abs(values / (1j * still) - 1)))
+def _respond(scene: Scene, speeds, frequencies, stations, load):
+    """Parts at `w`, `-w` and, mirrored in turning axes, `2 Omega - w`, `2 Omega + w`; (k, s) each.
+
+    `load(system)`: the forces `f, b` of `f exp(i w t) + b exp(-i w t)`, None for none.
+    """
+    *parts, distance = _parts_of_all(scene, speeds, frequencies, stations, load)
+    if known(distance) and np.any(distance < CRITICAL):
+        bad = int(np.argmin(distance))
+        raise ValueError(
+            f"The response is unbounded at a speed of {float(speeds[bad]):g} rad/s and a frequency of "
+            f"{float(frequencies[bad]):g} rad/s, an undamped critical speed or resonance; add damping."
+        )
+    return parts
 
 
 @eqx.filter_jit
-def _respond(scene: Scene, speeds, stations):
-    def one(speed):
+def _parts_of_all(scene: Scene, speeds, frequencies, stations, load):
+    def one(case):
+        speed, frequency = case
         system = assemble(scene.put({"spin.speed": speed}))
-        still, whirling = steady_response(system)
+        *parts, distance = _parts(system, frequency, *load(system))
         rows = jax.vmap(system.line.row)(stations)
-        see = lambda q: jnp.zeros(stations.shape, complex) if q is None else rows @ q
-        return see(whirling), see(still), _from_critical(system)
+        return *(rows @ part for part in parts), distance
 
-    return jax.lax.map(one, speeds)
+    return jax.lax.map(one, (speeds, frequencies))
+
+
+def _parts(system: System, frequency: Scalar, forward: Array | None, backward: Array | None):
+    """The four parts of `q` (see `_respond`), and the least distance from resonance."""
+    n, speed, axes = system.n, system.spin.speed, frame(system.blocks)
+    none = jnp.zeros(n, complex)
+    ask = lambda force: none if force is None else force
+
+    def solve(pencil, at, force):
+        return pencil.response(at, force), _from_resonance(pencil.dynamic(at))
+
+    def circular(at, force):
+        if force is None:
+            return none, 1.0
+        return solve(Pencil.of(system, jnp.sign(at - speed)), at, force)
+
+    def turning(at, force):
+        """In the axes of the shaft: as asked for, and mirrored."""
+        if force is None:
+            return none, none, 1.0
+        q, distance = solve(Pencil.of(system), at - speed, jnp.concatenate([force, none]))
+        return q[:n], q[n:].conj(), distance
+
+    if isotropic(system.blocks):
+        (q, near), (p, far) = circular(frequency, forward), circular(-frequency, backward)
+        return q, p, none, none, jnp.minimum(near, far)
+    if axes == "rotating":
+        q, q_mirrored, near = turning(frequency, forward)
+        p, p_mirrored, far = turning(-frequency, backward)
+        return q, p, q_mirrored, p_mirrored, jnp.minimum(near, far)
+    if forward is None and backward is None:
+        return none, none, none, none, jnp.ones(())
+    pair = jnp.concatenate([ask(forward), ask(backward).conj()])
+    q, distance = solve(Pencil.of(system), frequency, pair)
+    return q[:n], q[n:].conj(), none, none, distance
+
+
+def _from_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
+    """About the relative distance of a frequency from a resonance, whatever the units of rows.
+
+    `1 / max diag( |D^-1| |D| )`: what relative errors of `D` are magnified by.
+    """
+    dynamic = jax.lax.stop_gradient(dynamic)
+    magnified = jnp.einsum("ij,ji->i", jnp.abs(jnp.linalg.inv(dynamic)), jnp.abs(dynamic))
+    return jnp.where(jnp.all(jnp.isfinite(magnified)), 1 / jnp.max(magnified), 0.0)

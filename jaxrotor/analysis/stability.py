@@ -1,4 +1,4 @@
-"""Speeds at which a rotor loses or regains stability."""
+"""Growth rate of a rotor, and the speeds at which it loses or regains stability."""
 
 from typing import NamedTuple
 
@@ -13,14 +13,28 @@ from ..pencil import Pencil
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import assemble
-from .modal import natural_roots
+from .floquet import exponents
 
 
 class Onset(NamedTuple):
-    """Speed where the largest growth rate crosses zero, and the whirl frequency there."""
+    """Speed where the largest growth rate crosses zero, and the whirl frequency there.
+
+    In the frame of `roots`, positive forward; with periodic coefficients up to twice the speed.
+    """
 
     speed: Scalar  # [rad/s]
-    whirl_frequency: Scalar  # [rad/s], positive forward
+    whirl_frequency: Scalar  # [rad/s]
+
+
+@eqx.filter_jit
+def growth_rate(scene: Scene) -> Scalar:
+    """Largest growth rate [1/s], `max Re lambda`, negative stable, of the straight rotor.
+
+    `lambda` are its `roots` or, where no frame has constant coefficients, the Floquet exponents
+    `log(mu) / T` (not a number below 1/30 of the first natural frequency, see
+    `floquet_multipliers`). At rest such a rotor is taken as it stands. Differentiable.
+    """
+    return jnp.max(exponents(assemble(scene)).real)
 
 
 def onset_speed(
@@ -86,17 +100,17 @@ def _scan(
     scene: Scene, within, samples: int
 ) -> tuple[Float[Array, " w"], Float[Array, " w"], Scalar]:
     """Speeds, growth rates, and the frequency that makes a rate small or large."""
-    scale = Pencil.of(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
+    scale = Pencil.mean(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
     low, high = (0.0, 40 * scale) if within is None else within
     speeds = jnp.linspace(low, high, samples + 1)
     # One speed after the other: see `sweep._prepare` on batched linear algebra.
-    growth = jax.lax.map(lambda speed: jnp.max(_roots_at(scene, speed).real), speeds)
+    growth = jax.lax.map(lambda speed: growth_rate(scene.put({"spin.speed": speed})), speeds)
     return speeds, jax.lax.stop_gradient(growth), scale
 
 
 @eqx.filter_jit
 def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
-    growth = lambda speed, scene: jnp.max(_roots_at(scene, speed).real)
+    growth = lambda speed, scene: growth_rate(scene.put({"spin.speed": speed}))
     span = jax.lax.stop_gradient({"lower": low, "upper": high})
     solution = optx.root_find(
         growth,
@@ -107,10 +121,5 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
         max_steps=64,
         throw=False,
     )
-    values = _roots_at(scene, solution.value)
+    values = exponents(assemble(scene.put({"spin.speed": solution.value})))
     return Onset(solution.value, values[jnp.argmax(values.real)].imag)
-
-
-def _roots_at(scene: Scene, speed: Scalar):
-    values = natural_roots(assemble(scene.put({"spin.speed": speed})))
-    return jnp.where(jnp.isfinite(values), values, -jnp.inf)  # no mass, no motion
