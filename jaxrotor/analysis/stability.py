@@ -6,21 +6,24 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..pencil import Pencil
+from ..pencil import Pencil, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import assemble
 from .modal import natural_roots
 
 
+MARGINAL = 1e-9  # growth rate that rounding may leave, relative to its root and the first frequency
+TURNS = 8  # turning points of the growth rate looked at between samples
+
+
 class Onset(NamedTuple):
     """Speed where the largest growth rate crosses zero, and the whirl frequency there."""
 
     speed: Scalar  # [rad/s]
-    whirl_frequency: Scalar  # [rad/s], positive forward
+    whirl_frequency: Scalar  # [rad/s], positive forward; of unequal axes see `onset_speed`
 
 
 def onset_speed(
@@ -31,24 +34,28 @@ def onset_speed(
     Args:
         scene: the rotor; its own speed does not matter.
         within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency.
-        samples: growth rates taken to bracket the crossing; two crossings closer than a sample
-            interval are missed.
+        samples: growth rates taken to bracket the crossing. Where the growth rate turns back between
+            two of them it is followed to its turning point, at the `TURNS` closest calls.
 
     Returns:
-        Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem.
+        Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
+        frequency is zero or positive where axes are unequal and counts in those of `roots`: zero in
+        axes that turn with the shaft is a shaft that bends (divergence, synchronous whirl), any other
+        `w` a flutter, seen as `speed + w` and `speed - w` in fixed axes. With hysteresis the growth
+        rate jumps through zero where a whirl is synchronous.
 
     Raises:
         ValueError: no loss of stability in the range, unstable from its start, or no damping.
 
-    Source: Azarov, Gouskov, Panovko (2023), Fig. 2.
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
     _check_search(within, samples)
-    speeds, growth, scale = _scan(scene, within, samples)
-    rising = (growth[:-1] <= 0) & (growth[1:] > 0)
-    marginal = jnp.max(jnp.abs(growth[: samples // 4])) < 1e-9 * scale
+    speeds, sign = _scan(scene, within, samples)
+    rising = (sign[:-1] <= 0) & (sign[1:] > 0)
+    marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
-        (growth[0] > 1e-9 * scale, "The rotor is unstable already at the lowest speed,"),
+        (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~jnp.any(rising), "The rotor never loses its stability; search a wider range than"),
     ]
     for wrong, sentence in refusals:
@@ -64,13 +71,17 @@ def onset_speed(
 def stability_crossings(
     scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
 ) -> list[tuple[Onset, bool]]:
-    """All crossings in the range, in order, each with whether stability is lost (or regained)."""
+    """All crossings in the range, in order, each with whether stability is lost (or regained).
+
+    A rotor without damping counts as not unstable: its crossings are the edges of unstable bands.
+    Arguments as of `onset_speed`.
+    """
     _check_search(within, samples)
-    speeds, growth, _ = _scan(scene, within, samples)
-    signs = np.asarray(growth) > 0
+    speeds, sign = _scan(scene, within, samples)
+    unstable = np.asarray(sign) > 0
     return [
-        (_refine(scene, speeds[i], speeds[i + 1]), bool(signs[i + 1]))
-        for i in np.flatnonzero(signs[:-1] != signs[1:])
+        (_refine(scene, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
+        for i in np.flatnonzero(unstable[:-1] != unstable[1:])
     ]
 
 
@@ -82,33 +93,107 @@ def _check_search(within, samples: int) -> None:
 
 
 @eqx.filter_jit
-def _scan(
-    scene: Scene, within, samples: int
-) -> tuple[Float[Array, " w"], Float[Array, " w"], Scalar]:
-    """Speeds, growth rates, and the frequency that makes a rate small or large."""
-    scale = Pencil.of(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
-    low, high = (0.0, 40 * scale) if within is None else within
+def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
+    """Speeds and the sign of the growth rate there, 0 marginal: samples and turning points."""
+    low, high = (0.0, 40 * _first(scene)) if within is None else within
     speeds = jnp.linspace(low, high, samples + 1)
+    still = jax.lax.stop_gradient(scene)
     # One speed after the other: see `sweep._prepare` on batched linear algebra.
-    growth = jax.lax.map(lambda speed: jnp.max(_roots_at(scene, speed).real), speeds)
-    return speeds, jax.lax.stop_gradient(growth), scale
+    growth = jax.lax.map(lambda speed: _growth(still, speed), speeds)
+    before, here, after = growth[:-2], growth[1:-1], growth[2:]
+    peak = (here < 0) & (here >= before) & (here >= after)
+    dip = (here > 0) & (here <= before) & (here <= after)
+    call = jnp.argsort(jnp.where(peak | dip, jnp.abs(here), jnp.inf))[:TURNS]
+    turns = jax.lax.map(
+        lambda i: _turn(still, speeds[i], speeds[i + 2], -jnp.sign(here[i])),
+        jax.lax.stop_gradient(call),
+    )
+    speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
+    order = jnp.argsort(jax.lax.stop_gradient(speeds))
+    return speeds[order], jnp.sign(growth)[order]
+
+
+def _turn(scene: Scene, low: Scalar, high: Scalar, sign: Scalar) -> tuple[Scalar, Scalar]:
+    """Speed and growth rate where `sign` times the rate is greatest, by golden section."""
+    share = (5**0.5 - 1) / 2
+
+    def narrow(_, ends):
+        a, b = ends
+        inner = b - share * (b - a), a + share * (b - a)
+        left, right = (sign * _growth(scene, speed) for speed in inner)
+        return tuple(jnp.where(left > right, c, d) for c, d in ((a, inner[0]), (inner[1], b)))
+
+    speed = sum(jax.lax.fori_loop(0, 36, narrow, jax.lax.stop_gradient((low, high)))) / 2
+    return speed, _growth(scene, speed)
 
 
 @eqx.filter_jit
 def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
-    growth = lambda speed, scene: jnp.max(_roots_at(scene, speed).real)
-    span = jax.lax.stop_gradient({"lower": low, "upper": high})
-    solution = optx.root_find(
-        growth,
-        optx.Bisection(rtol=1e-13, atol=1e-13),
-        (span["lower"] + span["upper"]) / 2,
-        args=scene,
-        options=span,
-        max_steps=64,
-        throw=False,
-    )
-    values = _roots_at(scene, solution.value)
-    return Onset(solution.value, values[jnp.argmax(values.real)].imag)
+    speed = _crossing(scene, low, high)
+    blocks, values = assemble(scene).blocks, _roots_at(scene, speed)
+    whirl = values[jnp.argmax(values.real)].imag
+    if blocks.hysteretic is not None:
+        whirl = jnp.where(_synchronous(values, speed), speed, whirl)
+    return Onset(speed, whirl if isotropic(blocks) else jnp.abs(whirl))
+
+
+@eqx.filter_custom_jvp
+def _crossing(scene: Scene, low: Scalar, high: Scalar) -> Scalar:
+    """Speed between `low` and `high` where stability changes, by bisection."""
+    still = lambda end, inside: (_growth(scene, end) == 0) & (_growth(scene, inside) == 0)
+    step = 1e-3 * (high - low)
+    marginal = still(low, low + step) | still(high, high - step)  # not just one speed
+
+    def unstable(speed):
+        return jnp.where(marginal, _growth(scene, speed), _largest(_roots_at(scene, speed))) > 0
+
+    def halve(_, ends):
+        middle = (ends[0] + ends[1]) / 2
+        above = unstable(middle) == lost
+        return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+    lost = _growth(scene, high) > 0
+    return sum(jax.lax.fori_loop(0, 53, halve, (low, high))) / 2
+
+
+@_crossing.def_jvp
+def _crossing_jvp(primals, tangents):
+    """`dOmega = -r' / (dr / dOmega)` of what is zero there: the growth rate or `Omega - Im lambda`."""
+    scene, low, high = primals
+    speed = _crossing(scene, low, high)
+    values = _roots_at(scene, speed)
+    jump = jnp.zeros((), bool)
+    if assemble(scene).blocks.hysteretic is not None:
+        jump = _synchronous(values, speed)
+    nearest = jnp.argmin(jnp.abs(jnp.sort(values.imag) - speed))
+
+    def residual(scene, speed):
+        values = _roots_at(scene, speed)
+        return jnp.where(jump, speed - jnp.sort(values.imag)[nearest], _largest(values))
+
+    _, change = eqx.filter_jvp(lambda scene: residual(scene, speed), (scene,), (tangents[0],))
+    slope = jax.jvp(lambda speed: residual(scene, speed), (speed,), (jnp.ones_like(speed),))[1]
+    return speed, -change / slope
+
+
+def _synchronous(values: Array, speed: Scalar) -> Array:
+    return jnp.min(jnp.abs(values.imag - speed)) < 1e-9 * jnp.abs(speed)
+
+
+def _first(scene: Scene) -> Scalar:
+    """Of the order of the first natural frequency [rad/s]."""
+    return Pencil.of(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
+
+
+def _largest(values: Array) -> Scalar:
+    return jnp.max(values.real)
+
+
+def _growth(scene: Scene, speed: Scalar) -> Scalar:
+    """Largest growth rate [1/s]; zero where it is rounding."""
+    values = _roots_at(scene, speed)
+    small = jnp.abs(values.real) <= MARGINAL * jnp.maximum(jnp.abs(values), _first(scene))
+    return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 
 def _roots_at(scene: Scene, speed: Scalar):
