@@ -1,5 +1,6 @@
 """Speeds at which a rotor loses or regains stability."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,7 +12,7 @@ from jaxtyping import Array, Float
 from ..pencil import Pencil, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import assemble
+from ..system import System, assemble
 from .modal import natural_roots
 
 
@@ -95,84 +96,89 @@ def _check_search(within, samples: int) -> None:
 @eqx.filter_jit
 def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
     """Speeds and the sign of the growth rate there, 0 marginal: samples and turning points."""
-    low, high = (0.0, 40 * _first(scene)) if within is None else within
+    system = assemble(jax.lax.stop_gradient(scene))
+    growth_at = _growth(system)
+    low, high = (0.0, 40 * _first(system)) if within is None else within
     speeds = jnp.linspace(low, high, samples + 1)
-    still = jax.lax.stop_gradient(scene)
     # One speed after the other: see `sweep._prepare` on batched linear algebra.
-    growth = jax.lax.map(lambda speed: _growth(still, speed), speeds)
+    growth = jax.lax.map(growth_at, jax.lax.stop_gradient(speeds))
     before, here, after = growth[:-2], growth[1:-1], growth[2:]
     peak = (here < 0) & (here >= before) & (here >= after)
     dip = (here > 0) & (here <= before) & (here <= after)
-    call = jnp.argsort(jnp.where(peak | dip, jnp.abs(here), jnp.inf))[:TURNS]
-    turns = jax.lax.map(
-        lambda i: _turn(still, speeds[i], speeds[i + 2], -jnp.sign(here[i])),
-        jax.lax.stop_gradient(call),
-    )
+    calls = jnp.argsort(jnp.where(peak | dip, jnp.abs(here), jnp.inf))[:TURNS]
+    turn = lambda i: _turn(growth_at, jax.lax.dynamic_slice(speeds, (i,), (3,)), here[i])
+    turns = jax.lax.map(turn, calls)
     speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
     order = jnp.argsort(jax.lax.stop_gradient(speeds))
     return speeds[order], jnp.sign(growth)[order]
 
 
-def _turn(scene: Scene, low: Scalar, high: Scalar, sign: Scalar) -> tuple[Scalar, Scalar]:
-    """Speed and growth rate where `sign` times the rate is greatest, by golden section."""
-    share = (5**0.5 - 1) / 2
+def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:
+    """Speed and growth rate where the rate comes closest to zero or past it, by golden section."""
+    sign = -jnp.sign(growth)
 
-    def narrow(_, ends):
-        a, b = ends
-        inner = b - share * (b - a), a + share * (b - a)
-        left, right = (sign * _growth(scene, speed) for speed in inner)
-        return tuple(jnp.where(left > right, c, d) for c, d in ((a, inner[0]), (inner[1], b)))
+    def narrow(_, state):
+        low, best, high, top = state
+        right = high - best > best - low
+        speed = best + (3 - 5**0.5) / 2 * jnp.where(right, high - best, low - best)
+        value = sign * growth_at(speed)
+        better = value > top
+        low = jnp.where(better == right, jnp.where(better, best, speed), low)
+        high = jnp.where(better == right, high, jnp.where(better, best, speed))
+        return low, jnp.where(better, speed, best), high, jnp.maximum(value, top)
 
-    speed = sum(jax.lax.fori_loop(0, 36, narrow, jax.lax.stop_gradient((low, high)))) / 2
-    return speed, _growth(scene, speed)
+    state = (*jax.lax.stop_gradient(speeds), sign * growth)
+    _, speed, _, top = jax.lax.fori_loop(0, 36, narrow, state)
+    return speed, sign * top
 
 
 @eqx.filter_jit
 def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
-    speed = _crossing(scene, low, high)
-    blocks, values = assemble(scene).blocks, _roots_at(scene, speed)
+    system = assemble(scene)
+    speed = _crossing(system, low, high)
+    values = _roots_at(system, speed)
     whirl = values[jnp.argmax(values.real)].imag
-    if blocks.hysteretic is not None:
+    if system.blocks.hysteretic is not None:
         whirl = jnp.where(_synchronous(values, speed), speed, whirl)
-    return Onset(speed, whirl if isotropic(blocks) else jnp.abs(whirl))
+    return Onset(speed, whirl if isotropic(system.blocks) else jnp.abs(whirl))
 
 
 @eqx.filter_custom_jvp
-def _crossing(scene: Scene, low: Scalar, high: Scalar) -> Scalar:
+def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
     """Speed between `low` and `high` where stability changes, by bisection."""
-    still = lambda end, inside: (_growth(scene, end) == 0) & (_growth(scene, inside) == 0)
-    step = 1e-3 * (high - low)
-    marginal = still(low, low + step) | still(high, high - step)  # not just one speed
-
-    def unstable(speed):
-        return jnp.where(marginal, _growth(scene, speed), _largest(_roots_at(scene, speed))) > 0
+    growth_at, step = _growth(system), 1e-3 * (high - low)
+    ends = jax.lax.map(growth_at, jnp.stack([low, low + step, high - step, high]))
+    lost = ends[3] > 0
+    marginal = jnp.all(ends[:2] == 0) | jnp.all(ends[2:] == 0)  # not just at one speed
 
     def halve(_, ends):
         middle = (ends[0] + ends[1]) / 2
-        above = unstable(middle) == lost
+        values = _roots_at(system, middle)
+        growth = jnp.where(marginal, _beyond_rounding(values, first), _largest(values))
+        above = (growth > 0) == lost
         return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
 
-    lost = _growth(scene, high) > 0
+    first = _first(system)
     return sum(jax.lax.fori_loop(0, 53, halve, (low, high))) / 2
 
 
 @_crossing.def_jvp
 def _crossing_jvp(primals, tangents):
     """`dOmega = -r' / (dr / dOmega)` of what is zero there: the growth rate or `Omega - Im lambda`."""
-    scene, low, high = primals
-    speed = _crossing(scene, low, high)
-    values = _roots_at(scene, speed)
+    system, low, high = primals
+    speed = _crossing(system, low, high)
+    values = _roots_at(system, speed)
     jump = jnp.zeros((), bool)
-    if assemble(scene).blocks.hysteretic is not None:
+    if system.blocks.hysteretic is not None:
         jump = _synchronous(values, speed)
     nearest = jnp.argmin(jnp.abs(jnp.sort(values.imag) - speed))
 
-    def residual(scene, speed):
-        values = _roots_at(scene, speed)
+    def residual(system, speed):
+        values = _roots_at(system, speed)
         return jnp.where(jump, speed - jnp.sort(values.imag)[nearest], _largest(values))
 
-    _, change = eqx.filter_jvp(lambda scene: residual(scene, speed), (scene,), (tangents[0],))
-    slope = jax.jvp(lambda speed: residual(scene, speed), (speed,), (jnp.ones_like(speed),))[1]
+    _, change = eqx.filter_jvp(lambda system: residual(system, speed), (system,), (tangents[0],))
+    slope = jax.jvp(lambda speed: residual(system, speed), (speed,), (jnp.ones_like(speed),))[1]
     return speed, -change / slope
 
 
@@ -180,22 +186,31 @@ def _synchronous(values: Array, speed: Scalar) -> Array:
     return jnp.min(jnp.abs(values.imag - speed)) < 1e-9 * jnp.abs(speed)
 
 
-def _first(scene: Scene) -> Scalar:
+def _first(system: System) -> Scalar:
     """Of the order of the first natural frequency [rad/s]."""
-    return Pencil.of(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
+    return Pencil.of(_at(system, jnp.zeros(()))).rate
 
 
 def _largest(values: Array) -> Scalar:
     return jnp.max(values.real)
 
 
-def _growth(scene: Scene, speed: Scalar) -> Scalar:
+def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
     """Largest growth rate [1/s]; zero where it is rounding."""
-    values = _roots_at(scene, speed)
-    small = jnp.abs(values.real) <= MARGINAL * jnp.maximum(jnp.abs(values), _first(scene))
+    small = jnp.abs(values.real) <= MARGINAL * jnp.maximum(jnp.abs(values), first)
     return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 
-def _roots_at(scene: Scene, speed: Scalar):
-    values = natural_roots(assemble(scene.put({"spin.speed": speed})))
+def _growth(system: System) -> Callable[[Scalar], Scalar]:
+    """Largest growth rate [1/s] of a speed."""
+    first = _first(system)
+    return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
+
+
+def _at(system: System, speed: Scalar) -> System:
+    return eqx.tree_at(lambda system: system.spin.speed, system, speed)
+
+
+def _roots_at(system: System, speed: Scalar):
+    values = natural_roots(_at(system, speed))
     return jnp.where(jnp.isfinite(values), values, -jnp.inf)  # no mass, no motion
