@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..pencil import Pencil, isotropic
+from ..pencil import Pencil, eigenvalues, frame, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
@@ -35,8 +35,9 @@ def onset_speed(
     Args:
         scene: the rotor; its own speed does not matter.
         within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency.
-        samples: growth rates taken to bracket the crossing. Where the growth rate turns back between
-            two of them it is followed to its turning point, at the `TURNS` closest calls.
+        samples: growth rates taken to bracket the crossing; bands of flutter narrower than an
+            interval are found where the growth rate turns back beside them, at the `TURNS` closest
+            calls. Bands where an unequal shaft stands bent are never missed.
 
     Returns:
         Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
@@ -50,7 +51,7 @@ def onset_speed(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
-    _check_search(within, samples)
+    within = _checked(within, samples)
     speeds, sign = _scan(scene, within, samples)
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
@@ -77,7 +78,7 @@ def stability_crossings(
     A rotor without damping counts as not unstable: its crossings are the edges of unstable bands.
     Arguments as of `onset_speed`.
     """
-    _check_search(within, samples)
+    within = _checked(within, samples)
     speeds, sign = _scan(scene, within, samples)
     unstable = np.asarray(sign) > 0
     return [
@@ -86,11 +87,15 @@ def stability_crossings(
     ]
 
 
-def _check_search(within, samples: int) -> None:
+def _checked(within, samples: int) -> tuple[Array, Array] | None:
+    """The range as arrays: other ranges are then the same compiled program."""
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 8:
         raise ValueError(f"`samples` must be a whole number of at least 8, but is {samples!r}.")
     if within is not None and known(within[0]) and known(within[1]) and within[0] >= within[1]:
         raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")
+    return (
+        None if within is None else (jnp.asarray(within[0], float), jnp.asarray(within[1], float))
+    )
 
 
 @eqx.filter_jit
@@ -109,8 +114,28 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     turn = lambda i: _turn(growth_at, jax.lax.dynamic_slice(speeds, (i,), (3,)), here[i])
     turns = jax.lax.map(turn, calls)
     speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
+    if frame(system.blocks) == "rotating":
+        bent = _bent(system, low, high)
+        bent = jnp.concatenate([bent, (bent[1:] + bent[:-1]) / 2])
+        speeds = jnp.concatenate([speeds, bent])
+        growth = jnp.concatenate([growth, jax.lax.map(growth_at, bent)])
     order = jnp.argsort(jax.lax.stop_gradient(speeds))
     return speeds[order], jnp.sign(growth)[order]
+
+
+def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
+    """Speeds in a range where a bent shaft stands still in its own axes; `high` for none.
+
+    `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there: no grid of speeds, so no band too narrow.
+    """
+    scale = _first(system)
+    still, ahead, back = (Pencil.of(_at(system, x * scale)).stiffness for x in (0.0, 1.0, -1.0))
+    odd, even = (ahead - back) / 2, (ahead + back) / 2 - still
+    # Of -i Omega / scale, so that the real shift of `eigenvalues` is none of them.
+    speeds = 1j * scale * eigenvalues(Pencil(-even, 1j * odd, still))
+    there = (jnp.abs(speeds.imag) < 1e-6 * jnp.abs(speeds)) & (speeds.real > low)
+    speeds = jnp.where(there & (speeds.real < high), speeds.real, high)
+    return jnp.sort(jax.lax.stop_gradient(speeds))
 
 
 def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:
