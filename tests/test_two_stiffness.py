@@ -391,7 +391,7 @@ def test_scheme_2_boundaries(row):
     forward, backward = jr.critical_speeds(scene)
     assert backward.size == 0
     np.testing.assert_allclose(forward / RATE, [slow, fast], rtol=0, atol=0.51e-6)
-    found = check_boundaries(scene, (one, two), third, 7, high=9.0, samples=100)
+    found = check_boundaries(scene, (one, two), third, 7, high=9.0)
     if third is None:
         return
     speed, frequency, _ = found[0]
@@ -507,12 +507,12 @@ def test_least_damping_without_a_zone(alpha):
         assert brentq(excess, 0.5 * friction, none) == pytest.approx(friction, abs=1e-8)
     # Without friction, and in scheme 3 of equal support axes whatever the friction, the gap itself.
     for scene in (
-        rotor(2, kappa=None, alpha=alpha, delta=none - 1e-5),
+        rotor(2, kappa=0.0, alpha=alpha, delta=none - 1e-5),
         rotor(3, nu=0.0, alpha=alpha, delta=none - 1e-5),
     ):
-        assert len(boundaries(scene, 0.3, two + 0.01, samples=100)[0]) == 2
+        assert len(boundaries(scene, 0.3, two + 0.01)[0]) == 2
         wider = scene.put({"disc_damping.translational": jnp.asarray((none + 1e-5) * MASS * RATE)})
-        assert boundaries(wider, 0.3, two + 0.01, samples=100)[0] == []
+        assert boundaries(wider, 0.3, two + 0.01)[0] == []
 
 
 def test_scheme_2_compliance_without_a_zone():
@@ -609,7 +609,7 @@ def test_scheme_3_range_without_a_zone(alpha):
             assert found == pytest.approx(nu, abs=0.6e-6)
             for side, count in ((out, 2), (-out, 0)):
                 scene = rotor(3, alpha=alpha, nu=found + side * 1e-4, delta=delta)
-                assert len(boundaries(scene, high=1.0, samples=100)[0]) == count
+                assert len(boundaries(scene, high=1.0)[0]) == count
 
 
 OVER_ALPHA = table(
@@ -698,7 +698,7 @@ DAMPED = {  # nu: delta: P_G1, P_G2, P_G3
 @pytest.mark.parametrize("nu", DAMPED)
 def test_scheme_3_over_damping(nu):
     for delta, (*static, third) in DAMPED[nu].items():
-        check_boundaries(rotor(3, nu=nu, delta=delta), static, third, 6, 0.3, 5.0, samples=100)
+        check_boundaries(rotor(3, nu=nu, delta=delta), static, third, 6, 0.3, 5.0)
 
 
 def test_scheme_3_second_and_third_boundary_meet():
@@ -732,11 +732,11 @@ def test_zone_closes_at_the_right_support_anisotropy(alpha):
     scene = rotor(3, kappa=None, nu=nu, alpha=alpha)
     one, two = np.asarray(jr.critical_speeds(scene).forward) / RATE
     assert one == pytest.approx(two, rel=1e-12)
-    assert boundaries(scene, 0.0, 4.0, samples=100) == ([], [])
-    undamped = rotor(3, kappa=None, delta=None, nu=nu, alpha=alpha)
-    assert boundaries(undamped, 0.0, 4.0, samples=100) == ([], [])
+    assert boundaries(scene, 0.0, 4.0) == ([], [])
+    undamped = rotor(3, kappa=None, delta=0.0, nu=nu, alpha=alpha)
+    assert boundaries(undamped, 0.0, 4.0) == ([], [])
     off = rotor(3, kappa=None, nu=nu + 0.02, alpha=alpha, delta=1e-6)
-    assert len(boundaries(off, 0.9 * one, 1.1 * one, samples=100)[0]) == 2
+    assert len(boundaries(off, 0.9 * one, 1.1 * one)[0]) == 2
 
 
 def test_scheme_3_mistuned_and_best_for_range():
@@ -745,3 +745,381 @@ def test_scheme_3_mistuned_and_best_for_range():
     best = minimize_scalar(third, bounds=(0.1, 0.3), method="bounded", options={"xatol": 1e-7})
     assert -best.fun == pytest.approx(1.584087, abs=0.6e-6)
     assert best.x == pytest.approx(0.2097, abs=1e-4)
+
+
+# === 3.8, 3.10: roots
+
+GROWTH = {  # scheme, nu: p: max Re lambda
+    (1, None): {
+        0.3: -0.107055,
+        0.45: -0.094587,
+        0.6: -0.082308,
+        0.8: -0.066087,
+        1: 0.049703,
+        1.2: -0.033963,
+        1.5: -0.010113,
+        2: 0.029134,
+    },
+    (2, None): {
+        0.3: -0.090394,
+        0.45: -0.083476,
+        0.6: -0.076603,
+        0.8: -0.012227,
+        1: -0.058439,
+        1.2: -0.049465,
+        1.5: -0.036184,
+        2: -0.014645,
+    },
+    (3, -0.3): {
+        0.3: -0.084946,
+        0.45: -0.074180,
+        0.6: -0.063427,
+        0.8: -0.049132,
+        1: -0.034903,
+        1.2: -0.020763,
+        1.5: 0.000242,
+        2: 0.034570,
+    },
+    (3, NU0): {
+        0.3: -0.085391,
+        0.45: -0.074333,
+        0.6: -0.063292,
+        0.8: -0.048618,
+        1: -0.034023,
+        1.2: -0.019532,
+        1.5: 0.001962,
+        2: 0.036988,
+    },
+}
+
+
+@pytest.mark.parametrize("case", GROWTH, ids=str)
+def test_growth_rates(case):
+    scheme, nu = case
+    found = {p: abscissa(scheme)(p=p, **({} if nu is None else {"nu": nu})) for p in GROWTH[case]}
+    assert found == pytest.approx(GROWTH[case], abs=0.51e-6)
+
+
+UPPER = [  # scheme, p, nu, roots of the upper half
+    (1, 0.5, None, [-0.090479508 + 0.471729494j, -0.169520492 + 1.498931294j]),
+    (1, 1.0, None, [0.049703368, -0.149658546, -0.210022411 + 1.997233954j]),
+    (1, 2.0, None, [0.029134432 + 0.993311058j, -0.289134432 + 3.005025903j]),
+    (
+        2,
+        0.8,
+        None,
+        [
+            -0.012226721,
+            -0.122752434,
+            -0.139573133 + 1.610007123j,
+            -6.249603956 + 0.333873790j,
+        ],  # printed 0.333877390,
+    ),
+    (
+        2,
+        2.5,
+        None,
+        [0.005998124 + 1.670368097j, -0.208932649 + 3.329224918j, -6.253732142 + 1.615944087j],
+    ),
+    (
+        3,
+        0.6,
+        -0.9,
+        [0.126636936, -0.207186370 + 1.272058928j, -0.264398425, -2.790110785, -9.571088318],
+    ),
+    (
+        3,
+        1.5,
+        -0.07,
+        [-0.003817873 + 0.689745399j, -0.204325928 + 2.310451812j, -6.123473216, -6.373572514],
+    ),
+]
+
+
+@pytest.mark.parametrize(("scheme", "p", "nu", "upper"), UPPER)
+def test_roots(scheme, p, nu, upper):
+    found = roots(rotor(scheme, p=p, nu=nu))
+    same_set(found[found.imag > -1e-9], upper, 0.8e-9)
+
+
+def test_shipped_scenes_are_the_rotor_of_the_sheet():
+    """alpha = 1, delta = 0.1, kappa = 0.16, mu = 0.2, nu = -0.3, in SI with a disc of 10 kg."""
+    for scheme, p in ((1, 0.45), (2, 0.8), (3, 0.6)):
+        found = roots(shipped(scheme))
+        same_set(found, roots(rotor(scheme, p=p)), 1e-12)
+        expected = GROWTH[(scheme, -0.3 if scheme == 3 else None)][p]
+        assert found.real.max() == pytest.approx(expected, abs=0.51e-6)
+
+
+# === 3.11: the conclusions of the article, each with our number
+
+
+def third(scheme, high=2.6, **groups):
+    """P_G3 and its frequency in the axes of the shaft; None without."""
+    flutter = boundaries(rotor(scheme, **groups), 0.1, high)[1]
+    return flutter[0][:2] if flutter else None
+
+
+def test_claim_1_scheme_1_has_no_zone_beyond_delta_0_2():
+    """True: from 0.201018 on."""
+    assert len(boundaries(rotor(1, delta=0.2010))[0]) == 2
+    assert boundaries(rotor(1, delta=0.2011))[0] == []
+
+
+def test_claim_2_third_boundary_of_scheme_1():
+    """True: 2.25 at delta = 0.2; eq. (15) as printed gives 2.259896."""
+    assert third(1, delta=0.2)[0] == pytest.approx(2.252203, abs=0.51e-6)
+    k, ratio = KAPPA, 1 + KAPPA / 0.2
+    printed, right = (
+        np.roots(
+            [
+                (2 * k / 0.2) ** 2,
+                0,
+                last + k**4 / 0.04 + 2 * k**3 / 0.2 - 4 * ratio**2,
+                0,
+                -(MU**2 + (k + 0.2) ** 2) * ratio**2,
+            ]
+        ).real.max()
+        for last in (-2 * k * 0.2, k**2)
+    )
+    assert (printed, right) == pytest.approx((2.259896, 2.252203), abs=0.51e-6)
+
+
+def test_claim_3_scheme_1_is_unstable_above_the_first_boundary_at_delta_0_02():
+    """False: stable between 1.094896 and 1.129374; true below delta = 0.0145."""
+    static, flutter = boundaries(rotor(1, delta=0.02))
+    assert (static[1], flutter[0][0]) == pytest.approx((1.094896, 1.129374), abs=0.51e-6)
+    assert boundaries(rotor(1, delta=0.0145), 0.3, 40.0)[0][1:] == []
+    assert third(1, delta=0.0145, high=40.0) is None
+
+
+def test_claim_4_third_boundary_falls_as_the_anisotropy_grows():
+    """False: it rises from 1.6252 to 1.6514; that the zone widens is true."""
+    found = [boundaries(rotor(1, mu=mu)) for mu in (0.15, 0.3, 0.6)]
+    assert np.all(np.diff([flutter[0][0] for _, flutter in found]) > 0)
+    assert np.all(np.diff([static[1] - static[0] for static, _ in found]) > 0)
+
+
+def test_claim_5_internal_friction_leaves_the_zone_alone():
+    """True in schemes 1 and 3, false in scheme 2: 0.75942-0.86538 with it, 0.75593-0.86603 without."""
+    for scheme, nu in ((1, None), (3, 0.3)):
+        zones = [boundaries(rotor(scheme, nu=nu, kappa=kappa))[0] for kappa in (0.02, 0.16)]
+        np.testing.assert_allclose(*zones, rtol=1e-10)
+    with_, without = (boundaries(rotor(2, kappa=kappa, delta=0.0))[0] for kappa in (KAPPA, 0.0))
+    np.testing.assert_allclose(with_, [0.75942, 0.86538], rtol=0, atol=0.51e-5)
+    np.testing.assert_allclose(without, [0.75593, 0.86603], rtol=0, atol=0.51e-5)
+
+
+def test_claims_6_and_7_the_slow_whirl_at_flutter_is_the_mean_critical_speed():
+    """Roughly: 1.0402, 1.0049, 1.0018 in scheme 1; off by 2 % to 10 % in the others."""
+    expected = {0.02: 1.0402, 0.1: 1.0049, 0.2: 1.0018}
+    slow = {delta: -np.diff(third(1, delta=delta))[0] for delta in expected}
+    assert slow == pytest.approx(expected, abs=0.51e-4)
+    cases = [(2, {"alpha": 1}, 0.02), (2, {"alpha": 2, "high": 5}, 0.092)]
+    cases += [(3, {"nu": -0.9}, 0.098), (3, {"nu": -0.07}, 0.003)]
+    for scheme, groups, error in cases:
+        whirl = -np.diff(third(scheme, **groups))[0]
+        groups.pop("high", None)
+        mean = np.mean(jr.critical_speeds(rotor(scheme, **groups)).forward) / RATE
+        assert whirl / mean - 1 == pytest.approx(error, abs=0.51e-3)
+
+
+SHARE = [  # scheme, groups, |p32| / |p31|
+    (1, {}, 0.049, 0.51e-3),
+    (2, {}, 0.0066, 0.51e-4),
+    (3, {"nu": -0.9}, 0.141, 0.51e-3),
+    (1, {"delta": 0.02}, 0.41, 0.51e-2),
+]
+
+
+@pytest.mark.parametrize(("scheme", "groups", "share", "tolerance"), SHARE)
+def test_claim_8_flutter_is_forward_and_slower_than_the_shaft(scheme, groups, share, tolerance):
+    """True: the part that whirls at p31 = P_G3 - p03 outweighs that at p32, in fixed axes."""
+    speed, whirl = third(scheme, **groups)
+    shown = jr.modes(rotor(scheme, p=speed, **groups))
+    assert shown.frame == "rotating" and 0 < whirl < speed
+    values = np.nan_to_num(np.asarray(shown.values), posinf=1e9) / RATE
+    one = int(np.argmin(np.abs(values - 1j * whirl)))
+    fast, slow = abs(complex(shown.shapes[one, 0])), abs(complex(shown.counter[one, 0]))
+    assert fast / slow == pytest.approx(share, abs=tolerance)
+
+
+def test_claim_9_scheme_2_has_no_zone_at_equal_stiffness():
+    """True with delta >= 0.0769: alpha from 0.7767 at 0.1, from 1.2921 at 0.05."""
+    assert boundaries(rotor(2, delta=0.0769))[0] == []
+    assert len(boundaries(rotor(2, delta=0.0768))[0]) == 2
+
+
+def test_claims_10_and_11_scheme_2_third_boundary_has_a_maximum_at_alpha_3():
+    """False: it rises without end and is gone from 2.2921 on; 3 to 4 mean speeds at 1.05 to 1.45."""
+    speed = {a: third(2, alpha=a, high=8.0)[0] for a in (0.1, 0.5, 1.0, 1.05, 1.45, 1.5, 2.0, 2.25)}
+    assert np.all(np.diff(list(speed.values())) > 0)
+    ratio = {alpha: one / np.mean(zone_of(alpha)) for alpha, one in speed.items()}
+    assert ratio[1.0] < 3 and ratio[1.05] == pytest.approx(3, abs=0.06)
+    assert ratio[1.45] == pytest.approx(4, abs=0.06) and ratio[1.5] > 4
+    for alpha in (2.2922, 3.0, 10.0):
+        assert boundaries(rotor(2, alpha=alpha), 0.0, 500.0) == ([], [])
+
+
+def test_claim_12_scheme_2_damping_widens_the_range_linearly():
+    """True up to alpha = 0.5, false from 1 on: there the slope grows from 11 to 20."""
+    deltas = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
+    slopes = {
+        alpha: np.diff([third(2, alpha=alpha, delta=d, high=8.0)[0] for d in deltas]) / 0.1
+        for alpha in (0.5, 1.0)
+    }
+    assert np.ptp(slopes[0.5]) < 0.15 * slopes[0.5].mean()
+    assert slopes[1.0][0] == pytest.approx(11.6, abs=0.1)
+    assert slopes[1.0][-1] == pytest.approx(20.0, abs=0.1)
+    assert third(2, alpha=2.0, delta=0.15, high=8.0)[0] == pytest.approx(7.6165, abs=0.51e-4)
+    assert third(2, alpha=2.0, delta=0.2, high=40.0) is None
+
+
+def test_claims_13_and_14_scheme_3_near_the_right_anisotropy_needs_no_damping():
+    """True for the zone; but 4.4 % above the critical speed flutter waits at delta = 0.005."""
+    assert boundaries(rotor(3, nu=NU0, delta=1e-4), 0.3, 0.7)[0] == []
+    speed, _ = third(3, nu=NU0, delta=0.005)
+    (one, two) = np.asarray(jr.critical_speeds(rotor(3, nu=NU0)).forward) / RATE
+    assert (speed, one, two) == pytest.approx((0.820608, 0.786380, 0.786380), abs=0.51e-6)
+    assert speed / one == pytest.approx(1.0435, abs=0.51e-4)
+
+
+def test_claims_15_to_17_scheme_3_compliance_narrows_the_range():
+    """True: to 1.39 critical speeds at alpha = 20, whatever nu; widest at small alpha (roughly)."""
+    ratio = {}
+    for alpha in (1.0, 6.0, 10.0, 20.0):
+        mean = np.mean(jr.critical_speeds(rotor(3, alpha=alpha, nu=-0.07)).forward) / RATE
+        ratio[alpha] = third(3, alpha=alpha, nu=-0.07)[0] / mean
+    assert ratio == pytest.approx({1: 1.93, 6: 1.54, 10: 1.45, 20: 1.39}, abs=0.51e-2)
+    at_ten = [third(3, alpha=10.0, nu=nu)[0] for nu in (-0.9, -0.5, 0.0, 0.5, 0.9)]
+    assert (min(at_ten), max(at_ten)) == pytest.approx((0.5828, 0.5989), abs=0.51e-4)
+    assert third(3, alpha=0.4, nu=0.3)[0] == pytest.approx(1.6787, abs=0.51e-4)
+    assert third(3, alpha=0.25, nu=0.0)[0] == pytest.approx(1.6656, abs=0.51e-4)
+    assert third(1)[0] == pytest.approx(1.6280, abs=0.51e-4)
+    others = [third(3, alpha=a, nu=nu)[0] for a in (0.3, 0.4, 0.6) for nu in (0.1, 0.3, 0.5)]
+    assert max(others) == pytest.approx(1.6787, abs=0.51e-4)
+
+
+def test_claim_18_scheme_3_damping_widens_the_range_linearly():
+    """True near nu0: .693, .705, .719, .733 a tenth; a little more than that at -0.9."""
+    at = lambda nu: np.diff([third(3, nu=nu, delta=d, high=5.0)[0] for d in np.arange(1, 6) / 10])
+    np.testing.assert_allclose(at(NU0), [0.693, 0.705, 0.719, 0.733], rtol=0, atol=0.51e-3)
+    steps = at(-0.9)
+    assert np.all(np.diff(steps) > 0) and steps[-1] > 1.6 * steps[0]
+
+
+def test_claim_19_scheme_2_is_the_best():
+    """True, and more: beyond alpha* it is stable at every speed; schemes 1 and 3 never are."""
+    assert boundaries(rotor(2, alpha=3.0), 0.0, 5000.0) == ([], [])
+    assert third(1) is not None and third(3, alpha=3.0) is not None
+
+
+# === 4, 5: derivatives and hard cases
+
+
+def derivative(function, at, h=1e-4):
+    """Sixth-order central difference."""
+    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+    return sum(w * (function(at + k * h) - function(at - k * h)) for k, w in weights.items()) / h
+
+
+def test_derivative_of_the_third_boundary():
+    """By nu, through the implicit function theorem."""
+
+    def boundary(nu):
+        found = jr.onset_speed(put(bare(3), nu=nu), (1.2 * RATE, 1.8 * RATE), 100)
+        return jnp.stack(found) / RATE
+
+    for nu, *slopes in ((-0.3, 0.35954781, 0.26023460), (0.0, 0.13847712, 0.09784104)):
+        value, slope = jax.jvp(boundary, (nu,), (1.0,))
+        np.testing.assert_allclose(value, third(3, nu=nu), rtol=1e-10)
+        np.testing.assert_allclose(slope, slopes, rtol=0, atol=0.51e-8)
+
+
+def test_derivative_of_the_critical_speeds_through_their_crossing():
+    """P_eta falls and P_xi rises by nu; at nu0 they are one, and get the mean of both."""
+    speeds = lambda nu: jr.critical_speeds(put(bare(3), nu=nu)).forward / RATE
+    apart = jax.jacfwd(lambda nu: speeds(nu)[:2])(NU0 + 1e-4)
+    np.testing.assert_allclose(apart, [-0.065532, 0.298720], rtol=0, atol=1e-4)
+    total = jax.jacfwd(lambda nu: speeds(nu)[0] + speeds(nu)[1])(NU0 + 1e-4)
+    assert total == pytest.approx(0.298720 - 0.065532, abs=1e-4)
+
+
+def test_double_root_gets_the_mean_of_the_derivatives():
+    """kappa = 0 at nu0: two slow roots are one, and the abscissa has a kink of slopes +-0.140196."""
+    scene, p = bare(3, False), 0.784789
+    values = lambda nu: jr.roots(put(scene, kappa=None, nu=nu, p=p))[:4] / RATE
+    at_rest = np.asarray(values(NU0))
+    assert np.abs(at_rest[:2] + 0.05).max() < 2e-6  # double, and p_d has six digits
+    exact = np.asarray(jax.jacfwd(values)(NU0))
+    mean = derivative(lambda nu: np.sum(np.asarray(values(nu))[:2]) / 2, NU0)
+    assert exact[:2].sum() / 2 == pytest.approx(mean, abs=1e-7)
+    kink = lambda nu: float(np.max(np.asarray(values(nu)).real))
+    for side in (-1, 1):
+        slope = (kink(NU0 + side * 1e-3) - kink(NU0)) / 1e-3
+        assert slope == pytest.approx(0.140196, abs=2e-3)
+
+
+def test_derivative_grows_towards_an_exceptional_point():
+    """kappa = 0, p = 0.75: the abscissa is flat between -0.46614 and 0.03830, left as square roots."""
+    growth = lambda nu: jnp.max(_finite(jr.roots(put(bare(3, False), kappa=None, nu=nu, p=0.75))))
+    slope = jax.jit(jax.grad(lambda nu: growth(nu) / RATE))
+    inside = lambda nu: np.ptp(roots(rotor(3, kappa=None, nu=nu, p=0.75)).real[:2]) - 1e-9
+    assert brentq(inside, -0.48, -0.45, xtol=1e-14) == pytest.approx(-0.46614, abs=0.51e-5)
+    edge = brentq(inside, 0.03, 0.05, xtol=1e-14)
+    assert edge == pytest.approx(0.03830, abs=0.51e-5)
+    assert abs(slope(-0.3)) < 1e-12
+    for distance, size, digit in ((1e-2, 0.6, 0.05), (1e-4, 5.9, 0.05), (1e-6, 59, 0.5)):
+        assert slope(edge + distance) == pytest.approx(size, abs=digit)
+
+
+def test_friction_makes_the_abscissa_smooth_where_it_had_a_kink():
+    """kappa = 0.16 at nu0: roots -0.049731 +- 0.003649i, slope -0.008465: not the least abscissa."""
+    p = 0.784789
+    slow = roots(rotor(3, nu=NU0, p=p))[:2]
+    np.testing.assert_allclose(slow.real, -0.049731, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(np.abs(slow.imag), 0.003649, rtol=0, atol=2e-6)
+    growth = jax.jit(lambda nu: jnp.max(_finite(jr.roots(put(bare(3), nu=nu, p=p)))) / RATE)
+    assert jax.grad(growth)(NU0) == pytest.approx(-0.008465, abs=1e-6)
+
+
+def test_no_damping_at_all_is_marginal_beside_the_band():
+    for scheme in (1, 2, 3):
+        absent, zero = (rotor(scheme, kappa=x, delta=x, p=0.4) for x in (None, 0.0))
+        same_set(roots(absent), roots(zero), 1e-13)
+        assert np.abs(roots(absent).real).max() < 1e-13
+        edges, flutter = boundaries(zero, 0.0, 4.0)
+        np.testing.assert_allclose(
+            edges, np.asarray(jr.critical_speeds(zero)[0]) / RATE, rtol=1e-10
+        )
+        assert flutter == []
+    onset = jr.onset_speed(zero, (0.0, 3 * RATE), 100)
+    assert float(onset.speed) == pytest.approx(edges[0] * RATE, rel=1e-12)
+
+
+def test_internal_friction_alone():
+    """Scheme 1: unstable from the first boundary on; scheme 2: the supports damp."""
+    static, flutter = boundaries(rotor(1, delta=0.0), 0.3, 30.0)
+    assert len(static) == 1 and flutter == []
+    assert third(2, delta=0.0)[0] == pytest.approx(1.1955152, abs=0.51e-7)
+
+
+def test_no_third_boundary_without_internal_friction():
+    for scheme in (1, 2, 3):
+        static, flutter = boundaries(rotor(scheme, kappa=0.0), 0.0, 200.0)
+        assert flutter == [] and len(static) == (0 if scheme == 3 else 2)
+    with pytest.raises(ValueError, match="never loses its stability"):
+        jr.onset_speed(rotor(3, kappa=0.0), (0.0, 500.0), 100)
+    with pytest.raises(ValueError, match="unstable already"):
+        jr.onset_speed(rotor(1), (95.0, 500.0), 100)
+
+
+def test_stiff_axis_may_be_either():
+    """-mu turns the axes by a quarter: the same roots."""
+    same_set(roots(rotor(1, mu=-0.2, p=1.3)), roots(rotor(1, p=1.3)), 1e-12)
+    same_set(roots(rotor(3, mu=-0.2, nu=0.3, p=1.3)), roots(rotor(3, nu=-0.3, p=1.3)), 1e-12)
+
+
+def test_backward_spin_mirrors():
+    for scheme in (1, 2, 3):
+        same_set(roots(rotor(scheme, p=-1.3)), roots(rotor(scheme, p=1.3)), 1e-12)

@@ -91,7 +91,8 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
     """The range as arrays: other ranges are then the same compiled program."""
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 8:
         raise ValueError(f"`samples` must be a whole number of at least 8, but is {samples!r}.")
-    if within is not None and known(within[0]) and known(within[1]) and within[0] >= within[1]:
+    ends = () if within is None or not all(map(known, within)) else tuple(map(float, within))
+    if ends and ends[0] >= ends[1]:
         raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")
     return (
         None if within is None else (jnp.asarray(within[0], float), jnp.asarray(within[1], float))
@@ -104,9 +105,13 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     system = assemble(jax.lax.stop_gradient(scene))
     growth_at = _growth(system)
     low, high = (0.0, 40 * _first(system)) if within is None else within
-    speeds = jnp.linspace(low, high, samples + 1)
+    speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
+    if frame(system.blocks) == "rotating":
+        bent = _bent(system, low, high)
+        between = (bent[1:] + bent[:-1]) / 2
+        speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
     # One speed after the other: see `sweep._prepare` on batched linear algebra.
-    growth = jax.lax.map(growth_at, jax.lax.stop_gradient(speeds))
+    growth = jax.lax.map(growth_at, speeds)
     before, here, after = growth[:-2], growth[1:-1], growth[2:]
     peak = (here < 0) & (here >= before) & (here >= after)
     dip = (here > 0) & (here <= before) & (here <= after)
@@ -114,12 +119,7 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     turn = lambda i: _turn(growth_at, jax.lax.dynamic_slice(speeds, (i,), (3,)), here[i])
     turns = jax.lax.map(turn, calls)
     speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
-    if frame(system.blocks) == "rotating":
-        bent = _bent(system, low, high)
-        bent = jnp.concatenate([bent, (bent[1:] + bent[:-1]) / 2])
-        speeds = jnp.concatenate([speeds, bent])
-        growth = jnp.concatenate([growth, jax.lax.map(growth_at, bent)])
-    order = jnp.argsort(jax.lax.stop_gradient(speeds))
+    order = jnp.argsort(speeds)
     return speeds[order], jnp.sign(growth)[order]
 
 
@@ -135,7 +135,7 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     speeds = 1j * scale * eigenvalues(Pencil(-even, 1j * odd, still))
     there = (jnp.abs(speeds.imag) < 1e-6 * jnp.abs(speeds)) & (speeds.real > low)
     speeds = jnp.where(there & (speeds.real < high), speeds.real, high)
-    return jnp.sort(jax.lax.stop_gradient(speeds))
+    return jnp.sort(speeds)
 
 
 def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:
@@ -152,7 +152,7 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
         high = jnp.where(better == right, high, jnp.where(better, best, speed))
         return low, jnp.where(better, speed, best), high, jnp.maximum(value, top)
 
-    state = (*jax.lax.stop_gradient(speeds), sign * growth)
+    state = (*speeds, sign * growth)
     _, speed, _, top = jax.lax.fori_loop(0, 36, narrow, state)
     return speed, sign * top
 
