@@ -10,6 +10,7 @@ if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the envir
 
 from . import observe as observe  # noqa: E402
 from .analysis import (  # noqa: E402
+    Boundary as Boundary,
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
     HarmonicForce as HarmonicForce,
@@ -17,6 +18,7 @@ from .analysis import (  # noqa: E402
     Modes as Modes,
     Onset as Onset,
     Perturbation as Perturbation,
+    StabilityMap as StabilityMap,
     WeightResponse as WeightResponse,
     campbell as campbell,
     critical_speeds as critical_speeds,
@@ -27,7 +29,9 @@ from .analysis import (  # noqa: E402
     onset_speed as onset_speed,
     perturbed_roots as perturbed_roots,
     roots as roots,
+    stability_boundary as stability_boundary,
     stability_crossings as stability_crossings,
+    stability_map as stability_map,
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )

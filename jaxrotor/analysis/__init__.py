@@ -15,6 +15,12 @@ from .forced import (
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .maps import (
+    Boundary as Boundary,
+    StabilityMap as StabilityMap,
+    stability_boundary as stability_boundary,
+    stability_map as stability_map,
+)
 from .modal import Modes as Modes, modes as modes, roots as roots
 from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
 from .stability import (

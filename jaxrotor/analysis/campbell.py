@@ -1,6 +1,6 @@
 """Campbell diagram: roots against the speed of rotation, each branch followed; critical speeds."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from ..pencil import Frame, Pencil, frame, isotropic
+from ..pencil import Frame, Pencil, frame, isotropic, root_changes
 from ..quantities import known
 from ..scene import Scene
 from ..system import assemble
@@ -22,10 +22,11 @@ class Campbell(eqx.Module):
     speeds: Float[Array, " w"]  # [rad/s]
     values: Complex[Array, "w m"]  # lambda [rad/s]
     frame: Frame = eqx.field(static=True)
+    circular: bool = eqx.field(static=True)  # whether whirl is, so that a frequency has a direction
 
     @property
     def frequencies(self) -> Float[Array, "w m"]:
-        """Whirl frequency [rad/s], positive forward (of unequal axes: positive)."""
+        """Whirl frequency [rad/s], positive forward; of unequal axes, either sign of a pair."""
         return self.values.imag
 
     @property
@@ -51,7 +52,8 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     Args:
         scene: the rotor; its own speed does not matter.
         speeds: [rad/s], ascending, two or more.
-        count: how many branches to keep, the slowest at the first speed; of conjugate pairs one.
+        count: how many branches to keep, the slowest at the first speed. Of unequal axes, one of
+            each conjugate pair, but both where they part into real roots.
 
     Returns:
         Branches; not differentiable, `roots` is.
@@ -61,31 +63,54 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     speeds = np.asarray(speeds, float)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
         raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
-    system = assemble(scene)
-    values, slopes = (np.asarray(a) for a in _values_and_slopes(scene, jnp.asarray(speeds)))
-    values = np.where(np.isfinite(values), values, 1e6 * np.abs(values[np.isfinite(values)]).max())
-    branches: Any = np.empty(values.shape, complex)
-    order = np.argsort(np.abs(values[0]) * (1 + 1e-9 * (values[0].imag < 0)))
-    branches[0], slope = values[0, order], slopes[0, order]
+    blocks = jax.eval_shape(assemble, scene).blocks
+    values, slopes = (np.asarray(a) for a in _values_and_slopes(scene, jnp.asarray(speeds), count))
+    branches = np.empty(values.shape, complex)
+    branches[0], slope = values[0], slopes[0]
     for k, step in enumerate(np.diff(speeds)):
         ahead = branches[k] + step * slope
         back = values[k + 1] - step * slopes[k + 1]
         cost = np.abs(ahead[:, None] - values[k + 1]) + np.abs(branches[k][:, None] - back)
         order = linear_sum_assignment(cost)[1]
         branches[k + 1], slope = values[k + 1, order], slopes[k + 1, order]
-    if not isotropic(system.blocks):  # one of each conjugate pair
-        branches = branches[:, branches.imag.mean(axis=0) >= 0]
-    return Campbell(jnp.asarray(speeds), jnp.asarray(branches[:, :count]), frame(system.blocks))
+    if not isotropic(blocks):
+        branches = _less_conjugates(branches)
+    axes = frame(blocks)
+    return Campbell(jnp.asarray(speeds), jnp.asarray(branches[:, :count]), axes, isotropic(blocks))
 
 
 @eqx.filter_jit
-def _values_and_slopes(scene: Scene, speeds: Float[Array, " w"]):
+def _values_and_slopes(scene: Scene, speeds: Float[Array, " w"], count: int):
+    """The slowest roots at every speed, some more than `count` of (pairs of) them, and derivatives."""
+
     def one(speed):
-        at = lambda speed: natural_roots(assemble(scene.put({"spin.speed": speed})))
-        return jax.jvp(at, (speed,), (jnp.ones_like(speed),))
+        pencil = lambda speed: Pencil.of(assemble(scene.put({"spin.speed": speed})))
+        values = natural_roots(assemble(scene.put({"spin.speed": speed})))
+        # No mass, no motion: a root beyond all others.
+        values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
+        size = jnp.abs(values) * (1 + 1e-9 * (values.imag < 0))
+        values = values[jnp.argsort(size)[: 4 * count + 8]]
+        own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
+        slopes = root_changes(values, own, change)
+        return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)
 
     # One speed after the other: see `sweep._build_lanes` on batched linear algebra.
     return jax.lax.map(one, speeds)
+
+
+def _finite(values: Array) -> Array:
+    return jnp.where(jnp.isfinite(values), values, 0.0)
+
+
+def _less_conjugates(branches: np.ndarray) -> np.ndarray:
+    """Of branches that stay conjugate one, that of positive frequency."""
+    kept: list[np.ndarray] = []
+    for branch in branches[:, np.argsort(branches.imag.mean(axis=0) < 0, kind="stable")].T:
+        close = 1e-9 * np.abs(branch)
+        if not any((np.abs(branch.conj() - other) <= close).all() for other in kept):
+            kept.append(branch)
+    kept.sort(key=lambda branch: abs(branch[0]))
+    return np.stack(kept, axis=1)
 
 
 def critical_speeds(scene: Scene, count: int | None = None) -> CriticalSpeeds:

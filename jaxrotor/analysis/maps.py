@@ -1,24 +1,18 @@
 """Stability maps: growth over two parameters, and the curves on which it is zero."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import contourpy
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
-from ..pencil import Pencil
-from ..quantities import Scalar
 from ..scene import Scene
-from ..system import assemble
 from .stability import growth_rate
-
-
-MARGIN = 1e-9  # growth, as a fraction of the first natural frequency, that counts as unstable
 
 
 class StabilityMap(eqx.Module):
@@ -36,8 +30,8 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
     """`max Re lambda` over two parameters, and the curves where the rotor turns unstable.
 
     A curve is found by its crossings of the grid's lines, each refined to 1e-10 of a cell by root
-    finding; an island smaller than a cell is missed. Growth below 1e-9 of the first natural
-    frequency counts as none, so that an undamped rotor is stable where it does not grow.
+    finding; an island smaller than a cell is missed. Growth within rounding is zero and stable, so an
+    undamped rotor has boundaries too.
 
     Args:
         scene: the rotor.
@@ -55,10 +49,45 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
     evaluate = lambda x, y: np.asarray(_growth(scene, (first, second), x, y))
     grid = np.meshgrid(x, y, indexing="ij")
     growth = evaluate(*(part.ravel() for part in grid)).reshape(grid[0].shape)
-    level = MARGIN * float(_rate(scene))
-    boundaries = _boundaries(evaluate, x, y, growth, level)
+    # Between signs alone, so that every crossing is in the middle of an edge of a cell.
+    lines = contourpy.contour_generator(z=np.where(growth > 0, 1.0, -1.0).T).lines(0.0)
+    boundaries: tuple[np.ndarray, ...] = ()
+    if lines:
+        middle = np.concatenate(lines)  # in steps of the grid
+        low, high = (turn(middle).astype(int) for turn in (np.floor, np.ceil))
+        corners = (np.stack([x[ij[:, 0]], y[ij[:, 1]]]) for ij in (low, high))
+        curve = _crossing(lambda at: evaluate(*at), *corners).T
+        boundaries = tuple(np.split(curve, np.cumsum([len(line) for line in lines])[:-1]))
     units = scene.unit(first), scene.unit(second)
     return StabilityMap(x, y, growth, boundaries, (first, second), units)
+
+
+class Boundary(NamedTuple):
+    """Values of a parameter where stability changes, ascending."""
+
+    values: Float[np.ndarray, " k"]  # SI
+    lost: Bool[np.ndarray, " k"]  # whether the rotor is unstable above, or stable again
+
+
+def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
+    """Where `max Re lambda` changes its sign along one parameter, to 1e-10 of an interval.
+
+    Args:
+        scene: the rotor.
+        path: the parameter.
+        values: ascending, between which changes are sought; two in one interval are missed.
+
+    Returns:
+        The changes; not differentiable (along the speed `stability_crossings` is).
+    """
+    values = _axis(scene, path, values)
+    evaluate = lambda x: np.asarray(_growth(scene, (path,), x))
+    unstable = evaluate(values) > 0
+    below = np.flatnonzero(unstable[:-1] != unstable[1:])
+    if not below.size:
+        return Boundary(np.zeros(0), np.zeros(0, bool))
+    found = _crossing(lambda at: evaluate(at[0]), values[None, below], values[None, below + 1])
+    return Boundary(found[0], unstable[below + 1])
 
 
 def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
@@ -72,38 +101,25 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
 
 
 @eqx.filter_jit
-def _growth(scene: Scene, paths: tuple[str, str], x: Array, y: Array) -> Float[Array, " k"]:
+def _growth(scene: Scene, paths: tuple[str, ...], *values: Array) -> Float[Array, " k"]:
     one = lambda point: growth_rate(scene.put(dict(zip(paths, point, strict=True))))
-    return jax.lax.map(one, (jnp.asarray(x), jnp.asarray(y)))
+    return jax.lax.map(one, tuple(map(jnp.asarray, values)))
 
 
-@eqx.filter_jit
-def _rate(scene: Scene) -> Scalar:
-    return Pencil.of(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
+def _crossing(growth: Callable, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Points between `low` and `high` (parameters, k) where the sign of the growth changes."""
+    size = low.shape[1]
 
-
-def _boundaries(evaluate, x, y, growth, level) -> tuple[np.ndarray, ...]:
-    """Curves `growth = level`: found between the points of the grid, then refined along its lines."""
-    lines = contourpy.contour_generator(z=growth.T - level).lines(0.0)
-    if not lines:
-        return ()
-    places = np.concatenate(lines)  # in steps of the grid
-    low = np.floor(places + 1e-9).astype(int)
-    along = (np.abs(places - np.round(places)) > 1e-9).astype(int)  # the line of the grid it is on
-    low = np.where(along, np.floor(places).astype(int), np.round(places).astype(int))
-    corner = lambda ij: (x[ij[:, 0]], y[ij[:, 1]])
-    (ax, ay), (bx, by) = corner(low), corner(low + along)
-    size = len(places)
-
-    def gap(share, ax, ay, bx, by):
-        at = np.stack([ax + share * (bx - ax), ay + share * (by - ay)])
+    def above(share, *ends):
+        start, stop = np.split(np.stack(ends), 2)
+        at = start + share * (stop - start)
         padded = np.pad(at, [(0, 0), (0, size - at.shape[1])], mode="edge")  # one compiled program
-        return evaluate(*padded)[: at.shape[1]] - level
+        return growth(padded)[: at.shape[1]] - np.finfo(float).tiny  # zero is stable
 
-    ends = np.zeros(size), np.ones(size)
     found = elementwise.find_root(
-        gap, ends, args=(ax, ay, bx, by), tolerances={"xatol": 1e-10, "xrtol": 0.0}
+        above,
+        (np.zeros(size), np.ones(size)),
+        args=(*low, *high),
+        tolerances={"xatol": 1e-10, "xrtol": 0.0},
     )
-    share = found.x[:, None]
-    curve = np.stack([ax, ay], axis=1) * (1 - share) + np.stack([bx, by], axis=1) * share
-    return tuple(np.split(curve, np.cumsum([len(line) for line in lines])[:-1]))
+    return low + found.x * (high - low)

@@ -1,29 +1,30 @@
 """Growth rate of a rotor, and the speeds at which it loses or regains stability."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..pencil import Pencil
+from ..pencil import Pencil, eigenvalues, frame, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import assemble
+from ..system import System, assemble
 from .floquet import exponents
 
 
-class Onset(NamedTuple):
-    """Speed where the largest growth rate crosses zero, and the whirl frequency there.
+MARGINAL = 1e-9  # growth rate that rounding may leave, relative to its root and the first frequency
+TURNS = 8  # turning points of the growth rate looked at between samples
 
-    In the frame of `roots`, positive forward; with periodic coefficients up to twice the speed.
-    """
+
+class Onset(NamedTuple):
+    """Speed where the largest growth rate crosses zero, and the whirl frequency there."""
 
     speed: Scalar  # [rad/s]
-    whirl_frequency: Scalar  # [rad/s]
+    whirl_frequency: Scalar  # [rad/s], positive forward; of unequal axes see `onset_speed`
 
 
 @eqx.filter_jit
@@ -32,9 +33,11 @@ def growth_rate(scene: Scene) -> Scalar:
 
     `lambda` are its `roots` or, where no frame has constant coefficients, the Floquet exponents
     `log(mu) / T` (not a number below 1/30 of the first natural frequency, see
-    `floquet_multipliers`). At rest such a rotor is taken as it stands. Differentiable.
+    `floquet_multipliers`). At rest such a rotor is taken as it stands. Zero where it is within
+    rounding. Differentiable.
     """
-    return jnp.max(exponents(assemble(scene)).real)
+    system = assemble(scene)
+    return _beyond_rounding(exponents(system), _first(system))
 
 
 def onset_speed(
@@ -45,24 +48,29 @@ def onset_speed(
     Args:
         scene: the rotor; its own speed does not matter.
         within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency.
-        samples: growth rates taken to bracket the crossing; two crossings closer than a sample
-            interval are missed.
+        samples: growth rates taken to bracket the crossing; bands of flutter narrower than an
+            interval are found where the growth rate turns back beside them, at the `TURNS` closest
+            calls. Bands where an unequal shaft stands bent are never missed.
 
     Returns:
-        Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem.
+        Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
+        frequency is zero or positive where axes are unequal and counts in those of `roots`: zero in
+        axes that turn with the shaft is a shaft that bends (divergence, synchronous whirl), any other
+        `w` a flutter, seen as `speed + w` and `speed - w` in fixed axes. With hysteresis the growth
+        rate jumps through zero where a whirl is synchronous.
 
     Raises:
         ValueError: no loss of stability in the range, unstable from its start, or no damping.
 
-    Source: Azarov, Gouskov, Panovko (2023), Fig. 2.
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
-    _check_search(within, samples)
-    speeds, growth, scale = _scan(scene, within, samples)
-    rising = (growth[:-1] <= 0) & (growth[1:] > 0)
-    marginal = jnp.max(jnp.abs(growth[: samples // 4])) < 1e-9 * scale
+    within = _checked(within, samples)
+    speeds, sign = _scan(scene, within, samples)
+    rising = (sign[:-1] <= 0) & (sign[1:] > 0)
+    marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
-        (growth[0] > 1e-9 * scale, "The rotor is unstable already at the lowest speed,"),
+        (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~jnp.any(rising), "The rotor never loses its stability; search a wider range than"),
     ]
     for wrong, sentence in refusals:
@@ -78,48 +86,168 @@ def onset_speed(
 def stability_crossings(
     scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
 ) -> list[tuple[Onset, bool]]:
-    """All crossings in the range, in order, each with whether stability is lost (or regained)."""
-    _check_search(within, samples)
-    speeds, growth, _ = _scan(scene, within, samples)
-    signs = np.asarray(growth) > 0
+    """All crossings in the range, in order, each with whether stability is lost (or regained).
+
+    A rotor without damping counts as not unstable: its crossings are the edges of unstable bands.
+    Arguments as of `onset_speed`.
+    """
+    within = _checked(within, samples)
+    speeds, sign = _scan(scene, within, samples)
+    unstable = np.asarray(sign) > 0
     return [
-        (_refine(scene, speeds[i], speeds[i + 1]), bool(signs[i + 1]))
-        for i in np.flatnonzero(signs[:-1] != signs[1:])
+        (_refine(scene, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
+        for i in np.flatnonzero(unstable[:-1] != unstable[1:])
     ]
 
 
-def _check_search(within, samples: int) -> None:
+def _checked(within, samples: int) -> tuple[Array, Array] | None:
+    """The range as arrays: other ranges are then the same compiled program."""
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 8:
         raise ValueError(f"`samples` must be a whole number of at least 8, but is {samples!r}.")
-    if within is not None and known(within[0]) and known(within[1]) and within[0] >= within[1]:
+    ends = () if within is None or not all(map(known, within)) else tuple(map(float, within))
+    if ends and ends[0] >= ends[1]:
         raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")
+    return (
+        None if within is None else (jnp.asarray(within[0], float), jnp.asarray(within[1], float))
+    )
 
 
 @eqx.filter_jit
-def _scan(
-    scene: Scene, within, samples: int
-) -> tuple[Float[Array, " w"], Float[Array, " w"], Scalar]:
-    """Speeds, growth rates, and the frequency that makes a rate small or large."""
-    scale = Pencil.mean(assemble(scene.put({"spin.speed": jnp.zeros(())}))).rate
-    low, high = (0.0, 40 * scale) if within is None else within
-    speeds = jnp.linspace(low, high, samples + 1)
+def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
+    """Speeds and the sign of the growth rate there, 0 marginal: samples and turning points."""
+    system = assemble(jax.lax.stop_gradient(scene))
+    growth_at = _growth(system)
+    low, high = (0.0, 40 * _first(system)) if within is None else within
+    speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
+    if frame(system.blocks) == "rotating":
+        bent = _bent(system, low, high)
+        between = (bent[1:] + bent[:-1]) / 2
+        speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
     # One speed after the other: see `sweep._prepare` on batched linear algebra.
-    growth = jax.lax.map(lambda speed: growth_rate(scene.put({"spin.speed": speed})), speeds)
-    return speeds, jax.lax.stop_gradient(growth), scale
+    growth = jax.lax.map(growth_at, speeds)
+    before, here, after = growth[:-2], growth[1:-1], growth[2:]
+    peak = (here < 0) & (here >= before) & (here >= after)
+    dip = (here > 0) & (here <= before) & (here <= after)
+    calls = jnp.argsort(jnp.where(peak | dip, jnp.abs(here), jnp.inf))[:TURNS]
+    turn = lambda i: _turn(growth_at, jax.lax.dynamic_slice(speeds, (i,), (3,)), here[i])
+    turns = jax.lax.map(turn, calls)
+    speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
+    order = jnp.argsort(speeds)
+    return speeds[order], jnp.sign(growth)[order]
+
+
+def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
+    """Speeds in a range where a bent shaft stands still in its own axes; `high` for none.
+
+    `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there: no grid of speeds, so no band too narrow.
+    """
+    scale = _first(system)
+    still, ahead, back = (Pencil.of(_at(system, x * scale)).stiffness for x in (0.0, 1.0, -1.0))
+    odd, even = (ahead - back) / 2, (ahead + back) / 2 - still
+    # Of -i Omega / scale, so that the real shift of `eigenvalues` is none of them.
+    speeds = 1j * scale * eigenvalues(Pencil(-even, 1j * odd, still))
+    there = (jnp.abs(speeds.imag) < 1e-6 * jnp.abs(speeds)) & (speeds.real > low)
+    speeds = jnp.where(there & (speeds.real < high), speeds.real, high)
+    return jnp.sort(speeds)
+
+
+def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:
+    """Speed and growth rate where the rate comes closest to zero or past it, by golden section."""
+    sign = -jnp.sign(growth)
+
+    def narrow(_, state):
+        low, best, high, top = state
+        right = high - best > best - low
+        speed = best + (3 - 5**0.5) / 2 * jnp.where(right, high - best, low - best)
+        value = sign * growth_at(speed)
+        better = value > top
+        low = jnp.where(better == right, jnp.where(better, best, speed), low)
+        high = jnp.where(better == right, high, jnp.where(better, best, speed))
+        return low, jnp.where(better, speed, best), high, jnp.maximum(value, top)
+
+    state = (*speeds, sign * growth)
+    _, speed, _, top = jax.lax.fori_loop(0, 36, narrow, state)
+    return speed, sign * top
 
 
 @eqx.filter_jit
 def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
-    growth = lambda speed, scene: growth_rate(scene.put({"spin.speed": speed}))
-    span = jax.lax.stop_gradient({"lower": low, "upper": high})
-    solution = optx.root_find(
-        growth,
-        optx.Bisection(rtol=1e-13, atol=1e-13),
-        (span["lower"] + span["upper"]) / 2,
-        args=scene,
-        options=span,
-        max_steps=64,
-        throw=False,
-    )
-    values = exponents(assemble(scene.put({"spin.speed": solution.value})))
-    return Onset(solution.value, values[jnp.argmax(values.real)].imag)
+    system = assemble(scene)
+    speed = _crossing(system, low, high)
+    values = _roots_at(system, speed)
+    whirl = values[jnp.argmax(values.real)].imag
+    if system.blocks.hysteretic is not None:
+        whirl = jnp.where(_synchronous(values, speed), speed, whirl)
+    return Onset(speed, whirl if isotropic(system.blocks) else jnp.abs(whirl))
+
+
+@eqx.filter_custom_jvp
+def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
+    """Speed between `low` and `high` where stability changes, by bisection."""
+    growth_at, step = _growth(system), 1e-3 * (high - low)
+    ends = jax.lax.map(growth_at, jnp.stack([low, low + step, high - step, high]))
+    lost = ends[3] > 0
+    marginal = jnp.all(ends[:2] == 0) | jnp.all(ends[2:] == 0)  # not just at one speed
+
+    def halve(_, ends):
+        middle = (ends[0] + ends[1]) / 2
+        values = _roots_at(system, middle)
+        growth = jnp.where(marginal, _beyond_rounding(values, first), _largest(values))
+        above = (growth > 0) == lost
+        return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+    first = _first(system)
+    return sum(jax.lax.fori_loop(0, 53, halve, (low, high))) / 2
+
+
+@_crossing.def_jvp
+def _crossing_jvp(primals, tangents):
+    """`dOmega = -r' / (dr / dOmega)` of what is zero there: the growth rate or `Omega - Im lambda`."""
+    system, low, high = primals
+    speed = _crossing(system, low, high)
+    values = _roots_at(system, speed)
+    jump = jnp.zeros((), bool)
+    if system.blocks.hysteretic is not None:
+        jump = _synchronous(values, speed)
+    nearest = jnp.argmin(jnp.abs(jnp.sort(values.imag) - speed))
+
+    def residual(system, speed):
+        values = _roots_at(system, speed)
+        return jnp.where(jump, speed - jnp.sort(values.imag)[nearest], _largest(values))
+
+    _, change = eqx.filter_jvp(lambda system: residual(system, speed), (system,), (tangents[0],))
+    slope = jax.jvp(lambda speed: residual(system, speed), (speed,), (jnp.ones_like(speed),))[1]
+    return speed, -change / slope
+
+
+def _synchronous(values: Array, speed: Scalar) -> Array:
+    return jnp.min(jnp.abs(values.imag - speed)) < 1e-9 * jnp.abs(speed)
+
+
+def _first(system: System) -> Scalar:
+    """Of the order of the first natural frequency [rad/s]."""
+    return Pencil.mean(_at(system, jnp.zeros(()))).rate
+
+
+def _largest(values: Array) -> Scalar:
+    return jnp.max(values.real)
+
+
+def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
+    """Largest growth rate [1/s]; zero where it is rounding."""
+    small = jnp.abs(values.real) <= MARGINAL * jnp.maximum(jnp.abs(values), first)
+    return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
+
+
+def _growth(system: System) -> Callable[[Scalar], Scalar]:
+    """Largest growth rate [1/s] of a speed."""
+    first = _first(system)
+    return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
+
+
+def _at(system: System, speed: Scalar) -> System:
+    return eqx.tree_at(lambda system: system.spin.speed, system, speed)
+
+
+def _roots_at(system: System, speed: Scalar) -> Array:
+    return exponents(_at(system, speed))

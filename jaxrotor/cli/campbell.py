@@ -60,7 +60,9 @@ def campbell(
             _draw(result, mirrored, folder)
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(marginal(values.imag, values), 0.0, values.imag), values.real
-    directions = _directions(frequency)
+    directions = ["whirl"] * len(frequency)
+    if result.circular:
+        directions = ["forward" if mean >= 0 else "backward" for mean in frequency.mean(axis=1)]
     if as_json:
         rows = zip(directions, np.abs(frequency), growth, strict=True)
         found = {
@@ -112,14 +114,6 @@ def critical(
         for speed in values
     ]
     answer.print_table(rows, ("whirl", "critical [rad/s]", "[rpm]", "[Hz]"), numbers=[1, 2, 3])
-
-
-def _directions(frequency: np.ndarray) -> list[str]:
-    """Of each branch (m, w); where one of each conjugate pair is kept, none has a direction."""
-    mean = frequency.mean(axis=1)
-    if (mean >= 0).all():
-        return ["whirl"] * len(mean)
-    return ["forward" if one >= 0 else "backward" for one in mean]
 
 
 def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator, SymmetricalLogLocator
 
@@ -44,7 +44,7 @@ def campbell(
     speeds, values = np.asarray(result.speeds), np.asarray(result.values)
     frequency, growth = np.abs(np.imag(values)), np.real(values)
     growth = np.where(np.abs(growth) > 1e-9 * np.abs(values), growth, 0.0)
-    directions = _directions(speeds, values)
+    directions = _directions(result)
     if mirrored:
         _check_mirror(speeds, [name for name, _, _ in directions])
     rotating = result.frame == "rotating"
@@ -82,14 +82,12 @@ def campbell(
     return upper, lower
 
 
-def _directions(
-    speeds: Float[np.ndarray, " w"], values: Complex[np.ndarray, "w m"]
-) -> list[tuple[str, str, Mask]]:
+def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
     """Name, colour and points of each direction of whirl; only circular whirl has one."""
-    frequency = np.imag(values)
-    circular = (frequency.mean(axis=0) < 0).any()  # else one of each conjugate pair
-    if not circular:
+    speeds, values = np.asarray(result.speeds), np.asarray(result.values)
+    if not result.circular:
         return [("whirl", colours.DARK, np.ones(values.shape, bool))]
+    frequency = np.imag(values)
     with_spin = frequency * np.where(speeds < 0, -1.0, 1.0)[:, None]
     least = 1e-9 * np.abs(values)
     found = [
