@@ -1,6 +1,6 @@
 """Campbell diagram: roots against the speed of rotation, each branch followed; critical speeds."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -102,7 +102,7 @@ def _finite(values: Array) -> Array:
     return jnp.where(jnp.isfinite(values), values, 0.0)
 
 
-def _less_conjugates(branches: np.ndarray) -> np.ndarray:
+def _less_conjugates(branches: Any) -> np.ndarray:
     """Of branches that stay conjugate one, that of positive frequency."""
     kept: list[np.ndarray] = []
     for branch in branches[:, np.argsort(branches.imag.mean(axis=0) < 0, kind="stable")].T:

@@ -50,7 +50,7 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
     grid = np.meshgrid(x, y, indexing="ij")
     growth = evaluate(*(part.ravel() for part in grid)).reshape(grid[0].shape)
     # Between signs alone, so that every crossing is in the middle of an edge of a cell.
-    lines = contourpy.contour_generator(z=np.where(growth > 0, 1.0, -1.0).T).lines(0.0)
+    lines: Any = contourpy.contour_generator(z=np.where(growth > 0, 1.0, -1.0).T).lines(0.0)
     boundaries: tuple[np.ndarray, ...] = ()
     if lines:
         middle = np.concatenate(lines)  # in steps of the grid

@@ -64,8 +64,7 @@ def onset_speed(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
-    within = _checked(within, samples)
-    speeds, sign = _scan(scene, within, samples)
+    speeds, sign = _scan(scene, _checked(within, samples), samples)
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [
@@ -91,8 +90,7 @@ def stability_crossings(
     A rotor without damping counts as not unstable: its crossings are the edges of unstable bands.
     Arguments as of `onset_speed`.
     """
-    within = _checked(within, samples)
-    speeds, sign = _scan(scene, within, samples)
+    speeds, sign = _scan(scene, _checked(within, samples), samples)
     unstable = np.asarray(sign) > 0
     return [
         (_refine(scene, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))

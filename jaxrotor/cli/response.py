@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import UnbalanceResponse, critical_speeds, unbalance_response
+from ..analysis import HarmonicResponse, critical_speeds, unbalance_response
 from ..effects import AbstractContact
 from ..scene import Scene
 from . import answer
@@ -62,7 +62,7 @@ def response(
         critical = [_at(rotor, speed, station) for speed in inside.tolist()]
         bounded = [one["speed"] for one in critical if one["amplitude"] is not None]
         result = unbalance_response(rotor, np.union1d(speeds, bounded), station)
-        if not np.asarray(result.displacement).any():
+        if not np.asarray(result.major).any():
             raise ValueError(
                 "Nothing moves at that station; give the scene an unbalance that is not 0, as in "
                 "--set unbalance.eccentricity=0.1mm."
@@ -99,16 +99,16 @@ def _row(one: dict[str, Any]) -> tuple[str, str, str, str]:
 def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
     """Amplitude [m] and phase [rad] at a speed; None where they are unbounded."""
     try:
-        motion = complex(unbalance_response(rotor, speed, station).displacement[0, 0])
+        found = unbalance_response(rotor, speed, station)
     except ValueError:
         return {"speed": speed, "amplitude": None, "phase": None}
-    return {"speed": speed, "amplitude": abs(motion), "phase": math.atan2(motion.imag, motion.real)}
+    phase = float(np.angle(found.forward[0, 0]))
+    return {"speed": speed, "amplitude": float(found.major[0, 0]), "phase": phase}
 
 
-def _peaks(rotor: Scene, result: UnbalanceResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
+def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
     """Local maxima of the amplitude, each sought between the neighbours of the highest sample."""
-    speeds, motion = np.asarray(result.speeds), np.asarray(result.displacement)[:, 0]
-    amplitude = np.abs(motion)
+    speeds, amplitude = np.asarray(result.speeds), np.asarray(result.major)[:, 0]
     rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
     found = []
     for k in np.flatnonzero(rises & falls) + 1:
@@ -117,20 +117,21 @@ def _peaks(rotor: Scene, result: UnbalanceResponse, unbounded: np.ndarray) -> li
             continue
         for _ in range(_ZOOMS):
             grid = np.linspace(low, high, _SAMPLES)
-            closer = np.abs(unbalance_response(rotor, grid, result.stations).displacement[:, 0])
+            closer = np.asarray(unbalance_response(rotor, grid, result.stations).major[:, 0])
             best = int(np.clip(np.argmax(closer), 1, _SAMPLES - 2))
             low, high = grid[best - 1], grid[best + 1]
         found.append(_at(rotor, float((low + high) / 2), result.stations))
     return found
 
 
-def _variables(result: UnbalanceResponse) -> tuple[dict[str, Any], dict[str, Any]]:
-    dims, motion = ("speed", "station"), np.asarray(result.displacement)
-    phase = about("rad", "lead over the rotation")
+def _variables(result: HarmonicResponse) -> tuple[dict[str, Any], dict[str, Any]]:
+    dims, phase = ("speed", "station"), about("rad", "lead of the forward part over the rotation")
+    major, minor = np.asarray(result.major), np.asarray(result.minor)
     return (
         {
-            "amplitude": (dims, np.abs(motion), about("m", "radius of the synchronous orbit")),
-            "phase": (dims, np.angle(motion), phase),
+            "amplitude": (dims, major, about("m", "larger half axis of the synchronous orbit")),
+            "minor": (dims, minor, about("m", "smaller half axis, negative if backward")),
+            "phase": (dims, np.angle(result.forward), phase),
         },
         {
             "speed": ("speed", np.asarray(result.speeds), about("rad/s", "spin speed")),
@@ -139,7 +140,7 @@ def _variables(result: UnbalanceResponse) -> tuple[dict[str, Any], dict[str, Any
     )
 
 
-def _draw(result: UnbalanceResponse, critical: np.ndarray, folder: Path) -> None:
+def _draw(result: HarmonicResponse, critical: np.ndarray, folder: Path) -> None:
     from .. import plot
 
     def both(axes: Any) -> None:

@@ -12,6 +12,13 @@ from . import colours, page
 from .record import signal
 
 
+_LOOKS = {
+    "forward": ("forward part", colours.FORWARD),
+    "backward": ("backward part", colours.BACKWARD),
+    "twice": ("twice a revolution, by weight", colours.DARK),
+}
+
+
 def response(
     result: Any,
     axes: Any = None,
@@ -20,13 +27,15 @@ def response(
     log: bool = False,
     critical: Iterable[Any] = (),
 ) -> tuple[Axes, Axes]:
-    """Radius of the synchronous orbit above, and its lead over the rotation below, against speed.
+    """Amplitude of each part of a steady motion above, and its phase below, against speed.
 
-    The phase runs on over whole turns, from within half a turn at the first speed; where it jumps by
-    just half a turn (no damping) it falls.
+    The parts are those turning forward and backward, or what weight does twice a revolution; a part
+    that is zero is left out. Of a response to a given force at one speed, against its frequency. The
+    phase runs on over whole turns, from within half a turn at the first speed; where it jumps by just
+    half a turn (no damping) it falls.
 
     Args:
-        result: of `jaxrotor.unbalance_response`.
+        result: of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.
         axes: two Axes, upper and lower; a new figure if None.
         station: which of the result's stations.
         log: draw amplitudes on a logarithmic axis.
@@ -35,10 +44,17 @@ def response(
     Returns:
         The upper and the lower Axes.
     """
-    motion = signal(result, "displacement", station)
+    names = ("twice",) if hasattr(result, "twice") else ("forward", "backward")
+    parts = {name: signal(result, name, station) for name in names}
+    shown = {name: part for name, part in parts.items() if np.any(part)} or {
+        names[0]: parts[names[0]]
+    }
     upper, lower = page.pair(axes, 170, 110)
-    speeds = np.asarray(result.speeds)
-    _draw(upper, lower, speeds, motion, colours.BLUE)
+    forced = np.ptp(result.speeds) == 0 and hasattr(result, "frequencies")
+    speeds = np.asarray(result.frequencies if forced else result.speeds)
+    largest = max(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
+    for name, part in shown.items():
+        _draw(upper, lower, speeds, part, largest, *_LOOKS[name])
     marks = [speed for speed in map(float, critical) if speeds.min() <= speed <= speeds.max()]
     for ax in (upper, lower):
         for number, speed in enumerate(marks):
@@ -49,9 +65,9 @@ def response(
         upper.set_yscale("log")
     else:
         upper.set_ylim(bottom=0.0)
-    lower.set_xlabel("spin speed [rad/s]")
-    if marks:
-        page.legend(upper, columns=1)
+    lower.set_xlabel("frequency [rad/s]" if forced else "spin speed [rad/s]")
+    if marks or len(shown) > 1 or "twice" in shown:
+        page.legend(upper, columns=3)
     return upper, lower
 
 
@@ -60,14 +76,14 @@ def _draw(
     lower: Axes,
     x: Float[np.ndarray, " w"],
     motion: Complex[np.ndarray, " w"],
+    largest: float,
+    name: str,
     colour: str,
 ) -> None:
-    """Amplitude and phase of one complex motion, in the unit that suits its size."""
-    amplitude = np.abs(motion)
-    small = np.nanmax(amplitude, initial=0.0) < 1e-4
-    unit, factor = ("\N{MICRO SIGN}m", 1e6) if small else ("mm", 1e3)
-    upper.plot(x, factor * amplitude, color=colour, linewidth=1.2)
-    lower.plot(x, _phase(motion), color=colour, linewidth=1.2)
+    """Amplitude and phase of one complex motion, in the unit that suits the largest."""
+    unit, factor = ("\N{MICRO SIGN}m", 1e6) if largest < 1e-4 else ("mm", 1e3)
+    upper.plot(x, factor * np.abs(motion), color=colour, linewidth=1.2, label=name)
+    lower.plot(x, _phase(motion), color=colour, linewidth=1.2, label=name)
     upper.set_ylabel(f"amplitude [{unit}]")
     lower.set_ylabel("phase [deg]")
     lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
