@@ -399,7 +399,8 @@ def branches(slopes, growth, frame="fixed", speeds=(0.0, 10.0, 20.0, 30.0)):
     """Branches `frequency + slope Omega` of a constant growth rate."""
     speeds = jnp.asarray(speeds)
     values = [g + 1j * (f + s * speeds) for (f, s), g in zip(slopes, growth, strict=True)]
-    return jr.Campbell(speeds, jnp.stack(values, axis=1), frame)
+    circular = frame == "fixed" and any(f < 0 for f, _ in slopes)
+    return jr.Campbell(speeds, jnp.stack(values, axis=1), frame, circular)
 
 
 GYROSCOPIC = [(20.0, 0.1), (-20.0, 0.1), (90.0, 1.0), (-90.0, 1.0)]  # [rad/s], [1]
@@ -634,7 +635,12 @@ def resonance(damping=0.05, speeds=None):
     z = 1e-3 * speeds**2 / (1e4 - speeds**2 + 2j * damping * 100 * speeds + (damping == 0) * 1e-9)
     pair = jnp.asarray(np.stack([z, 2 * z], axis=1), complex)
     stations = jnp.array([0.2, 0.4])
-    return jr.UnbalanceResponse(jnp.asarray(speeds), stations, pair, 0 * pair)
+    return circles(speeds, stations, pair)
+
+
+def circles(speeds, stations, forward):
+    speeds = jnp.asarray(speeds)
+    return jr.HarmonicResponse(speeds, speeds, stations, forward, 0 * forward, None)
 
 
 def test_response_draws_amplitude_and_phase():
@@ -654,9 +660,7 @@ def test_response_draws_amplitude_and_phase():
 
 def test_response_in_micrometres_and_decades():
     small = resonance()
-    small = jr.UnbalanceResponse(
-        small.speeds, small.stations, 1e-3 * small.displacement, small.deflection
-    )
+    small = circles(small.speeds, small.stations, 1e-3 * small.forward)
     upper, _ = plot.response(small, log=True)
     assert upper.lines[0].get_ydata().max() == pytest.approx(10.0, rel=0.01)
     assert upper.get_ylabel() == "amplitude [\N{MICRO SIGN}m]" and upper.get_yscale() == "log"
@@ -667,11 +671,27 @@ def test_response_phase_runs_on():
     speeds = np.linspace(1.0, 400.0, 800)
     product = np.prod([w**2 / (w**2 - speeds**2 + 4j * speeds) for w in (100.0, 250.0)], axis=0)
     both = jnp.asarray(product[:, None], complex)
-    result = jr.UnbalanceResponse(jnp.asarray(speeds), jnp.array([0.2]), both, 0 * both)
+    result = circles(speeds, jnp.array([0.2]), both)
     phase = plot.response(result)[1].lines[0].get_ydata()
     assert (np.diff(phase) < 0).all() and -360 < phase[-1] < -350 and phase[0] > -1
     undamped = plot.response(resonance(0.0, [50.0, 90.0, 110.0, 200.0]))[1].lines[0].get_ydata()
     np.testing.assert_allclose(undamped, [0.0, 0.0, -180.0, -180.0], atol=1e-9)
+
+
+def test_response_draws_the_parts_there_are():
+    """Forward and backward of an ellipse, against frequency at one speed; of weight its one part."""
+    frequencies, one = jnp.linspace(10.0, 90.0, 5), jnp.array([0.2])
+    forward = jnp.full((5, 1), 2e-3 + 0j)
+    found = jr.HarmonicResponse(jnp.full(5, 300.0), frequencies, one, forward, 0.5j * forward, None)
+    upper, lower = plot.response(found)
+    assert lower.get_xlabel() == "frequency [rad/s]"
+    np.testing.assert_allclose(lines(upper)["forward part"].get_data(), [frequencies, [2.0] * 5])
+    np.testing.assert_allclose(lines(upper)["backward part"].get_ydata(), 1.0)
+    np.testing.assert_allclose(lines(lower)["backward part"].get_ydata(), 90.0)
+    weight = jr.WeightResponse(frequencies, one, 0 * forward, 3 * forward)
+    upper, lower = plot.response(weight)
+    assert lower.get_xlabel() == "spin speed [rad/s]" and len(upper.lines) == 1
+    np.testing.assert_allclose(lines(upper)["twice a revolution, by weight"].get_ydata(), 6.0)
 
 
 def test_response_of_a_station_that_is_not_there():
