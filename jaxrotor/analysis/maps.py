@@ -114,7 +114,8 @@ def _crossing(growth: Callable, low: np.ndarray, high: np.ndarray) -> np.ndarray
         start, stop = np.split(np.stack(ends), 2)
         at = start + share * (stop - start)
         padded = np.pad(at, [(0, 0), (0, size - at.shape[1])], mode="edge")  # one compiled program
-        return growth(padded)[: at.shape[1]] - np.finfo(float).tiny  # zero is stable
+        found = growth(padded)[: at.shape[1]]
+        return np.where(found == 0, -1.0, found)  # an undamped rotor is stable at zero, not near it
 
     found = elementwise.find_root(
         above,

@@ -1,0 +1,89 @@
+"""Stability maps and boundaries of the two-stiffness rotor, against its closed-form boundary."""
+
+import numpy as np
+import pytest
+
+import jaxrotor as jr
+
+
+def rotor(damping=None, ratio=0.2, **shaft):
+    """Unit mass and stiffness: speeds are p, the damping is delta, of the sheet."""
+    shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=ratio, **shaft)
+    on_it = [jr.Disc(0.5, 1.0)] + ([] if damping is None else [jr.DiscDamping(0.5, damping)])
+    return jr.Scene(shaft, *on_it, spin=jr.ConstantSpeed(1.0))
+
+
+def edges(ratio, damping):
+    """`(1 - p^2)^2 - mu^2 + delta^2 p^2 = 0`, zero root of the quartic (sheet 2, section 1.6)."""
+    squares = np.roots([1.0, damping**2 - 2, 1 - ratio**2])
+    return np.sqrt(np.sort(squares.real)) if np.isreal(squares).all() else np.zeros(0)
+
+
+@pytest.mark.parametrize("damping", [None, 0.05])
+def test_boundary_along_the_speed(damping):
+    found = jr.stability_boundary(rotor(damping), "spin.speed", np.linspace(0.1, 2.0, 24))
+    np.testing.assert_allclose(found.values, edges(0.2, damping or 0.0), rtol=1e-8)
+    assert found.lost.tolist() == [True, False]
+
+
+def test_boundary_along_another_parameter():
+    """At p = 0.95 the shaft must differ by `mu^2 = (1 - p^2)^2 + delta^2 p^2` to be unstable."""
+    scene = rotor(0.05).replace({"spin.speed": 0.95})
+    found = jr.stability_boundary(scene, "shaft.anisotropy", np.linspace(0.0, 0.5, 9))
+    expected = np.hypot(1 - 0.95**2, 0.05 * 0.95)
+    np.testing.assert_allclose(found.values, [expected], rtol=1e-9)
+    assert found.lost.tolist() == [True]
+    empty = jr.stability_boundary(scene, "shaft.anisotropy", [0.0, 0.01])
+    assert empty.values.size == 0 and empty.lost.size == 0
+
+
+def test_map_and_its_curves():
+    """Every point of the traced curves is on the closed form; the grid has its sign and size."""
+    speeds, ratios = np.linspace(0.6, 1.4, 33), np.linspace(0.0, 0.5, 21)
+    over = {"spin.speed": speeds, "shaft.anisotropy": ratios}
+    found = jr.stability_map(rotor(0.05), over)
+    assert found.paths == ("spin.speed", "shaft.anisotropy") and found.units == ("rad/s", "1")
+    p, mu = np.concatenate(found.boundaries).T
+    np.testing.assert_allclose(mu, np.hypot(1 - p**2, 0.05 * p), rtol=1e-8)
+    assert len(found.boundaries) == 1 and len(p) > 40
+    inside = ratios > np.hypot(1 - speeds**2, 0.05 * speeds)[:, None]
+    np.testing.assert_array_equal(found.growth > 0, inside)
+    # At p = 1 a real root: lambda^2 + (delta + ..): from the quartic itself.
+    quartic = [1, 0.1, 0.05**2 + 4, 4 * 0.05, 0.05**2 - 0.5**2]
+    assert found.growth[16, -1] == pytest.approx(np.roots(quartic).real.max(), rel=1e-9)
+
+
+def test_map_of_a_rotor_on_supports_of_two_stiffnesses():
+    """Periodic coefficients: at a ratio of zero, where they are constant, growth is that of roots."""
+    shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=0.1, damping=0.02, ends="elastic")
+    supports = [jr.Support(x, 2.0, 0.01, anisotropy=0.1) for x in (0.0, 1.0)]
+    scene = jr.Scene(
+        shaft, jr.Disc(0.5, 1.0), jr.DiscDamping(0.5, 0.02), *supports, spin=jr.ConstantSpeed(1.0)
+    )
+    speeds = np.array([0.5, 0.7, 0.9, 1.5])
+    over = {"spin.speed": speeds, "supports.anisotropy": [0.0, 0.1]}
+    found = jr.stability_map(scene, over)
+    round_ = jr.Scene(
+        shaft,
+        jr.Disc(0.5, 1.0),
+        jr.DiscDamping(0.5, 0.02),
+        *(jr.Support(x, 2.0, 0.01) for x in (0.0, 1.0)),
+        spin=jr.ConstantSpeed(1.0),
+    )
+    for speed, growth in zip(speeds, found.growth[:, 0], strict=True):
+        values = np.asarray(jr.roots(round_.replace({"spin.speed": speed})))
+        assert growth == pytest.approx(values.real.max(), rel=1e-7, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("over", "sentence"),
+    [
+        ({"spin.speed": [1.0, 2.0]}, "must name two parameters, but names 1"),
+        ({"spin.speed": [2.0, 1.0], "disc.mass": [1.0, 2.0]}, "ascending values"),
+        ({"spin.speed": [1.0, 2.0], "disc.mass": [-1.0, 2.0]}, "must not be negative"),
+        ({"spin.speed": [1.0, 2.0], "disk.mass": [1.0, 2.0]}, "no parameter"),
+    ],
+)
+def test_refusals(over, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        jr.stability_map(rotor(0.05), over)
