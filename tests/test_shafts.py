@@ -104,20 +104,21 @@ def test_convergence_is_exponential():
 
 
 def pinned_whirls(number, speed, shear):
-    """The whirls of one mode of a pinned Timoshenko shaft: four branches, two without shear.
+    """Whirls of `w = sin kx, psi = cos kx`: four branches, or two where the slope is that of w.
 
-    (EI k^4 + rI' k^2) .. : det of the 2 by 2 for w = sin kx, psi = cos kx.
+    EI k^4 + 2 rI Omega k^2 w - (rA + rI k^2) w^2 = 0                              (no shear)
+    (S k^2 - rA w^2) (EI k^2 + S + 2 rI Omega w - rI w^2) = (S k)^2,  S = kGA      (shear)
     """
     k = number * np.pi / LENGTH
     area, second = np.pi * DIAMETER**2 / 4, np.pi * DIAMETER**4 / 64
-    if shear:
-        nu = 0.3
-        stiff = 6 * (1 + nu) / (7 + 6 * nu) * 2.1e11 / 2.6 * area
-    else:
-        stiff = 1e6 * 2.1e11 * area
-    # [[S k^2 - rA w^2, -S k], [-S k, EI k^2 + S - rI w^2 + 2 rI Omega w]]
+    turning = 2 * 7850 * second * speed
+    if not shear:
+        inertia = 7850 * (area + second * k**2)
+        return np.roots([-inertia, turning * k**2, 2.1e11 * second * k**4])
+    nu = 0.3
+    stiff = 6 * (1 + nu) / (7 + 6 * nu) * 2.1e11 / 2.6 * area
     one = np.array([-7850 * area, 0.0, stiff * k**2])
-    other = np.array([-7850 * second, 2 * 7850 * second * speed, 2.1e11 * second * k**2 + stiff])
+    other = np.array([-7850 * second, turning, 2.1e11 * second * k**2 + stiff])
     return np.roots(np.polysub(np.polymul(one, other), [(stiff * k) ** 2]))
 
 
@@ -132,7 +133,7 @@ def test_rotating_pinned_shaft(shear, speed):
         expected = np.sort_complex(pinned_whirls(number, speed, shear)).real
         slow = expected[np.argsort(np.abs(expected))][:2]
         for whirl in slow:
-            assert np.min(np.abs(found / whirl - 1)) < (1e-9 if shear else 2e-7)
+            assert np.min(np.abs(found / whirl - 1)) < 1e-9
     if shear:  # the branch where sections turn against the line
         fast = np.sort(pinned_whirls(1, speed, True).real)[-1]
         assert np.min(np.abs(found / fast - 1)) < 1e-9
@@ -221,7 +222,7 @@ def test_overhung_disc_on_damped_bearings(rpm):
     damped = Support.from_matrices(1.0, matrix, 60e3 * np.eye(2))
     found = np.asarray(jr.roots(overhung(rpm, Support.from_matrices(0.0, matrix), damped), 10))
     whirl = found[found.imag > 1.0]
-    np.testing.assert_allclose(whirl.real, OVERHUNG[rpm][0], atol=6e-7, rtol=0)
+    np.testing.assert_allclose(whirl.real, OVERHUNG[rpm][0], atol=6e-7, rtol=3e-6)
     np.testing.assert_allclose(whirl.imag, OVERHUNG[rpm][1], rtol=1e-6)
 
 
@@ -246,13 +247,21 @@ LIMITER = {  # V4, in rad per T*: forward and backward
 @pytest.mark.parametrize("shear", LIMITER)
 def test_shaft_of_the_limiter_rotor(shear):
     rotor = jr.load("limiter-rotor")
-    shaft = FlexibleShaft(0.7, 0.02, STEEL, nodes=14, rotary_inertia=shear, shear=shear)
+    shaft = FlexibleShaft(0.7, 0.02, STEEL, nodes=18, rotary_inertia=shear, shear=shear)
     disc = next(effect for effect in rotor.effects if effect.kind == "disc")
     found = np.asarray(jr.roots(at_rest(shaft, disc, speed=float(rotor.spin.speed)))).imag
     time = 15 / float(rotor.spin.speed)
     for sense, expected in zip((1, -1), LIMITER[shear], strict=True):
         whirl = np.sort(sense * found[sense * found > 0])[:4] * time
-        np.testing.assert_allclose(whirl, expected, atol=6e-6, rtol=0)
+        np.testing.assert_allclose(whirl, expected, atol=6e-6, rtol=5e-7)
+    stretch = Stretch(0.7, 0.02, 2.1e11, 7850.0, 2.1e11 / 2.6 if shear else np.inf, rotary=shear)
+    clamp, end = (
+        Joint(pinned=True, slope=True),
+        Joint(*(float(getattr(disc, name)) for name in ("mass", "diametral", "polar"))),
+    )
+    slow = found[np.argsort(np.abs(found))][:8]
+    exact = [whirl_near(whirl, [stretch], [clamp, end], float(rotor.spin.speed)) for whirl in slow]
+    np.testing.assert_allclose(slow, exact, rtol=1e-7)
 
 
 # === stepped, hollow, held inside: exact transfer matrices
@@ -331,7 +340,7 @@ def random_rotor(seed):
     length = 1.0
     places = rng.permutation(np.arange(1, 20))[:6] / 20
     steps = tuple(Step(at, rng.uniform(0.02, 0.05)) for at in sorted(places[:2]))
-    kinds = rng.choice(["pin", "guide", "clamp", "free"], 3)
+    kinds = rng.choice(["pin", "guide", "clamp", "free"], 3).tolist()
     held = zip((0.0, places[2], length), kinds, strict=True)
     shaft = FlexibleShaft(
         length,
@@ -350,13 +359,13 @@ def random_rotor(seed):
     return at_rest(shaft, *discs, *bearings, speed=rng.uniform(-2000, 2000))
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_conservative_roots_are_imaginary(seed):
     values = np.asarray(jr.roots(random_rotor(seed)))
     assert np.abs(values.real).max() < 1e-12 * np.abs(values).max()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_external_damping_alone_is_stable_at_every_speed(seed):
     rotor = random_rotor(seed)
     damped = Scene(rotor.shaft, *rotor.effects, jr.ExternalDamping(20.0), spin=rotor.spin)
@@ -392,7 +401,9 @@ def test_one_physics_two_descriptions():
             np.asarray(jr.roots(at_rest(shaft, *on_it, speed=speed), 4))
             for shaft in (flexible, massless)
         )
-        np.testing.assert_allclose(np.sort_complex(one), np.sort_complex(other), rtol=1e-8)
+        np.testing.assert_allclose(
+            one[np.argsort(one.imag)], other[np.argsort(other.imag)], rtol=1e-8
+        )
 
 
 # === gradients and refusals

@@ -5,10 +5,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..blocks import Blocks
 from ..pencil import Frame, Pencil, eigenvalues, eigenvectors, frame, isotropic
 from ..quantities import known
 from ..scene import Scene
 from ..system import System, assemble
+
+
+ROUNDING = 1e-9  # of a root, that its real part may have where it should have none
 
 
 class Modes(eqx.Module):
@@ -83,6 +87,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     system = assemble(scene)
     if system.blocks.hysteretic is None:
         values, vectors = eigenvectors(Pencil.of(system))
+        values = _less_rounding(values, system.blocks)
     else:
         faster, slower = (eigenvectors(Pencil.of(system, whirl)) for whirl in (1, -1))
         values, vectors = _by_whirl(system.spin.speed, faster, slower)
@@ -101,7 +106,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
 def natural_roots(system: System) -> Complex[Array, " m"]:
     """All eigenvalues [rad/s] of a system, in no order, infinite where there is no mass."""
     if system.blocks.hysteretic is None:
-        return eigenvalues(Pencil.of(system))
+        return _less_rounding(eigenvalues(Pencil.of(system)), system.blocks)
     pairs = [(values, values) for w in (1, -1) for values in [eigenvalues(Pencil.of(system, w))]]
     return _by_whirl(system.spin.speed, *pairs)[0]
 
@@ -118,6 +123,16 @@ def _by_whirl(speed, faster, slower):
     chosen = faster[0].imag > speed
     pick = lambda a, b: jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
     return tuple(pick(a, b) for a, b in zip(faster, slower, strict=True))
+
+
+def _less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:
+    """A rotor without loss and drive whirls for ever: what rounding adds to fast modes is dropped."""
+    drives = ("damping", "circulatory", "skew_stiffness", "fixed_damping")
+    lasting = all(getattr(blocks, name) is None for name in drives)
+    if frame(blocks) != "fixed" or not lasting:
+        return values
+    small = jnp.abs(values.real) <= ROUNDING * jnp.abs(values)
+    return jnp.where(small, 1j * values.imag, values)
 
 
 def _order(values: Complex[Array, " m"]) -> Array:

@@ -10,6 +10,7 @@ from .linear import onset, roots
 from .response import response
 from .scenes import scenes, show
 from .simulate import simulate
+from .stability import stability
 from .sweep import sweep
 
 
@@ -50,7 +51,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (scenes, show, roots, onset, campbell, critical, response, simulate, sweep):
+_COMMANDS = (
+    scenes, show, roots, onset, campbell, critical, stability, response, simulate, sweep
+)  # fmt: skip
+for _command in _COMMANDS:
     app.command()(_command)
 
 
@@ -68,6 +72,7 @@ def options(
     jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
     jaxrotor campbell limiter-rotor --out run
     jaxrotor critical limiter-rotor
+    jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --out run
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from ..analysis import critical_speeds
-from ..files import START, load
+from ..files import START, load, swept_values
 from ..scene import Scene
 from ..start import AbstractStart, AtRest, Whirl
 from ..units import quantity
@@ -98,6 +98,15 @@ def assignments(option: str, texts: Sequence[str] | None, example: str) -> dict[
             raise ValueError(f"{option} must be path=value, as in {example}, but is {text!r}.")
         found[path] = value
     return found
+
+
+def swept_axes(scene: Scene, over: Sequence[str] | None) -> dict[str, np.ndarray]:
+    """Values [SI] by path of `--over`."""
+    axes = {}
+    for path, text in assignments("--over", over, "spin.speed=0:6000rpm:61").items():
+        values = text if ":" in text else [part.strip() for part in text.split(",")]
+        axes[path] = swept_values(values, scene, path, f"--over {path}")
+    return axes
 
 
 def start_with(

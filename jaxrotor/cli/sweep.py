@@ -10,7 +10,7 @@ import typer
 import xarray as xr
 
 from ..effects import AbstractContact
-from ..files import study, swept_values
+from ..files import study
 from ..observe import AbstractObservable, WhirlSpectrum, everything
 from ..scene import Scene
 from ..solvers import Exponential
@@ -31,6 +31,7 @@ from .options import (
     optional,
     scene_with,
     start_with,
+    swept_axes,
 )
 from .output import draft, draw, write_dataset, written_to
 
@@ -158,11 +159,7 @@ def sweep(
 
 def _axes(scene: Scene, table: dict[str, Any], over: list[str] | None) -> dict[str, np.ndarray]:
     """Swept values by path: those of `--over`, else of the scene file."""
-    axes = {}
-    for path, text in assignments("--over", over, "spin.speed=0:6000rpm:61").items():
-        values = text if ":" in text else [part.strip() for part in text.split(",")]
-        axes[path] = swept_values(values, scene, path, f"--over {path}")
-    axes = axes or table.get("over", {})
+    axes = swept_axes(scene, over) or table.get("over", {})
     if not axes:
         raise ValueError(
             "The scene does not say what to sweep; add --over, as in --over spin.speed=0:6000rpm:61."
