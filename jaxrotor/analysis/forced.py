@@ -128,7 +128,7 @@ def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
 
 
 def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) -> HarmonicResponse:
-    """Response to a given harmonic force alone, the rotor turning at its own speed.
+    """`( K + i w C - w^2 M ) q = F`: response to a given harmonic force at the rotor's own speed.
 
     Args:
         scene: a rotor without contact; its unbalance and weight do not count.
@@ -138,8 +138,8 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
         at: station(s) [m] to observe, by default that of the force.
 
     Returns:
-        Complex amplitudes per force: those of a rotor with hysteresis by the sign of `w` (of `-w`
-        for the backward part) less the speed. Differentiable.
+        Complex amplitudes, of that force alone. Hysteresis takes its sign from each part's whirl, `w`
+        or `-w`, less the speed. Differentiable.
     """
     scene = _ending_span(scene, scene.stations(force.at)[0])
     frequencies, stations = _cases(scene, frequencies, force.at if at is None else at)
