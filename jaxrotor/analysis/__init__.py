@@ -9,6 +9,11 @@ from .campbell import (
 from .forced import UnbalanceResponse as UnbalanceResponse, unbalance_response as unbalance_response
 from .modal import Modes as Modes, modes as modes, roots as roots
 from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
+from .reduction import (
+    Reduction as Reduction,
+    inertia_from_frequency as inertia_from_frequency,
+    reduction as reduction,
+)
 from .stability import (
     Onset as Onset,
     onset_speed as onset_speed,
