@@ -51,15 +51,17 @@ def reduction(scene: Scene, at) -> Reduction:
     bent = jnp.linalg.solve(stiffness, columns)
     moved = rows @ jnp.linalg.solve(stiffness, inertia @ bent)
     flexibility = rows @ bent
-    held = flexibility[0, 0] <= 1e-12 * scene.shaft.length**2 * flexibility[1, 1]
-    loose = ~(jnp.linalg.cond(stiffness) < 1e12)
-    if known(held) and (held | loose):
-        why = "held" if held else "free to move as a rigid body"
-        raise ValueError(
-            f"The rotor cannot be reduced to {float(at):g} m, where it is {why} or has no slope."
-        )
+    length = scene.shaft.length
+    obstacles = {
+        "is free to move as a rigid body": ~(jnp.linalg.cond(stiffness) < 1e12),
+        "has no slope": flexibility[1, 1] <= 0,
+        "is held": flexibility[0, 0] <= 1e-12 * length**2 * flexibility[1, 1],
+    }
+    for why, there in obstacles.items():
+        if known(there) and there:
+            raise ValueError(f"The rotor cannot be reduced to {float(at):g} m, where it {why}.")
     k = jnp.linalg.inv(flexibility)
-    shaft = MasslessShaft(scene.shaft.length, at, k[0, 0], (k[0, 1] + k[1, 0]) / 2, k[1, 1])
+    shaft = MasslessShaft(length, at, k[0, 0], (k[0, 1] + k[1, 0]) / 2, k[1, 1])
     condensed = k @ moved @ k
     return Reduction(shaft, moved[0, 0] / flexibility[0, 0] ** 2, (condensed + condensed.T) / 2)
 
