@@ -157,10 +157,7 @@ def _values(inverses: Complex[Array, " m2"], shift: Scalar) -> Complex[Array, " 
 @_eigenvalues.defjvp
 def _eigenvalues_jvp(primals, tangents):
     values = _eigenvalues(*primals)
-    finite = jnp.isfinite(values)
-    roots = jnp.where(finite, values, 0.0)
-    changes = root_changes(roots, Pencil(*primals), Pencil(*tangents))
-    return values, jnp.where(finite, changes, 0.0)
+    return values, root_changes(values, Pencil(*primals), Pencil(*tangents))
 
 
 def root_changes(
@@ -171,21 +168,26 @@ def root_changes(
     Two equal roots that keep two vectors get the mean of their derivatives; equal roots that share
     one vector have none, and the result is not finite there.
     """
+    rate = pencil.rate
+    floor = jnp.where(jnp.isfinite(rate), rate, 0.0)
+    finite = jnp.isfinite(roots)
 
     def one(root):
         at = lambda p: root**2 * p.inertia + root * p.damping + p.stiffness
-        u, sizes, v = jnp.linalg.svd(at(pencil))
+        u, _, v = jnp.linalg.svd(at(pencil))
         left, right = u[:, -2:].conj().T, v[-2:].conj().T
         slope = left @ (2 * root * pencil.inertia + pencil.damping) @ right
         moved = left @ at(change) @ right
-        twice = (sizes.size > 1) & (sizes[-2:][0] < 1e-9 * sizes[0])
+        # By the roots themselves: singular values span too many scales to tell.
+        gaps = jnp.sort(jnp.where(finite, jnp.abs(roots - root), jnp.inf))
+        twice = (len(slope) > 1) & (gaps[1] < 1e-9 * jnp.maximum(jnp.abs(root), floor))
         simple = -moved[-1, -1] / slope[-1, -1]
         double = -jnp.trace(
             jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved)
         )
         return jnp.where(twice, double / 2, simple)
 
-    return jax.lax.map(one, roots)
+    return jnp.where(finite, jax.lax.map(one, jnp.where(finite, roots, 0.0)), 0.0)
 
 
 def steady_response(system: System) -> tuple[Array | None, Array | None]:

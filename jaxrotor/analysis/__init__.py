@@ -23,6 +23,11 @@ from .maps import (
 )
 from .modal import Modes as Modes, modes as modes, roots as roots
 from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
+from .reduction import (
+    Reduction as Reduction,
+    inertia_from_frequency as inertia_from_frequency,
+    reduction as reduction,
+)
 from .stability import (
     Onset as Onset,
     growth_rate as growth_rate,

@@ -1,0 +1,100 @@
+"""Reduction of a real rotor to one station of a massless shaft."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..quantities import Scalar, check, known
+from ..scene import Scene
+from ..shafts import MasslessShaft
+from ..system import assemble
+
+
+class Reduction(eqx.Module):
+    """Stiffness, mass and inertia of a rotor at one station, from its static deflections."""
+
+    shaft: MasslessShaft
+    mass: Scalar  # [kg], kinetic energy of the deflection under a force there, of unit displacement
+    condensed: Float[Array, "2 2"]  # static condensation to displacement [m] and slope [rad]
+
+
+def reduction(scene: Scene, at) -> Reduction:
+    """Static reduction to displacement and slope at one station: `k = F^-1`, `m = Int m(s) x(s)^2 ds`.
+
+    `F` is the flexibility there, by force and couple; `x` the deflection under a force at the station
+    over that at the station itself. Mass and inertia of everything in the scene count, its discs
+    too. `mass` keeps the first frequency to some per cent. `condensed` keeps kinetic energy of both
+    deflections; its second frequency is far too high (twice, say): find the transverse inertia of a
+    second coordinate with `inertia_from_frequency`.
+
+    Args:
+        scene: a rotor that its supports or constraints hold, the same along every axis; its speed and
+            damping do not matter.
+        at: station [m]; exact where an effect sits there, so that the line may have a kink.
+
+    Raises:
+        ValueError: two stiffnesses, or a station that cannot move or a rotor that nothing holds.
+
+    Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
+    """
+    (at,) = scene.stations(at)
+    system = assemble(scene)
+    line, blocks = system.line, system.blocks
+    if blocks.fixed_stiffness is not None or blocks.rotating_stiffness is not None:
+        raise ValueError("A rotor of two stiffnesses has no single reduction; reduce each axis.")
+    rows = jnp.stack([line.row(at), line.slope_row(at)])
+    columns = jnp.stack([line.column(at), line.couple_column(at)], axis=1)
+    inertia = jnp.zeros_like(line.stiffness) if blocks.inertia is None else blocks.inertia
+    # A deflection loaded by its own inertia: the flexibility is symmetric, so at the station that
+    # is the integral of mass times the product of two deflections.
+    stiffness = line.stiffness if blocks.stiffness is None else blocks.stiffness
+    bent = jnp.linalg.solve(stiffness, columns)
+    moved = rows @ jnp.linalg.solve(stiffness, inertia @ bent)
+    flexibility = rows @ bent
+    length = scene.shaft.length
+    obstacles = {
+        "is free to move as a rigid body": ~(jnp.linalg.cond(stiffness) < 1e12),
+        "has no slope": flexibility[1, 1] <= 0,
+        "is held": flexibility[0, 0] <= 1e-12 * length**2 * flexibility[1, 1],
+    }
+    for why, there in obstacles.items():
+        if known(there) and there:
+            raise ValueError(f"The rotor cannot be reduced to {float(at):g} m, where it {why}.")
+    k = jnp.linalg.inv(flexibility)
+    shaft = MasslessShaft(length, at, k[0, 0], (k[0, 1] + k[1, 0]) / 2, k[1, 1])
+    condensed = k @ moved @ k
+    return Reduction(shaft, moved[0, 0] / flexibility[0, 0] ** 2, (condensed + condensed.T) / 2)
+
+
+def inertia_from_frequency(shaft: MasslessShaft, mass, frequency) -> Scalar:
+    """`I = (k22 / w^2) (w^2 - K11 / m) / (w^2 - k11 / m)`, `K11 = k11 - k12^2 / k22`.
+
+    Args:
+        shaft: with slope, `k12` and `k22`.
+        mass: at its station [kg].
+        frequency: second natural frequency `w` of the rotor at rest, measured or computed [rad/s].
+
+    Returns:
+        Transverse inertia [kg m^2] that gives the reduced rotor this frequency. A relative error of
+        the frequency comes back about 2.7 times as large.
+
+    Raises:
+        ValueError: a frequency not above the pole `sqrt(k11 / m)`, below which no inertia gives it.
+
+    Source: Brysin, Nikiforov (2019), from eq. (4).
+    """
+    if shaft.k12 is None or shaft.k22 is None:
+        raise ValueError("The shaft has no slope at its station; give it k12 and k22.")
+    positive = lambda value, label: check(value, label, lambda x: x > 0, "must be positive")
+    mass, frequency = positive(mass, "mass [kg]"), positive(frequency, "frequency [rad/s]")
+    pole = jnp.sqrt(shaft.k11 / mass)
+    low = frequency <= pole
+    if known(low) and low:
+        raise ValueError(
+            f"`frequency [rad/s]` must exceed sqrt(k11 / m) = {float(pole):g}, the frequency with the "
+            f"slope held, but is {float(frequency):g}; give the second natural frequency."
+        )
+    message = "`frequency [rad/s]` must exceed sqrt(k11 / m), the frequency with the slope held."
+    square = eqx.error_if(frequency, low, message) ** 2
+    condensed = shaft.k11 - shaft.k12**2 / shaft.k22
+    return shaft.k22 / square * (square - condensed / mass) / (square - shaft.k11 / mass)

@@ -1,0 +1,77 @@
+"""Derivatives of roots, onset and critical speeds of the published scenes, by every parameter.
+
+One forward-mode pass against sixth-order central differences. Stations and lengths are labels on a
+massless shaft, and loads do not matter to a root: their derivatives are zero.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import leaf_values
+
+import jaxrotor as jr
+
+
+SCENES = {  # range with one onset [rad/s]
+    "dual-stiffness-rigid": (60.0, 100.0),
+    "dual-stiffness-elastic": (180.0, 300.0),
+    "dual-stiffness-rotating": (110.0, 190.0),
+    "gyroscopic-cantilever": (60.0, 120.0),
+    "gyroscopic-propped": (250.0, 320.0),
+}
+STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+LABELS = (".at", ".length", "spin.speed")
+LOADS = ("unbalance", "gravity")
+
+
+def parameters(scene):
+    """Every parameter; those of like effects together, so that the ends move alike."""
+    return {path: jnp.ravel(value)[0] for path, value in leaf_values(scene).items()}
+
+
+def roots(scene, count):
+    values = jr.roots(scene)[:count]
+    return jnp.concatenate([values.real, values.imag])
+
+
+def functions(name):
+    scene = jr.load(name)
+    count = jr.roots(scene).size
+    critical = np.concatenate(jr.critical_speeds(scene)).size
+    low, high = SCENES[name]
+    return scene, {
+        "roots": lambda scene: roots(scene, count),
+        "onset": lambda scene: jnp.stack(jr.onset_speed(scene, (low, high), 20)),
+        "critical": lambda scene: jnp.sort(jnp.concatenate(jr.critical_speeds(scene)))[:critical],
+    }
+
+
+@pytest.mark.parametrize("what", ["roots", "onset", "critical"])
+@pytest.mark.parametrize("name", SCENES)
+def test_by_every_parameter(name, what):
+    scene, choices = functions(name)
+    values, function = parameters(scene), choices[what]
+    at = jax.jit(lambda values: function(scene.put(values)))
+    push = jax.jit(
+        lambda values, along: jax.jvp(lambda v: function(scene.put(v)), (values,), (along,))
+    )
+    still = {path: jnp.zeros(()) for path in values}
+    acting = 0
+    for path, value in values.items():
+        result, exact = push(values, still | {path: jnp.ones(())})
+        if path.endswith(LABELS[:2]) or path.startswith(LOADS):
+            assert not np.any(exact), path
+            continue
+        h = 1e-3 * (abs(float(value)) or 1.0)
+        found = (
+            sum(
+                w * (at(values | {path: value + k * h}) - at(values | {path: value - k * h}))
+                for k, w in STENCIL.items()
+            )
+            / h
+        )
+        scale = np.max(np.abs(result)) / (abs(float(value)) or 1.0)
+        np.testing.assert_allclose(exact, found, rtol=1e-6, atol=1e-9 * scale, err_msg=path)
+        acting += bool(np.any(exact))
+    assert acting >= {"roots": 5, "onset": 4, "critical": 3}[what]
