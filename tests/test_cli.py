@@ -269,6 +269,74 @@ def test_response_of_a_balanced_rotor(place):
     assert "unbalance" in sentence and everything_below(place) == ["damped.toml"]
 
 
+def test_roots_in_axes_that_turn_with_the_shaft():
+    """One of each conjugate pair, seen in fixed axes too: the larger part tells how it whirls."""
+    shown = answered("roots", "dual-stiffness-rigid", "--speed", "50")
+    assert shown["axes"] == "rotating" and len(shown["roots"]) == 2
+    slow, fast = shown["roots"]
+    assert slow["shaft_frequency"] == pytest.approx(47.1729494, abs=1e-7)  # of the sheet, 3.10
+    assert fast["shaft_frequency"] == pytest.approx(149.8931294, abs=1e-7)
+    assert slow["frequency"] == pytest.approx(50 + 47.1729494, abs=1e-7)
+    assert fast["frequency"] == pytest.approx(149.8931294 - 50, abs=1e-7)
+    assert (slow["direction"], fast["direction"]) == ("forward", "backward")
+    assert "shaft's axes" in call("roots", "dual-stiffness-rigid").stdout
+    bent = answered("roots", "dual-stiffness-rigid", "--speed", "100")["roots"]
+    assert [root["shaft_frequency"] for root in bent[:2]] == [0.0, 0.0]
+    assert [root["stability"] for root in bent] == ["unstable", "stable", "stable"]
+
+
+def test_roots_on_unequal_supports(place):
+    """Fixed axes, elliptic orbits: each whirls as the larger of its two circles."""
+    text = """
+    [shaft]
+    model = "massless"
+    length = 1.0
+    at = 0.5
+    k11 = 1e5
+    ends = "elastic"
+    [disc]
+    at = 0.5
+    mass = 10.0
+    [[supports]]
+    at = 0.0
+    stiffness = 1e5
+    anisotropy = 0.3
+    [[supports]]
+    at = 1.0
+    stiffness = 1e5
+    anisotropy = 0.3
+    [spin]
+    speed = 50.0
+    """
+    (place / "own.toml").write_text(text)
+    shown = answered("roots", "own.toml")
+    assert shown["axes"] == "fixed" and [r["direction"] for r in shown["roots"]] == ["none"] * 2
+    series = [1e5 * 2e5 * a / (1e5 + 2e5 * a) for a in (0.7, 1.3)]
+    expected = np.sqrt(np.array(series) / 10.0)
+    assert [r["frequency"] for r in shown["roots"]] == pytest.approx(expected, rel=1e-9)
+
+
+def test_onset_in_axes_that_turn_with_the_shaft():
+    bent = answered("onset", "dual-stiffness-rigid", "--to", "300")
+    assert bent["speed"] == pytest.approx(90.648925, abs=1e-6)  # of the sheet, 3.1
+    assert bent["axes"] == "rotating" and bent["whirl_frequency"] == 0.0 and "bent" in bent["kind"]
+    text = call("onset", "dual-stiffness-rigid", "--from", "120", "--to", "300").stdout
+    assert "162.804316" in text and "62.316971" in text and "at 100.4873" in text
+
+
+def test_show_two_stiffnesses():
+    shown = answered("show", "dual-stiffness-elastic")
+    assert (
+        shown["coordinates"] == 2
+        and shown["parameters"]["supports.stiffness"]["value"] == [1e5] * 2
+    )
+    assert shown["onset"]["speed"] == pytest.approx(235.22605, abs=1e-5)
+    assert shown["whirl_frequencies"]["backward"] == pytest.approx([161.0007123 - 80], abs=1e-6)
+    assert len(shown["whirl_frequencies"]["standstill"]) == 2
+    text = call("show", "gyroscopic-cantilever").stdout
+    assert "hysteretic_damping.loss_factor" in text and "at 92.39679 rad/s" in text
+
+
 # === simulate
 
 

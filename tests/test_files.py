@@ -22,6 +22,13 @@ from jaxrotor.quantities import positive
 
 
 NAMES = ["limiter-rotor", "limiter-rotor-2023"]
+LINEAR = [
+    "dual-stiffness-elastic",
+    "dual-stiffness-rigid",
+    "dual-stiffness-rotating",
+    "gyroscopic-cantilever",
+    "gyroscopic-propped",
+]
 
 GOOD = """\
 title = "Test"
@@ -182,8 +189,15 @@ def test_study_of_shipped_scene(name):
     np.testing.assert_array_equal(values, np.linspace(0, 0.001001, 144))
 
 
+@pytest.mark.parametrize("name", LINEAR)
+def test_shipped_linear_scene(name):
+    """Every number survives a round trip; what they amount to is in the tests of the two sheets."""
+    same(load(name), loads(dumps(load(name))))
+    assert study(name) == {}
+
+
 def test_shipped_lists_names_and_titles():
-    assert [name for name, _ in shipped()] == NAMES
+    assert [name for name, _ in shipped()] == sorted(LINEAR + NAMES)
     assert all(len(title) > 20 and "\n" not in title for _, title in shipped())
 
 
@@ -655,7 +669,7 @@ def test_unreadable_files(tmp_path):
             assert str(caught.value).startswith(f"{path} {start}"), caught.value
             assert str(caught.value).endswith(".")
 
-    near = "(did you mean `limiter-rotor`?); shipped are: limiter-rotor, limiter-rotor-2023."
+    near = f"(did you mean `limiter-rotor`?); shipped are: {', '.join(sorted(LINEAR + NAMES))}."
     sentence("limiter-roter", f"is no file and no shipped scene {near}")
     sentence(tmp_path / "no.toml", "is no file and no shipped scene; shipped are: ")
     sentence(tmp_path, "cannot be read (Is a directory); give a TOML file in UTF-8.")

@@ -105,9 +105,9 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
     ends = () if within is None or not all(map(known, within)) else tuple(map(float, within))
     if ends and ends[0] >= ends[1]:
         raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")
-    return (
-        None if within is None else (jnp.asarray(within[0], float), jnp.asarray(within[1], float))
-    )
+    if within is None:
+        return None
+    return jnp.asarray(within[0], float), jnp.asarray(within[1], float)
 
 
 @eqx.filter_jit
@@ -115,7 +115,7 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     """Speeds and the sign of the growth rate there, 0 marginal: samples and turning points."""
     system = assemble(jax.lax.stop_gradient(scene))
     growth_at = _growth(system)
-    low, high = (0.0, 40 * _first(system)) if within is None else within
+    low, high = (jnp.zeros(()), 40 * _first(system)) if within is None else within
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
     if frame(system.blocks) == "rotating":
         bent = _bent(system, low, high)

@@ -5,11 +5,12 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..analysis import onset_speed, roots
+from ..analysis import onset_speed
 from ..files import dumps, shipped, source, title
 from ..scene import Scene
+from ..system import assemble
 from . import answer
-from .linear import described_onset, marginal
+from .linear import described_onset, described_roots
 from .options import AsJson, SceneName, Settings, scene_with
 
 
@@ -48,12 +49,13 @@ def show(
         typer.echo(dumps(rotor, title(scene)) if settings else source(scene), nl=False)
         return
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
-    values = np.asarray(roots(rotor))
-    coordinates = values.size // 2
-    still, _ = _whirl(np.asarray(roots(rotor.replace({"spin.speed": 0.0}))))
-    forward, backward = _whirl(values)
+    axes, found = described_roots(rotor)
+    at_rest = described_roots(rotor.replace({"spin.speed": 0.0}))[1]
+    still = _whirl(at_rest, "forward") or _whirl(at_rest, "none")
+    forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
+    coordinates = assemble(rotor).n
     try:
-        onset, why = described_onset(onset_speed(rotor)), ""
+        onset, why = described_onset(onset_speed(rotor), axes), ""
     except ValueError as error:
         onset, why = None, str(error)
     if as_json:
@@ -91,13 +93,10 @@ def _value(scene: Scene, path: str) -> float | list[float] | None:
         return None
 
 
-def _whirl(values: Any) -> tuple[list[float], list[float]]:
-    """First forward and backward whirl frequencies [rad/s]."""
-    whirling = values.imag[~marginal(values.imag, values)]
-    return (
-        whirling[whirling > 0][:_SHOWN].tolist(),
-        (-whirling[whirling < 0])[:_SHOWN].tolist(),
-    )
+def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
+    """First whirl frequencies of one direction [rad/s], in fixed axes."""
+    moving = [r for r in found if r["frequency"] and r.get("shaft_frequency", 1.0)]
+    return [r["frequency"] for r in moving if r["direction"] == direction][:_SHOWN]
 
 
 def _text(value: float | list[float] | None) -> str:
