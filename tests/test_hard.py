@@ -401,7 +401,7 @@ OVER = {"limiters.gap": [1e-3]}
         (lambda: jr.onset_speed(ROTOR, within=(9.0, 3.0)), "must be a lower and a higher speed"),
         (
             lambda: jr.FlexibleShaft(0.7, 0.02, rule="trapezoid", rotary_inertia=False),
-            "slopes for coordinates",
+            "slopes are coordinates",
         ),
     ],
 )

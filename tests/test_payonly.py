@@ -8,7 +8,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems import DIAMETRAL, EFFECTS, HARMONIC, LENGTH, MASS, STRENGTHS, TIME, bare, limiter_rotor
+from systems import (
+    DIAMETRAL,
+    EFFECTS,
+    HARMONIC,
+    LENGTH,
+    MASS,
+    STRENGTHS,
+    TIME,
+    bare,
+    leaf_values,
+    limiter_rotor,
+)
 
 import jaxrotor as jr
 from jaxrotor import (
@@ -177,11 +188,12 @@ jax.monitoring.register_event_duration_secs_listener(
 
 def other_values(scene):
     """The same scene with every number changed (stations and length left where they are)."""
-    values = {}
-    for path in scene.paths():
-        if not path.endswith((".at", ".length", ".blend", ".slip")):
-            values[path] = jnp.max(scene.get(path)) * 1.01 + 1e-6
-    return scene.replace(values)
+    changed = {
+        path: jnp.max(value) * 1.01 + 1e-6
+        for path, value in leaf_values(scene).items()
+        if not path.endswith((".at", ".length"))
+    }
+    return scene.replace(changed)
 
 
 STARTED = Whirl(0.001, 5.0)
