@@ -47,7 +47,8 @@ def put(scene, values):
     values = dict(values)
     if "at" in values:
         at = values.pop("at")
-        values |= {path: at for path in scene.paths() if path.endswith(".at")}
+        placed = [path for path in scene.paths() if path.endswith(".at")]
+        values |= {path: at for path in placed if not path.startswith("shaft.constraints")}
     return scene.put(values)
 
 
