@@ -1,5 +1,6 @@
 """Stability maps: growth over two parameters, and the curves on which it is zero."""
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -13,6 +14,9 @@ from scipy.optimize import elementwise
 
 from ..scene import Scene
 from .stability import growth_rate
+
+
+CHUNK = 64  # points a call of the compiled program
 
 
 class StabilityMap(eqx.Module):
@@ -46,7 +50,7 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
         raise ValueError(f"`over` must name two parameters, but names {len(over)}: {list(over)}.")
     first, second = over
     x, y = (_axis(scene, path, values) for path, values in over.items())
-    evaluate = lambda x, y: np.asarray(_growth(scene, (first, second), x, y))
+    evaluate = functools.partial(_growth, scene, (first, second))
     grid = np.meshgrid(x, y, indexing="ij")
     growth = evaluate(*(part.ravel() for part in grid)).reshape(grid[0].shape)
     # Between signs alone, so that every crossing is in the middle of an edge of a cell.
@@ -56,7 +60,7 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
         middle = np.concatenate(lines)  # in steps of the grid
         low, high = (turn(middle).astype(int) for turn in (np.floor, np.ceil))
         corners = (np.stack([x[ij[:, 0]], y[ij[:, 1]]]) for ij in (low, high))
-        curve = _crossing(lambda at: evaluate(*at), *corners).T
+        curve = _crossing(evaluate, *corners).T
         boundaries = tuple(np.split(curve, np.cumsum([len(line) for line in lines])[:-1]))
     units = scene.unit(first), scene.unit(second)
     return StabilityMap(x, y, growth, boundaries, (first, second), units)
@@ -81,12 +85,12 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
         The changes; not differentiable (along the speed `stability_crossings` is).
     """
     values = _axis(scene, path, values)
-    evaluate = lambda x: np.asarray(_growth(scene, (path,), x))
+    evaluate = functools.partial(_growth, scene, (path,))
     unstable = evaluate(values) > 0
     below = np.flatnonzero(unstable[:-1] != unstable[1:])
     if not below.size:
         return Boundary(np.zeros(0), np.zeros(0, bool))
-    found = _crossing(lambda at: evaluate(at[0]), values[None, below], values[None, below + 1])
+    found = _crossing(evaluate, values[None, below], values[None, below + 1])
     return Boundary(found[0], unstable[below + 1])
 
 
@@ -100,26 +104,32 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
     return values
 
 
+def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.ndarray:
+    """Growth rates at points, any number of them by one compiled program."""
+    points = np.stack(values)  # (parameters, k)
+    count = points.shape[1]
+    points = np.pad(points, [(0, 0), (0, -count % CHUNK)], mode="edge")
+    chunks = np.split(points, points.shape[1] // CHUNK, axis=1)
+    return np.concatenate([_growth_of_chunk(scene, paths, *chunk) for chunk in chunks])[:count]
+
+
 @eqx.filter_jit
-def _growth(scene: Scene, paths: tuple[str, ...], *values: Array) -> Float[Array, " k"]:
+def _growth_of_chunk(scene: Scene, paths: tuple[str, ...], *values: Array) -> Float[Array, " k"]:
     one = lambda point: growth_rate(scene.put(dict(zip(paths, point, strict=True))))
     return jax.lax.map(one, tuple(map(jnp.asarray, values)))
 
 
 def _crossing(growth: Callable, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Points between `low` and `high` (parameters, k) where the sign of the growth changes."""
-    size = low.shape[1]
 
     def above(share, *ends):
         start, stop = np.split(np.stack(ends), 2)
-        at = start + share * (stop - start)
-        padded = np.pad(at, [(0, 0), (0, size - at.shape[1])], mode="edge")  # one compiled program
-        found = growth(padded)[: at.shape[1]]
+        found = growth(*(start + share * (stop - start)))
         return np.where(found == 0, -1.0, found)  # an undamped rotor is stable at zero, not near it
 
     found = elementwise.find_root(
         above,
-        (np.zeros(size), np.ones(size)),
+        (np.zeros(low.shape[1]), np.ones(low.shape[1])),
         args=(*low, *high),
         tolerances={"xatol": 1e-10, "xrtol": 0.0},
     )
