@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..pencil import isotropic
 from ..quantities import Scalar, check, known
 from ..scene import Scene
 from ..shafts import MasslessShaft
@@ -38,22 +39,10 @@ def reduction(scene: Scene, at) -> Reduction:
     Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
     """
     (at,) = scene.stations(at)
-    system = assemble(scene)
-    line, blocks = system.line, system.blocks
-    if blocks.fixed_stiffness is not None or blocks.rotating_stiffness is not None:
-        raise ValueError("A rotor of two stiffnesses has no single reduction; reduce each axis.")
-    rows = jnp.stack([line.row(at), line.slope_row(at)])
-    columns = jnp.stack([line.column(at), line.couple_column(at)], axis=1)
-    inertia = jnp.zeros_like(line.stiffness) if blocks.inertia is None else blocks.inertia
-    # A deflection loaded by its own inertia: the flexibility is symmetric, so at the station that
-    # is the integral of mass times the product of two deflections.
-    stiffness = line.stiffness if blocks.stiffness is None else blocks.stiffness
-    bent = jnp.linalg.solve(stiffness, columns)
-    moved = rows @ jnp.linalg.solve(stiffness, inertia @ bent)
-    flexibility = rows @ bent
     length = scene.shaft.length
+    flexibility, moved, condition = _static(scene, at)
     obstacles = {
-        "is free to move as a rigid body": ~(jnp.linalg.cond(stiffness) < 1e12),
+        "is free to move as a rigid body": ~(condition < 1e12),
         "has no slope": flexibility[1, 1] <= 0,
         "is held": flexibility[0, 0] <= 1e-12 * length**2 * flexibility[1, 1],
     }
@@ -63,7 +52,30 @@ def reduction(scene: Scene, at) -> Reduction:
     k = jnp.linalg.inv(flexibility)
     shaft = MasslessShaft(length, at, k[0, 0], (k[0, 1] + k[1, 0]) / 2, k[1, 1])
     condensed = k @ moved @ k
-    return Reduction(shaft, moved[0, 0] / flexibility[0, 0] ** 2, (condensed + condensed.T) / 2)
+    mass = moved[0, 0] / flexibility[0, 0] ** 2
+    return Reduction(shaft, mass, (condensed + condensed.T) / 2)
+
+
+@eqx.filter_jit
+def _static(scene: Scene, at: Scalar) -> tuple[Array, Array, Scalar]:
+    """Flexibility by force and couple, `Int m x_i x_j ds` of both deflections, condition number.
+
+    A deflection is loaded by its own inertia: the flexibility is symmetric, so what that moves at
+    the station is the integral.
+    """
+    system = assemble(scene)
+    line, blocks = system.line, system.blocks
+    if not isotropic(blocks):
+        raise ValueError(
+            "A rotor that is not the same along every axis has no single reduction; reduce each axis."
+        )
+    rows = jnp.stack([line.row(at), line.slope_row(at)])
+    columns = jnp.stack([line.column(at), line.couple_column(at)], axis=1)
+    inertia = jnp.zeros_like(line.stiffness) if blocks.inertia is None else blocks.inertia
+    stiffness = line.stiffness if blocks.stiffness is None else blocks.stiffness
+    bent = jnp.linalg.solve(stiffness, columns)
+    moved = rows @ jnp.linalg.solve(stiffness, inertia @ bent)
+    return rows @ bent, moved, jnp.linalg.cond(stiffness)
 
 
 def inertia_from_frequency(shaft: MasslessShaft, mass, frequency) -> Scalar:
