@@ -71,8 +71,9 @@ def main() -> None:
 
     grid = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 2)
     chosen = np.random.default_rng(0).choice(len(grid), min(given.loop, len(grid)), replace=False)
+    parts = matrices()
     begun = time.perf_counter()
-    expected = loop(grid[chosen], matrices())
+    expected = loop(grid[chosen], parts)
     each = (time.perf_counter() - begun) / len(chosen)
     error = np.max(np.abs(result.growth.ravel()[chosen] - expected) / np.abs(expected).max())
 
