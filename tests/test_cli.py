@@ -556,6 +556,26 @@ def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
 # === slips
 
 
+def test_stability(place):
+    """Edges of the unstable band of sheet 2, table 3.1, delta = 0.1, and a map of it."""
+    run = ["stability", "dual-stiffness-rigid", "--over", "spin.speed=50:200:31"]
+    found = answered(*run)
+    values = [one["value"] / 100 for one in found["changes"]]
+    assert values == pytest.approx([0.90648925, 1.08086874, 1.62804316], abs=6e-9)
+    assert [one["becomes"] for one in found["changes"]] == ["unstable", "stable", "unstable"]
+    assert "becomes" in call(*run).stdout
+    damping = "disc_damping.translational=50,100,150"
+    shown = answered(*run, "--over", damping, "--out", "run")
+    assert sorted(os.listdir("run")) == ["stability.png", "stability.zarr"]
+    points = [p for c in shown["boundaries"] for p in zip(c["x"], c["y"], strict=True)]
+    at_100 = sorted(x / 100 for x, y in points if y == 100.0)
+    assert at_100 == pytest.approx([0.90648925, 1.08086874, 1.62804316], abs=1e-8)
+    assert "--out is for a map" in refused(*run, "--out", "other")
+    assert "must name two parameters" in refused(
+        *run, "--over", damping, "--over", "disc.mass=9,10"
+    )
+
+
 @pytest.mark.parametrize(
     "args, said",
     [
@@ -647,7 +667,7 @@ def test_json_is_valid():
     }
 
 
-COMMANDS = ["show", "roots", "onset", "campbell", "critical", "response", "simulate", "sweep"]
+COMMANDS = "show roots onset campbell critical stability response simulate sweep".split()
 
 
 @pytest.mark.parametrize("command", ["", "scenes", *COMMANDS])

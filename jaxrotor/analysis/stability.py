@@ -182,7 +182,7 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
 @eqx.filter_custom_jvp
 def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
     """Speed between `low` and `high` where stability changes, by bisection."""
-    growth_at, step = _growth(system), 1e-3 * (high - low)
+    growth_at, step = _growth(system), 0.02 * (high - low)
     ends = jax.lax.map(growth_at, jnp.stack([low, low + step, high - step, high]))
     lost = ends[3] > 0
     marginal = jnp.all(ends[:2] == 0) | jnp.all(ends[2:] == 0)  # not just at one speed
