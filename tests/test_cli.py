@@ -667,7 +667,8 @@ def test_json_is_valid():
     }
 
 
-COMMANDS = "show roots onset campbell critical stability response simulate sweep".split()
+COMMANDS = ["show", "roots", "onset", "campbell", "critical", "stability", "response"]
+COMMANDS += ["simulate", "sweep"]
 
 
 @pytest.mark.parametrize("command", ["", "scenes", *COMMANDS])

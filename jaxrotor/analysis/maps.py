@@ -13,7 +13,8 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
 from ..scene import Scene
-from .stability import growth_rate
+from ..system import assemble
+from .stability import growth_of
 
 
 CHUNK = 64  # points a call of the compiled program
@@ -52,7 +53,7 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
     x, y = (_axis(scene, path, values) for path, values in over.items())
     evaluate = functools.partial(_growth, scene, (first, second))
     grid = np.meshgrid(x, y, indexing="ij")
-    growth = evaluate(*(part.ravel() for part in grid)).reshape(grid[0].shape)
+    growth = evaluate(*(part.ravel() for part in grid))[0].reshape(grid[0].shape)
     # Between signs alone, so that every crossing is in the middle of an edge of a cell.
     lines: Any = contourpy.contour_generator(z=np.where(growth > 0, 1.0, -1.0).T).lines(0.0)
     boundaries: tuple[np.ndarray, ...] = ()
@@ -86,7 +87,7 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
     """
     values = _axis(scene, path, values)
     evaluate = functools.partial(_growth, scene, (path,))
-    unstable = evaluate(values) > 0
+    unstable = evaluate(values)[0] > 0
     below = np.flatnonzero(unstable[:-1] != unstable[1:])
     if not below.size:
         return Boundary(np.zeros(0), np.zeros(0, bool))
@@ -105,32 +106,36 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
 
 
 def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.ndarray:
-    """Growth rates at points, any number of them by one compiled program."""
+    """Growth rates at points (k,): (2, k), see `growth_of`; for any k by one compiled program."""
     points = np.stack(values)  # (parameters, k)
     count = points.shape[1]
     points = np.pad(points, [(0, 0), (0, -count % CHUNK)], mode="edge")
     chunks = np.split(points, points.shape[1] // CHUNK, axis=1)
-    return np.concatenate([_growth_of_chunk(scene, paths, *chunk) for chunk in chunks])[:count]
+    found = [_growth_of_chunk(scene, paths, *chunk) for chunk in chunks]
+    return np.concatenate(found, axis=1)[:, :count]
 
 
 @eqx.filter_jit
-def _growth_of_chunk(scene: Scene, paths: tuple[str, ...], *values: Array) -> Float[Array, " k"]:
-    one = lambda point: growth_rate(scene.put(dict(zip(paths, point, strict=True))))
-    return jax.lax.map(one, tuple(map(jnp.asarray, values)))
+def _growth_of_chunk(scene: Scene, paths: tuple[str, ...], *values: Array) -> Float[Array, "2 k"]:
+    one = lambda point: growth_of(assemble(scene.put(dict(zip(paths, point, strict=True)))))
+    return jnp.stack(jax.lax.map(one, tuple(map(jnp.asarray, values))))
 
 
 def _crossing(growth: Callable, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Points between `low` and `high` (parameters, k) where the sign of the growth changes."""
+    # Where one side is stable without damping, growth there is rounding; else it has all digits.
+    ends = [growth(*(low + share * (high - low)))[0] == 0 for share in (0.0, 0.02, 0.98, 1.0)]
+    marginal = (ends[0] & ends[1]) | (ends[2] & ends[3])
 
-    def above(share, *ends):
+    def above(share, marginal, *ends):
         start, stop = np.split(np.stack(ends), 2)
-        found = growth(*(start + share * (stop - start)))
-        return np.where(found == 0, -1.0, found)  # an undamped rotor is stable at zero, not near it
+        certain, computed = growth(*(start + share * (stop - start)))
+        return np.where(marginal, np.where(certain > 0, certain, -1.0), computed)
 
     found = elementwise.find_root(
         above,
         (np.zeros(low.shape[1]), np.ones(low.shape[1])),
-        args=(*low, *high),
+        args=(marginal, *low, *high),
         tolerances={"xatol": 1e-10, "xrtol": 0.0},
     )
     return low + found.x * (high - low)

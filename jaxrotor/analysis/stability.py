@@ -36,8 +36,13 @@ def growth_rate(scene: Scene) -> Scalar:
     `floquet_multipliers`). At rest such a rotor is taken as it stands. Zero where it is within
     rounding. Differentiable.
     """
-    system = assemble(scene)
-    return _beyond_rounding(exponents(system), _first(system))
+    return growth_of(assemble(scene))[0]
+
+
+def growth_of(system: System) -> tuple[Scalar, Scalar]:
+    """Largest growth rate [1/s], zero where it is within rounding, and as computed."""
+    values = exponents(system)
+    return _beyond_rounding(values, _first(system)), _largest(values)
 
 
 def onset_speed(
