@@ -26,7 +26,7 @@ class StabilityMap(eqx.Module):
     x: Float[np.ndarray, " a"]  # of the first parameter, SI
     y: Float[np.ndarray, " b"]  # of the second
     growth: Float[np.ndarray, "a b"]  # largest real part of a root [1/s]; above zero unstable
-    boundaries: tuple[Float[np.ndarray, "k 2"], ...]  # curves (x, y) between stable and unstable
+    boundaries: tuple[Float[np.ndarray, "_ 2"], ...]  # curves (x, y) between stable and unstable
     paths: tuple[str, str] = eqx.field(static=True)
     units: tuple[str, str] = eqx.field(static=True)
 
