@@ -131,7 +131,7 @@ def _less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Arra
     lasting = all(getattr(blocks, name) is None for name in drives)
     if frame(blocks) != "fixed" or not lasting:
         return values
-    small = jnp.abs(values.real) <= ROUNDING * jnp.abs(values)
+    small = jnp.isfinite(values) & (jnp.abs(values.real) <= ROUNDING * jnp.abs(values))
     return jnp.where(small, 1j * values.imag, values)
 
 
