@@ -45,6 +45,10 @@ class System(eqx.Module):
         """Number of complex coordinates."""
         return self.line.stiffness.shape[0]
 
+    def at_speed(self, speed: Scalar) -> "System":
+        """The same rotor at another speed: nothing assembled depends on it."""
+        return eqx.tree_at(lambda system: system.spin.speed, self, speed)
+
     def contact_forces(self, displacement: Array, velocity: Array) -> Float[Array, "k 2"]:
         """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports."""
         forces = jnp.concatenate(

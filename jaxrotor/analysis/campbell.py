@@ -13,7 +13,7 @@ from ..pencil import Frame, Pencil, frame, isotropic, root_changes
 from ..quantities import known
 from ..scene import Scene
 from ..system import assemble
-from .modal import natural_roots
+from .modal import natural_roots, slowest_first
 
 
 class Campbell(eqx.Module):
@@ -82,14 +82,14 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
 @eqx.filter_jit
 def _values_and_slopes(scene: Scene, speeds: Float[Array, " w"], count: int):
     """The slowest roots at every speed, some more than `count` of (pairs of) them, and derivatives."""
+    system = assemble(scene)
 
     def one(speed):
-        pencil = lambda speed: Pencil.of(assemble(scene.put({"spin.speed": speed})))
-        values = natural_roots(assemble(scene.put({"spin.speed": speed})))
+        values = natural_roots(system.at_speed(speed))
         # No mass, no motion: a root beyond all others.
         values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
-        size = jnp.abs(values) * (1 + 1e-9 * (values.imag < 0))
-        values = values[jnp.argsort(size)[: 4 * count + 8]]
+        values = values[slowest_first(values)[: 4 * count + 8]]
+        pencil = lambda speed: Pencil.of(system.at_speed(speed))
         own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
         slopes = root_changes(values, own, change)
         return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)

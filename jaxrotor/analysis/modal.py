@@ -75,7 +75,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
 @eqx.filter_jit
 def _roots(scene: Scene) -> Complex[Array, " m"]:
     values = natural_roots(assemble(scene))
-    return values[_order(values)]
+    return values[slowest_first(values)]
 
 
 @eqx.filter_jit
@@ -91,7 +91,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     else:
         faster, slower = (eigenvectors(Pencil.of(system, whirl)) for whirl in (1, -1))
         values, vectors = _by_whirl(system.spin.speed, faster, slower)
-    order = _order(values)[:count]
+    order = slowest_first(values)[:count]
     stations = scene.shaft.seen(points)
     rows = jax.vmap(system.line.row)(stations)
     halves = vectors[order].reshape(-1, vectors.shape[1] // system.n, system.n)
@@ -135,5 +135,6 @@ def _less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Arra
     return jnp.where(small, 1j * values.imag, values)
 
 
-def _order(values: Complex[Array, " m"]) -> Array:
+def slowest_first(values: Complex[Array, " m"]) -> Array:
+    """Order of roots by magnitude, of a pair forward first."""
     return jnp.argsort(jnp.abs(values) * (1 + 1e-9 * (values.imag < 0)))

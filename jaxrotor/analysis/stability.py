@@ -126,7 +126,7 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
         bent = _bent(system, low, high)
         between = (bent[1:] + bent[:-1]) / 2
         speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
-    # One speed after the other: see `sweep._prepare` on batched linear algebra.
+    # One speed after the other: see `sweep._build_lanes` on batched linear algebra.
     growth = jax.lax.map(growth_at, speeds)
     before, here, after = growth[:-2], growth[1:-1], growth[2:]
     peak = (here < 0) & (here >= before) & (here >= after)
@@ -145,7 +145,7 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there: no grid of speeds, so no band too narrow.
     """
     scale = _first(system)
-    still, ahead, back = (Pencil.of(_at(system, x * scale)).stiffness for x in (0.0, 1.0, -1.0))
+    still, ahead, back = (Pencil.of(system.at_speed(x * scale)).stiffness for x in (0.0, 1.0, -1.0))
     odd, even = (ahead - back) / 2, (ahead + back) / 2 - still
     # Of -i Omega / scale, so that the real shift of `eigenvalues` is none of them.
     speeds = 1j * scale * eigenvalues(Pencil(-even, 1j * odd, still))
@@ -229,7 +229,7 @@ def _synchronous(values: Array, speed: Scalar) -> Array:
 
 def _first(system: System) -> Scalar:
     """Of the order of the first natural frequency [rad/s]."""
-    return Pencil.mean(_at(system, jnp.zeros(()))).rate
+    return Pencil.mean(system.at_speed(jnp.zeros(()))).rate
 
 
 def _largest(values: Array) -> Scalar:
@@ -248,9 +248,5 @@ def _growth(system: System) -> Callable[[Scalar], Scalar]:
     return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
 
 
-def _at(system: System, speed: Scalar) -> System:
-    return eqx.tree_at(lambda system: system.spin.speed, system, speed)
-
-
 def _roots_at(system: System, speed: Scalar) -> Array:
-    return exponents(_at(system, speed))
+    return exponents(system.at_speed(speed))

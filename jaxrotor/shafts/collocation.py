@@ -12,7 +12,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
 from ..quantities import Scalar
@@ -20,9 +20,8 @@ from .greens import AbstractKernel, HeldKernel
 from .line import AbstractLine, PerLength
 
 
-Held = tuple[
-    tuple[bool, bool], ...
-]  # whether displacement and slope are held at every end of spans
+# Whether displacement and slope are held, at every end of spans.
+Held = tuple[tuple[bool, bool], ...]
 
 
 class SpectralLine(AbstractLine):
@@ -59,10 +58,6 @@ class SpectralLine(AbstractLine):
                 stiffness = stiffness.at[:, end].add(-jnp.concatenate([rigid, turned]))
             stiffness = stiffness.at[np.array(self._free_nodes, int)].set(0.0)
         return stiffness[np.ix_(self._kept, self._kept)]
-
-    @property
-    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
-        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(self._shapes, at)

@@ -175,14 +175,23 @@ class FlexibleShaft(AbstractShaft):
         rigidity = jnp.stack([section.rigidity for section in self._sections])
         beam = CantileverKernel(starts, 1 / rigidity)
         if self.rule == "trapezoid":
-            return TrapezoidLine(beam, self.length, self.nodes, self.anisotropy)
+            return TrapezoidLine(
+                kernel=beam, length=self.length, cells=self.nodes, anisotropy=self.anisotropy
+            )
         inner = [stations[k] for k in spans[1:-1]]
         ends = jnp.stack([jnp.zeros_like(self.length), *inner, self.length])
         held, free = self._held(spans)
         if self.shear:
             stiff = jnp.stack([section.shear_stiffness for section in self._sections])
             own = self._of_span(ends)
-            return ShearLine(ends, rigidity[own], stiff[own], self.nodes, held, self.anisotropy)
+            return ShearLine(
+                bending=rigidity[own],
+                shear=stiff[own],
+                ends=ends,
+                degree=self.nodes,
+                held=held,
+                anisotropy=self.anisotropy,
+            )
         kernel = beam
         if held[0] != (True, True) or any(any(one) for one in held[1:]):
             fast = [(k, sloped) for k, one in enumerate(held) for sloped in (0, 1) if one[sloped]]
@@ -190,7 +199,14 @@ class FlexibleShaft(AbstractShaft):
             at = jnp.stack([ends[k] for k, _ in fast])
             sloped = tuple(bool(sloped) for _, sloped in fast)
             kernel = HeldKernel(beam, self.length, at, sloped, len(free))
-        return SpectralLine(kernel, ends, self.nodes, held, free, self.anisotropy)
+        return SpectralLine(
+            kernel=kernel,
+            ends=ends,
+            degree=self.nodes,
+            held=held,
+            free=free,
+            anisotropy=self.anisotropy,
+        )
 
     def _held(self, spans: tuple[int, ...]) -> tuple[Held, tuple[int, ...]]:
         """Displacement and slope held at every end of spans; ends of auxiliary constraints."""

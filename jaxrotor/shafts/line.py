@@ -21,15 +21,17 @@ class AbstractLine(eqx.Module):
     so an effect that uses both works on every shaft.
     """
 
+    anisotropy: eqx.AbstractVar[Scalar | None]  # mu: stiffness (1 + mu), (1 - mu) of turning axes
+
     @property
     @abc.abstractmethod
     def stiffness(self) -> Float[Array, "n n"]:
         """The shaft's own elastic stiffness in the equations."""
 
     @property
-    @abc.abstractmethod
     def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
         """What two unequal principal stiffnesses add in the axes of the shaft, see `Blocks`."""
+        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
 
     @abc.abstractmethod
     def row(self, at: Scalar) -> Float[Array, " n"]:

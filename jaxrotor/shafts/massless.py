@@ -4,7 +4,7 @@ from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar, nonnegative, positive, real
@@ -23,10 +23,6 @@ class MasslessLine(AbstractLine):
     @property
     def stiffness(self) -> Float[Array, "n n"]:
         return self.elasticity
-
-    @property
-    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
-        return None if self.anisotropy is None else self.anisotropy * (self.elasticity + 0j)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         unit = jnp.eye(self.elasticity.shape[0])
@@ -136,11 +132,11 @@ class MasslessShaft(AbstractShaft):
             elasticity = jnp.array([[self.k11, self.k12], [self.k12, self.k22]])
         relative = self._relative()
         return MasslessLine(
-            relative.T @ elasticity @ relative,
-            self.anisotropy,
-            self.length,
-            self.ends == "elastic",
-            self.k12 is not None,
+            elasticity=relative.T @ elasticity @ relative,
+            anisotropy=self.anisotropy,
+            length=self.length,
+            elastic_ends=self.ends == "elastic",
+            tilts=self.k12 is not None,
         )
 
     def blocks(self, line: AbstractLine) -> Blocks:

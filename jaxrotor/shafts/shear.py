@@ -9,7 +9,7 @@ that they read as collocation does. (Collocation of the kernel with shear has hi
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 
 from ..quantities import Scalar
 from .collocation import Held, by_span, legendre_polynomials, lobatto, neighbours
@@ -39,10 +39,6 @@ class ShearLine(AbstractLine):
         if rigid is None:
             return unit
         return unit - rigid @ jnp.linalg.solve(rigid.T @ rigid, rigid.T)
-
-    @property
-    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
-        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 0)

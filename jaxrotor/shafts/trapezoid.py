@@ -6,7 +6,7 @@ curve of the accuracy figures. Source: Azarov, Gouskov, Panovko (2023), eq. (9) 
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 
 from ..quantities import Scalar
 from .greens import CantileverKernel
@@ -29,10 +29,6 @@ class TrapezoidLine(AbstractLine):
     @property
     def stiffness(self) -> Float[Array, "n n"]:
         return jnp.eye(2 * self.cells)
-
-    @property
-    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
-        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._hermite(at)[0]
