@@ -41,6 +41,12 @@ def check_circular(blocks: Blocks) -> None:
         )
 
 
+def check_mass(blocks: Blocks) -> None:
+    """Refuse a rotor of which nothing has a mass."""
+    if blocks.inertia is None:
+        raise ValueError("The rotor has no mass, so it has no motion of its own; add a Disc.")
+
+
 class Pencil(eqx.Module):
     """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all forces included.
 
@@ -59,6 +65,7 @@ class Pencil(eqx.Module):
     def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
         """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
         blocks, speed = system.blocks, system.spin.speed
+        check_mass(blocks)
         zero = jnp.zeros(system.line.stiffness.shape, complex)
         part = lambda block: zero if block is None else block
         inertia = zero + part(blocks.inertia)

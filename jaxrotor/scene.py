@@ -119,6 +119,8 @@ class Scene(eqx.Module):
             except ValueError as error:
                 raise ValueError(f"{path}: {error}") from None
         scene = self.put(checked)
+        for part in (scene.shaft, *scene.effects, scene.spin):
+            getattr(part, "__check_init__", lambda: None)()  # what binds values to each other
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene

@@ -11,7 +11,7 @@ from ..materials import Material, steel
 from ..quantities import Scalar, known, nonnegative, positive, real
 from .collocation import Held, SpectralLine
 from .greens import CantileverKernel, HeldKernel
-from .line import AbstractLine, AbstractShaft
+from .line import AbstractLine, AbstractShaft, check_ratio
 from .section import Section, Step
 from .shear import ShearLine
 from .trapezoid import TrapezoidLine
@@ -92,10 +92,7 @@ class FlexibleShaft(AbstractShaft):
             )
         for section in self._sections:
             section.check(self.shear)
-        if self.anisotropy is not None and known(self.anisotropy) and abs(self.anisotropy) >= 1:
-            raise ValueError(
-                f"`anisotropy [1]` must be between -1 and 1, but is {float(self.anisotropy):g}."
-            )
+        check_ratio(self.anisotropy)
         if self.rule == "trapezoid" and (self.steps or self.shear or not self._cantilever):
             raise ValueError(
                 "The trapezoidal rule serves the uniform shaft clamped at 0, without shear; take "

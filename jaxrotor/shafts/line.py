@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
-from ..quantities import Scalar
+from ..quantities import Scalar, known
 
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or a value for each span
@@ -94,3 +94,11 @@ class AbstractShaft(eqx.Module):
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:
         """The bare shaft's own matrices."""
+
+
+def check_ratio(anisotropy: Scalar | None) -> None:
+    """Refuse two stiffnesses of which one is not positive."""
+    if anisotropy is not None and known(anisotropy) and abs(float(anisotropy)) >= 1:
+        raise ValueError(
+            f"`anisotropy [1]` must be between -1 and 1, but is {float(anisotropy):g}."
+        )
