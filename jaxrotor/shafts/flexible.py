@@ -47,7 +47,8 @@ class FlexibleShaft(AbstractShaft):
     the Green's function under its `constraints`, by default a clamp at 0; `constraints=()` leaves it
     to its supports. `steps` change the section from where they are onwards. `shear=True` adds
     shear, so the slope is that of the sections. `anisotropy` mu: bending stiffness `(1 + mu)` of the
-    given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere.
+    given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere; stiffness in
+    shear and rotary inertia stay those of the round section, the same along both.
     `rule="spectral"`: `nodes` a span between stations, exponential convergence;
     `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, second order, as published.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).

@@ -29,9 +29,14 @@ class AbstractLine(eqx.Module):
         """The shaft's own elastic stiffness in the equations."""
 
     @property
+    @abc.abstractmethod
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        """The part of `stiffness` in proportion to `EI`: all but that of shear."""
+
+    @property
     def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
         """What two unequal principal stiffnesses add in the axes of the shaft, see `Blocks`."""
-        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
+        return None if self.anisotropy is None else self.anisotropy * (self.bending_stiffness + 0j)
 
     @abc.abstractmethod
     def row(self, at: Scalar) -> Float[Array, " n"]:

@@ -24,6 +24,10 @@ class MasslessLine(AbstractLine):
     def stiffness(self) -> Float[Array, "n n"]:
         return self.elasticity
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         unit = jnp.eye(self.elasticity.shape[0])
         if not self.elastic_ends:
