@@ -47,8 +47,9 @@ class Motion(eqx.Module):
             rows = jnp.stack([port.row for port in system.ports])
         gyroscopic = _sum((speed, blocks.gyroscopic), (-1.0, blocks.skew_damping))
         circulatory = _sum((speed, blocks.circulatory), (-1.0, blocks.skew_stiffness))
+        stiffness = _sum((1.0, blocks.stiffness), (speed, blocks.skew_circulatory))
         parts = {
-            "stiffness": (blocks.stiffness, 1 / rate**2),
+            "stiffness": (stiffness, 1 / rate**2),
             "damping": (blocks.damping, 1 / rate),
             "gyroscopic": (gyroscopic, 1 / rate),
             "circulatory": (circulatory, 1 / rate**2),

@@ -72,7 +72,8 @@ class Pencil(eqx.Module):
         damping = part(blocks.damping) + 1j * (
             part(blocks.skew_damping) - speed * part(blocks.gyroscopic)
         )
-        stiffness = part(blocks.stiffness) + 1j * (
+        elastic = part(blocks.stiffness) + speed * part(blocks.skew_circulatory)
+        stiffness = elastic + 1j * (
             part(blocks.skew_stiffness)
             - speed * part(blocks.circulatory)
             + whirl * part(blocks.hysteretic)
