@@ -12,8 +12,8 @@ from scipy.optimize import linear_sum_assignment
 from ..pencil import Frame, Pencil, frame, isotropic, root_changes
 from ..quantities import known
 from ..scene import Scene
-from ..system import assemble
-from .modal import natural_roots, slowest_first
+from ..system import assemble, structure
+from .modal import natural_roots, sense_of_whirl, slowest_first
 
 
 class Campbell(eqx.Module):
@@ -26,8 +26,16 @@ class Campbell(eqx.Module):
 
     @property
     def frequencies(self) -> Float[Array, "w m"]:
-        """Whirl frequency [rad/s], positive forward; of unequal axes, either sign of a pair."""
+        """Whirl frequency [rad/s], positive from x to y; of unequal axes, either sign of a pair."""
         return self.values.imag
+
+    @property
+    def forward(self) -> Float[Array, "w m"] | None:
+        """+1 for whirl with the spin, -1 against it, 0 for none; None of unequal axes.
+
+        There the sense is that of the shape; see `Modes.forward`.
+        """
+        return sense_of_whirl(self.values, self.speeds[:, None]) if self.circular else None
 
     @property
     def growth(self) -> Float[Array, "w m"]:
@@ -63,7 +71,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     speeds = np.asarray(speeds, float)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
         raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
-    blocks = jax.eval_shape(assemble, scene).blocks
+    blocks = structure(scene).blocks
     values, slopes = (np.asarray(a) for a in _values_and_slopes(scene, jnp.asarray(speeds), count))
     branches = np.empty(values.shape, complex)
     branches[0], slope = values[0], slopes[0]
