@@ -1,6 +1,6 @@
 """Pencil: the linear part of a system as a quadratic of the growth rate, in the frame that suits it."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -13,6 +13,13 @@ from .system import System
 
 
 Frame = Literal["fixed", "rotating", "periodic"]
+
+ROUNDING = 1e-9  # of a root: a part or a distance this small is taken for zero
+
+
+def is_rounding(part: Any, root: Any) -> Any:
+    """Whether a part of a root, or its distance from another, is zero within rounding."""
+    return abs(part) <= ROUNDING * abs(root)
 
 
 def isotropic(blocks: Blocks) -> bool:
@@ -180,7 +187,7 @@ def root_changes(
         moved = left @ at(change) @ right
         # By the roots themselves: singular values span too many scales to tell.
         gaps = jnp.sort(jnp.where(finite, jnp.abs(roots - root), jnp.inf))
-        twice = (len(slope) > 1) & (gaps[1] < 1e-9 * jnp.maximum(jnp.abs(root), floor))
+        twice = (len(slope) > 1) & is_rounding(gaps[1], jnp.maximum(jnp.abs(root), floor))
         simple = -moved[-1, -1] / slope[-1, -1]
         double = -jnp.trace(
             jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved)

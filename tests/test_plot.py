@@ -767,6 +767,20 @@ def test_stability_map_without_a_boundary():
     assert not undamped.collections and undamped.get_xlim() == (0.0, 10.0)
 
 
+def test_stability_map_hatches_what_is_not_known():
+    growth = stability().growth.copy()
+    growth[:20, :10] = np.nan  # to x = 5 mm and y = 220 rad/s
+    result = stability()
+    result.growth = growth
+    ax = plot.stability_map(result)
+    (hatched,) = [c for c in ax.collections if getattr(c, "hatches", [None]) == ["///"]]
+    inside = lambda of, x, y: any(path.contains_point((x, y)) for path in of.get_paths())
+    assert inside(hatched, 4.0, 150.0) and not inside(hatched, 6.0, 150.0)
+    (shading,) = [c for c in ax.collections if c is not hatched]
+    assert inside(shading, 6.0, 150.0) and not inside(shading, 4.0, 150.0)
+    assert "not known" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
 def test_boundary_family_draws_sections():
     maps = [stability(shift) for shift in (0.0, 0.001, 0.002)]
     ax = plot.boundary_family(maps, ["k = 0", "k = 1", "k = 2"])

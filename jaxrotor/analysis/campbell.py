@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from ..pencil import Frame, Pencil, frame, isotropic, root_changes
+from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
 from ..quantities import known
 from ..scene import Scene
 from ..system import assemble, structure
@@ -114,8 +114,7 @@ def _less_conjugates(branches: Any) -> np.ndarray:
     """Of branches that stay conjugate one, that of positive frequency."""
     kept: list[np.ndarray] = []
     for branch in branches[:, np.argsort(branches.imag.mean(axis=0) < 0, kind="stable")].T:
-        close = 1e-9 * np.abs(branch)
-        if not any((np.abs(branch.conj() - other) <= close).all() for other in kept):
+        if not any(is_rounding(branch.conj() - other, branch).all() for other in kept):
             kept.append(branch)
     kept.sort(key=lambda branch: abs(branch[0]))
     return np.stack(kept, axis=1)

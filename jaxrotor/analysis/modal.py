@@ -6,13 +6,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
-from ..pencil import Frame, Pencil, eigenvalues, eigenvectors, frame, isotropic
+from ..pencil import (
+    ROUNDING,
+    Frame,
+    Pencil,
+    eigenvalues,
+    eigenvectors,
+    frame,
+    is_rounding,
+    isotropic,
+)
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
-
-
-ROUNDING = 1e-9  # of a root, that its real part may have where it should have none
 
 
 class Modes(eqx.Module):
@@ -93,8 +99,8 @@ def sense_of_whirl(values: Complex[Array, "..."], speed: Scalar | Array) -> Floa
 
     `values` are `lambda` [rad/s] as seen from fixed axes.
     """
-    whirls = jnp.abs(values.imag) > ROUNDING * jnp.abs(values)
-    return jnp.where(whirls, jnp.sign(values.imag), 0.0) * jnp.where(speed < 0, -1.0, 1.0)
+    way = jnp.where(is_rounding(values.imag, values), 0.0, jnp.sign(values.imag))
+    return way * jnp.where(speed < 0, -1.0, 1.0)
 
 
 def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
@@ -182,10 +188,10 @@ def _less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Arra
     lasting = all(getattr(blocks, name) is None for name in drives)
     if frame(blocks) != "fixed" or not lasting:
         return values
-    small = jnp.isfinite(values) & (jnp.abs(values.real) <= ROUNDING * jnp.abs(values))
+    small = jnp.isfinite(values) & is_rounding(values.real, values)
     return jnp.where(small, 1j * values.imag, values)
 
 
 def slowest_first(values: Complex[Array, " m"]) -> Array:
     """Order of roots by magnitude, of a pair forward first."""
-    return jnp.argsort(jnp.abs(values) * (1 + 1e-9 * (values.imag < 0)))
+    return jnp.argsort(jnp.abs(values) * (1 + ROUNDING * (values.imag < 0)))

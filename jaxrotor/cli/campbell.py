@@ -8,8 +8,8 @@ import numpy as np
 import typer
 
 from ..analysis import Campbell, campbell as branches_of, critical_speeds
+from ..pencil import is_rounding
 from . import answer
-from .linear import marginal
 from .options import (
     MOST,
     AsJson,
@@ -59,7 +59,7 @@ def campbell(
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
             _draw(result, mirrored, folder)
     values: Any = np.asarray(result.values).T  # (m, w)
-    frequency, growth = np.where(marginal(values.imag, values), 0.0, values.imag), values.real
+    frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
     if result.forward is not None:
         senses = np.asarray(result.forward).mean(axis=0)

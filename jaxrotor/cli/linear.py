@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from ..analysis import Onset, modes, onset_speed
-from ..pencil import frame
+from ..pencil import frame, is_rounding
 from ..scene import Scene
 from ..system import structure
 from ..units import quantity
@@ -95,7 +95,7 @@ def onset(
 def described_onset(found: Onset, axes: str) -> dict[str, Any]:
     """An onset in numbers: speed [rad/s] and [rpm], whirl frequency [rad/s] and [Hz] in its axes."""
     speed, whirl = float(found.speed), float(found.whirl_frequency)
-    if axes == "rotating" and marginal(whirl, speed):
+    if axes == "rotating" and is_rounding(whirl, speed):
         whirl = 0.0
     return {
         "speed": speed,
@@ -115,11 +115,6 @@ def _kind(speed: float, whirl: float, axes: str) -> str:
         return f"at {speed - whirl:.7g} and {speed + whirl:.7g} rad/s in fixed axes"
     with_spin = -whirl if speed < 0 else whirl
     return "forward" if with_spin > 0 else "backward" if with_spin < 0 else "not at all"
-
-
-def marginal(part: Any, root: Any) -> Any:
-    """Whether the part of a root is zero within rounding."""
-    return np.abs(part) <= 1e-9 * np.abs(root)
 
 
 def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
@@ -142,7 +137,7 @@ def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[d
     seen = zip(*map(np.asarray, (shown.values, shown.fixed_values, shown.forward)), strict=True)
     found = []
     for value, fixed, sense in seen:
-        still = marginal(value.imag, value)
+        still = is_rounding(value.imag, value)
         if not np.isfinite(value) or (shown.counter is not None and value.imag < 0 and not still):
             continue
         one = _described(fixed, sense)
@@ -154,7 +149,7 @@ def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[d
 
 def _described(root: complex, sense: float) -> dict[str, Any]:
     """A root in numbers, as seen from fixed axes; its sense is that of `Modes.forward`."""
-    whirl = 0.0 if marginal(root.imag, root) else root.imag
+    whirl = 0.0 if is_rounding(root.imag, root) else root.imag
     straight = abs(sense) < 1e-6
     return {
         "root": complex(root),
@@ -167,6 +162,6 @@ def _described(root: complex, sense: float) -> dict[str, Any]:
 
 
 def _stability(root: complex) -> str:
-    if marginal(root.real, root):
+    if is_rounding(root.real, root):
         return "marginal"
     return "stable" if root.real < 0 else "unstable"

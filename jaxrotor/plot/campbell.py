@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator, SymmetricalLogLocator
 
 from ..analysis import Campbell
+from ..pencil import is_rounding
 from . import colours, page
 
 
@@ -43,7 +44,7 @@ def campbell(
     """
     speeds, values = np.asarray(result.speeds), np.asarray(result.values)
     frequency, growth = np.abs(np.imag(values)), np.real(values)
-    growth = np.where(np.abs(growth) > 1e-9 * np.abs(values), growth, 0.0)
+    growth = np.where(is_rounding(growth, values), 0.0, growth)
     directions = _directions(result)
     if mirrored:
         _check_mirror(speeds, [name for name, _, _ in directions])
