@@ -40,6 +40,18 @@ def test_pairs_that_stay_conjugate_are_drawn_once():
         )
 
 
+@pytest.mark.parametrize("discs", [(), (jr.Disc(0.4, 3.0, 0.01, 0.018),)])
+def test_a_free_shaft_has_no_critical_speed_of_zero(discs):
+    """Its rigid motions have the frequency zero, which rounding makes 4e-6 rad/s."""
+    shaft = jr.FlexibleShaft(1.0, 0.03, constraints=())
+    found = jr.critical_speeds(jr.Scene(shaft, *discs, spin=jr.ConstantSpeed(0.0)), 2)
+    if not discs:  # cosh b cos b = 1, with rotary inertia a little less
+        euler = 4.730040744862704**2 * np.sqrt(2.1e11 * 0.03**2 / (16 * 7850.0))
+        assert 0.99 * euler < found.forward[0] < euler * 1.02
+        assert 0.97 * euler < found.backward[0] < euler
+    assert min(found.forward[0], found.backward[0]) > 100.0
+
+
 def test_branches_cross():
     """Forward whirl of a slow mode and backward whirl of a fast one keep their names."""
     rotor = jr.load("two-discs")

@@ -10,7 +10,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
 from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
-from ..quantities import known
+from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import assemble, structure
 from .modal import natural_roots, sense_of_whirl, slowest_first
@@ -123,15 +123,19 @@ def _less_conjugates(branches: Any) -> np.ndarray:
 def critical_speeds(scene: Scene, count: int | None = None) -> CriticalSpeeds:
     """Undamped synchronous whirl: `det( K - Omega^2 (M - G) ) = 0` forward, `M + G` backward.
 
-    Solved for `Omega^2` at once, not by scanning. On unequal supports a whirl is elliptic and counts
-    by the larger of its parts; for an unequal shaft they are the speeds where it stands bent.
+    Of axes that are equal or, on unequal supports, with the pair `(q, q*)`; there whirl is elliptic
+    and counts by the larger of its parts. An unequal shaft has no backward ones: it is critical where
+    it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` of the pair in these. Solved for
+    `Omega^2` at once, not by scanning.
 
     Args:
-        scene: the rotor; its own speed, damping and hysteresis do not matter.
+        scene: the rotor; its own speed does not matter, nor do damping, hysteresis and cross-coupled
+            stiffness (of supports that push across), which are left out.
         count: how many of each to return, by default all.
 
     Returns:
         Speeds [rad/s], ascending; those that do not exist are left out (infinite where traced).
+        Differentiable; equal ones by the mean of theirs.
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
@@ -178,10 +182,33 @@ def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
 
 
 def _synchronous_of(stiffness: Array, inertia: Array) -> Float[Array, " c"]:
-    """Every real `Omega > 0` with `det(K - Omega^2 M) = 0`, else infinite."""
-    shift = Pencil(inertia, inertia, stiffness).rate ** 2
+    """Every real `Omega > 0` with `det(K - Omega^2 M) = 0`, else infinite.
+
+    `Omega = 0` of a free shaft is none; rounding leaves about 1e-15 of the scale in its square.
+    """
+    squares, scale = _squares(stiffness, inertia), _scale(stiffness, inertia)
+    real = jnp.isfinite(squares) & (squares.real > 1e-10 * scale)
+    real = real & (jnp.abs(squares.imag) < 1e-6 * jnp.abs(squares))
+    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf)
+
+
+def _scale(stiffness: Array, inertia: Array) -> Scalar:
+    """Of the order of the square of the first critical speed."""
+    return Pencil(inertia, inertia, stiffness).rate ** 2
+
+
+@jax.custom_jvp
+def _squares(stiffness: Array, inertia: Array) -> Complex[Array, " c"]:
+    """Every `s` with `det(K - s M) = 0`, infinite for coordinates without inertia."""
+    shift = _scale(stiffness, inertia)
     inverses = jnp.linalg.eigvals(jnp.linalg.solve(stiffness + shift * inertia, inertia))
     there = jnp.abs(inverses) * shift > 1e-10
-    squares = 1 / jnp.where(there, inverses, 1.0) - shift
-    real = there & (squares.real > 0) & (jnp.abs(squares.imag) < 1e-6 * jnp.abs(squares))
-    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf)
+    return jnp.where(there, 1 / jnp.where(there, inverses, 1.0) - shift, jnp.inf)
+
+
+@_squares.defjvp
+def _squares_jvp(primals, tangents):
+    """Like the derivatives of roots; of two that are equal the mean."""
+    values = _squares(*primals)
+    linear = lambda stiffness, inertia: Pencil(jnp.zeros_like(inertia), -inertia, stiffness)
+    return values, root_changes(values, linear(*primals), linear(*tangents))
