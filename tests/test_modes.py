@@ -1,5 +1,7 @@
 """Modes: how they whirl and lose amplitude as seen from fixed axes, and their derivatives."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -99,3 +101,65 @@ def test_forward_is_with_the_spin(speed):
     signs = np.sign(np.asarray(branches.values).imag)
     np.testing.assert_array_equal(branches.forward[2:], signs[2:])
     np.testing.assert_array_equal(branches.forward[:2], -signs[:2])
+
+
+# === derivatives
+
+
+def ordered(speed, mu):
+    """Values, damping ratios in turning axes and counter shapes by numpy, of positive frequency."""
+    values, shapes, counters = turning(speed, mu)
+    order = np.argsort(values.imag)[-2:]
+    return values[order], (counters / shapes)[order]
+
+
+def test_modes_are_differentiable():
+    """By the share of the two stiffnesses, against central differences of numpy."""
+    speed, h = 0.7, 1e-4
+    weights = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}
+    near = {k: ordered(speed, MU + k * h) for k in weights}
+    slopes = [sum(w * near[k][i] for k, w in weights.items()) / h for i in (0, 1)]
+
+    def split(mu):
+        found = jr.modes(unequal(speed).put({"shaft.anisotropy": mu}))
+        ratio = (found.counter / found.shapes)[:, 0]
+        parts = [found.values.real, found.values.imag, ratio.real, ratio.imag, found.damping_ratio]
+        return jnp.stack(parts)
+
+    at, (forward, backward) = (
+        split(jnp.asarray(MU)),
+        (kind(split)(jnp.asarray(MU)) for kind in (jax.jacfwd, jax.jacrev)),
+    )
+    np.testing.assert_allclose(forward, backward, rtol=1e-9, atol=1e-12)
+    order = np.argsort(at[1])[-2:]
+    found = np.asarray(forward)[:, order]
+    np.testing.assert_allclose(found[0] + 1j * found[1], slopes[0], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found[2] + 1j * found[3], slopes[1], rtol=1e-7, atol=1e-9)
+    seen = lambda values: np.array([speed + values[0].imag, speed - values[1].imag])
+    ratio = lambda values: -values.real / np.hypot(values.real, seen(values))
+    ratios = sum(w * ratio(near[k][0]) for k, w in weights.items()) / h
+    np.testing.assert_allclose(found[4], ratios, rtol=1e-6, atol=1e-9)
+
+
+def test_equal_roots_hold_their_shapes():
+    """On supports unequal by nothing, two roots in a plane are one: the mean, and no NaN."""
+    shaft = jr.MasslessShaft(1.0, 0.5, STIFFNESS)
+    support = jr.Support(0.5, 1.0, anisotropy=0.0)
+    scene = jr.Scene(shaft, jr.Disc(0.5, MASS), support, spin=jr.ConstantSpeed(1.0))
+
+    def frequency(stiffness):
+        found = jr.modes(scene.put({"supports.stiffness": stiffness}))
+        return jnp.max(found.values.imag) + 0 * jnp.sum(jnp.abs(found.shapes) ** 2)
+
+    slope = 1 / (2 * MASS * np.sqrt((STIFFNESS + 1.0) / MASS))  # of sqrt((k + s) / m)
+    for kind in (jax.jacfwd, jax.jacrev):
+        assert float(kind(frequency)(jnp.asarray(1.0))) == pytest.approx(slope, rel=1e-9)
+
+
+def test_massless_supports_have_no_modes():
+    scene = jr.load("dual-stiffness-elastic").put({"shaft.damping": None, "supports.damping": None})
+    found = jr.modes(scene)
+    values = np.asarray(jr.roots(scene))
+    np.testing.assert_allclose(found.values, values, rtol=1e-12)
+    assert found.shapes.shape[0] == found.counter.shape[0] == values.size
+    assert np.isfinite(found.damping_ratio).all()

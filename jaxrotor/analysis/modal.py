@@ -134,12 +134,24 @@ def _roots(scene: Scene) -> Complex[Array, " m"]:
     return values[slowest_first(values)]
 
 
-@eqx.filter_jit
 def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     """Roots with their mode shapes at `points` stations along the shaft; see `roots`.
 
-    The shapes are not differentiable (jax has no derivative of eigenvectors).
+    Differentiable, shapes too: with their largest component held at 1, and those of equal roots held
+    altogether, as they may be chosen freely.
     """
+    found = _modes(scene, count, points)
+    if not known(found.values):
+        return found
+    there = jnp.isfinite(found.values)
+    own = lambda modes: [
+        part for part in (modes.values, modes.shapes, modes.counter) if part is not None
+    ]
+    return eqx.tree_at(own, found, [part[there] for part in own(found)])
+
+
+@eqx.filter_jit
+def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     system = assemble(scene)
     if system.blocks.hysteretic is None:
         values, vectors = eigenvectors(Pencil.of(system))
