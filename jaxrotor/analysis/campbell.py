@@ -1,5 +1,6 @@
 """Campbell diagram: roots against the speed of rotation, each branch followed; critical speeds."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -12,8 +13,13 @@ from scipy.optimize import linear_sum_assignment
 from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import assemble, structure
+from ..system import System, assemble
 from .modal import natural_roots, sense_of_whirl, slowest_first
+
+
+CHOICE = 0.2  # how far off a root may be, relative to the next best, to be told for sure
+NARROWEST = 2.0**-12  # of an interval, down to which lines that pass each other are looked at
+MIDPOINTS = 128  # speeds looked at between two given ones, at most
 
 
 class Campbell(eqx.Module):
@@ -54,8 +60,9 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     """Roots `lambda(Omega)` as continuous branches: they keep their identity where they cross.
 
     From speed to speed each root is sought where its derivative `d lambda / d Omega` says. So lines
-    cross where modes do not feel each other, and bend away where they do, as long as the speeds
-    are finer than the bend.
+    cross where modes do not feel each other, and bend away where they do. Where that leaves a choice,
+    which is on coarse speeds and where lines pass each other, speeds between are looked at: lines that
+    bend away within less than `NARROWEST` of an interval are taken to cross.
 
     Args:
         scene: the rotor; its own speed does not matter.
@@ -64,46 +71,95 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
             each conjugate pair, but both where they part into real roots.
 
     Returns:
-        Branches; not differentiable, `roots` is.
+        Branches; not differentiable and not to be traced, `roots` is.
 
     Source: Brysin, Nikiforov (2019), Figs. 3, 4.
     """
     speeds = np.asarray(speeds, float)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
         raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
-    blocks = structure(scene).blocks
-    values, slopes = (np.asarray(a) for a in _values_and_slopes(scene, jnp.asarray(speeds), count))
-    branches = np.empty(values.shape, complex)
-    branches[0], slope = values[0], slopes[0]
-    for k, step in enumerate(np.diff(speeds)):
-        ahead = branches[k] + step * slope
-        back = values[k + 1] - step * slopes[k + 1]
-        cost = np.abs(ahead[:, None] - values[k + 1]) + np.abs(branches[k][:, None] - back)
-        order = linear_sum_assignment(cost)[1]
-        branches[k + 1], slope = values[k + 1, order], slopes[k + 1, order]
+    system = eqx.filter_jit(assemble)(scene)
+    blocks = system.blocks
+    if not all(map(known, jax.tree.leaves(system))):
+        raise ValueError(
+            "`campbell` follows branches by their values, so it cannot run inside jax.jit, jax.vmap or "
+            "jax.grad; call it outside, or use `roots`."
+        )
+
+    def sample(speed):
+        found = _values_and_slopes(system, jnp.asarray(speed), count)
+        return _Sample(speed, *map(np.asarray, found))
+
+    wanted = slice(count if isotropic(blocks) else 2 * count)
+    followed = [sample(speeds[0])]
+    for speed in speeds[1:]:
+        followed.append(_follow(followed[-1], sample(speed), wanted, sample))
+    branches = np.stack([one.values for one in followed])
     if not isotropic(blocks):
         branches = _less_conjugates(branches)
     axes = frame(blocks)
     return Campbell(jnp.asarray(speeds), jnp.asarray(branches[:, :count]), axes, isotropic(blocks))
 
 
+class _Sample(NamedTuple):
+    """Roots (m,) and their derivatives at one speed [rad/s]."""
+
+    speed: float
+    values: np.ndarray
+    slopes: np.ndarray
+
+    def same(self, step: float) -> np.ndarray:
+        """Which roots (m, m) are equal and stay so over a step: either may be the other."""
+        here, there = self.values, self.values + step * self.slopes
+        apart = np.abs(here[:, None] - here) + np.abs(there[:, None] - there)
+        return is_rounding(apart, here)
+
+
+def _follow(left: _Sample, right: _Sample, wanted: slice, sample: Callable) -> _Sample:
+    """`right` in the order of `left`, by way of as many samples between as leave no choice."""
+    ahead, looked, narrow = [right], 0, NARROWEST * (right.speed - left.speed)
+    while ahead:
+        matched, sure = _matched(left, ahead[-1])
+        if sure[wanted].all() or matched.speed - left.speed <= narrow or looked == MIDPOINTS:
+            left = matched
+            ahead.pop()
+        else:
+            ahead.append(sample((left.speed + ahead[-1].speed) / 2))
+            looked += 1
+    return left
+
+
+def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
+    """`right` in the order of `left`, and which roots (m,) have no other choice and pass none.
+
+    From afar lines that cross look like those that bend away.
+    """
+    step = right.speed - left.speed
+    ahead, back = left.values + step * left.slopes, right.values - step * right.slopes
+    cost = np.abs(ahead[:, None] - right.values) + np.abs(left.values[:, None] - back)
+    order = linear_sum_assignment(cost)[1]
+    cost, right = cost[:, order], _Sample(right.speed, right.values[order], right.slopes[order])
+    twins = right.same(step)
+    others = np.where(left.same(step) | twins, np.inf, cost)
+    sure = np.diagonal(cost) <= CHOICE * np.minimum(others.min(axis=0), others.min(axis=1))
+    before, after = (one.values[:, None] - one.values for one in (left, right))
+    sure &= np.all(np.real(np.conj(before) * after) >= 0, axis=1)
+    # Where lines meet, the slope of each is the mean of both; it is told by where it came from.
+    slopes = np.where(twins.sum(axis=1) > 1, (right.values - left.values) / step, right.slopes)
+    return right._replace(slopes=slopes), sure
+
+
 @eqx.filter_jit
-def _values_and_slopes(scene: Scene, speeds: Float[Array, " w"], count: int):
-    """The slowest roots at every speed, some more than `count` of (pairs of) them, and derivatives."""
-    system = assemble(scene)
-
-    def one(speed):
-        values = natural_roots(system.at_speed(speed))
-        # No mass, no motion: a root beyond all others.
-        values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
-        values = values[slowest_first(values)[: 4 * count + 8]]
-        pencil = lambda speed: Pencil.of(system.at_speed(speed))
-        own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
-        slopes = root_changes(values, own, change)
-        return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)
-
-    # One speed after the other: see `sweep._build_lanes` on batched linear algebra.
-    return jax.lax.map(one, speeds)
+def _values_and_slopes(system: System, speed: Scalar, count: int):
+    """The slowest roots, some more than `count` of (pairs of) them, and their derivatives."""
+    values = natural_roots(system.at_speed(speed))
+    # No mass, no motion: a root beyond all others.
+    values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
+    values = values[slowest_first(values)[: 4 * count + 8]]
+    pencil = lambda speed: Pencil.of(system.at_speed(speed))
+    own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
+    slopes = root_changes(values, own, change)
+    return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)
 
 
 def _finite(values: Array) -> Array:

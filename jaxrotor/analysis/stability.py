@@ -65,7 +65,11 @@ def undamped_side(ends: Any) -> Any:
 
 
 def onset_speed(
-    scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
+    scene: Scene,
+    within: tuple[float, float] | None = None,
+    samples: int = 200,
+    *,
+    throw: bool = True,
 ) -> Onset:
     """Lowest speed at which the straight rotor turns unstable: `max Re lambda(Omega) = 0`, rising.
 
@@ -75,6 +79,8 @@ def onset_speed(
         samples: growth rates taken to bracket the crossing; bands of flutter narrower than an
             interval are found where the growth rate turns back beside them, at the `TURNS` closest
             calls. Bands where an unequal shaft stands bent are never missed.
+        throw: whether to raise where there is no onset. False gives NaN instead, so that one rotor of
+            many under jax.vmap does not end all.
 
     Returns:
         Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
@@ -84,27 +90,32 @@ def onset_speed(
         rate jumps through zero where a whirl is synchronous.
 
     Raises:
-        ValueError: no loss of stability in the range, unstable from its start, or no damping.
+        ValueError: no loss of stability in the range, unstable from its start, no damping, or speeds
+            too slow for `growth_rate`.
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
     speeds, sign = _scan(scene, _checked(within, samples), samples)
-    speeds = _refuse_unresolved(speeds, sign)
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [
+        (jnp.any(jnp.isnan(sign)), "The slowest speeds are too slow for Floquet multipliers"),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~jnp.any(rising), "The rotor never loses its stability; search a wider range than"),
     ]
-    for wrong, sentence in refusals:
+    for wrong, sentence in refusals if throw else ():
         if known(wrong):
             if bool(wrong):
                 raise ValueError(f"{sentence} from {speeds[0]:g} to {speeds[-1]:g} rad/s.")
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} the speeds searched.")
     first = jnp.argmax(rising)
-    return _refine(scene, speeds[first], speeds[first + 1])
+    found = _refine(scene, speeds[first], speeds[first + 1])
+    if throw:
+        return found
+    none = jnp.any(jnp.stack([wrong for wrong, _ in refusals]))
+    return Onset(*(jnp.where(none, jnp.nan, part) for part in found))
 
 
 def stability_crossings(
@@ -116,25 +127,22 @@ def stability_crossings(
     Arguments as of `onset_speed`.
     """
     speeds, sign = _scan(scene, _checked(within, samples), samples)
-    speeds = _refuse_unresolved(speeds, sign)
+    if not known(sign):
+        raise ValueError(
+            "How many crossings there are depends on values, so `stability_crossings` cannot run inside "
+            "jax.jit or jax.vmap; call it outside, or use `onset_speed`."
+        )
+    unknown = jnp.isnan(sign)
+    if jnp.any(unknown):
+        raise ValueError(
+            "Floquet multipliers do not follow the first mode at speeds as low as "
+            f"{speeds[unknown][0]:g} rad/s; begin `within` at a higher speed."
+        )
     unstable = np.asarray(sign) > 0
     return [
         (_refine(scene, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
         for i in np.flatnonzero(unstable[:-1] != unstable[1:])
     ]
-
-
-def _refuse_unresolved(speeds: Array, sign: Array) -> Array:
-    """Speeds, if the growth rate is known at every one of them."""
-    unknown = jnp.isnan(sign)
-    sentence = "Floquet multipliers do not follow the first mode at speeds as low as"
-    if known(unknown) and jnp.any(unknown):
-        raise ValueError(
-            f"{sentence} {speeds[unknown][0]:g} rad/s; begin `within` at a higher speed."
-        )
-    if known(unknown):
-        return speeds
-    return eqx.error_if(speeds, unknown, f"{sentence} those of `within`; begin at a higher speed.")
 
 
 def _checked(within, samples: int) -> tuple[Array, Array] | None:
