@@ -1,5 +1,7 @@
 """Stability maps and boundaries of the two-stiffness rotor, against its closed-form boundary."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -74,6 +76,26 @@ def test_map_of_a_rotor_on_supports_of_two_stiffnesses():
     for speed, growth in zip(speeds, found.growth[:, 0], strict=True):
         values = np.asarray(jr.roots(round_.replace({"spin.speed": speed})))
         assert growth == pytest.approx(values.real.max(), rel=1e-7, abs=1e-10)
+
+
+def test_a_map_is_one_compiled_program():
+    """However many its points and curves, and whatever the values."""
+    axes = lambda count: {
+        "spin.speed": np.linspace(0.6, 1.4, count),
+        "shaft.anisotropy": np.linspace(0.0, 0.5, count - 2),
+    }
+    jr.stability_map(rotor(0.05), axes(5))
+    compiled = []
+
+    def listen(event, *_, **__):
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    found = jr.stability_map(rotor(0.07), axes(14))
+    assert len(found.boundaries[0]) > 10 and not compiled
+    jax.jit(lambda x: jnp.sin(x) + 1.7182)(jnp.zeros(11))
+    assert compiled  # the list fills
 
 
 def slow(cross, damping=None):

@@ -117,7 +117,8 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
 
     Returns:
         Roots [rad/s] by rising magnitude; of a pair, forward first. Coordinates without mass have
-        none (infinite ones where traced). Differentiable; equal roots by the mean of theirs.
+        none (infinite ones where traced). Of a rotor without loss and drive a real part within
+        rounding (1e-9 of its root) is set to zero. Differentiable; equal roots by the mean of theirs.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
