@@ -87,6 +87,11 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     return System(line, blocks, load, tuple(ports), scene.spin, tuple(members))
 
 
+def structure(scene: Scene) -> System:
+    """Which blocks, loads and ports a scene has: shapes alone, without the cost of `assemble`."""
+    return eqx.filter_eval_shape(assemble, scene)
+
+
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     """Contacts of a scene that act at one station.
 

@@ -15,6 +15,7 @@ from transfer import Joint, Stretch, whirl_near
 import jaxrotor as jr
 from jaxrotor import Constraint, Disc, FlexibleShaft, Scene, Step, Support
 from jaxrotor.files import dumps
+from jaxrotor.pencil import Pencil, eigenvalues
 
 
 LENGTH, DIAMETER = 1.3, 0.02
@@ -403,8 +404,10 @@ def random_rotor(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_conservative_roots_are_imaginary(seed):
-    values = np.asarray(jr.roots(random_rotor(seed)))
-    assert np.abs(values.real).max() < 1e-12 * np.abs(values).max()
+    """As computed, before `roots` takes rounding away: it leaves 3e-11 of the largest."""
+    values = np.asarray(eigenvalues(Pencil.of(jr.assemble(random_rotor(seed)))))
+    assert np.abs(values.real).max() < 1e-10 * np.abs(values).max()
+    assert np.all(np.asarray(jr.roots(random_rotor(seed))).real == 0)
 
 
 @pytest.mark.parametrize("seed", range(3))
