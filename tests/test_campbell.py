@@ -124,3 +124,12 @@ def test_campbell_says_that_it_cannot_be_traced():
         jax.jit(at)(1.0)
     with pytest.raises(ValueError, match=sentence):
         jax.vmap(at)(jnp.ones(2))
+
+
+@pytest.mark.parametrize("points", [5, 12])
+def test_branches_keep_their_direction(points):
+    """Round rotors with no over-damped mode: forward whirl stays forward at every speed."""
+    branches = jr.campbell(jr.load("two-discs"), np.linspace(0.0, 400.0, points), count=8).values
+    sides = np.sign(np.imag(np.asarray(branches)))
+    assert (sides[1:] == sides[1]).all()
+    assert sorted(sides[1]) == [-1.0] * 4 + [1.0] * 4

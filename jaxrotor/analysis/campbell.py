@@ -137,7 +137,9 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
     step = right.speed - left.speed
     ahead, back = left.values + step * left.slopes, right.values - step * right.slopes
     cost = np.abs(ahead[:, None] - right.values) + np.abs(left.values[:, None] - back)
-    order = linear_sum_assignment(cost)[1]
+    # Roots of its square: else, on a line, one long jump costs no more than a chain of short ones,
+    # and where the slowest roots are cut from all there is always one that has lost its partner.
+    order = linear_sum_assignment(np.sqrt(cost))[1]
     cost, right = cost[:, order], _Sample(right.speed, right.values[order], right.slopes[order])
     twins = right.same(step)
     others = np.where(left.same(step) | twins, np.inf, cost)
