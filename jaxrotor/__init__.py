@@ -40,6 +40,8 @@ from .analysis import (  # noqa: E402
 )
 from .dataset import dataset as dataset  # noqa: E402
 from .effects import (  # noqa: E402
+    BallBalancer as BallBalancer,
+    BallContact as BallContact,
     Disc as Disc,
     DiscDamping as DiscDamping,
     ExternalDamping as ExternalDamping,
@@ -63,6 +65,7 @@ from .shafts import (  # noqa: E402
     Constraint as Constraint,
     FlexibleShaft as FlexibleShaft,
     MasslessShaft as MasslessShaft,
+    RigidShaft as RigidShaft,
     Step as Step,
 )
 from .simulate import Response as Response, simulate as simulate  # noqa: E402

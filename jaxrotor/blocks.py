@@ -1,7 +1,11 @@
 """Linear blocks: what shafts and effects add to the equations of motion."""
 
+import dataclasses
+
 import equinox as eqx
 from jaxtyping import Array, Complex, Float
+
+from .quantities import Scalar
 
 
 class Blocks(eqx.Module):
@@ -14,6 +18,7 @@ class Blocks(eqx.Module):
     - what is not the same in x and y adds `fixed_damping q*. + fixed_stiffness q*` (q* conjugate),
     - the same in axes that turn with the shaft, `q = r exp(i Omega t)`, adds to the equations of `r`
       `rotating_damping r*. + rotating_stiffness r*`,
+    - `polar` [kg m^2] is the moment of inertia about the axis, which a free rotation needs,
     - hysteresis adds `i eta_s hysteretic q`, where eta_s is +1 for a motion that whirls faster than
       the shaft turns and -1 for one that does not: it is known for harmonic motions only.
     """
@@ -31,21 +36,28 @@ class Blocks(eqx.Module):
     rotating_damping: Complex[Array, "n n"] | None = None
     rotating_stiffness: Complex[Array, "n n"] | None = None
     hysteretic: Float[Array, "n n"] | None = None
+    polar: Scalar | None = None
 
     def __add__(self, other: "Blocks") -> "Blocks":
-        return Blocks(
-            *(_add(getattr(self, name), getattr(other, name)) for name in self.__dataclass_fields__)
-        )
+        return Blocks(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
 
 
 class Load(eqx.Module):
-    """External load `constant + (Omega^2 - i Omega.) unbalance exp(i theta)`; None means absent."""
+    """External load `constant + (Omega^2 - i Omega.) unbalance exp(i theta)`; None means absent.
+
+    `gravity` is the acceleration behind weight, for bodies that have coordinates of their own.
+    """
 
     constant: Complex[Array, " n"] | None = None
     unbalance: Complex[Array, " n"] | None = None
+    gravity: Complex[Array, ""] | None = None
 
     def __add__(self, other: "Load") -> "Load":
-        return Load(_add(self.constant, other.constant), _add(self.unbalance, other.unbalance))
+        return Load(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
+
+
+def _parts(module: eqx.Module) -> list[str]:
+    return [field.name for field in dataclasses.fields(module)]
 
 
 def _add(a: Array | None, b: Array | None) -> Array | None:

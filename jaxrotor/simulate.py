@@ -28,6 +28,8 @@ class Response(eqx.Module):
     velocity: Complex[Array, "T s"]  # [m/s]
     slope: Complex[Array, "T s"]  # dz/dx [rad]
     contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
+    coordinates: Complex[Array, "T n"]  # of the equations of motion
+    rates: Complex[Array, "T n"]  # [1/s] of them
     stations: Float[Array, " s"]  # [m]
     end: Continued  # state to go on from
     scene: Scene
@@ -96,6 +98,7 @@ def simulate(
         steps_per_revolution,
         slopes=True,
         contacts=True,
+        coordinates=True,
         together=port_groups(scene),
     )
     end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
@@ -106,7 +109,7 @@ def simulate(
         )
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
-    displacement, velocity, slope, contact_force = orbit
+    displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
     return Response(
         time=angle / rate,
         angle=angle,
@@ -114,6 +117,8 @@ def simulate(
         velocity=velocity,
         slope=slope,
         contact_force=contact_force,
+        coordinates=coordinates,
+        rates=rates,
         stations=stations,
         end=Continued(*end),
         scene=scene,
@@ -128,7 +133,13 @@ def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
     y, first = march.skip(march.begin(start, stations[0]), skip)
 
     def update(carry, orbit):
-        return carry, (orbit.displacement, orbit.velocity, orbit.slope, orbit.contact_force)
+        return carry, (
+            orbit.displacement,
+            orbit.velocity,
+            orbit.slope,
+            orbit.contact_force,
+            orbit.coordinates,
+        )
 
     (y, _, good), turns = march.collect(y, None, update, keep)
     orbit = jax.tree.map(_join, turns)

@@ -112,6 +112,7 @@ def sweep(
         max_steps,
         steps_per_revolution,
         slopes=False,
+        coordinates=False,
         contacts=any(one.needs_contact for one in observe),
         together=_port_groups(scene, axes),
     )

@@ -17,6 +17,7 @@ class Support(AbstractLinear):
 
     So the stiffness is `k (1 + anisotropy)` along the axis at `angle` and `k (1 - anisotropy)`
     across it; `cross` turns the force ahead of the displacement (negative drives forward whirl).
+    `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     `rotating=True`: the element turns with the shaft, its axes and its damper too, which then is
     internal damping. None is absent. Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
     """
@@ -32,6 +33,8 @@ class Support(AbstractLinear):
     angle: Scalar = real("angle [rad]", default=0.0)
     cross: Scalar = real("cross [1]", default=None)
     damping_cross: Scalar = real("damping_cross [1]", default=None)
+    angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
+    angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
@@ -69,9 +72,15 @@ class Support(AbstractLinear):
         turned = jnp.exp(2j * self.angle)
         deviator = lambda size, share: None if share is None else size * share * turned * force
         damping = None if self.damping is None else self.damping * force
+        stiffness = self.stiffness * force
+        couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
+        if self.angular_stiffness is not None:
+            stiffness = stiffness + self.angular_stiffness * couple
+        if self.angular_damping is not None:
+            damping = (0.0 if damping is None else damping) + self.angular_damping * couple
         frame = "rotating" if self.rotating else "fixed"
         return Blocks(
-            stiffness=self.stiffness * force,
+            stiffness=stiffness,
             damping=damping,
             circulatory=damping if self.rotating else None,
             skew_stiffness=part(self.stiffness, self.cross),

@@ -7,6 +7,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar
+from .influence import Influence
 
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or a value for each span
@@ -21,6 +22,7 @@ class AbstractLine(eqx.Module):
     so an effect that uses both works on every shaft.
     """
 
+    ends: eqx.AbstractVar[Float[Array, " ends"]]  # of the stretches on which rows are smooth [m]
     anisotropy: eqx.AbstractVar[Scalar | None]  # mu: stiffness (1 + mu), (1 - mu) of turning axes
 
     @property
@@ -94,3 +96,15 @@ class AbstractShaft(eqx.Module):
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:
         """The bare shaft's own matrices."""
+
+    @abc.abstractmethod
+    def influence(self) -> Influence | None:
+        """Influence lines of its constraints, displacement before slope; None where it has none."""
+
+
+def off_shaft(shaft: AbstractShaft, at: float) -> str | None:
+    """Why nothing can sit beyond the ends of a shaft; None between them."""
+    length = float(shaft.length)
+    if 0 <= at <= length * (1 + 1e-12):
+        return None
+    return f"is off the shaft; `at [m]` must be between 0 and the shaft's length, {length:g} m"

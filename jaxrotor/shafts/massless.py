@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar, nonnegative, positive, real
+from .influence import Influence
 from .line import AbstractLine, AbstractShaft
 
 
@@ -19,6 +20,10 @@ class MasslessLine(AbstractLine):
     length: Scalar
     elastic_ends: bool = eqx.field(static=True)
     tilts: bool = eqx.field(static=True)
+
+    @property
+    def ends(self) -> Float[Array, " 2"]:
+        return jnp.stack([jnp.zeros_like(self.length), self.length])
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -150,6 +155,14 @@ class MasslessShaft(AbstractShaft):
             damping=viscous,
             circulatory=viscous,
         )
+
+    def influence(self) -> Influence | None:
+        if self.ends == "rigid":
+            raise ValueError(
+                "A massless shaft is known by its stiffness at one station, which does not tell how its "
+                'rigid ends share the load; take `ends="elastic"` with a Support at each.'
+            )
+        return None
 
     def _relative(self) -> Float[Array, "k n"]:
         """Displacement (less that of the ends) and slope from the coordinates."""
