@@ -58,6 +58,13 @@ from .files import (  # noqa: E402
     study as study,
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
+from .riccati import (  # noqa: E402
+    blow_up_time as blow_up_time,
+    relaxation_rate as relaxation_rate,
+    riccati as riccati,
+    steady_speed as steady_speed,
+    stop_time as stop_time,
+)
 from .scene import Scene as Scene  # noqa: E402
 from .shafts import (  # noqa: E402
     Constraint as Constraint,
@@ -67,7 +74,12 @@ from .shafts import (  # noqa: E402
 )
 from .simulate import Response as Response, simulate as simulate  # noqa: E402
 from .solvers import Exponential as Exponential  # noqa: E402
-from .spin import ConstantSpeed as ConstantSpeed  # noqa: E402
+from .spin import (  # noqa: E402
+    ConstantSpeed as ConstantSpeed,
+    Drive as Drive,
+    SpeedProfile as SpeedProfile,
+    Turning as Turning,
+)
 from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl  # noqa: E402
 from .sweep import sweep as sweep  # noqa: E402
 from .system import System as System, assemble as assemble  # noqa: E402

@@ -10,7 +10,7 @@ from .effects.base import AbstractContact, AbstractLaw, AbstractLinear, Abstract
 from .quantities import Scalar, known
 from .scene import Scene
 from .shafts.line import AbstractLine
-from .spin import AbstractSpin
+from .spin import AbstractSpin, constant
 
 
 class Port(eqx.Module):
@@ -46,8 +46,8 @@ class System(eqx.Module):
         return self.line.stiffness.shape[0]
 
     def at_speed(self, speed: Scalar) -> "System":
-        """The same rotor at another speed: nothing assembled depends on it."""
-        return eqx.tree_at(lambda system: system.spin.speed, self, speed)
+        """The same rotor at a constant speed: nothing assembled depends on how it turns."""
+        return eqx.tree_at(lambda system: system.spin, self, constant(speed))
 
     def contact_forces(self, displacement: Array, velocity: Array) -> Float[Array, "k 2"]:
         """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports."""
