@@ -8,7 +8,7 @@ A table is a `Series`, `times: Series = series("times [s]")`: one leaf of severa
 import dataclasses
 import functools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import equinox as eqx
@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 if TYPE_CHECKING:  # a field takes a plain number and holds an array
     Scalar: TypeAlias = Array | float
-    Series: TypeAlias = Array | Sequence[float]
+    Series: TypeAlias = Any  # a field takes any list of numbers and holds an array
 else:
     Scalar = Float[Array, ""]
     Series = Float[Array, "_"]

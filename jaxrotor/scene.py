@@ -7,7 +7,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
 from .quantities import known, quantity_units, unit_of
@@ -74,7 +74,7 @@ class Scene(eqx.Module):
                     raise ValueError(f"`at [m]` = {x:g} m {reason}.")
         return stations
 
-    def at_speed(self, speed: Any) -> "Scene":
+    def at_speed(self, speed: ArrayLike) -> "Scene":
         """Scene that turns at a constant speed [rad/s], whatever its spin."""
         return eqx.tree_at(lambda scene: scene.spin, self, constant(speed))
 

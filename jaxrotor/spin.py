@@ -1,11 +1,10 @@
 """How the shaft turns about its axis."""
 
 import abc
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike
 
 from .quantities import Scalar, Series, check, nonnegative, positive, real, series
 from .riccati import Turning as Turning, riccati
@@ -42,7 +41,7 @@ class ConstantSpeed(AbstractSpin):
         return Turning(self.speed * time, speed, jnp.zeros_like(time))
 
 
-def constant(speed: Any) -> ConstantSpeed:
+def constant(speed: ArrayLike) -> ConstantSpeed:
     """`ConstantSpeed` of a speed [rad/s] as it is: no check in a compiled program."""
     return eqx.tree_at(lambda spin: spin.speed, ConstantSpeed(0.0), jnp.asarray(speed, float))
 
@@ -122,8 +121,8 @@ class Drive(AbstractSpin):
         if self.table_speeds is not None:
             _check_lengths(self, "table_speeds", "table_torques")
 
-    def moment(self, speed: ArrayLike) -> Scalar:
-        """Torque [N m] of motor and resistance at a speed [rad/s]."""
+    def moment(self, speed: ArrayLike) -> Array:
+        """Torque [N m] of motor and resistance at a speed, or at many [rad/s]."""
         speed = jnp.asarray(speed, float)
         moment = jnp.broadcast_to(self.torque, speed.shape)
         if self.slope is not None:

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .blocks import Blocks, Load
 from .effects.base import AbstractContact, AbstractLaw, AbstractLinear, AbstractLoad
@@ -45,7 +45,7 @@ class System(eqx.Module):
         """Number of complex coordinates."""
         return self.line.stiffness.shape[0]
 
-    def at_speed(self, speed: Scalar) -> "System":
+    def at_speed(self, speed: ArrayLike) -> "System":
         """The same rotor at a constant speed: nothing assembled depends on how it turns."""
         return eqx.tree_at(lambda system: system.spin, self, constant(speed))
 
