@@ -55,7 +55,7 @@ def series(label: str, *, ascending: bool = False, **options: Any) -> Any:
 
 def _quantity(
     label: str,
-    checked: Callable[[Any, str], Array],
+    checked: Callable[[Any, str], Any],
     default: Any = dataclasses.MISSING,
     many: bool = False,
 ) -> Any:

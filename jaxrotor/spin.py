@@ -1,6 +1,7 @@
 """How the shaft turns about its axis."""
 
 import abc
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +14,10 @@ from .riccati import Turning as Turning, riccati
 class AbstractSpin(eqx.Module):
     """Law of rotation `theta(t)`, `theta(0) = 0`; positive spin turns x into y."""
 
-    speed: eqx.AbstractVar[Scalar]  # at t = 0 [rad/s]
+    if TYPE_CHECKING:  # where an abstract variable would be an argument of every spin
+        speed: ClassVar[Any]
+    else:
+        speed: eqx.AbstractVar[Scalar]  # at t = 0 [rad/s]
 
     @property
     @abc.abstractmethod
@@ -131,7 +135,7 @@ class Drive(AbstractSpin):
             moment = moment - self.drag * speed * (jnp.abs(speed) if self.odd else speed)
         if self.coulomb is not None:
             moment = moment - self.coulomb * jnp.sign(speed)
-        if self.table_speeds is not None:
+        if self.table_speeds is not None and self.table_torques is not None:
             moment = moment + jnp.interp(speed, self.table_speeds, self.table_torques)
         return moment
 
