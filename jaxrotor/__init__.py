@@ -13,6 +13,8 @@ from .analysis import (  # noqa: E402
     Boundary as Boundary,
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
+    FirstMoments as FirstMoments,
+    Grade as Grade,
     HarmonicForce as HarmonicForce,
     HarmonicResponse as HarmonicResponse,
     Modes as Modes,
@@ -21,16 +23,23 @@ from .analysis import (  # noqa: E402
     Reduction as Reduction,
     StabilityMap as StabilityMap,
     WeightResponse as WeightResponse,
+    allocated_unbalance as allocated_unbalance,
+    balance_grade as balance_grade,
     campbell as campbell,
+    correction_masses as correction_masses,
     critical_speeds as critical_speeds,
     floquet_multipliers as floquet_multipliers,
     forced_response as forced_response,
     growth_rate as growth_rate,
     inertia_from_frequency as inertia_from_frequency,
+    influence_coefficients as influence_coefficients,
     modes as modes,
     onset_speed as onset_speed,
+    permissible_unbalance as permissible_unbalance,
     perturbed_roots as perturbed_roots,
     reduction as reduction,
+    rigid_correction as rigid_correction,
+    rigid_residual as rigid_residual,
     roots as roots,
     stability_boundary as stability_boundary,
     stability_crossings as stability_crossings,
@@ -60,6 +69,13 @@ from .files import (  # noqa: E402
     study as study,
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
+from .riccati import (  # noqa: E402
+    blow_up_time as blow_up_time,
+    relaxation_rate as relaxation_rate,
+    riccati as riccati,
+    steady_speed as steady_speed,
+    stop_time as stop_time,
+)
 from .scene import Scene as Scene  # noqa: E402
 from .shafts import (  # noqa: E402
     Constraint as Constraint,
@@ -70,7 +86,12 @@ from .shafts import (  # noqa: E402
 )
 from .simulate import Response as Response, simulate as simulate  # noqa: E402
 from .solvers import Exponential as Exponential  # noqa: E402
-from .spin import ConstantSpeed as ConstantSpeed  # noqa: E402
+from .spin import (  # noqa: E402
+    ConstantSpeed as ConstantSpeed,
+    Drive as Drive,
+    SpeedProfile as SpeedProfile,
+    Turning as Turning,
+)
 from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl  # noqa: E402
 from .sweep import sweep as sweep  # noqa: E402
 from .system import System as System, assemble as assemble  # noqa: E402

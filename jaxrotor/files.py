@@ -9,7 +9,6 @@ import contextlib
 import dataclasses
 import importlib.resources
 import inspect
-import math
 import os
 import re
 import secrets
@@ -26,7 +25,7 @@ import numpy as np
 from . import effects, shafts, spin
 from .effects import AbstractEffect, Disc
 from .materials import NAMED, Material
-from .quantities import unit_of
+from .quantities import is_series, unit_of
 from .scene import Scene, suggest
 from .shafts import AbstractShaft
 from .spin import AbstractSpin
@@ -38,6 +37,7 @@ Table = dict[str, Any]
 _DIMENSIONS = {"at": "m", "diameter": "m", "thickness": "m", "density": "kg/m^3", "bore": "m"}
 START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
 _COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
+_NOUNS = ("Shaft", "Speed")  # what the classes of a model share, and its name leaves out
 _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
 
@@ -213,6 +213,10 @@ def _checked(build: Callable, values: Table, path: str) -> Any:
 
 def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
     unit, kind = unit_of(field), typing.cast(Any, field.type)
+    if unit is not None and is_series(field):
+        if not isinstance(value, list):
+            refuse(path, f"must be a list of two or more numbers, but is {show(value)}.")
+        return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
     if unit is not None:
         return quantity(value, unit, path)
     if Material in (kind, *typing.get_args(kind)) and isinstance(value, str):
@@ -312,7 +316,7 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
             tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
             nested[field.name] = tomlkit.item(tables) if tables else []
         elif unit is not None and value is not None:
-            item = tomlkit.item(_plain(value, here))
+            item = tomlkit.item(_plain(value, here, is_series(field)))
             table[field.name] = item if unit == "1" else item.comment(unit)
         elif isinstance(value, bool | int | str):
             table[field.name] = value
@@ -322,14 +326,16 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
     return table
 
 
-def _plain(value: Any, path: str) -> float:
+def _plain(value: Any, path: str, many: bool) -> float | list[float]:
     try:
-        number = float(value)
-    except TypeError:  # traced, or an array of many
-        number = math.nan
-    if not math.isfinite(number):
-        refuse(path, f"cannot be written: it must be one known finite number, but is {value}.")
-    return number
+        numbers = np.asarray(value, float)
+        plain = numbers.ndim == many and bool(np.isfinite(numbers).all())
+    except TypeError:  # traced
+        numbers, plain = np.zeros(()), False
+    if not plain:
+        wanted = "a list of known finite numbers" if many else "one known finite number"
+        refuse(path, f"cannot be written: it must be {wanted}, but is {value}.")
+    return numbers.tolist()
 
 
 # === names and messages
@@ -343,10 +349,11 @@ def _kinds() -> dict[str, Any]:
 
 
 def _models(module: ModuleType, base: type) -> dict[str, type]:
-    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible"."""
+    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible", `SpeedProfile` "profile"."""
     classes = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, base)]
-    names = {c: re.sub(r"(?<!^)(?=[A-Z])", "_", c.__name__).lower() for c in classes}
-    return {n.rpartition("_")[0]: c for c, n in names.items() if not n.startswith("abstract")}
+    words = {c: re.findall("[A-Z][a-z]*", c.__name__) for c in classes}
+    own = {c: [w.lower() for w in found if w not in _NOUNS] for c, found in words.items()}
+    return {"_".join(names): c for c, names in own.items() if "abstract" not in names}
 
 
 def _table(value: Any, path: str) -> Table:

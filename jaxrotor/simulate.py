@@ -15,6 +15,7 @@ from .quantities import Scalar, known
 from .scene import Scene
 from .solvers.basis import well_conditioned
 from .solvers.exponential import Exponential
+from .spin import ConstantSpeed
 from .start import AbstractStart, AtRest, Continued
 from .system import assemble, port_groups
 
@@ -87,6 +88,7 @@ def simulate(
     check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
+    check_constant(scene, "`simulate`")
     start = AtRest() if start is None else start
     stations = scene.stations(at)
     rate = revolution_rate(scene, period)
@@ -157,6 +159,15 @@ def check_counts(**counts: int) -> None:
     for name, value in counts.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise ValueError(f"`{name}` must be a whole number of at least 1, but is {value!r}.")
+
+
+def check_constant(scene: Scene, what: str) -> None:
+    """Refuse a spin whose speed varies."""
+    if not isinstance(scene.spin, ConstantSpeed):
+        raise ValueError(
+            f"{what} is for constant speed, but the spin of the scene is a "
+            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+        )
 
 
 def revolution_rate(scene: Scene, period: float | None) -> Scalar:

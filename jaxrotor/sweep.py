@@ -25,6 +25,7 @@ from .observe import AbstractObservable, Turn, Variable, everything
 from .quantities import quantity_units
 from .scene import Scene
 from .simulate import (
+    check_constant,
     check_counts,
     checked_solver,
     revolution_rate,
@@ -90,6 +91,7 @@ def sweep(
     )
     if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
         raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+    check_constant(scene, "`sweep`")
     start = AtRest() if start is None else start
     contacts = bool(scene.of(AbstractContact))
     if observe is None:

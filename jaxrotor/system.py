@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .blocks import Blocks, Load
 from .effects.base import (
@@ -17,7 +17,7 @@ from .effects.base import (
 from .quantities import Scalar, known
 from .scene import Scene
 from .shafts.line import AbstractLine
-from .spin import AbstractSpin
+from .spin import AbstractSpin, constant
 
 
 class Port(eqx.Module):
@@ -72,9 +72,9 @@ class System(eqx.Module):
         """Number of complex coordinates."""
         return self.line.stiffness.shape[0]
 
-    def at_speed(self, speed: Scalar) -> "System":
-        """The same rotor at another speed: nothing assembled depends on it."""
-        return eqx.tree_at(lambda system: system.spin.speed, self, speed)
+    def at_speed(self, speed: ArrayLike) -> "System":
+        """The same rotor at a constant speed: nothing assembled depends on how it turns."""
+        return eqx.tree_at(lambda system: system.spin, self, constant(speed))
 
     def contact_forces(
         self, displacement: Array, velocity: Array, speed: Scalar

@@ -1,5 +1,16 @@
 """Analyses of the linear rotor, in closed form."""
 
+from .balancing import (
+    FirstMoments as FirstMoments,
+    Grade as Grade,
+    allocated_unbalance as allocated_unbalance,
+    balance_grade as balance_grade,
+    correction_masses as correction_masses,
+    influence_coefficients as influence_coefficients,
+    permissible_unbalance as permissible_unbalance,
+    rigid_correction as rigid_correction,
+    rigid_residual as rigid_residual,
+)
 from .campbell import (
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,

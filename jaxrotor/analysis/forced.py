@@ -212,9 +212,11 @@ def _respond(scene: Scene, speeds, frequencies, stations, load):
 
 @eqx.filter_jit
 def _parts_of_all(scene: Scene, speeds, frequencies, stations, load):
+    rotor = assemble(scene)
+
     def one(case):
         speed, frequency = case
-        system = assemble(scene.put({"spin.speed": speed}))
+        system = rotor.at_speed(speed)
         *parts, distance = _parts(system, frequency, *load(system))
         rows = jax.vmap(system.line.row)(stations)
         return *(rows @ part for part in parts), distance

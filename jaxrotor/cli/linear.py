@@ -33,10 +33,10 @@ def roots(
     """
     rotor = scene_with(scene, settings)
     if speed is not None:
-        rotor = rotor.replace({"spin.speed": quantity(speed, "rad/s", "--speed")})
+        rotor = rotor.at_speed(quantity(speed, "rad/s", "--speed"))
     axes, found = described_roots(rotor, count)
     if as_json:
-        now = rotor.get("spin.speed")
+        now = rotor.spin.speed
         answer.print_json({"scene": scene, "speed": now, "axes": axes, "roots": found})
         return
     turning = axes == "rotating"
@@ -157,7 +157,7 @@ def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[d
     ahead, behind = (np.sum(np.abs(part) ** 2, axis=1) for part in parts)
     line = (ahead - behind) / (ahead + behind)  # 0 a straight one
     senses = np.where(np.abs(line) < 1e-6, 0.0, np.sign(line))
-    speed = float(rotor.get("spin.speed"))
+    speed = float(rotor.spin.speed)
     found = []
     for value, sense in zip(np.asarray(shown.values), senses.tolist(), strict=True):
         still = marginal(value.imag, value)

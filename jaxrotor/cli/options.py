@@ -146,7 +146,7 @@ def interval(low: str | None, high: str) -> tuple[float, float]:
 def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:
     """Speeds [rad/s] of `--from`, `--to` and `--points`."""
     if high is None:
-        marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.get("spin.speed")))]
+        marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.spin.speed))]
         high = repr(1.25 * max(marks))
     return np.linspace(*interval(low, high), points)
 
