@@ -21,6 +21,7 @@ from .analysis import (  # noqa: E402
     Reduction as Reduction,
     StabilityMap as StabilityMap,
     WeightResponse as WeightResponse,
+    balancer as balancer,
     campbell as campbell,
     critical_speeds as critical_speeds,
     floquet_multipliers as floquet_multipliers,

@@ -1,5 +1,6 @@
 """Analyses of the linear rotor, in closed form."""
 
+from . import balancer as balancer
 from .campbell import (
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
