@@ -1,7 +1,7 @@
 """Where balanced positions are stable: over the speed, over the polar inertia, over two parameters."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ...quantities import Scalar
+from ...quantities import Scalar, known
 from ..maps import CHUNK, traced
 from .groups import BalancerGroups
 from .linear import growth_rate
@@ -42,29 +42,43 @@ def stability_speed(
     Raises:
         ValueError: unstable at the end of the range, or stable all over it.
     """
-    speeds = np.linspace(*within, samples)
-    held, fixed = jax.lax.stop_gradient((groups, jnp.asarray(beta, complex)))
-    unstable = np.asarray(_growth_at(held, fixed, jnp.asarray(speeds))) > 0
-    if unstable[-1] or not unstable.any():
-        which = "is unstable at the highest" if unstable[-1] else "is stable at every"
-        raise ValueError(
-            f"The position {which} speed from {within[0]:g} to {within[1]:g}; change `within`."
-        )
-    last = np.flatnonzero(unstable)[-1]
-    low, high = speeds[last], speeds[last + 1]
-    for _ in range(50):
-        middle = (low + high) / 2
-        above = float(growth_rate(_at_speed(held, middle), fixed)) > 0
-        low, high = (middle, high) if above else (low, middle)
-    return _implicit(groups, beta, (low + high) / 2)
-
-
-def _implicit(groups: BalancerGroups, beta: Array, speed: float) -> Scalar:
-    """`speed`, with `d om* = -(d growth) / (growth')`."""
-    held = jax.lax.stop_gradient((groups, beta))
-    slope = jax.grad(lambda om: growth_rate(_at_speed(held[0], om), held[1]))(jnp.asarray(speed))
+    held = jax.lax.stop_gradient((groups, jnp.asarray(beta, complex)))
+    speeds = jnp.linspace(*within, samples)
+    unstable = _growth_at(*held, speeds) > 0
+    refusals = [
+        (unstable[-1], "The position is unstable at the highest speed"),
+        (~jnp.any(unstable), "The position is stable at every speed"),
+    ]
+    for wrong, sentence in refusals:
+        if known(wrong):
+            if bool(wrong):
+                low, high = within
+                raise ValueError(f"{sentence} from {low:g} to {high:g}; change `within`.")
+        else:
+            speeds = eqx.error_if(speeds, wrong, f"{sentence} of those searched.")
+    last = samples - 1 - jnp.argmax(unstable[::-1])
+    speed, slope = _regained(*held, speeds[last], speeds[last + 1])
     residual = growth_rate(_at_speed(groups, speed), beta)
     return speed - (residual - jax.lax.stop_gradient(residual)) / slope
+
+
+@eqx.filter_jit
+def _regained(groups: BalancerGroups, beta: Array, low: Array, high: Array):
+    """Speed between an unstable and a stable one where growth is zero, and its slope there."""
+    growth = lambda om: growth_rate(_at_speed(groups, om), beta)
+    speed = _bisect(lambda om: growth(om) > 0, low, high)
+    return speed, jax.grad(growth)(speed)
+
+
+def _bisect(below: Callable, low: Array, high: Array) -> Array:
+    """The place up to which `below` is true."""
+
+    def halve(_, ends):
+        middle = (ends[0] + ends[1]) / 2
+        return jax.lax.cond(below(middle), lambda: (middle, ends[1]), lambda: (ends[0], middle))
+
+    low, high = jax.lax.fori_loop(0, 52, halve, (low, high))
+    return (low + high) / 2
 
 
 def _at_speed(groups: BalancerGroups, speed: Any) -> BalancerGroups:
@@ -76,6 +90,7 @@ def _growth_at(groups: BalancerGroups, beta: Array, speeds: Array) -> Float[Arra
     return jax.lax.map(lambda om: growth_rate(_at_speed(groups, om), beta), speeds)
 
 
+@eqx.filter_jit
 def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
     """Largest polar inertia C with which balance is stable at high speed, without damping and drag.
 
@@ -86,19 +101,15 @@ def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
     C < 1 alone is not enough by far. Differentiable.
     """
     held = jax.lax.stop_gradient((groups.mass, jnp.asarray(beta, complex)))
-    grid = np.linspace(0.0, 1.0, 1001)
-    real = np.asarray(jax.vmap(_discriminant, (0, None, None))(jnp.asarray(grid), *held)) >= 0
-    if not real[0]:
-        return jnp.zeros(())
-    first = int(np.argmin(real))
-    low, high = grid[first - 1], grid[first]
-    for _ in range(50):
-        middle = (low + high) / 2
-        inside = float(_discriminant(middle, *held)) >= 0
-        low, high = (middle, high) if inside else (low, middle)
-    slope = jax.grad(_discriminant)(jnp.asarray(low), *held)
-    residual = _discriminant(low, groups.mass, beta)
-    return low - (residual - jax.lax.stop_gradient(residual)) / slope
+    real = lambda polar: jnp.greater_equal(_discriminant(polar, *held), 0)
+    grid = jnp.linspace(0.0, 1.0, 1001)
+    inside = jax.vmap(real)(grid)
+    first = jnp.argmin(inside)  # 0 also where all are
+    found = _bisect(real, grid[jnp.maximum(first - 1, 0)], grid[jnp.maximum(first, 1)])
+    slope = jax.grad(_discriminant)(found, *held)
+    residual = _discriminant(found, groups.mass, beta)
+    limit = found - (residual - jax.lax.stop_gradient(residual)) / slope
+    return jnp.where(first > 0, limit, jnp.where(inside[0], 1.0, 0.0))
 
 
 def _discriminant(polar: Any, mass: Array, beta: Array) -> Scalar:

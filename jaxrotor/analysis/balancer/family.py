@@ -14,6 +14,7 @@ from .groups import BalancerGroups
 
 Positions = tuple[Float[Array, " _"], ...]  # psi [rad], one array a row
 STEPS = 100  # of `nearest_balanced`; a position near the limit of the capacity takes half as many
+LARGEST_STEP = 0.5  # rad, that a ball takes at once
 
 
 def imbalance(groups: BalancerGroups, positions: Sequence) -> Complex[Array, ""]:
@@ -95,8 +96,7 @@ def balanced_positions(
 def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
     """A balanced position close to `start`: Gauss-Newton steps of least length on `s_z = 0`.
 
-    For any rows, where `balanced_positions` needs two balls in each. Differentiable in the groups (the
-    change of least length) and not in `start`.
+    For any rows, where `balanced_positions` needs two balls in each. Differentiable, in `start` too.
 
     Raises:
         EquinoxRuntimeError: nothing found: no position balances, or all balls start on one line.
@@ -107,21 +107,22 @@ def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
     # Equal pulls of every ball keep those of one line on it, so the step is damped, never undefined.
     floor = 1e-14 * jnp.sum(moments**2) * jnp.eye(2)
 
-    def step(moments, s0, psi):
-        left = s0 + jnp.sum(moments * jnp.exp(1j * psi))
+    def step(_, psi):
+        left = groups.imbalance + jnp.sum(moments * jnp.exp(1j * psi))
         slope = moments * jnp.stack([-jnp.sin(psi), jnp.cos(psi)])  # (2, n)
         pull = jnp.linalg.solve(slope @ slope.T + floor, jnp.stack([left.real, left.imag]))
         move = slope.T @ pull
-        return psi - move * jnp.minimum(1.0, 0.5 / (jnp.max(jnp.abs(move)) + 1e-300))
+        size = jnp.max(jnp.abs(move))
+        far = size > LARGEST_STEP
+        return psi - move * jnp.where(far, LARGEST_STEP / jnp.where(far, size, 1.0), 1.0)
 
-    held = jax.lax.stop_gradient((moments, groups.imbalance, jnp.concatenate(rows)))
-    found = jax.lax.fori_loop(0, STEPS, lambda _, psi: step(*held[:2], psi), held[2])
-    left = jnp.abs(held[1] + jnp.sum(held[0] * jnp.exp(1j * found)))
+    found = jax.lax.fori_loop(0, STEPS, step, jnp.concatenate(rows))
+    left = jnp.abs(groups.imbalance + jnp.sum(moments * jnp.exp(1j * found)))
     message = (
         "No balanced position was found from this start; see `balance_margin`, or start elsewhere."
     )
     found = eqx.error_if(found, ~(left < 1e-9 * jnp.sum(moments)), message)
-    return tuple(jnp.split(step(moments, groups.imbalance, found), cuts))
+    return tuple(jnp.split(found, cuts))
 
 
 def checked(groups: BalancerGroups, positions: Sequence) -> Positions:

@@ -48,9 +48,9 @@ def integral_rows(
     One row `w` each, orthonormal: `k = 2 r - 2` of them, or `2 r - 1` where all balls are on one line
     (the critical case). Not differentiable. Source: Filimonikhin, Goncharov (2011), section 6.
     """
-    known: Any = np.asarray(beta)
+    known = np.asarray(beta)
     # a_z = x + i y drives S_l by (1 - beta_l) x + i (1 + beta_l) y.
-    driven = np.stack([1 - known, 1j * (1 + known)], axis=1)
+    driven: Any = np.stack([1 - known, 1j * (1 + known)], axis=1)
     u, sizes, _ = np.linalg.svd(np.concatenate([driven.real, driven.imag]))
     free = u[:, int(np.sum(sizes > tolerance * sizes[0])) :].T
     return free[:, : len(beta)] + 1j * free[:, len(beta) :]

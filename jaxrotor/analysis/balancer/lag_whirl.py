@@ -60,8 +60,7 @@ def lag_branch(groups: BalancerGroups, rates: Any) -> LagBranch:
     """
     rates = jnp.asarray(rates, float)
 
-    def residual(x, rate):
-        return _torques(groups, x[0], rate, _angles(x[1:]))
+    residual = lambda x, rate: _torques(groups, x[0], rate, _angles(x[1:]))
 
     def follow(x, rate):
         def newton(_, x):
@@ -115,14 +114,15 @@ def lag_whirl(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
         )
     here = int(np.searchsorted(speed, float(held.speed)))
     start = jnp.concatenate([branch.rate[here][None], branch.angles[here, 1:]])
-    found = _solve(lambda x, g: _torques(g, g.speed, x[0], _angles(x[1:])), start, groups)
+    found = _solve(_at_speed, start, groups)
     return _whirl(groups, groups.speed, found[0], _angles(found[1:]))
 
 
 def lag_fold(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
-    """The fastest lag whirl: the fold of its branch over the speed, where the growth rate is zero.
+    """The fastest lag whirl: the fold of its branch over the speed.
 
-    Arguments as of `lag_whirl`; the speed of the groups does not matter. Differentiable.
+    One root is zero there; the whirl may have lost its stability to another before. Arguments as of
+    `lag_whirl`; the speed of the groups does not matter. Differentiable.
 
     Raises:
         ValueError: the branch does not fold up to the last rate.
@@ -133,20 +133,25 @@ def lag_fold(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
             f"The branch of lag whirls does not fold up to rate {float(branch.rate[top]):g} "
             f"(speed {float(branch.speed[top]):g}); give higher `rates` in smaller steps."
         )
-
-    def residual(x, groups):
-        """In equilibrium, and the equilibrium singular at fixed speed."""
-        at = lambda inner: _torques(groups, x[0], inner[0], _angles(inner[1:]))
-        slope = jax.jacfwd(at)(x[1:])
-        return jnp.append(at(x[1:]), jnp.linalg.det(slope))
-
     start = jnp.concatenate(
         [branch.speed[top][None], branch.rate[top][None], branch.angles[top, 1:]]
     )
-    found = _solve(residual, start, groups)
+    found = _solve(_at_fold, start, groups)
     return _whirl(groups, found[0], found[1], _angles(found[2:]))
 
 
+def _at_speed(x: Array, groups: BalancerGroups) -> Array:
+    """Of rate and angles, at the speed of the groups."""
+    return _torques(groups, groups.speed, x[0], _angles(x[1:]))
+
+
+def _at_fold(x: Array, groups: BalancerGroups) -> Array:
+    """Of speed, rate and angles: in equilibrium, and that singular at fixed speed."""
+    at = lambda inner: _torques(groups, x[0], inner[0], _angles(inner[1:]))
+    return jnp.append(at(x[1:]), jnp.linalg.det(jax.jacfwd(at)(x[1:])))
+
+
+@eqx.filter_jit
 def _solve(residual: Any, start: Array, groups: BalancerGroups) -> Array:
     solver = optx.Newton(rtol=1e-12, atol=1e-13)
     return optx.root_find(residual, solver, start, groups, max_steps=100).value
