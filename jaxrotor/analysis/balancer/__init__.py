@@ -27,7 +27,6 @@ from .family import (
 from .groups import BalancerGroups as BalancerGroups, Scales as Scales
 from .integrals import (
     ball_momenta as ball_momenta,
-    disturbance as disturbance,
     final_displacement as final_displacement,
     first_integral as first_integral,
     integral_rows as integral_rows,

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from math import comb, gcd
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,7 +19,7 @@ class CriticalCases(NamedTuple):
     halves: int  # of cases without imbalance, half-turns of another counted once (k_kr)
 
 
-def critical_cases(balls: Sequence[int], moment: Sequence[float]) -> CriticalCases:
+def critical_cases(balls: Sequence[int], moment: Any) -> CriticalCases:
     """All `x(j) = sum_l S_l (n_l - 2 j_l)` that are an imbalance: `s0 = x > 0`, or `s0 = 0 = x`.
 
     At a critical `s0` the slowest root of its position on one line is zero, so balancing takes ever
@@ -66,7 +66,7 @@ def critical_count(balls: Sequence[int], numerator: int, denominator: int) -> in
     return 0
 
 
-def labellings(balls: Sequence[int], sides: Sequence[int]) -> int:
+def labellings(balls: Sequence[int], sides: Any) -> int:
     """`prod C(n_l, j_l)`: how many ways numbered balls can take these sides."""
     count = 1
     for n, j in zip(balls, sides, strict=True):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -146,11 +147,11 @@ def smallest_gap(positions: Sequence) -> Float[Array, " r"]:
     return jnp.stack([gap(row) for row in positions])
 
 
-def pitch(ball_radius: Scalar, track_radius: Scalar) -> Scalar:
+def pitch(ball_radius: Any, track_radius: Any) -> Array:
     """`2 asin(rho / r)` [rad]: angle between two balls that touch."""
     return 2 * jnp.arcsin(ball_radius / track_radius)
 
 
-def packed_factor(balls: int, pitch: Scalar) -> Scalar:
+def packed_factor(balls: int, pitch: Any) -> Array:
     """`sin(n p / 2) / (n sin(p / 2))`: moment of a packed row of balls over that of balls in one point."""
     return jnp.sin(balls * pitch / 2) / (balls * jnp.sin(pitch / 2))

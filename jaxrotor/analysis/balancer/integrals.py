@@ -1,24 +1,21 @@
 """First integrals of linear motion about a balanced position, and where the balls come to rest."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex
 
 from ...quantities import Scalar
 from .groups import BalancerGroups
 
 
-def ball_momenta(
-    groups: BalancerGroups, displacement: Sequence, rate: Sequence
-) -> Complex[Array, " r"]:
+def ball_momenta(groups: BalancerGroups, displacement: Any, rate: Any) -> Complex[Array, " r"]:
     """`S_lz = (s_l' + h_l s_l) / m_l`, which obeys `S_l' = a_z - beta_l conj(a_z)`.
 
     Args:
         groups: the balancer.
-        displacement: change `s_l` (r,) of each row's imbalance from the balanced position.
+        displacement: change `s_l` (r,) of each row's imbalance, as of `row_imbalances`.
         rate: its rate `s_l'` (r,).
     """
     return (jnp.asarray(rate) + groups.drag * jnp.asarray(displacement)) / groups.mass
@@ -78,15 +75,3 @@ def _gap(mu0: Scalar, nu0: Array) -> Scalar:
     """`mu0^2 - |nu0|^2`; NaN where all balls are on one line."""
     gap = mu0**2 - jnp.abs(nu0) ** 2
     return jnp.where(gap > 1e-12 * mu0**2, gap, jnp.nan)
-
-
-def disturbance(
-    groups: BalancerGroups, positions: Sequence, change: Sequence
-) -> Float[Array, "..."]:
-    """Change `s_l` (r,) of the rows' imbalances when ball angles change by `change` (small)."""
-    return jnp.stack(
-        [
-            moment * jnp.sum(1j * jnp.exp(1j * jnp.asarray(row)) * jnp.asarray(move))
-            for moment, row, move in zip(groups.moment, positions, change, strict=True)
-        ]
-    )
