@@ -25,6 +25,7 @@ from .analysis import (  # noqa: E402
     WeightResponse as WeightResponse,
     allocated_unbalance as allocated_unbalance,
     balance_grade as balance_grade,
+    balancer as balancer,
     campbell as campbell,
     correction_masses as correction_masses,
     critical_speeds as critical_speeds,
@@ -69,12 +70,19 @@ from .files import (  # noqa: E402
     study as study,
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
+from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
 from .riccati import (  # noqa: E402
     blow_up_time as blow_up_time,
     relaxation_rate as relaxation_rate,
     riccati as riccati,
     steady_speed as steady_speed,
     stop_time as stop_time,
+)
+from .run_up import (  # noqa: E402
+    Balls as Balls,
+    Launch as Launch,
+    RunUp as RunUp,
+    run_up as run_up,
 )
 from .scene import Scene as Scene  # noqa: E402
 from .shafts import (  # noqa: E402

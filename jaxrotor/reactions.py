@@ -125,7 +125,7 @@ def _support(system: System, support: Support) -> Act:
 
 def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Act:
     """Forces and moments of the constraints, in the axes of the shaft."""
-    line = VirtualLine(transient.system.line, influence.shapes, influence.slopes)
+    line = VirtualLine(line=transient.system.line, shapes=influence.shapes, slopes=influence.slopes)
     blocks = scene.shaft.blocks(line)
     for effect in scene.of(AbstractLinear):
         blocks = blocks + effect.blocks(line)

@@ -123,7 +123,7 @@ def run_up(
     spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
     plan = _Plan(
         tuned(chosen),
-        controller or step_control(chosen),
+        controller or _control(chosen, spin.kinks),
         dfx.ForwardMode() if adjoint is None else adjoint,
         substeps,
         max_steps,
@@ -139,6 +139,14 @@ def run_up(
         )
     name = solver_name(chosen)
     return _result(scene, launch, times, stations, instants, stopped, seen, counts, name)
+
+
+def _control(solver, kinks) -> dfx.AbstractStepSizeController | None:
+    """Adaptive steps that do not step over a jump of the acceleration."""
+    control = step_control(solver)
+    if control is None or kinks is None:
+        return control
+    return dfx.ClipStepSizeController(control, jump_ts=kinks)
 
 
 def _checked_times(times: Any) -> Any:

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .quantities import Scalar, Series, check, nonnegative, positive, real, series
+from .quantities import Scalar, Series, check, known, nonnegative, positive, real, series
 from .riccati import Turning as Turning, riccati
 
 
@@ -23,6 +23,11 @@ class AbstractSpin(eqx.Module):
     @abc.abstractmethod
     def given(self) -> bool:
         """Whether the rotation is known without integration."""
+
+    @property
+    def kinks(self) -> Series | None:
+        """Times at which the acceleration jumps [s]."""
+        return None
 
     @abc.abstractmethod
     def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
@@ -76,6 +81,10 @@ class SpeedProfile(AbstractSpin):
     @property
     def given(self) -> bool:
         return True
+
+    @property
+    def kinks(self) -> Series:
+        return self.times
 
     def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
         del polar
@@ -139,6 +148,23 @@ class Drive(AbstractSpin):
             moment = moment + jnp.interp(speed, self.table_speeds, self.table_torques)
         return moment
 
+    def inertia(self, polar: Scalar | None) -> Scalar:
+        """What is turned [kg m^2]: the drive's own `polar`, else that of the scene."""
+        polar = polar if self.polar is None else self.polar
+        if polar is None:
+            raise ValueError("A drive turns an inertia; give `polar [kg m^2]`.")
+        if known(polar) and not polar > 0:
+            raise ValueError(
+                f"A drive turns an inertia above zero, but that of the scene is {float(polar):g} kg m^2; "
+                "give discs a `polar`, or the drive itself."
+            )
+        return polar
+
+    @property
+    def can_stop(self) -> bool:
+        """Whether the rotor may come to rest and stay."""
+        return self.stops or self.coulomb is not None
+
     @property
     def given(self) -> bool:
         smooth = self.table_speeds is None and self.coulomb is None
@@ -151,9 +177,7 @@ class Drive(AbstractSpin):
                 "The rotation under a drive with a table, Coulomb friction, odd drag, feedback or a "
                 "stop has no closed form; use `jaxrotor.run_up`."
             )
-        polar = polar if self.polar is None else self.polar
-        if polar is None:
-            raise ValueError("A drive turns an inertia; give `polar [kg m^2]`.")
+        polar = self.inertia(polar)
         none = jnp.zeros(())
         slope, drag = (none if part is None else part for part in (self.slope, self.drag))
         return riccati(time, polar, self.torque, slope, drag, self.speed)

@@ -151,22 +151,25 @@ class Transient(eqx.Module):
 
     def _turning(self, time: Scalar, y: Posture) -> Turning:
         """Rotation now; the acceleration of a spin that is fed back is not known yet."""
-        spin = self.system.spin
+        polar = self.system.blocks.polar
         if not y.speed.size:
-            angle, speed, acceleration = spin.turning(time, self.system.blocks.polar)
+            angle, speed, acceleration = self.system.spin.turning(time, polar)
             return Turning(self.begin + angle, speed, acceleration)
-        assert isinstance(spin, Drive)
         speed = self.rate * y.speed[0]
-        acceleration = spin.moment(speed) / spin.inertia(self.system.blocks.polar)
+        acceleration = self._drive.moment(speed) / self._drive.inertia(polar)
         return Turning(y.angle[0], speed, self._unless_held(acceleration))
 
-    def _unless_held(self, acceleration: Scalar) -> Scalar:
+    @property
+    def _drive(self) -> Drive:
+        assert isinstance(self.system.spin, Drive), "only a drive is integrated"
+        return self.system.spin
+
+    def _unless_held(self, acceleration: Array) -> Array:
         return acceleration if self.held is None else jnp.where(self.held, 0.0, acceleration)
 
-    def _torque(self, now: Instant) -> Scalar:
+    def _torque(self, now: Instant) -> Array:
         """Torque on the shaft less what depends on accelerations [N m]."""
-        spin = self.system.spin
-        torque = spin.moment(now.turning.speed)
+        torque = self._drive.moment(now.turning.speed)
         displacement, velocity = self._seen_by_ports(now)
         for i, port in enumerate(self.system.ports):
             torque = torque + port.torque(displacement[i], velocity[i], now.turning.speed)
@@ -175,22 +178,22 @@ class Transient(eqx.Module):
             torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))
         return torque
 
-    def _spin_up(self, then: Instant, torque: Scalar) -> Scalar:
+    def _spin_up(self, then: Instant, torque: Array) -> Array:
         """`Omega.` by the balance of moments."""
         assert self.felt is not None and self.felt_whole is not None
-        spin = self.system.spin
+        whole = self.felt_whole.unbalance
         if self.felt.unbalance is not None:
             torque = torque - jnp.imag(jnp.vdot(self.felt.unbalance, then.absolute))
             gravity = self.system.load.gravity
-            if gravity is not None:
-                pull = jnp.conj(self.felt_whole.unbalance[0]) * gravity / then.turn
+            if gravity is not None and whole is not None:
+                pull = jnp.conj(whole[0]) * gravity / then.turn
                 torque = torque + pull.imag
         for race, part in self._races():
             bodies = race.bodies
             share = (bodies.rolling - 1) * bodies.race_radius**2 * bodies.masses
             late = then.bodies_acceleration[part] - then.turning.acceleration
             torque = torque + jnp.sum(share * late)
-        return self._unless_held(torque / spin.inertia(self.system.blocks.polar))
+        return self._unless_held(torque / self._drive.inertia(self.system.blocks.polar))
 
     # --- bodies and contacts
 
@@ -223,7 +226,7 @@ class Transient(eqx.Module):
 
     def thrust(self, now: Instant, column) -> Array:
         """Force of all bodies on the shaft beyond their mass carried by it."""
-        force = 0.0
+        force = jnp.zeros(())
         for race, part in self._races():
             whirl = 1j * now.bodies_acceleration[part] - now.bodies_speed[part] ** 2
             whirl = race.bodies.masses * whirl * jnp.exp(1j * now.bodies[part])
@@ -232,7 +235,7 @@ class Transient(eqx.Module):
 
     def contact(self, now: Instant, column) -> Array:
         """Force of all contacts on the shaft, in its axes."""
-        force = 0.0
+        force = jnp.zeros(())
         displacement, velocity = self._seen_by_ports(now)
         for i, port in enumerate(self.system.ports):
             both = port.forces(displacement[i], velocity[i], now.turning.speed).sum(0)
@@ -266,12 +269,12 @@ def resistance(blocks: Blocks, now: Instant) -> Array:
         (blocks.rotating_damping, jnp.conj(now.drift)),
         (blocks.rotating_stiffness, jnp.conj(r)),
     ]
-    return sum((part @ vector for part, vector in parts if part is not None), start=0.0)
+    return sum((part @ vector for part, vector in parts if part is not None), start=jnp.zeros(()))
 
 
 def acting(load: Load, now: Instant) -> Array:
     """`constant exp(-i theta) + Omega^2 unbalance`; the part by `Omega.` is known later."""
-    force = 0.0
+    force = jnp.zeros(())
     if load.constant is not None:
         force = force + load.constant / now.turn
     if load.unbalance is not None:

@@ -1,5 +1,6 @@
 """Analyses of the linear rotor, in closed form."""
 
+from . import balancer as balancer
 from .balancing import (
     FirstMoments as FirstMoments,
     Grade as Grade,

@@ -204,7 +204,7 @@ class FlexibleShaft(AbstractShaft):
     # --- equations
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        own = self._of_span(line.ends)
+        own = self._of_span(line.breaks)
         mass = jnp.stack([section.mass_per_length for section in self._sections])[own]
         inertia = line.forces_along(mass)
         gyroscopic = None

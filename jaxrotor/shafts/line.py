@@ -22,8 +22,12 @@ class AbstractLine(eqx.Module):
     so an effect that uses both works on every shaft.
     """
 
-    ends: eqx.AbstractVar[Float[Array, " ends"]]  # of the stretches on which rows are smooth [m]
     anisotropy: eqx.AbstractVar[Scalar | None]  # mu: stiffness (1 + mu), (1 - mu) of turning axes
+
+    @property
+    @abc.abstractmethod
+    def breaks(self) -> Float[Array, " breaks"]:
+        """Stations between which rows are smooth, both ends of the shaft included [m]."""
 
     @property
     @abc.abstractmethod

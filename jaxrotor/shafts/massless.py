@@ -22,7 +22,7 @@ class MasslessLine(AbstractLine):
     tilts: bool = eqx.field(static=True)
 
     @property
-    def ends(self) -> Float[Array, " 2"]:
+    def breaks(self) -> Float[Array, " breaks"]:
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
     @property

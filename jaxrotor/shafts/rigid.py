@@ -18,7 +18,7 @@ class RigidLine(AbstractLine):
     anisotropy: None = None
 
     @property
-    def ends(self) -> Float[Array, " 2"]:
+    def breaks(self) -> Float[Array, " breaks"]:
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
     @property

@@ -22,7 +22,7 @@ class TrapezoidLine(AbstractLine):
     anisotropy: Scalar | None
 
     @property
-    def ends(self) -> Float[Array, " ends"]:
+    def breaks(self) -> Float[Array, " breaks"]:
         return jnp.append(0.0, self.nodes)
 
     @property

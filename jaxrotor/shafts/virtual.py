@@ -32,12 +32,13 @@ class VirtualLine(AbstractLine):
     def resultant(cls, line: AbstractLine, about: Scalar | float = 0.0) -> "VirtualLine":
         """Force, and moment about a station."""
         shapes = lambda x: jnp.stack([jnp.ones_like(x), x - about])
-        return cls(line, shapes, lambda x: jnp.stack([jnp.zeros_like(x), jnp.ones_like(x)]))
+        slopes = lambda x: jnp.stack([jnp.zeros_like(x), jnp.ones_like(x)])
+        return cls(line=line, shapes=shapes, slopes=slopes)
 
     @classmethod
     def galerkin(cls, line: AbstractLine) -> "VirtualLine":
         """Work on the coordinates themselves."""
-        return cls(line, line.row, line.slope_row)
+        return cls(line=line, shapes=line.row, slopes=line.slope_row)
 
     @property
     def stiffness(self) -> Float[Array, "r n"]:
@@ -69,12 +70,12 @@ class VirtualLine(AbstractLine):
         return weights @ jax.vmap(self.shapes)(x)
 
     @property
-    def ends(self) -> Float[Array, " ends"]:
-        return self.line.ends
+    def breaks(self) -> Float[Array, " breaks"]:
+        return self.line.breaks
 
     def _quadrature(self, per_length: PerLength) -> tuple[Array, Array]:
         points, weights = np.polynomial.legendre.leggauss(_POINTS)
-        start, half = self.ends[:-1], jnp.diff(self.ends) / 2
+        start, half = self.breaks[:-1], jnp.diff(self.breaks) / 2
         x = start[:, None] + half[:, None] * (1 + points)
         weights = jnp.reshape(per_length, (-1, 1)) * half[:, None] * weights
         return x.ravel(), weights.ravel()
