@@ -12,7 +12,6 @@ from .effects import AbstractContact, AbstractEffect, AbstractLinear, Support
 from .pencil import Pencil, frame
 from .run_up import RunUp
 from .scene import Scene
-from .shafts import FlexibleShaft, RigidShaft
 from .shafts.influence import Influence
 from .shafts.virtual import VirtualLine
 from .simulate import Response
@@ -74,12 +73,9 @@ def reactions(response: RunUp | Response) -> Reactions:
     scene = response.scene
     instants = response.instants if isinstance(response, RunUp) else _instants(response)
     names = [_named(scene, effect) for effect in scene.of(Support)]
-    held = scene.shaft.constraints if isinstance(scene.shaft, FlexibleShaft | RigidShaft) else ()
-    names += (
-        [f"constraints.{i}" for i in range(len(held))]
-        if len(held) > 1
-        else ["constraint"] * len(held)
-    )
+    influence = scene.shaft.influence()
+    if influence is not None:
+        names += [f"constraints.{i}" for i in dict.fromkeys(influence.owners)]
     force, moment, static, static_moment = _all(scene, instants)
     if response.contact_force is not None:
         contacts = scene.of(AbstractContact)
@@ -131,7 +127,7 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
         blocks = blocks + effect.blocks(line)
     load = loads(scene, line, blocks)
     inertia, unbalance = blocks.inertia, load.unbalance
-    forces, moments = _places(scene.shaft.constraints, influence)
+    forces, moments = _places(influence)
 
     def act(now: Instant):
         reaction = resistance(blocks, now) - acting(load, now)
@@ -141,15 +137,14 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
             reaction += inertia @ now.absolute
         if unbalance is not None:
             reaction += 1j * now.turning.acceleration * unbalance
-        return forces @ reaction, moments @ reaction
+        return jnp.asarray(forces) @ reaction, jnp.asarray(moments) @ reaction
 
     return act
 
 
-def _places(constraints, influence: Influence) -> tuple[np.ndarray, np.ndarray]:
-    """Which reaction is the force and which the moment of every constraint: 0 or 1 of (c, r)."""
-    owners = [i for i, one in enumerate(constraints) for _ in range(one.displacement + one.slope)]
-    owned = np.arange(len(constraints))[:, None] == np.array(owners)
+def _places(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
+    """Which line gives the force and which the moment of every constraint: 0 or 1 of (c, r)."""
+    owned = np.arange(max(influence.owners) + 1)[:, None] == np.array(influence.owners)
     turns = np.array(influence.turns)
     return 1.0 * (owned & ~turns), 1.0 * (owned & turns)
 

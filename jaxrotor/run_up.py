@@ -1,6 +1,6 @@
 """Run-up: motion of a scene at any spin: run-up, coast-down, a drive of limited power, balls."""
 
-from typing import Any
+from typing import Any, cast
 
 import diffrax as dfx
 import equinox as eqx
@@ -108,15 +108,11 @@ def run_up(
     Sources: Filimonikhin, Goncharov (2011); seed of `turbine-run-up`.
     """
     times = _checked_times(times)
-    if isinstance(solver, Exponential):
+    chosen: Any = checked_solver(solver if solver is not None else _suited(scene))
+    if isinstance(chosen, Exponential):
         raise ValueError(
             "`solver` Exponential() is for constant speed; give a diffrax solver or none."
         )
-    if solver is None:
-        size = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, scene).shape[0]
-        chosen = dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
-    else:
-        chosen = checked_solver(solver)
     launch = start if isinstance(start, Launch) else Launch(start or AtRest())
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     spin = scene.spin
@@ -141,12 +137,20 @@ def run_up(
     return _result(scene, launch, times, stations, instants, stopped, seen, counts, name)
 
 
+def _suited(scene: Scene) -> dfx.AbstractSolver:
+    """Implicit where a flexible shaft has high modes."""
+    size = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, scene).shape[0]
+    return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
+
+
 def _control(solver, kinks) -> dfx.AbstractStepSizeController | None:
     """Adaptive steps that do not step over a jump of the acceleration."""
-    control = step_control(solver)
-    if control is None or kinks is None:
-        return control
-    return dfx.ClipStepSizeController(control, jump_ts=kinks)
+    control: Any = step_control(solver)
+    return (
+        control
+        if kinks is None or control is None
+        else dfx.ClipStepSizeController(control, jump_ts=kinks)
+    )
 
 
 def _checked_times(times: Any) -> Any:
@@ -210,12 +214,11 @@ class _Plan(eqx.Module):
             event=event,
             throw=False,
         )
-        path, end = solution.ys
-        ended: Any = solution.ts
+        (path, end), (_, ended) = cast(Any, solution.ys), cast(Any, solution.ts)
         good = (solution.result == dfx.RESULTS.successful) | (
             solution.result == dfx.RESULTS.event_occurred
         )
-        return path, good, ended[1][-1], jax.tree.map(lambda leaf: leaf[-1], end)
+        return path, good, ended[-1], jax.tree.map(lambda leaf: leaf[-1], end)
 
 
 @eqx.filter_jit
@@ -226,7 +229,7 @@ def _run(scene: Scene, times: Array, launch: Launch, stations: Array, plan: _Pla
     field, stopped = Transient.of(scene, rate, begin), jnp.asarray(jnp.inf)
     if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
         path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
-    elif plan.free and scene.spin.can_stop:
+    elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
         path, good, stopped = _run_to_rest(scene, plan, field, y, times)
     else:
         path, good, _, _ = plan.solve(field, jnp.zeros(()), y, times)

@@ -21,9 +21,8 @@ class Influence(eqx.Module):
     kernel: CantileverKernel | None
     stations: Float[Array, " r"]
     length: Scalar
-    turns: tuple[bool, ...] = eqx.field(
-        static=True
-    )  # whether the slope is held, or the displacement
+    turns: tuple[bool, ...] = eqx.field(static=True)  # slope held, or displacement
+    owners: tuple[int, ...] = eqx.field(static=True)  # which constraint each belongs to
 
     @classmethod
     def of(
@@ -31,15 +30,15 @@ class Influence(eqx.Module):
     ) -> "Influence | None":
         """Lines of all that constraints hold, displacement before slope; None without any."""
         held = [
-            (c.at, turn)
-            for c in constraints
-            for turn in (False, True)
-            if (c.slope if turn else c.displacement)
+            (i, one.at, slope)
+            for i, one in enumerate(constraints)
+            for slope, there in ((False, one.displacement), (True, one.slope))
+            if there
         ]
         if not held:
             return None
-        stations, turns = zip(*held, strict=True)
-        return cls(kernel, jnp.stack(stations), length, turns)
+        owners, stations, turns = zip(*held, strict=True)
+        return cls(kernel, jnp.stack(stations), length, turns, owners)
 
     def shapes(self, x: Scalar) -> Float[Array, " r"]:
         """`phi_k(x)` [1] of held displacements, [m] of held slopes."""
