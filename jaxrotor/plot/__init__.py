@@ -10,6 +10,10 @@ from .onset import onset as onset
 from .orbit import orbit as orbit
 from .page import write as write
 from .response import response as response
-from .stability import boundary_family as boundary_family, stability_map as stability_map
+from .stability import (
+    boundary_family as boundary_family,
+    stability_chart as stability_chart,
+    stability_map as stability_map,
+)
 from .waterfall import waterfall as waterfall
 from .whirl import whirl_history as whirl_history, whirl_spectrum as whirl_spectrum

@@ -31,7 +31,8 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
         mesh = ax.contourf(x, y, growth.T, levels=levels, cmap=colours.RAMP, zorder=0.5)
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
         bar.set_ticks(levels[::2].tolist(), labels=[f"{step:g}" for step in steps[::2]])
-        bar.set_label("growth rate where unstable [1/s]", size=page.TEXT)
+        unit = getattr(result, "growth_unit", "1/s")
+        bar.set_label(f"growth rate where unstable [{unit}]", size=page.TEXT)
         bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
     _draw_boundaries(ax, result, (to_x, to_y), colours.DARK, "boundary of stability")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
@@ -39,6 +40,23 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
     ax.set_ylabel(y_label)
     if len(result.boundaries):
         page.legend(ax, columns=1)
+    return ax
+
+
+def stability_chart(result: Any, ax: Axes | None = None) -> Axes:
+    """Growth rate of a balanced rotor where it is unstable, beside the line a11 = 0.
+
+    Args:
+        result: a `balancer.StabilityChart`: as of `stability_map`, with `a11` (a, b).
+        ax: Axes to draw in; a new figure if None.
+    """
+    ax = stability_map(result, ax)
+    promised = np.asarray(result.a11)
+    if promised.min() < 0 < promised.max():
+        look: Any = dict(colors=[colours.DARK], linestyles="dashed", linewidths=1.0)
+        ax.contour(result.x, result.y, promised.T, levels=[0.0], **look)
+        ax.plot([], [], color=colours.DARK, linestyle="dashed", linewidth=1.0, label="a11 = 0")
+        page.legend(ax, columns=2)
     return ax
 
 

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -122,6 +122,8 @@ def _discriminant(polar: Any, mass: Array, beta: Array) -> Scalar:
 
 class StabilityChart(eqx.Module):
     """Growth rate of a balanced position over two parameters, beside the sign of a11."""
+
+    growth_unit: ClassVar[str] = "omega0"
 
     x: Float[np.ndarray, " a"]  # of the first parameter
     y: Float[np.ndarray, " b"]  # of the second

@@ -93,7 +93,6 @@ def balanced_positions(
     return tuple(rows)
 
 
-@eqx.filter_jit
 def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
     """A balanced position close to `start`: Gauss-Newton steps of least length on `s_z = 0`.
 
@@ -102,7 +101,11 @@ def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
     Raises:
         EquinoxRuntimeError: nothing found: no position balances, or all balls start on one line.
     """
-    rows = checked(groups, start)
+    return _nearest(groups, checked(groups, start))
+
+
+@eqx.filter_jit
+def _nearest(groups: BalancerGroups, rows: Positions) -> Positions:
     cuts = [sum(groups.balls[: i + 1]) for i in range(groups.rows - 1)]
     moments = groups.per_ball(groups.moment)
     # Equal pulls of every ball keep those of one line on it, so the step is damped, never undefined.

@@ -13,7 +13,6 @@ from .groups import BalancerGroups
 from .linear import matrix_roots
 
 
-@eqx.filter_jit
 def whirl_spectrum(
     groups: BalancerGroups,
     positions: Sequence,
@@ -36,8 +35,13 @@ def whirl_spectrum(
         rate = groups.speed
     else:
         groups = eqx.tree_at(lambda g: g.imbalance, groups, jnp.zeros(()))
-    delta = jnp.asarray(delta, complex)
+    rate, delta = jnp.asarray(rate, float), jnp.asarray(delta, complex)
     place = jnp.concatenate([jnp.stack([delta.real, delta.imag]), *checked(groups, positions)])
+    return _roots(groups, place, rate)
+
+
+@eqx.filter_jit
+def _roots(groups: BalancerGroups, place: Float[Array, " k"], rate: Scalar) -> Complex[Array, " _"]:
     still = jnp.zeros_like(place)
     slope = lambda which: jax.jacfwd(_residual, argnums=which)(place, still, still, groups, rate)
     stiffness, damping, inertia = (slope(which) for which in range(3))
