@@ -85,7 +85,7 @@ def basins(
             f"`duration` must be positive and `window` up to 1, but are {duration} and {window}."
         )
     chosen: Any = checked_solver(dfx.Dopri8() if solver is None else solver)
-    steps = controller or control(chosen, scene.spin, rtol=1e-6, atol=1e-9)
+    steps = controller or control(chosen, scene, rtol=1e-6, atol=1e-9)
     plan = Integration(tuned(chosen), steps, dfx.ForwardMode(), 1, max_steps, not scene.spin.given)
     times = jnp.linspace((1 - window) * duration, duration, samples)
     starts = np.stack([angles, np.broadcast_to(np.asarray(rates, float), angles.shape)], axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
-from .effects.base import AbstractBodies
+from .effects.base import AbstractBetween, AbstractBodies
 from .pencil import Pencil
 from .quantities import Scalar, known, real
 from .scene import Scene
@@ -18,7 +18,7 @@ from .shafts.virtual import VirtualLine
 from .simulate import checked_solver, solver_name
 from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential
-from .spin import AbstractSpin, Drive
+from .spin import Drive
 from .start import AbstractStart, AtRest, Continued
 from .system import System, assemble, loads
 from .transient import Instant, Posture, Transient
@@ -135,7 +135,7 @@ def run_up(
     spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
     plan = Integration(
         tuned(chosen),
-        controller or control(chosen, spin),
+        controller or control(chosen, scene),
         dfx.ForwardMode() if adjoint is None else adjoint,
         substeps,
         max_steps,
@@ -159,12 +159,21 @@ def _suited(scene: Scene) -> dfx.AbstractSolver:
     return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
 
 
-def control(solver, spin: AbstractSpin, **options) -> dfx.AbstractStepSizeController | None:
-    """Adaptive steps that do not step over a jump of the acceleration."""
-    steps: Any = step_control(solver, **options)
-    if steps is None or spin.kinks is None:
+def control(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:
+    """Adaptive steps that step over no jump of the acceleration and no impact of bodies.
+
+    Free bodies move without error, so nothing else would keep a step from leaping over an impact.
+    """
+    impacts = [
+        between.duration(race.rolling * jnp.max(race.masses)) / 4
+        for between in scene.of(AbstractBetween)
+        for race in scene.of(AbstractBodies)
+    ]
+    longest = jnp.min(jnp.stack(impacts)) if impacts else None
+    steps: Any = step_control(solver, dtmax=longest, **options)
+    if steps is None or scene.spin.kinks is None:
         return steps
-    return dfx.ClipStepSizeController(steps, jump_ts=spin.kinks)
+    return dfx.ClipStepSizeController(steps, jump_ts=scene.spin.kinks)
 
 
 def _checked_times(times: Any) -> Any:

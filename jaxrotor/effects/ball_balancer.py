@@ -65,7 +65,7 @@ class BallContact(AbstractBetween):
     plural: ClassVar[str] = "ball_contacts"
 
     ball_radius: Scalar = positive("ball_radius [m]")
-    stiffness: Scalar = nonnegative("stiffness [N/m]")
+    stiffness: Scalar = positive("stiffness [N/m]")
     damping: Scalar = nonnegative("damping [N s/m]", default=0.0)
 
     def between(self, angle, rate, present, race):
@@ -78,3 +78,6 @@ class BallContact(AbstractBetween):
         force = self.stiffness * depth + self.damping * closing
         pairs = present[None] * present[:, None] * (1 - jnp.eye(angle.size))
         return -jnp.sum(pairs * side * jnp.where((depth > 0) & (force > 0), force, 0.0), axis=1)
+
+    def duration(self, mass: Scalar) -> Scalar:
+        return jnp.pi * jnp.sqrt(mass / (2 * self.stiffness))

@@ -96,3 +96,7 @@ class AbstractBetween(AbstractEffect):
         race: Scalar,
     ) -> Float[Array, " b"]:
         """Force along the race [N] on every body from angles, rates, which are there, and its radius."""
+
+    @abc.abstractmethod
+    def duration(self, mass: Scalar) -> Scalar:
+        """Duration of an impact of a body that weighs `mass` along its race [s]: steps must be shorter."""
