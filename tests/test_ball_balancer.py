@@ -41,7 +41,7 @@ def run(scene, tau, start=None, fine=True, **options):
     start = launch() if start is None else start
     times = np.asarray(tau, float) / 100
     return jr.run_up(
-        scene, times, start=start, solver=dfx.Dopri8(), controller=controller, **options
+        scene, times, start=start, at=D, solver=dfx.Dopri8(), controller=controller, **options
     )
 
 
