@@ -92,7 +92,7 @@ def run_up(
     *,
     start: AbstractStart | Launch | None = None,
     at: float | Any | None = None,
-    solver: dfx.AbstractSolver | None = None,
+    solver: dfx.AbstractSolver | Exponential | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     substeps: int = 1,
     adjoint: dfx.AbstractAdjoint | None = None,
@@ -131,7 +131,6 @@ def run_up(
         )
     launch = start if isinstance(start, Launch) else Launch(start or AtRest())
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
-    spin = scene.spin
     spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
     plan = Integration(
         tuned(chosen),
@@ -141,6 +140,8 @@ def run_up(
         max_steps,
         isinstance(spin, Drive) and (solver is not None or not spin.given),
     )
+    if isinstance(spin, Drive):
+        spin.inertia(_polar(scene))  # refuses what cannot turn
     launch = _whole(launch, counts)
     instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
     if known(good) and not bool(good):
@@ -151,6 +152,11 @@ def run_up(
         )
     name = solver_name(chosen)
     return _result(scene, launch, times, stations, instants, stopped, seen, counts, name)
+
+
+@eqx.filter_jit
+def _polar(scene: Scene) -> Scalar | None:
+    return assemble(scene).blocks.polar
 
 
 def _suited(scene: Scene) -> dfx.AbstractSolver:
@@ -290,7 +296,9 @@ def _run_to_rest(scene: Scene, plan: Integration, field: Transient, y: Posture, 
     first = jnp.where(y.speed[0] == 0, drive, y.speed[0])
     falls = lambda t, y, args, **_: jnp.where(t <= 0, first, y.speed[0])
     event = dfx.Event(falls, optx.Newton(1e-12, 1e-12))
-    path, good, last, end = plan.solve(field.hold(resting), jnp.zeros(()), y, times, event)
+    path, good, last, end = plan.solve(
+        field.hold(resting, jnp.sign(first)), jnp.zeros(()), y, times, event
+    )
     there = last < times[-1]
     end = eqx.tree_at(lambda y: y.speed, end, jnp.where(there, 0.0, end.speed))
     later, fine, _, _ = plan.solve(field.hold(stays), last, end, jnp.maximum(times, last))
