@@ -14,7 +14,8 @@ class Blocks(eqx.Module):
     `n` by `n`, in the equations' own units (one row a coordinate); None means absent and leaves no
     trace in the compiled program. Blocks add. Beyond these,
 
-    - cross-coupling adds `i skew_damping q. + i skew_stiffness q`,
+    - cross-coupling adds `i skew_damping q. + i skew_stiffness q`, and where its damper turns with the
+      shaft, `i skew_circulatory (q. - i Omega q)`, also `Omega skew_circulatory q`,
     - what is not the same in x and y adds `fixed_damping q*. + fixed_stiffness q*` (q* conjugate),
     - the same in axes that turn with the shaft, `q = r exp(i Omega t)`, adds to the equations of `r`
       `rotating_damping r*. + rotating_stiffness r*`,
@@ -31,6 +32,7 @@ class Blocks(eqx.Module):
     weight: Float[Array, " n"] | None = None
     skew_damping: Float[Array, "n n"] | None = None
     skew_stiffness: Float[Array, "n n"] | None = None
+    skew_circulatory: Float[Array, "n n"] | None = None
     fixed_damping: Complex[Array, "n n"] | None = None
     fixed_stiffness: Complex[Array, "n n"] | None = None
     rotating_damping: Complex[Array, "n n"] | None = None

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .blocks import Blocks
-from .pencil import isotropic
+from .pencil import check_mass, isotropic
 from .quantities import Scalar
 from .system import Port, System
 
@@ -38,6 +38,7 @@ class Motion(eqx.Module):
 
     def __init__(self, system: System, rate: Scalar):
         blocks, load = system.blocks, system.load
+        check_mass(blocks)
         check_known_in_time(blocks)
         if not isotropic(blocks) or system.races:
             raise ValueError(
@@ -51,8 +52,9 @@ class Motion(eqx.Module):
             rows = jnp.stack([port.row for port in system.ports])
         gyroscopic = _sum((speed, blocks.gyroscopic), (-1.0, blocks.skew_damping))
         circulatory = _sum((speed, blocks.circulatory), (-1.0, blocks.skew_stiffness))
+        stiffness = _sum((1.0, blocks.stiffness), (speed, blocks.skew_circulatory))
         parts = {
-            "stiffness": (blocks.stiffness, 1 / rate**2),
+            "stiffness": (stiffness, 1 / rate**2),
             "damping": (blocks.damping, 1 / rate),
             "gyroscopic": (gyroscopic, 1 / rate),
             "circulatory": (circulatory, 1 / rate**2),

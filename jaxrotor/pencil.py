@@ -1,11 +1,11 @@
 """Pencil: the linear part of a system as a quadratic of the growth rate, in the frame that suits it."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Bool, Complex
 
 from .blocks import Blocks
 from .quantities import Scalar
@@ -13,6 +13,13 @@ from .system import System
 
 
 Frame = Literal["fixed", "rotating", "periodic"]
+
+ROUNDING = 1e-9  # of a root: a part or a distance this small is taken for zero
+
+
+def is_rounding(part: Any, root: Any) -> Any:
+    """Whether a part of a root, or its distance from another, is zero within rounding."""
+    return abs(part) <= ROUNDING * abs(root)
 
 
 def isotropic(blocks: Blocks) -> bool:
@@ -41,6 +48,12 @@ def check_circular(blocks: Blocks) -> None:
         )
 
 
+def check_mass(blocks: Blocks) -> None:
+    """Refuse a rotor of which nothing has a mass."""
+    if blocks.inertia is None:
+        raise ValueError("The rotor has no mass, so it has no motion of its own; add a Disc.")
+
+
 class Pencil(eqx.Module):
     """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all forces included.
 
@@ -59,13 +72,15 @@ class Pencil(eqx.Module):
     def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
         """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
         blocks, speed = system.blocks, system.spin.speed
+        check_mass(blocks)
         zero = jnp.zeros(system.line.stiffness.shape, complex)
         part = lambda block: zero if block is None else block
         inertia = zero + part(blocks.inertia)
         damping = part(blocks.damping) + 1j * (
             part(blocks.skew_damping) - speed * part(blocks.gyroscopic)
         )
-        stiffness = part(blocks.stiffness) + 1j * (
+        elastic = part(blocks.stiffness) + speed * part(blocks.skew_circulatory)
+        stiffness = elastic + 1j * (
             part(blocks.skew_stiffness)
             - speed * part(blocks.circulatory)
             + whirl * part(blocks.hysteretic)
@@ -109,6 +124,10 @@ class Pencil(eqx.Module):
         scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
         return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.linalg.norm(scaled)))
 
+    def at(self, root: Complex[Array, ""]) -> Complex[Array, "m m"]:
+        """`P(root)`."""
+        return root**2 * self.inertia + root * self.damping + self.stiffness
+
     def dynamic(self, frequency: Scalar) -> Complex[Array, "m m"]:
         """Dynamic stiffness `P(i frequency)`."""
         return self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
@@ -136,10 +155,11 @@ def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
 
 
 def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
-    """Eigenvalues and their vectors `q`, one a row."""
-    shift = pencil.rate
-    inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
-    return _values(inverses, shift), vectors[: pencil.inertia.shape[0]].T
+    """Eigenvalues and their vectors `q`, one a row, of any scale.
+
+    The derivative of a vector is that of a simple root; vectors of equal roots are held.
+    """
+    return _eigenvectors(pencil.inertia, pencil.damping, pencil.stiffness)
 
 
 @jax.custom_jvp
@@ -147,6 +167,35 @@ def _eigenvalues(inertia, damping, stiffness):
     pencil = Pencil(inertia, damping, stiffness)
     shift = pencil.rate
     return _values(jnp.linalg.eigvals(pencil.inverse(shift)), shift)
+
+
+@jax.custom_jvp
+def _eigenvectors(inertia, damping, stiffness):
+    pencil = Pencil(inertia, damping, stiffness)
+    shift = pencil.rate
+    inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
+    return _values(inverses, shift), vectors[: inertia.shape[0]].T
+
+
+@_eigenvectors.defjvp
+def _eigenvectors_jvp(primals, tangents):
+    """`P dx + P' x d lambda = -dP x` with `dx` across `x`."""
+    values, vectors = _eigenvectors(*primals)
+    pencil, change = Pencil(*primals), Pencil(*tangents)
+    simple = jnp.isfinite(values) & ~_twice(values, pencil)
+
+    def one(case):
+        root, vector, simple = case
+        slope = (2 * root * pencil.inertia + pencil.damping) @ vector
+        upper = jnp.concatenate([pencil.at(root), slope[:, None]], axis=1)
+        bordered = jnp.concatenate([upper, jnp.append(vector.conj(), 0.0)[None]])
+        known = jnp.append(-change.at(root) @ vector, 0.0)
+        held = jnp.eye(known.size)
+        moved = jnp.linalg.solve(jnp.where(simple, bordered, held), known)[:-1]
+        return jnp.where(simple, moved, 0.0)
+
+    moved = jax.lax.map(one, (jnp.where(simple, values, 0.0), vectors, simple))
+    return (values, vectors), (root_changes(values, pencil, change), moved)
 
 
 def _values(inverses: Complex[Array, " m2"], shift: Scalar) -> Complex[Array, " m2"]:
@@ -168,26 +217,33 @@ def root_changes(
     Two equal roots that keep two vectors get the mean of their derivatives; equal roots that share
     one vector have none, and the result is not finite there.
     """
-    rate = pencil.rate
-    floor = jnp.where(jnp.isfinite(rate), rate, 0.0)
     finite = jnp.isfinite(roots)
 
-    def one(root):
-        at = lambda p: root**2 * p.inertia + root * p.damping + p.stiffness
-        u, _, v = jnp.linalg.svd(at(pencil))
+    def one(case):
+        root, twice = case
+        u, _, v = jnp.linalg.svd(pencil.at(root))
         left, right = u[:, -2:].conj().T, v[-2:].conj().T
         slope = left @ (2 * root * pencil.inertia + pencil.damping) @ right
-        moved = left @ at(change) @ right
-        # By the roots themselves: singular values span too many scales to tell.
-        gaps = jnp.sort(jnp.where(finite, jnp.abs(roots - root), jnp.inf))
-        twice = (len(slope) > 1) & (gaps[1] < 1e-9 * jnp.maximum(jnp.abs(root), floor))
+        moved = left @ change.at(root) @ right
         simple = -moved[-1, -1] / slope[-1, -1]
         double = -jnp.trace(
             jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved)
         )
         return jnp.where(twice, double / 2, simple)
 
-    return jnp.where(finite, jax.lax.map(one, jnp.where(finite, roots, 0.0)), 0.0)
+    cases = jnp.where(finite, roots, 0.0), _twice(roots, pencil)
+    return jnp.where(finite, jax.lax.map(one, cases), 0.0)
+
+
+def _twice(roots: Complex[Array, " k"], pencil: Pencil) -> Bool[Array, " k"]:
+    """Whether another root is equal, by the roots: singular values span too many scales to tell."""
+    if pencil.inertia.shape[0] == 1:  # with one vector
+        return jnp.zeros(roots.shape, bool)
+    rate, finite = pencil.rate, jnp.isfinite(roots)
+    floor = jnp.where(jnp.isfinite(rate), rate, 0.0)
+    gaps = jnp.abs(roots[:, None] - jnp.where(finite, roots, 0.0))
+    gaps = jnp.sort(jnp.where(finite, gaps, jnp.inf), axis=1)
+    return finite & (gaps[:, 1] <= ROUNDING * jnp.maximum(jnp.abs(roots), floor))
 
 
 def steady_response(system: System) -> tuple[Array | None, Array | None]:

@@ -124,8 +124,9 @@ class Scene(eqx.Module):
                 raise ValueError(f"{path}: {error}") from None
         scene = self.put(checked)
         for path in checked:
-            *parents, _ = self._find(path)[0]
-            _check_together(_follow(scene, parents), path)
+            for address in self._find(path):
+                for depth in range(1, len(address)):
+                    _check_together(_follow(scene, address[:depth]), path)
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
@@ -160,7 +161,7 @@ def _check_kind(value: Any, kind: type, what: str, wanted: str) -> None:
 
 
 def _check_together(module: eqx.Module, path: str) -> None:
-    """What fields of one module ask of each other, which a new module checks when it is built."""
+    """What binds the fields of a module to each other, checked as when it is built."""
     try:
         getattr(module, "__check_init__", tuple)()
     except ValueError as error:

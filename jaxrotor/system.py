@@ -128,6 +128,11 @@ def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     return load
 
 
+def structure(scene: Scene) -> System:
+    """Which blocks, loads and ports a scene has: shapes alone, without the cost of `assemble`."""
+    return eqx.filter_eval_shape(assemble, scene)
+
+
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     """Contacts of a scene that act at one station.
 

@@ -101,7 +101,7 @@ EFFECTS = [
     DiscDamping(LENGTH, 0.6, 0.05),
     InternalDamping(2e-4),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
-    Support(LENGTH, 3e4, 9.0, cross=0.3, damping_cross=0.2),
+    Support(LENGTH, 3e4, 9.0, cross_stiffness=9e3, cross_damping=1.8),
 ]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 STRENGTHS = {
@@ -112,7 +112,7 @@ STRENGTHS = {
     "disc_damping": ("translational", "angular"),
     "internal_damping": ("voigt_time",),
     "limiter": ("stiffness", "damping"),
-    "support": ("stiffness", "damping"),
+    "support": ("stiffness", "damping", "cross_stiffness", "cross_damping"),
     "hysteretic_damping": ("loss_factor",),
 }
 

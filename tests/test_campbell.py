@@ -1,5 +1,7 @@
 """Campbell diagrams keep every branch: through crossings and bands where a pair parts."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -40,6 +42,18 @@ def test_pairs_that_stay_conjugate_are_drawn_once():
         )
 
 
+@pytest.mark.parametrize("discs", [(), (jr.Disc(0.4, 3.0, 0.01, 0.018),)])
+def test_a_free_shaft_has_no_critical_speed_of_zero(discs):
+    """Its rigid motions have the frequency zero, which rounding makes 4e-6 rad/s."""
+    shaft = jr.FlexibleShaft(1.0, 0.03, constraints=())
+    found = jr.critical_speeds(jr.Scene(shaft, *discs, spin=jr.ConstantSpeed(0.0)), 2)
+    if not discs:  # cosh b cos b = 1, with rotary inertia a little less
+        euler = 4.730040744862704**2 * np.sqrt(2.1e11 * 0.03**2 / (16 * 7850.0))
+        assert 0.99 * euler < found.forward[0] < euler * 1.02
+        assert 0.97 * euler < found.backward[0] < euler
+    assert min(found.forward[0], found.backward[0]) > 100.0
+
+
 def test_branches_cross():
     """Forward whirl of a slow mode and backward whirl of a fast one keep their names."""
     rotor = jr.load("two-discs")
@@ -55,3 +69,58 @@ def test_branches_cross():
     assert (np.sign(values.imag) == np.sign(values[0].imag)).all()
     second = np.diff(values.imag, 2, axis=0)
     assert np.abs(second).max() < 0.02 * np.abs(values.imag).max()
+
+
+def tilting(coupling):
+    """Disc of unit mass and inertias: `w^2 = 1` in translation, `w^2 - Omega w = 1.44` in tilt."""
+    shaft = jr.MasslessShaft(1.0, 0.5, 1.0, coupling, 1.44)
+    return jr.Scene(shaft, jr.Disc(0.5, 1.0, 1.0, 1.0), spin=jr.ConstantSpeed(0.0))
+
+
+def tilt(speed, sense):
+    """Whirl frequency of the tilt alone."""
+    return speed / 2 + sense * np.sqrt(speed**2 / 4 + 1.44)
+
+
+@pytest.mark.parametrize("speeds", [(0.0, 1.5, n) for n in (2, 3, 8, 61)] + [(0.0, 0.88, 3)])
+def test_like_modes_cross_where_they_are_not_coupled(speeds):
+    """Both whirl backward: translation stays, tilt passes it at 0.44, on any speeds and this one."""
+    speeds = np.linspace(*speeds)
+    points = len(speeds)
+    found = np.asarray(jr.campbell(tilting(0.0), speeds, 4).values).imag
+    expected = [np.ones(points), -np.ones(points), tilt(speeds, 1), tilt(speeds, -1)]
+    for branch in expected:
+        (one,) = np.flatnonzero(np.abs(found[0] - branch[0]) < 1e-9)
+        np.testing.assert_allclose(found[:, one], branch, atol=1e-9)
+
+
+def backward(speeds, coupling):
+    """The two backward whirls by numpy: no root passes another, so the larger stays so."""
+    found = []
+    for speed in speeds:
+        # (1 - w^2)(1.44 + W w - w^2) = coupling^2
+        polynomial = np.polymul([-1.0, 0.0, 1.0], [-1.0, speed, 1.44])
+        polynomial[-1] -= coupling**2
+        found.append(np.sort(np.roots(polynomial).real)[:2])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("coupling", [0.02, 0.002])
+@pytest.mark.parametrize("points", [2, 4, 8, 301])
+def test_like_modes_part_where_they_are_coupled(points, coupling):
+    """Coupled, the same two veer: the branch of the slower stays that of the slower."""
+    speeds = np.linspace(0.0, 1.5, points)
+    found = np.asarray(jr.campbell(tilting(coupling), speeds, 4).values).imag
+    for branch in backward(speeds, coupling).T:
+        (one,) = np.flatnonzero(np.abs(found[0] - branch[0]) < 1e-9)
+        np.testing.assert_allclose(found[:, one], branch, atol=1e-9)
+
+
+def test_campbell_says_that_it_cannot_be_traced():
+    scene = tilting(0.0)
+    at = lambda mass: jr.campbell(scene.put({"disc.mass": mass}), [0.0, 1.0], 2).values
+    sentence = r"cannot run inside jax.jit, .* or use `roots`\."
+    with pytest.raises(ValueError, match=sentence):
+        jax.jit(at)(1.0)
+    with pytest.raises(ValueError, match=sentence):
+        jax.vmap(at)(jnp.ones(2))

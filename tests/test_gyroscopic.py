@@ -669,6 +669,46 @@ def test_first_order_says_where_it_ends():
         assert np.all(values[2:].imag > 0)
 
 
+SHAFT, DISC = jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3), jr.Disc(0.3, 2.0, 0.01, 0.02)
+OTHERS = {
+    "support": (SHAFT, DISC, jr.Support(0.3, 5e4, cross_stiffness=1.5e4)),
+    "disc damping": (SHAFT, DISC, jr.DiscDamping(0.3, 5.0)),
+    "internal damping": (SHAFT, DISC, jr.InternalDamping(1e-5)),
+    "limiter": (SHAFT, DISC, jr.Limiter(0.3, 0.0, 1e-3, 1e5)),
+    "two stiffnesses": (jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3, anisotropy=0.1), DISC),
+    "damped shaft": (jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3, damping=1.0), DISC),
+    "no slope": (jr.MasslessShaft(0.6, 0.3, 1e5), DISC),
+    "no disc": (SHAFT, jr.Unbalance(0.3, 2.0, 1e-4)),
+    "elastic ends": (
+        jr.MasslessShaft(0.6, 0.3, 1.0, ends="elastic"),
+        DISC,
+        jr.Disc(0.0, 0.3),
+        jr.Support(0.0, 0.5),
+        jr.Support(0.6, 0.5),
+    ),
+    "flexible shaft of two nodes": (jr.FlexibleShaft(0.3, 0.02, nodes=2), DISC),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_first_order_refuses_what_it_does_not_know(name):
+    with pytest.raises(ValueError, match="The first-order formulas are for a round MasslessShaft"):
+        jr.perturbed_roots(jr.Scene(*OTHERS[name], spin=jr.ConstantSpeed(100.0)))
+
+
+def test_first_order_of_two_discs_and_loads():
+    """Discs at one station are one, and what does not move by itself does not matter."""
+    parts = jr.Disc(0.3, 1.5, 0.004, 0.02), jr.Disc(0.3, 0.5, 0.006)
+    loads = jr.Gravity(), jr.Unbalance(0.3, 2.0, 1e-4)
+    spin = jr.ConstantSpeed(10.0)
+    one, two = (
+        jr.perturbed_roots(jr.Scene(SHAFT, *effects, spin=spin))
+        for effects in ((DISC,), (*parts, *loads))
+    )
+    np.testing.assert_allclose(two.values, one.values, rtol=1e-14)
+    assert np.asarray(two.valid).all()
+
+
 def test_no_second_forward_critical_speed_of_a_flat_disc():
     """Case 7: I0 >= I leaves one; at I0 = I it is sqrt(det / (m k22))."""
     data = CAN

@@ -4,6 +4,9 @@ One forward-mode pass against sixth-order central differences. Stations and leng
 massless shaft, and loads do not matter to a root: their derivatives are zero.
 """
 
+import re
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -75,3 +78,38 @@ def test_by_every_parameter(name, what):
         np.testing.assert_allclose(exact, found, rtol=1e-6, atol=1e-9 * scale, err_msg=path)
         acting += bool(np.any(exact))
     assert acting >= {"roots": 5, "onset": 4, "critical": 3}[what]
+
+
+# === what the README says
+
+README = (Path(__file__).parent.parent / "README.md").read_text()
+STATED = re.findall(r"`(\w+)`", re.search(r"^Differentiable: (.*?)\.$", README, re.S | re.M)[1])
+PUSH = jr.HarmonicForce(0.16125)
+DIFFERENTIABLE = {
+    "roots": lambda scene: jr.roots(scene).imag,
+    "critical_speeds": lambda scene: jr.critical_speeds(scene).forward[0],
+    "onset_speed": lambda scene: jr.onset_speed(scene, (60.0, 120.0), 20).speed,
+    "stability_crossings": lambda scene: (
+        jr.stability_crossings(scene, (60.0, 120.0), 20)[0][0].speed
+    ),
+    "growth_rate": lambda scene: jr.growth_rate(scene),
+    "floquet_multipliers": lambda scene: jr.floquet_multipliers(scene)[0].real,
+    "unbalance_response": lambda scene: jr.unbalance_response(scene, 70.0).major,
+    "weight_response": lambda scene: jr.weight_response(scene, 70.0).deflection.real,
+    "forced_response": lambda scene: jr.forced_response(scene, 30.0, PUSH).major,
+    "reduction": lambda scene: jr.reduction(scene, 0.16125).shaft.k11,
+    "perturbed_roots": lambda scene: jr.perturbed_roots(scene).values.imag,
+}
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_what_the_readme_calls_differentiable(name):
+    cantilever = jr.load("gyroscopic-cantilever")
+    loads = jr.Gravity(), jr.Unbalance(0.16125, 1.0, 1e-4)
+    scene = jr.Scene(cantilever.shaft, *cantilever.effects, *loads, spin=jr.ConstantSpeed(70.0))
+    at = lambda k: jnp.ravel(DIFFERENTIABLE[name](scene.put({"shaft.k11": k})))
+    k = scene.get("shaft.k11")
+    h = 1e-4 * k
+    expected = (8 * (at(k + h) - at(k - h)) - at(k + 2 * h) + at(k - 2 * h)) / (12 * h)
+    assert np.any(expected)
+    np.testing.assert_allclose(jax.jacfwd(at)(k), expected, rtol=1e-6)

@@ -1,7 +1,10 @@
 """Stability maps and boundaries of the two-stiffness rotor, against its closed-form boundary."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import jaxrotor as jr
 
@@ -73,6 +76,68 @@ def test_map_of_a_rotor_on_supports_of_two_stiffnesses():
     for speed, growth in zip(speeds, found.growth[:, 0], strict=True):
         values = np.asarray(jr.roots(round_.replace({"spin.speed": speed})))
         assert growth == pytest.approx(values.real.max(), rel=1e-7, abs=1e-10)
+
+
+def test_a_map_is_one_compiled_program():
+    """However many its points and curves, and whatever the values."""
+    axes = lambda count: {
+        "spin.speed": np.linspace(0.6, 1.4, count),
+        "shaft.anisotropy": np.linspace(0.0, 0.5, count - 2),
+    }
+    jr.stability_map(rotor(0.05), axes(5))
+    compiled = []
+
+    def listen(event, *_, **__):
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    found = jr.stability_map(rotor(0.07), axes(14))
+    assert len(found.boundaries[0]) > 10 and not compiled
+    jax.jit(lambda x: jnp.sin(x) + 1.7182)(jnp.zeros(11))
+    assert compiled  # the list fills
+
+
+def slow(cross, damping=None):
+    """Driven by its supports; of a ratio of zero whirl is circular, though coefficients may vary."""
+    shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=0.0, ends="elastic")
+    supports = [jr.Support(x, 2.0, cross=cross, anisotropy=0.0) for x in (0.0, 1.0)]
+    on_it = [jr.Disc(0.5, 1.0)] + ([] if damping is None else [jr.DiscDamping(0.5, damping)])
+    return jr.Scene(shaft, *on_it, *supports, spin=jr.ConstantSpeed(0.02))
+
+
+def slow_growth(cross, damping=0.0):
+    """`m q.. + c q. + k q = 0` of the shaft and two supports `2 (1 - i cross)` in series."""
+    ground = 2 * 2.0 * (1 - 1j * cross)
+    return np.roots([1.0, damping, ground / (1 + ground)]).real.max()
+
+
+def test_slow_rotors_take_the_steps_they_need():
+    """From 1/30 of the first frequency down 32 steps of half a revolution do not suffice."""
+    assert float(jr.growth_rate(slow(0.4))) == pytest.approx(slow_growth(0.4), rel=1e-6)
+    found = jr.stability_map(slow(0.4), {"spin.speed": [0.008, 0.1], "supports.cross": [0.3, 0.4]})
+    expected = [slow_growth(0.3), slow_growth(0.4)]
+    np.testing.assert_allclose(found.growth, [expected] * 2, rtol=1e-5)
+    lost = jr.stability_boundary(slow(0.4, 0.03), "supports.cross", [0.1, 0.4])
+    edge = brentq(lambda cross: slow_growth(cross, 0.03), 0.1, 0.4, xtol=1e-14)
+    np.testing.assert_allclose(lost.values, [edge], rtol=1e-6)
+
+
+def test_what_is_too_slow_is_not_taken_for_stable():
+    over = {"spin.speed": [1e-4, 0.02, 0.1], "supports.cross": [0.2, 0.4]}
+    found = jr.stability_map(slow(0.4), over)
+    assert np.isnan(found.growth).tolist() == [[True] * 2, [False] * 2, [False] * 2]
+    assert np.all(found.growth[1:] > 0) and found.boundaries == ()
+    with pytest.raises(
+        ValueError, match=r"from `spin.speed` = 0.0001 on, where the rotor turns too"
+    ):
+        jr.stability_boundary(slow(0.4), "spin.speed", [1e-4, 0.02])
+    with pytest.raises(ValueError, match=r"speeds as low as 0.0001 rad/s; begin `within` at"):
+        jr.stability_crossings(slow(0.4), (1e-4, 0.1), 8)
+    with pytest.raises(
+        ValueError, match=r"too slow for Floquet multipliers from 0.0001 to 0.1 rad/s"
+    ):
+        jr.onset_speed(slow(0.4), (1e-4, 0.1), 8)
 
 
 @pytest.mark.parametrize(

@@ -359,13 +359,16 @@ def test_waterfall_says_what_it_needs():
 # === modes and onset
 
 
+def motions(values, shapes, counter=None, stations=(0.0, 0.5, 1.0), frame="fixed", speed=30.0):
+    to = lambda a: None if a is None else jnp.asarray(a, complex)
+    at, speed = jnp.asarray(stations), jnp.asarray(speed)
+    return jr.Modes(to(values), to(shapes), to(counter), at, speed, frame)
+
+
 def test_mode_shapes_are_normalised_and_in_phase():
     stations = np.array([0.0, 0.4, 0.2])
-    modes = types.SimpleNamespace(
-        values=np.array([0.4 + 77.0j, -8.6 - 66.0j, -200.0 + 0j]),
-        stations=stations,
-        shapes=np.array([[0, 4j, 1j], [0, -3.0, -3j], [0, 1, -2.0]]),
-    )
+    values = [0.4 + 77.0j, -8.6 - 66.0j, -200.0 + 0j]
+    modes = motions(values, [[0, 4j, 1j], [0, -3.0, -3j], [0, 1, -2.0]], stations=stations)
     ax = plot.mode_shapes(modes)
     drawn = [line for line in ax.lines if line.get_marker() == "."]
     np.testing.assert_allclose(drawn[0].get_xdata(), [0.0, 0.2, 0.4])
@@ -531,11 +534,6 @@ def test_campbell_takes_rounding_for_zero():
 # === modes in space
 
 
-def motions(values, shapes, counter=None, stations=(0.0, 0.5, 1.0), frame="fixed"):
-    to = lambda a: None if a is None else jnp.asarray(a, complex)
-    return jr.Modes(to(values), to(shapes), to(counter), jnp.asarray(stations), frame)
-
-
 def orbits(ax):
     """Direction, colour and orbits (station, path) of each line of orbits."""
     found = {}
@@ -586,7 +584,6 @@ def test_modes3d_draws_ellipses_by_their_direction_at_each_station():
         [[0.75, 0.25, 0.5], [0.75, 0.25, 0.5]],
         [[0.25, 0.75, 0.5], [0.25, 0.75, 0.5]],
         stations=(1.0, 0.0, 0.5),
-        frame="rotating",
     )
     (ax,) = plot.modes3d(pair)  # of the conjugate pair one
     found = orbits(ax)
@@ -599,7 +596,34 @@ def test_modes3d_draws_ellipses_by_their_direction_at_each_station():
     assert station == 0.5
     np.testing.assert_allclose(path.imag, 0.0, atol=1e-12)
     assert ax.get_title() == "forward and backward and straight, 50 rad/s, undamped"
-    assert ax.get_ylabel() == "x of the shaft [1]"
+
+
+def test_modes3d_of_negative_spin():
+    """Against the positive sense of turning is with the spin."""
+    drawn = plot.modes3d(motions([70j, -60j], np.ones((2, 3)), speed=-30.0))
+    assert [list(orbits(ax)) for ax in drawn] == [["backward"], ["forward"]]
+    assert (
+        plot.mode_shapes(motions([70j], np.ones((1, 3)), speed=-30.0)).lines[0].get_label()
+        == "backward 70 rad/s, undamped"
+    )
+
+
+def test_modes3d_in_the_axes_of_the_shaft():
+    """At 30 rad/s, 50 in turning axes is 80 with the spin and 20 against it in fixed ones."""
+    ahead, behind, bent = plot.modes3d(
+        motions(
+            [50j, 50j, 3.0],
+            [[1.0] * 3, [0.25] * 3, [1.0] * 3],
+            [[0.25] * 3, [1.0] * 3, [1.0] * 3],
+            frame="rotating",
+        )
+    )
+    assert ahead.get_title() == "forward, 80 rad/s, undamped"
+    assert behind.get_title() == "backward, 20 rad/s, undamped"
+    assert bent.get_title() == "forward, 30 rad/s, growth 3 /s" and not orbits(bent)
+    ((_, path), *_) = orbits(ahead)["forward"]  # drawn as it is in the axes of the shaft
+    np.testing.assert_allclose(np.ptp(path.real) / np.ptp(path.imag), 5 / 3, rtol=1e-2)
+    assert ahead.get_ylabel() == "x of the shaft [1]"
 
 
 def test_modes3d_without_whirl_has_no_orbit():
@@ -741,6 +765,20 @@ def test_stability_map_without_a_boundary():
     assert not stable.collections and stable.get_legend() is None
     undamped = plot.stability_map(stability(growth=np.eye(41, 31) - 1.0))
     assert not undamped.collections and undamped.get_xlim() == (0.0, 10.0)
+
+
+def test_stability_map_hatches_what_is_not_known():
+    growth = stability().growth.copy()
+    growth[:20, :10] = np.nan  # to x = 5 mm and y = 220 rad/s
+    result = stability()
+    result.growth = growth
+    ax = plot.stability_map(result)
+    (hatched,) = [c for c in ax.collections if getattr(c, "hatches", [None]) == ["///"]]
+    inside = lambda of, x, y: any(path.contains_point((x, y)) for path in of.get_paths())
+    assert inside(hatched, 4.0, 150.0) and not inside(hatched, 6.0, 150.0)
+    (shading,) = [c for c in ax.collections if c is not hatched]
+    assert inside(shading, 6.0, 150.0) and not inside(shading, 4.0, 150.0)
+    assert "not known" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_boundary_family_draws_sections():

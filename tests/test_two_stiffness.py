@@ -1043,6 +1043,8 @@ def test_derivative_of_the_critical_speeds_through_their_crossing():
     np.testing.assert_allclose(apart, [-0.065532, 0.298720], rtol=0, atol=1e-4)
     total = jax.jacfwd(lambda nu: speeds(nu)[0] + speeds(nu)[1])(NU0 + 1e-4)
     assert total == pytest.approx(0.298720 - 0.065532, abs=1e-4)
+    at_crossing = jax.jacfwd(lambda nu: speeds(nu)[:2])(NU0)
+    np.testing.assert_allclose(at_crossing, [(0.298720 - 0.065532) / 2] * 2, rtol=0, atol=1e-6)
 
 
 def test_double_root_gets_the_mean_of_the_derivatives():

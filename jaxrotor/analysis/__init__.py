@@ -1,4 +1,4 @@
-"""Analyses of the linear rotor, in closed form."""
+"""Analyses of the linear rotor: by its roots, or over a revolution where coefficients are periodic."""
 
 from . import balancer as balancer
 from .balancing import (

@@ -1,5 +1,6 @@
 """Campbell diagram: roots against the speed of rotation, each branch followed; critical speeds."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -9,11 +10,16 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from ..pencil import Frame, Pencil, frame, isotropic, root_changes
-from ..quantities import known
+from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
+from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import assemble
-from .modal import natural_roots, slowest_first
+from ..system import System, assemble
+from .modal import natural_roots, sense_of_whirl, slowest_first
+
+
+CHOICE = 0.2  # how far off a root may be, relative to the next best, to be told for sure
+NARROWEST = 2.0**-12  # of an interval, down to which lines that pass each other are looked at
+MIDPOINTS = 128  # speeds looked at between two given ones, at most
 
 
 class Campbell(eqx.Module):
@@ -26,8 +32,16 @@ class Campbell(eqx.Module):
 
     @property
     def frequencies(self) -> Float[Array, "w m"]:
-        """Whirl frequency [rad/s], positive forward; of unequal axes, either sign of a pair."""
+        """Whirl frequency [rad/s], positive from x to y; of unequal axes, either sign of a pair."""
         return self.values.imag
+
+    @property
+    def forward(self) -> Float[Array, "w m"] | None:
+        """+1 for whirl with the spin, -1 against it, 0 for none; None of unequal axes.
+
+        There the sense is that of the shape; see `Modes.forward`.
+        """
+        return sense_of_whirl(self.values, self.speeds[:, None]) if self.circular else None
 
     @property
     def growth(self) -> Float[Array, "w m"]:
@@ -46,8 +60,9 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     """Roots `lambda(Omega)` as continuous branches: they keep their identity where they cross.
 
     From speed to speed each root is sought where its derivative `d lambda / d Omega` says. So lines
-    cross where modes do not feel each other, and bend away where they do, as long as the speeds
-    are finer than the bend.
+    cross where modes do not feel each other, and bend away where they do. Where that leaves a choice,
+    which is on coarse speeds and where lines pass each other, speeds between are looked at: lines that
+    bend away within less than `NARROWEST` of an interval are taken to cross.
 
     Args:
         scene: the rotor; its own speed does not matter.
@@ -56,46 +71,95 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
             each conjugate pair, but both where they part into real roots.
 
     Returns:
-        Branches; not differentiable, `roots` is.
+        Branches; not differentiable and not to be traced, `roots` is.
 
     Source: Brysin, Nikiforov (2019), Figs. 3, 4.
     """
     speeds = np.asarray(speeds, float)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
         raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
-    blocks = jax.eval_shape(assemble, scene).blocks
-    values, slopes = (np.asarray(a) for a in _values_and_slopes(scene, jnp.asarray(speeds), count))
-    branches = np.empty(values.shape, complex)
-    branches[0], slope = values[0], slopes[0]
-    for k, step in enumerate(np.diff(speeds)):
-        ahead = branches[k] + step * slope
-        back = values[k + 1] - step * slopes[k + 1]
-        cost = np.abs(ahead[:, None] - values[k + 1]) + np.abs(branches[k][:, None] - back)
-        order = linear_sum_assignment(cost)[1]
-        branches[k + 1], slope = values[k + 1, order], slopes[k + 1, order]
+    system = eqx.filter_jit(assemble)(scene)
+    blocks = system.blocks
+    if not all(map(known, jax.tree.leaves(system))):
+        raise ValueError(
+            "`campbell` follows branches by their values, so it cannot run inside jax.jit, jax.vmap or "
+            "jax.grad; call it outside, or use `roots`."
+        )
+
+    def sample(speed):
+        found = _values_and_slopes(system, jnp.asarray(speed), count)
+        return _Sample(speed, *map(np.asarray, found))
+
+    wanted = slice(count if isotropic(blocks) else 2 * count)
+    followed = [sample(speeds[0])]
+    for speed in speeds[1:]:
+        followed.append(_follow(followed[-1], sample(speed), wanted, sample))
+    branches = np.stack([one.values for one in followed])
     if not isotropic(blocks):
         branches = _less_conjugates(branches)
     axes = frame(blocks)
     return Campbell(jnp.asarray(speeds), jnp.asarray(branches[:, :count]), axes, isotropic(blocks))
 
 
+class _Sample(NamedTuple):
+    """Roots (m,) and their derivatives at one speed [rad/s]."""
+
+    speed: float
+    values: np.ndarray
+    slopes: np.ndarray
+
+    def same(self, step: float) -> np.ndarray:
+        """Which roots (m, m) are equal and stay so over a step: either may be the other."""
+        here, there = self.values, self.values + step * self.slopes
+        apart = np.abs(here[:, None] - here) + np.abs(there[:, None] - there)
+        return is_rounding(apart, here)
+
+
+def _follow(left: _Sample, right: _Sample, wanted: slice, sample: Callable) -> _Sample:
+    """`right` in the order of `left`, by way of as many samples between as leave no choice."""
+    ahead, looked, narrow = [right], 0, NARROWEST * (right.speed - left.speed)
+    while ahead:
+        matched, sure = _matched(left, ahead[-1])
+        if sure[wanted].all() or matched.speed - left.speed <= narrow or looked == MIDPOINTS:
+            left = matched
+            ahead.pop()
+        else:
+            ahead.append(sample((left.speed + ahead[-1].speed) / 2))
+            looked += 1
+    return left
+
+
+def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
+    """`right` in the order of `left`, and which roots (m,) have no other choice and pass none.
+
+    From afar lines that cross look like those that bend away.
+    """
+    step = right.speed - left.speed
+    ahead, back = left.values + step * left.slopes, right.values - step * right.slopes
+    cost = np.abs(ahead[:, None] - right.values) + np.abs(left.values[:, None] - back)
+    order = linear_sum_assignment(cost)[1]
+    cost, right = cost[:, order], _Sample(right.speed, right.values[order], right.slopes[order])
+    twins = right.same(step)
+    others = np.where(left.same(step) | twins, np.inf, cost)
+    sure = np.diagonal(cost) <= CHOICE * np.minimum(others.min(axis=0), others.min(axis=1))
+    before, after = (one.values[:, None] - one.values for one in (left, right))
+    sure &= np.all(np.real(np.conj(before) * after) >= 0, axis=1)
+    # Where lines meet, the slope of each is the mean of both; it is told by where it came from.
+    slopes = np.where(twins.sum(axis=1) > 1, (right.values - left.values) / step, right.slopes)
+    return right._replace(slopes=slopes), sure
+
+
 @eqx.filter_jit
-def _values_and_slopes(scene: Scene, speeds: Float[Array, " w"], count: int):
-    """The slowest roots at every speed, some more than `count` of (pairs of) them, and derivatives."""
-    system = assemble(scene)
-
-    def one(speed):
-        values = natural_roots(system.at_speed(speed))
-        # No mass, no motion: a root beyond all others.
-        values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
-        values = values[slowest_first(values)[: 4 * count + 8]]
-        pencil = lambda speed: Pencil.of(system.at_speed(speed))
-        own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
-        slopes = root_changes(values, own, change)
-        return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)
-
-    # One speed after the other: see `sweep._build_lanes` on batched linear algebra.
-    return jax.lax.map(one, speeds)
+def _values_and_slopes(system: System, speed: Scalar, count: int):
+    """The slowest roots, some more than `count` of (pairs of) them, and their derivatives."""
+    values = natural_roots(system.at_speed(speed))
+    # No mass, no motion: a root beyond all others.
+    values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
+    values = values[slowest_first(values)[: 4 * count + 8]]
+    pencil = lambda speed: Pencil.of(system.at_speed(speed))
+    own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
+    slopes = root_changes(values, own, change)
+    return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)
 
 
 def _finite(values: Array) -> Array:
@@ -106,8 +170,7 @@ def _less_conjugates(branches: Any) -> np.ndarray:
     """Of branches that stay conjugate one, that of positive frequency."""
     kept: list[np.ndarray] = []
     for branch in branches[:, np.argsort(branches.imag.mean(axis=0) < 0, kind="stable")].T:
-        close = 1e-9 * np.abs(branch)
-        if not any((np.abs(branch.conj() - other) <= close).all() for other in kept):
+        if not any(is_rounding(branch.conj() - other, branch).all() for other in kept):
             kept.append(branch)
     kept.sort(key=lambda branch: abs(branch[0]))
     return np.stack(kept, axis=1)
@@ -116,15 +179,19 @@ def _less_conjugates(branches: Any) -> np.ndarray:
 def critical_speeds(scene: Scene, count: int | None = None) -> CriticalSpeeds:
     """Undamped synchronous whirl: `det( K - Omega^2 (M - G) ) = 0` forward, `M + G` backward.
 
-    Solved for `Omega^2` at once, not by scanning. On unequal supports a whirl is elliptic and counts
-    by the larger of its parts; for an unequal shaft they are the speeds where it stands bent.
+    Of axes that are equal or, on unequal supports, with the pair `(q, q*)`; there whirl is elliptic
+    and counts by the larger of its parts. An unequal shaft has no backward ones: it is critical where
+    it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` of the pair in these. Solved for
+    `Omega^2` at once, not by scanning.
 
     Args:
-        scene: the rotor; its own speed, damping and hysteresis do not matter.
+        scene: the rotor; its own speed does not matter, nor do damping, hysteresis and cross-coupled
+            stiffness (of supports that push across), which are left out.
         count: how many of each to return, by default all.
 
     Returns:
         Speeds [rad/s], ascending; those that do not exist are left out (infinite where traced).
+        Differentiable; equal ones by the mean of theirs.
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
@@ -171,10 +238,33 @@ def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
 
 
 def _synchronous_of(stiffness: Array, inertia: Array) -> Float[Array, " c"]:
-    """Every real `Omega > 0` with `det(K - Omega^2 M) = 0`, else infinite."""
-    shift = Pencil(inertia, inertia, stiffness).rate ** 2
+    """Every real `Omega > 0` with `det(K - Omega^2 M) = 0`, else infinite.
+
+    `Omega = 0` of a free shaft is none; rounding leaves about 1e-15 of the scale in its square.
+    """
+    squares, scale = _squares(stiffness, inertia), _scale(stiffness, inertia)
+    real = jnp.isfinite(squares) & (squares.real > 1e-10 * scale)
+    real = real & (jnp.abs(squares.imag) < 1e-6 * jnp.abs(squares))
+    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf)
+
+
+def _scale(stiffness: Array, inertia: Array) -> Scalar:
+    """Of the order of the square of the first critical speed."""
+    return Pencil(inertia, inertia, stiffness).rate ** 2
+
+
+@jax.custom_jvp
+def _squares(stiffness: Array, inertia: Array) -> Complex[Array, " c"]:
+    """Every `s` with `det(K - s M) = 0`, infinite for coordinates without inertia."""
+    shift = _scale(stiffness, inertia)
     inverses = jnp.linalg.eigvals(jnp.linalg.solve(stiffness + shift * inertia, inertia))
     there = jnp.abs(inverses) * shift > 1e-10
-    squares = 1 / jnp.where(there, inverses, 1.0) - shift
-    real = there & (squares.real > 0) & (jnp.abs(squares.imag) < 1e-6 * jnp.abs(squares))
-    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf)
+    return jnp.where(there, 1 / jnp.where(there, inverses, 1.0) - shift, jnp.inf)
+
+
+@_squares.defjvp
+def _squares_jvp(primals, tangents):
+    """Like the derivatives of roots; of two that are equal the mean."""
+    values = _squares(*primals)
+    linear = lambda stiffness, inertia: Pencil(jnp.zeros_like(inertia), -inertia, stiffness)
+    return values, root_changes(values, linear(*primals), linear(*tangents))

@@ -12,7 +12,7 @@ from ..effects import Disc
 from ..pencil import Pencil, frame, isotropic
 from ..quantities import Scalar, known, nonnegative, real
 from ..scene import Scene
-from ..system import System, assemble
+from ..system import System, assemble, structure
 
 
 CRITICAL = 1e-9  # relative distance from resonance at which a response has no digits
@@ -180,7 +180,7 @@ def _ending_span(scene: Scene, at: Scalar) -> Scene:
 
 def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " s"]]:
     """Speeds or frequencies, and stations, of a rotor that has a closed-form response."""
-    system = assemble(scene)
+    system = structure(scene)
     if system.ports:
         raise ValueError(
             "The closed-form response is that of a linear rotor, but the scene has contacts; remove "

@@ -14,7 +14,7 @@ from scipy.optimize import elementwise
 
 from ..scene import Scene
 from ..system import assemble
-from .stability import growth_of
+from .stability import EDGES, STEPS, growth_of, undamped_side
 
 
 CHUNK = 64  # points a call of the compiled program
@@ -25,7 +25,7 @@ class StabilityMap(eqx.Module):
 
     x: Float[np.ndarray, " a"]  # of the first parameter, SI
     y: Float[np.ndarray, " b"]  # of the second
-    growth: Float[np.ndarray, "a b"]  # largest real part of a root [1/s]; above zero unstable
+    growth: Float[np.ndarray, "a b"]  # `growth_rate` [1/s], above zero unstable, NaN unknown
     boundaries: tuple[Float[np.ndarray, "_ 2"], ...]  # curves (x, y) between stable and unstable
     paths: tuple[str, str] = eqx.field(static=True)
     units: tuple[str, str] = eqx.field(static=True)
@@ -36,7 +36,7 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
 
     A curve is found by its crossings of the grid's lines, each refined to 1e-10 of a cell by root
     finding; an island smaller than a cell is missed. Growth within rounding is zero and stable, so an
-    undamped rotor has boundaries too.
+    undamped rotor has boundaries too. Where `growth_rate` is not a number, no curve is drawn.
 
     Args:
         scene: the rotor.
@@ -63,14 +63,17 @@ def traced(
     grid = np.meshgrid(x, y, indexing="ij")
     growth = evaluate(*(part.ravel() for part in grid))[0].reshape(grid[0].shape)
     # Between signs alone, so that every crossing is in the middle of an edge of a cell.
-    lines: Any = contourpy.contour_generator(z=np.where(growth > 0, 1.0, -1.0).T).lines(0.0)
+    signs = np.ma.array(np.where(growth > 0, 1.0, -1.0), mask=np.isnan(growth)).T
+    lines: Any = contourpy.contour_generator(z=signs, corner_mask=False).lines(0.0)
     if not lines:
         return growth, ()
     middle = np.concatenate(lines)  # in steps of the grid
     low, high = (turn(middle).astype(int) for turn in (np.floor, np.ceil))
     corners = (np.stack([x[ij[:, 0]], y[ij[:, 1]]]) for ij in (low, high))
     curve = _crossing(evaluate, *corners).T
-    return growth, tuple(np.split(curve, np.cumsum([len(line) for line in lines])[:-1]))
+    parts = np.split(curve, np.cumsum([len(line) for line in lines])[:-1])
+    known = (part[~np.isnan(part).any(axis=1)] for part in parts)
+    return growth, tuple(part for part in known if len(part))
 
 
 class Boundary(NamedTuple):
@@ -90,15 +93,30 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
 
     Returns:
         The changes; not differentiable (along the speed `stability_crossings` is).
+
+    Raises:
+        ValueError: among others, at values where `growth_rate` is not a number.
     """
     values = _axis(scene, path, values)
     evaluate = functools.partial(_growth, scene, (path,))
-    unstable = evaluate(values)[0] > 0
+    growth = evaluate(values)[0]
+    _refuse_unknown(path, values, growth)
+    unstable = growth > 0
     below = np.flatnonzero(unstable[:-1] != unstable[1:])
     if not below.size:
         return Boundary(np.zeros(0), np.zeros(0, bool))
     found = _crossing(evaluate, values[None, below], values[None, below + 1])
+    _refuse_unknown(path, values[below], found[0])
     return Boundary(found[0], unstable[below + 1])
+
+
+def _refuse_unknown(path: str, values: np.ndarray, found: np.ndarray) -> None:
+    if np.isnan(found).any():
+        raise ValueError(
+            f"Floquet multipliers do not follow the first mode from `{path}` = "
+            f"{values[np.isnan(found)][0]:g} on, where the rotor turns too slowly for it; leave such "
+            "values out."
+        )
 
 
 def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
@@ -112,26 +130,34 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
 
 
 def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.ndarray:
-    """Growth rates at points (k,): (2, k), see `growth_of`; for any k by one compiled program."""
+    """Growth rates at points (k,): (2, k), see `growth_of`; for any k by one compiled program.
+
+    Another for the points where a slow rotor needs more steps.
+    """
     points = np.stack(values)  # (parameters, k)
-    count = points.shape[1]
-    points = np.pad(points, [(0, 0), (0, -count % CHUNK)], mode="edge")
-    chunks = np.split(points, points.shape[1] // CHUNK, axis=1)
-    found = [_growth_of_chunk(scene, paths, *chunk) for chunk in chunks]
-    return np.concatenate(found, axis=1)[:, :count]
+    found = np.full((2, points.shape[1]), np.nan)
+    for steps in STEPS:
+        (left,) = np.nonzero(np.isnan(found[0]))
+        size = CHUNK * STEPS[0] // steps
+        for chunk in (left[k : k + size] for k in range(0, left.size, size)):
+            padded = np.pad(points[:, chunk], [(0, 0), (0, size - chunk.size)], mode="edge")
+            growth = _growth_of_chunk(scene, paths, steps, *padded)
+            found[:, chunk] = np.asarray(growth)[:, : chunk.size]
+    return found
 
 
 @eqx.filter_jit
-def _growth_of_chunk(scene: Scene, paths: tuple[str, ...], *values: Array) -> Float[Array, "2 k"]:
-    one = lambda point: growth_of(assemble(scene.put(dict(zip(paths, point, strict=True)))))
+def _growth_of_chunk(
+    scene: Scene, paths: tuple[str, ...], steps: int, *values: Array
+) -> Float[Array, "2 k"]:
+    one = lambda point: growth_of(assemble(scene.put(dict(zip(paths, point, strict=True)))), steps)
     return jnp.stack(jax.lax.map(one, tuple(map(jnp.asarray, values))))
 
 
 def _crossing(growth: Callable, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Points between `low` and `high` (parameters, k) where the sign of the growth changes."""
-    # Where one side is stable without damping, growth there is rounding; else it has all digits.
-    ends = [growth(*(low + share * (high - low)))[0] == 0 for share in (0.0, 0.02, 0.98, 1.0)]
-    marginal = (ends[0] & ends[1]) | (ends[2] & ends[3])
+    ends = np.stack([growth(*(low + share * (high - low)))[0] for share in EDGES])
+    marginal = undamped_side(ends)
 
     def above(share, marginal, *ends):
         start, stop = np.split(np.stack(ends), 2)

@@ -6,45 +6,101 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
-from ..pencil import Frame, Pencil, eigenvalues, eigenvectors, frame, isotropic
-from ..quantities import known
+from ..pencil import (
+    ROUNDING,
+    Frame,
+    Pencil,
+    eigenvalues,
+    eigenvectors,
+    frame,
+    is_rounding,
+    isotropic,
+)
+from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
-
-
-ROUNDING = 1e-9  # of a root, that its real part may have where it should have none
 
 
 class Modes(eqx.Module):
     """Natural motions `z(x, t) = shape(x) exp(lambda t) + conj(counter(x) exp(lambda t))`.
 
-    `m` of them at `x` stations; in the rotating frame where `frame` says so.
+    `m` of them at `x` stations; `z` is in axes that turn with the shaft where `frame` says so.
     """
 
     values: Complex[Array, " m"]  # lambda [rad/s]
     shapes: Complex[Array, "m x"]  # largest component 1
     counter: Complex[Array, "m x"] | None  # None where every orbit is a circle
     stations: Float[Array, " x"]  # [m]
+    speed: Scalar  # Omega [rad/s]
     frame: Frame = eqx.field(static=True)
 
     @property
+    def fixed_values(self) -> Complex[Array, " m"]:
+        """`lambda` [rad/s] as seen from fixed axes: growth and frequency of the larger part.
+
+        In turning axes `s + i w` moves at `Omega + w` by its shape and at `Omega - w` by its counter
+        shape. Where both are equally large, as on a straight line, that of the shape.
+        """
+        by_shape, by_counter = self._frequencies
+        larger = by_shape
+        if self.counter is not None:
+            ahead, behind = (jnp.sum(part, axis=1) for part in self._sizes)
+            larger = jnp.where(ahead >= (1 - 1e-6) * behind, by_shape, by_counter)
+        return self.values.real + 1j * larger
+
+    @property
+    def senses(self) -> Float[Array, "m x"]:
+        """At each station the part of the motion that whirls with the spin less that against it.
+
+        By squares of amplitudes in fixed axes: +1 a circle passed with the spin (of a rotor at rest,
+        from x to y), -1 one against it, 0 a straight line or no whirl.
+        """
+        return self._sense(*self._sizes)
+
+    @property
     def forward(self) -> Float[Array, " m"]:
-        """+1 for circular whirl with the spin, -1 against it, 0 for a straight line."""
-        sense = jnp.sign(self.values.imag)
-        if self.counter is None:
-            return sense
-        with_, against = (jnp.sum(jnp.abs(a) ** 2, axis=1) for a in (self.shapes, self.counter))
-        return sense * (with_ - against) / (with_ + against)
+        """The same of the whole shaft: above 0 whirl with the spin, below 0 against it."""
+        return self._sense(*(jnp.sum(part, axis=1, keepdims=True) for part in self._sizes))[:, 0]
 
     @property
     def damping_ratio(self) -> Float[Array, " m"]:
-        """`-Re lambda / |lambda|`."""
-        return -self.values.real / jnp.abs(self.values)
+        """`-Re lambda / |lambda|` as seen from fixed axes."""
+        return -self.values.real / jnp.abs(self.fixed_values)
 
     @property
     def log_decrement(self) -> Float[Array, " m"]:
-        """`-2 pi Re lambda / |Im lambda|`: logarithm of the amplitude lost in one turn."""
-        return -2 * jnp.pi * self.values.real / jnp.abs(self.values.imag)
+        """`-2 pi Re lambda / |Im lambda|` from fixed axes: log of the amplitude lost in one turn."""
+        return -2 * jnp.pi * self.values.real / jnp.abs(self.fixed_values.imag)
+
+    @property
+    def _frequencies(self) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """Of shape and counter shape in fixed axes [rad/s]."""
+        turning = self.speed if self.frame == "rotating" else 0.0
+        return turning + self.values.imag, turning - self.values.imag
+
+    @property
+    def _sizes(self) -> tuple[Float[Array, "m x"], Float[Array, "m x"]]:
+        """Squared amplitudes of shape and counter shape."""
+        own = jnp.abs(self.shapes) ** 2
+        return own, jnp.zeros_like(own) if self.counter is None else jnp.abs(self.counter) ** 2
+
+    def _sense(self, own: Array, other: Array) -> Array:
+        ways = (
+            sense_of_whirl(self.values.real + 1j * w, self.speed)[:, None]
+            for w in self._frequencies
+        )
+        total = own + other
+        moved = sum(way * part for way, part in zip(ways, (own, other), strict=True))
+        return jnp.where(total > 0, moved / jnp.where(total > 0, total, 1.0), 0.0)
+
+
+def sense_of_whirl(values: Complex[Array, "..."], speed: Scalar | Array) -> Float[Array, "..."]:
+    """+1 where circular whirl is with the spin (at rest, from x to y), -1 against it, 0 for none.
+
+    `values` are `lambda` [rad/s] as seen from fixed axes.
+    """
+    way = jnp.where(is_rounding(values.imag, values), 0.0, jnp.sign(values.imag))
+    return way * jnp.where(speed < 0, -1.0, 1.0)
 
 
 def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
@@ -61,7 +117,8 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
 
     Returns:
         Roots [rad/s] by rising magnitude; of a pair, forward first. Coordinates without mass have
-        none (infinite ones where traced). Differentiable; equal roots by the mean of theirs.
+        none (infinite ones where traced). Of a rotor without loss and drive a real part within
+        rounding (1e-9 of its root) is set to zero. Differentiable; equal roots by the mean of theirs.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
@@ -78,12 +135,24 @@ def _roots(scene: Scene) -> Complex[Array, " m"]:
     return values[slowest_first(values)]
 
 
-@eqx.filter_jit
 def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     """Roots with their mode shapes at `points` stations along the shaft; see `roots`.
 
-    The shapes are not differentiable (jax has no derivative of eigenvectors).
+    Differentiable, shapes too: with their largest component held at 1, and those of equal roots held
+    altogether, as they may be chosen freely.
     """
+    found = _modes(scene, count, points)
+    if not known(found.values):
+        return found
+    there = jnp.isfinite(found.values)
+    own = lambda modes: [
+        part for part in (modes.values, modes.shapes, modes.counter) if part is not None
+    ]
+    return eqx.tree_at(own, found, [part[there] for part in own(found)])
+
+
+@eqx.filter_jit
+def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     system = assemble(scene)
     if system.blocks.hysteretic is None:
         values, vectors = eigenvectors(Pencil.of(system))
@@ -100,7 +169,8 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     largest = jnp.take_along_axis(flat, jnp.argmax(jnp.abs(flat), axis=1, keepdims=True), axis=1)
     seen = seen / largest[:, None]
     counter = None if isotropic(system.blocks) else seen[:, 1]
-    return Modes(values[order], seen[:, 0], counter, stations, frame(system.blocks))
+    speed = jnp.asarray(system.spin.speed)
+    return Modes(values[order], seen[:, 0], counter, stations, speed, frame(system.blocks))
 
 
 def natural_roots(system: System) -> Complex[Array, " m"]:
@@ -131,10 +201,10 @@ def _less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Arra
     lasting = all(getattr(blocks, name) is None for name in drives)
     if frame(blocks) != "fixed" or not lasting:
         return values
-    small = jnp.isfinite(values) & (jnp.abs(values.real) <= ROUNDING * jnp.abs(values))
+    small = jnp.isfinite(values) & is_rounding(values.real, values)
     return jnp.where(small, 1j * values.imag, values)
 
 
 def slowest_first(values: Complex[Array, " m"]) -> Array:
     """Order of roots by magnitude, of a pair forward first."""
-    return jnp.argsort(jnp.abs(values) * (1 + 1e-9 * (values.imag < 0)))
+    return jnp.argsort(jnp.abs(values) * (1 + ROUNDING * (values.imag < 0)))

@@ -4,7 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..effects import AbstractLoad, Disc, HystereticDamping
 from ..scene import Scene
+from ..shafts import MasslessShaft
 from ..system import assemble
 
 
@@ -33,7 +35,8 @@ def perturbed_roots(scene: Scene) -> Perturbation:
     `S = m k22 + I k11`, `det = k11 k22 - k12^2`; `eta_s = +eta` where `Lambda > w`, else `-eta`.
 
     Args:
-        scene: a `MasslessShaft` with slope on rigid ends, discs, at most HystereticDamping.
+        scene: a `MasslessShaft` with slope on rigid ends, discs, at most HystereticDamping; loads do
+            not matter.
 
     Returns:
         Approximate roots. `valid` is false where the gyroscopic shift exceeds a tenth or nears the
@@ -41,14 +44,9 @@ def perturbed_roots(scene: Scene) -> Perturbation:
 
     Source: Brysin, Nikiforov (2019), eqs. (4)-(6).
     """
+    _check_described(scene)
     system = assemble(scene)
     blocks, w = system.blocks, system.spin.speed
-    others = (blocks.damping, blocks.fixed_stiffness, blocks.rotating_stiffness)
-    if system.n != 2 or any(block is not None for block in others):
-        raise ValueError(
-            "The first-order formulas are for a MasslessShaft with k12 and k22 on rigid ends that "
-            "carries discs, with no damping but HystereticDamping; `roots` takes any rotor."
-        )
     zero = jnp.zeros((2, 2))
     part = lambda block: zero if block is None else block
     (m, _), (_, inertia) = part(blocks.inertia)
@@ -74,3 +72,22 @@ def perturbed_roots(scene: Scene) -> Perturbation:
     values = undamped * (1j - loss * top / denominator(undamped, turn))
     near_pole = below / denominator(at_rest, 0.0) < LEAST_SLOPE
     return Perturbation(values, at_rest, undamped, (jnp.abs(shift) <= LARGEST_SHIFT) & ~near_pole)
+
+
+def _check_described(scene: Scene) -> None:
+    """Refuse what the formulas do not know of."""
+    shaft = scene.shaft
+    plain = (
+        isinstance(shaft, MasslessShaft)
+        and shaft.k12 is not None
+        and shaft.anisotropy is None
+        and shaft.damping is None
+        and shaft.ends == "rigid"
+    )
+    known = (Disc, HystereticDamping, AbstractLoad)
+    if not (plain and scene.of(Disc) and all(isinstance(one, known) for one in scene.effects)):
+        raise ValueError(
+            "The first-order formulas are for a round MasslessShaft with k12 and k22, without damping "
+            "and on rigid ends, that carries discs and at most HystereticDamping; `roots` takes any "
+            "rotor."
+        )

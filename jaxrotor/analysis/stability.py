@@ -1,7 +1,7 @@
 """Growth rate of a rotor, and the speeds at which it loses or regains stability."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,14 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..pencil import Pencil, eigenvalues, frame, isotropic
+from ..pencil import Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
 from .floquet import exponents
 
 
-MARGINAL = 1e-9  # growth rate that rounding may leave, relative to its root and the first frequency
+EDGES = (0.0, 0.02, 0.98, 1.0)  # shares of a bracket where growth is looked at, see `undamped_side`
+STEPS = (32, 128, 512)  # of half a revolution, the fewest that follow the first mode
 TURNS = 8  # turning points of the growth rate looked at between samples
 
 
@@ -27,26 +28,48 @@ class Onset(NamedTuple):
     whirl_frequency: Scalar  # [rad/s], positive forward; of unequal axes see `onset_speed`
 
 
-@eqx.filter_jit
 def growth_rate(scene: Scene) -> Scalar:
     """Largest growth rate [1/s], `max Re lambda`, negative stable, of the straight rotor.
 
     `lambda` are its `roots` or, where no frame has constant coefficients, the Floquet exponents
-    `log(mu) / T` (not a number below 1/30 of the first natural frequency, see
-    `floquet_multipliers`). At rest such a rotor is taken as it stands. Zero where it is within
-    rounding. Differentiable.
+    `log(mu) / T` by as many `STEPS` as the first mode needs; where traced, by the fewest. Not a number
+    where they are too few: below 1/30 of the first natural frequency where traced, else below 1/490.
+    At rest such a rotor is taken as it stands. Zero where it is within rounding. Differentiable.
     """
-    return growth_of(assemble(scene))[0]
+    growth = _growth_rate(scene, STEPS[0])
+    for steps in STEPS[1:]:
+        if known(growth) and np.isnan(growth):
+            growth = _growth_rate(scene, steps)
+    return growth
 
 
-def growth_of(system: System) -> tuple[Scalar, Scalar]:
+@eqx.filter_jit
+def _growth_rate(scene: Scene, steps: int) -> Scalar:
+    return growth_of(assemble(scene), steps)[0]
+
+
+def growth_of(system: System, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
     """Largest growth rate [1/s], zero where it is within rounding, and as computed."""
-    values = exponents(system)
+    values = exponents(system, steps)
     return _beyond_rounding(values, _first(system)), _largest(values)
 
 
+def undamped_side(ends: Any) -> Any:
+    """Whether growth (4, ..) at `EDGES` of a bracket is rounding all along one end of it.
+
+    That side is stable without damping, and growth there has no sign to search by: the boundary is
+    where growth is more than rounding. At one place alone growth may be zero by chance.
+    """
+    still = ends == 0
+    return still[:2].all(0) | still[2:].all(0)
+
+
 def onset_speed(
-    scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
+    scene: Scene,
+    within: tuple[float, float] | None = None,
+    samples: int = 200,
+    *,
+    throw: bool = True,
 ) -> Onset:
     """Lowest speed at which the straight rotor turns unstable: `max Re lambda(Omega) = 0`, rising.
 
@@ -56,6 +79,8 @@ def onset_speed(
         samples: growth rates taken to bracket the crossing; bands of flutter narrower than an
             interval are found where the growth rate turns back beside them, at the `TURNS` closest
             calls. Bands where an unequal shaft stands bent are never missed.
+        throw: whether to raise where there is no onset. False gives NaN instead, so that one rotor of
+            many under jax.vmap does not end all.
 
     Returns:
         Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
@@ -65,7 +90,8 @@ def onset_speed(
         rate jumps through zero where a whirl is synchronous.
 
     Raises:
-        ValueError: no loss of stability in the range, unstable from its start, or no damping.
+        ValueError: no loss of stability in the range, unstable from its start, no damping, or speeds
+            too slow for `growth_rate`.
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
@@ -73,18 +99,23 @@ def onset_speed(
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [
+        (jnp.any(jnp.isnan(sign)), "The slowest speeds are too slow for Floquet multipliers"),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~jnp.any(rising), "The rotor never loses its stability; search a wider range than"),
     ]
-    for wrong, sentence in refusals:
+    for wrong, sentence in refusals if throw else ():
         if known(wrong):
             if bool(wrong):
                 raise ValueError(f"{sentence} from {speeds[0]:g} to {speeds[-1]:g} rad/s.")
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} the speeds searched.")
     first = jnp.argmax(rising)
-    return _refine(scene, speeds[first], speeds[first + 1])
+    found = _refine(scene, speeds[first], speeds[first + 1])
+    if throw:
+        return found
+    none = jnp.any(jnp.stack([wrong for wrong, _ in refusals]))
+    return Onset(*(jnp.where(none, jnp.nan, part) for part in found))
 
 
 def stability_crossings(
@@ -96,6 +127,17 @@ def stability_crossings(
     Arguments as of `onset_speed`.
     """
     speeds, sign = _scan(scene, _checked(within, samples), samples)
+    if not known(sign):
+        raise ValueError(
+            "How many crossings there are depends on values, so `stability_crossings` cannot run inside "
+            "jax.jit or jax.vmap; call it outside, or use `onset_speed`."
+        )
+    unknown = jnp.isnan(sign)
+    if jnp.any(unknown):
+        raise ValueError(
+            "Floquet multipliers do not follow the first mode at speeds as low as "
+            f"{speeds[unknown][0]:g} rad/s; begin `within` at a higher speed."
+        )
     unstable = np.asarray(sign) > 0
     return [
         (_refine(scene, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
@@ -187,10 +229,8 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
 @eqx.filter_custom_jvp
 def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
     """Speed between `low` and `high` where stability changes, by bisection."""
-    growth_at, step = _growth(system), 0.02 * (high - low)
-    ends = jax.lax.map(growth_at, jnp.stack([low, low + step, high - step, high]))
-    lost = ends[3] > 0
-    marginal = jnp.all(ends[:2] == 0) | jnp.all(ends[2:] == 0)  # not just at one speed
+    ends = jax.lax.map(_growth(system), low + jnp.asarray(EDGES) * (high - low))
+    lost, marginal = ends[-1] > 0, undamped_side(ends)
 
     def halve(_, ends):
         middle = (ends[0] + ends[1]) / 2
@@ -224,7 +264,7 @@ def _crossing_jvp(primals, tangents):
 
 
 def _synchronous(values: Array, speed: Scalar) -> Array:
-    return jnp.min(jnp.abs(values.imag - speed)) < 1e-9 * jnp.abs(speed)
+    return jnp.any(is_rounding(values.imag - speed, speed))
 
 
 def _first(system: System) -> Scalar:
@@ -238,7 +278,7 @@ def _largest(values: Array) -> Scalar:
 
 def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
     """Largest growth rate [1/s]; zero where it is rounding."""
-    small = jnp.abs(values.real) <= MARGINAL * jnp.maximum(jnp.abs(values), first)
+    small = is_rounding(values.real, jnp.maximum(jnp.abs(values), first))
     return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import typer
 
 from ..analysis import Campbell, campbell as branches_of, critical_speeds
+from ..pencil import is_rounding
 from . import answer
-from .linear import marginal
 from .options import (
     MOST,
     AsJson,
@@ -59,10 +59,11 @@ def campbell(
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
             _draw(result, mirrored, folder)
     values: Any = np.asarray(result.values).T  # (m, w)
-    frequency, growth = np.where(marginal(values.imag, values), 0.0, values.imag), values.real
+    frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
-    if result.circular:
-        directions = ["forward" if mean >= 0 else "backward" for mean in frequency.mean(axis=1)]
+    if result.forward is not None:
+        senses = np.asarray(result.forward).mean(axis=0)
+        directions = ["forward" if sense >= 0 else "backward" for sense in senses]
     if as_json:
         rows = zip(directions, np.abs(frequency), growth, strict=True)
         found = {
@@ -118,7 +119,7 @@ def critical(
 
 def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
     dims = ("speed", "branch")
-    frequency = about("rad/s", "whirl frequency, positive forward")
+    frequency = about("rad/s", "whirl frequency, positive from x to y")
     return (
         {
             "frequency": (dims, np.asarray(result.frequencies), frequency),

@@ -3,15 +3,13 @@
 import math
 from typing import Annotated, Any
 
-import equinox as eqx
 import numpy as np
 import typer
 
-from ..analysis import Onset, modes, onset_speed, roots as roots_of
-from ..blocks import Blocks
-from ..pencil import frame, isotropic
+from ..analysis import Onset, modes, onset_speed
+from ..pencil import frame, is_rounding
 from ..scene import Scene
-from ..system import assemble
+from ..system import structure
 from ..units import quantity
 from . import answer
 from .options import MOST, AsJson, Low, SceneName, Settings, interval, rpm, scene_with
@@ -97,7 +95,7 @@ def onset(
 def described_onset(found: Onset, axes: str) -> dict[str, Any]:
     """An onset in numbers: speed [rad/s] and [rpm], whirl frequency [rad/s] and [Hz] in its axes."""
     speed, whirl = float(found.speed), float(found.whirl_frequency)
-    if axes == "rotating" and marginal(whirl, speed):
+    if axes == "rotating" and is_rounding(whirl, speed):
         whirl = 0.0
     return {
         "speed": speed,
@@ -115,12 +113,8 @@ def _kind(speed: float, whirl: float, axes: str) -> str:
         return "with the shaft: it stands bent in its axes"
     if axes == "rotating":
         return f"at {speed - whirl:.7g} and {speed + whirl:.7g} rad/s in fixed axes"
-    return "forward" if whirl > 0 else "backward" if whirl < 0 else "not at all"
-
-
-def marginal(part: Any, root: Any) -> Any:
-    """Whether the part of a root is zero within rounding."""
-    return np.abs(part) <= 1e-9 * np.abs(root)
+    with_spin = -whirl if speed < 0 else whirl
+    return "forward" if with_spin > 0 else "backward" if with_spin < 0 else "not at all"
 
 
 def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
@@ -134,60 +128,40 @@ def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
 
 def axes_of(rotor: Scene) -> str:
     """Axes of its roots: "fixed" or, turning with the shaft, "rotating"."""
-    return frame(_blocks(rotor))
-
-
-def _blocks(rotor: Scene) -> Blocks:
-    """Which blocks there are, not their values."""
-    return eqx.filter_eval_shape(assemble, rotor).blocks
+    return frame(structure(rotor).blocks)
 
 
 def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[dict[str, Any]]]:
-    """Axes and the slowest roots; where axes are unequal, one of each conjugate pair.
-
-    In axes that turn with the shaft a root `s + i w` whirls at `speed + w` and `speed - w` in fixed
-    ones; its whirl is that of the larger part.
-    """
-    axes = axes_of(rotor)
-    if isotropic(_blocks(rotor)):
-        values = np.asarray(roots_of(rotor, count))
-        return axes, [_described(value, value.imag, np.sign(value.imag)) for value in values]
+    """Axes and the slowest roots; where axes are unequal, one of each conjugate pair."""
     shown = modes(rotor)
-    parts = [np.asarray(part) for part in (shown.shapes, shown.counter)]
-    ahead, behind = (np.sum(np.abs(part) ** 2, axis=1) for part in parts)
-    line = (ahead - behind) / (ahead + behind)  # 0 a straight one
-    senses = np.where(np.abs(line) < 1e-6, 0.0, np.sign(line))
-    speed = float(rotor.spin.speed)
+    seen = zip(*map(np.asarray, (shown.values, shown.fixed_values, shown.forward)), strict=True)
     found = []
-    for value, sense in zip(np.asarray(shown.values), senses.tolist(), strict=True):
-        still = marginal(value.imag, value)
-        if not np.isfinite(value) or (value.imag < 0 and not still):
+    for value, fixed, sense in seen:
+        still = is_rounding(value.imag, value)
+        if not np.isfinite(value) or (shown.counter is not None and value.imag < 0 and not still):
             continue
-        whirl = 0.0 if still else value.imag
-        if axes == "rotating":
-            root = value.real + 1j * (speed + (whirl if sense >= 0 else -whirl))
-            straight = speed == sense == 0
-            one = _described(root, root.imag, 0.0 if straight else np.sign(root.imag))
-            found.append(one | {"root": value, "shaft_frequency": whirl})
-        else:
-            found.append(_described(value, whirl, 0.0 if still else sense))
-    return axes, found[:count]
+        one = _described(fixed, sense)
+        if shown.frame == "rotating":
+            one |= {"root": complex(value), "shaft_frequency": 0.0 if still else value.imag}
+        found.append(one)
+    return shown.frame, found[:count]
 
 
-def _described(root: complex, whirl: float, sense: float) -> dict[str, Any]:
-    """A root in numbers; `sense` of its whirl +1 forward, -1 backward, 0 neither."""
-    still = bool(marginal(whirl, root)) or sense == 0
+def _described(root: complex, sense: float) -> dict[str, Any]:
+    """A root in numbers, as seen from fixed axes; its sense is that of `Modes.forward`."""
+    whirl = 0.0 if is_rounding(root.imag, root) else root.imag
+    straight = abs(sense) < 1e-6
     return {
         "root": complex(root),
         "frequency": abs(whirl),
         "frequency_hz": abs(whirl) / (2 * math.pi),
         "damping_ratio": -root.real / abs(root) if root else math.nan,
-        "direction": "none" if still else "forward" if sense > 0 else "backward",
+        "direction": "none" if straight else "forward" if sense > 0 else "backward",
         "stability": _stability(root),
     }
 
 
 def _stability(root: complex) -> str:
-    if marginal(root.real, root):
+    if is_rounding(root.real, root):
         return "marginal"
     return "stable" if root.real < 0 else "unstable"

@@ -50,18 +50,22 @@ def stability(
             data = labelled(_variables(result), "jaxrotor stability map", rotor)
             write_dataset(data, folder / "stability.zarr")
             _draw(result, folder)
-    unstable = float(np.mean(result.growth > 0))
+    unknown = np.isnan(result.growth)
+    unstable, unsure = float(np.mean(result.growth > 0)), float(np.mean(unknown))
+    largest = float(np.max(result.growth, initial=-np.inf, where=~unknown))
     curves = [{"x": curve[:, 0], "y": curve[:, 1]} for curve in result.boundaries]
     written = written_to(out, _FILES)
     if as_json:
-        found = {"over": list(axes), "unstable_share": unstable, "boundaries": curves}
+        shares = {"unstable_share": unstable, "unknown_share": unsure}
+        found = {"over": list(axes), **shares, "boundaries": curves}
         answer.print_json({"scene": scene, **found, "written": written})
         return
     rows = [(path, f"{v[0]:.6g} to {v[-1]:.6g}, {len(v)} values") for path, v in axes.items()]
     rows += [
         ("unstable", f"{100 * unstable:.3g} % of the grid"),
+        *([("not known", f"{100 * unsure:.3g} % of the grid")] if unsure else []),
         ("boundaries", f"{len(curves)} curves, {sum(len(c['x']) for c in curves)} points"),
-        ("largest growth", f"{result.growth.max():.6g} 1/s"),
+        ("largest growth", f"{largest:.6g} 1/s"),
     ]
     answer.print_table([*rows, *answer.written(written)])
 

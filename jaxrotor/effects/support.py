@@ -3,23 +3,26 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative, real
+from ..quantities import Scalar, check, known, nonnegative, real
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
 
 class Support(AbstractLinear):
-    """Linear bearing, `F = -k (1 + i cross) z - k anisotropy exp(2 i angle) z* - (same of c) z.`.
+    """Linear bearing, `F = -(k + i cross_stiffness) z - k anisotropy exp(2 i angle) z* - (same of c) z.`.
 
     So the stiffness is `k (1 + anisotropy)` along the axis at `angle` and `k (1 - anisotropy)`
-    across it; `cross` turns the force ahead of the displacement (negative drives forward whirl).
+    across it; of damping it is the same, along its own `damping_angle` (None: that of stiffness).
+    `cross_stiffness` turns the force ahead of the displacement (negative drives forward whirl).
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     `rotating=True`: the element turns with the shaft, its axes and its damper too, which then is
-    internal damping. None is absent. Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
+    internal damping, `z. - i Omega z` for `z.`. None is absent; matrices: `from_matrices`.
+    Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
     """
 
     kind: ClassVar[str] = "support"
@@ -31,47 +34,43 @@ class Support(AbstractLinear):
     anisotropy: Scalar = real("anisotropy [1]", default=None)
     damping_anisotropy: Scalar = real("damping_anisotropy [1]", default=None)
     angle: Scalar = real("angle [rad]", default=0.0)
-    cross: Scalar = real("cross [1]", default=None)
-    damping_cross: Scalar = real("damping_cross [1]", default=None)
+    damping_angle: Scalar = real("damping_angle [rad]", default=None)
+    cross_stiffness: Scalar = real("cross_stiffness [N/m]", default=None)
+    cross_damping: Scalar = real("cross_damping [N s/m]", default=None)
     angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        if self.damping is None and not (self.damping_anisotropy is self.damping_cross is None):
+        if self.damping is None and self.damping_anisotropy is not None:
             raise ValueError(
-                "`damping_anisotropy` and `damping_cross` are fractions of `damping [N s/m]`; give it."
+                "`damping_anisotropy [1]` is a fraction of `damping [N s/m]`; give it."
+            )
+        if self.damping_anisotropy is None and self.damping_angle is not None:
+            raise ValueError(
+                "`damping_angle [rad]` is that of `damping_anisotropy [1]`; give both or neither."
             )
 
     @classmethod
     def from_matrices(cls, at, stiffness, damping=None, rotating=False) -> "Support":
-        """Support of 2 by 2 matrices `[[xx, xy], [yx, yy]]` [N/m] and [N s/m]."""
-        mean, *rest = _fractions(stiffness, "stiffness")
-        deviator, cross = rest
-        options = {"at": at, "stiffness": mean, "rotating": rotating}
-        angle = np.angle(deviator) / 2
-        options |= {"anisotropy": abs(deviator) or None, "angle": angle, "cross": cross or None}
+        """Support of any 2 by 2 matrices `[[xx, xy], [yx, yy]]` [N/m] and [N s/m], `xx + yy >= 0`.
+
+        Where `xx = yy` and `xy = -yx` the axes of a matrix are not determined, so there it has no
+        derivative by `xy + yx` (which comes out as zero).
+        """
+        mean, share, angle, cross = _parts(stiffness, "stiffness")
+        options = {"stiffness": mean, "anisotropy": share, "angle": angle, "cross_stiffness": cross}
         if damping is not None:
-            mean, deviator, cross = _fractions(damping, "damping")
-            along = deviator * np.exp(-2j * angle)
-            if abs(along.imag) > 1e-12 * (1 + abs(along)):
-                raise ValueError(
-                    "The principal axes of stiffness and damping differ; give them as two supports "
-                    "at one station."
-                )
-            options |= {
-                "damping": mean,
-                "damping_anisotropy": along.real or None,
-                "damping_cross": cross or None,
-            }
-        return cls(**options)
+            mean, share, angle, cross = _parts(damping, "damping")
+            options |= {"damping": mean, "damping_anisotropy": share, "cross_damping": cross}
+            options["damping_angle"] = None if share is None else angle
+        return cls(at, **options, rotating=rotating)
 
     def blocks(self, line: AbstractLine) -> Blocks:
         force = jnp.outer(line.column(self.at), line.row(self.at))
-        part = lambda size, share: None if share is None else size * share * force
-        turned = jnp.exp(2j * self.angle)
-        deviator = lambda size, share: None if share is None else size * share * turned * force
-        damping = None if self.damping is None else self.damping * force
+        part = lambda size: None if size is None else size * force
+        axis = self.angle if self.damping_angle is None else self.damping_angle
+        damping, cross_damping = part(self.damping), part(self.cross_damping)
         stiffness = self.stiffness * force
         couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
         if self.angular_stiffness is not None:
@@ -83,22 +82,36 @@ class Support(AbstractLinear):
             stiffness=stiffness,
             damping=damping,
             circulatory=damping if self.rotating else None,
-            skew_stiffness=part(self.stiffness, self.cross),
-            skew_damping=part(self.damping, self.damping_cross),
+            skew_stiffness=part(self.cross_stiffness),
+            skew_damping=cross_damping,
+            skew_circulatory=cross_damping if self.rotating else None,
             **{
-                f"{frame}_stiffness": deviator(self.stiffness, self.anisotropy),
-                f"{frame}_damping": deviator(self.damping, self.damping_anisotropy),
+                f"{frame}_stiffness": part(_deviator(self.stiffness, self.anisotropy, self.angle)),
+                f"{frame}_damping": part(_deviator(self.damping, self.damping_anisotropy, axis)),
             },
         )
 
 
-def _fractions(matrix, name: str) -> tuple[float, complex, float]:
-    """Mean, and complex deviator and skew part as fractions of it."""
-    matrix = np.asarray(matrix, float)
-    if matrix.shape != (2, 2) or not np.isfinite(matrix).all():
-        raise ValueError(f"`{name}` must be a finite 2 by 2 matrix, but is {matrix.tolist()}.")
+def _deviator(mean, share, angle):
+    return None if mean is None or share is None else mean * share * jnp.exp(2j * angle)
+
+
+def _parts(matrix, name: str) -> tuple:
+    """Mean, anisotropy, angle and cross term of a matrix; what is known to be zero is None."""
+    values_known = all(map(known, jax.tree.leaves(matrix)))
+    own = np if values_known else jnp
+    matrix = own.asarray(matrix, float)
+    if matrix.shape != (2, 2):
+        raise ValueError(f"`{name}` must be a 2 by 2 matrix, but has shape {matrix.shape}.")
     (xx, xy), (yx, yy) = matrix
-    mean = (xx + yy) / 2
-    if mean <= 0:
-        raise ValueError(f"The mean of `{name}` xx and yy must be positive, but is {mean:g}.")
-    return mean, complex((xx - yy) / 2, (xy + yx) / 2) / mean, (yx - xy) / 2 / mean
+    mean, along, across, cross = (xx + yy) / 2, (xx - yy) / 2, (xy + yx) / 2, (yx - xy) / 2
+    equal = (along == 0) & (across == 0)  # where a root and an angle have no derivative
+    apart = own.where(equal, 1.0, along)
+    size = own.where(equal, along, own.sqrt(apart**2 + across**2))
+    held = lambda x: (mean > 0) | (x == 0)
+    rule = "must be zero unless the mean of xx and yy is positive"
+    size = check(size, f"anisotropic part of {name}", held, rule)
+    share, angle = size / own.where(mean > 0, mean, 1.0), own.arctan2(across, apart) / 2
+    if not values_known:
+        return mean, share, angle, cross
+    return mean, (None if equal else share), angle, cross or None

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator, SymmetricalLogLocator
 
 from ..analysis import Campbell
+from ..pencil import is_rounding
 from . import colours, page
 
 
@@ -43,7 +44,7 @@ def campbell(
     """
     speeds, values = np.asarray(result.speeds), np.asarray(result.values)
     frequency, growth = np.abs(np.imag(values)), np.real(values)
-    growth = np.where(np.abs(growth) > 1e-9 * np.abs(values), growth, 0.0)
+    growth = np.where(is_rounding(growth, values), 0.0, growth)
     directions = _directions(result)
     if mirrored:
         _check_mirror(speeds, [name for name, _, _ in directions])
@@ -84,16 +85,13 @@ def campbell(
 
 def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
     """Name, colour and points of each direction of whirl; only circular whirl has one."""
-    speeds, values = np.asarray(result.speeds), np.asarray(result.values)
-    if not result.circular:
-        return [("whirl", colours.DARK, np.ones(values.shape, bool))]
-    frequency = np.imag(values)
-    with_spin = frequency * np.where(speeds < 0, -1.0, 1.0)[:, None]
-    least = 1e-9 * np.abs(values)
+    if result.forward is None:
+        return [("whirl", colours.DARK, np.ones(result.values.shape, bool))]
+    forward = np.asarray(result.forward)
     found = [
-        ("forward whirl", colours.FORWARD, with_spin > least),
-        ("backward whirl", colours.BACKWARD, with_spin < -least),
-        ("no whirl", colours.UNDEFINED, np.abs(with_spin) <= least),
+        ("forward whirl", colours.FORWARD, forward > 0),
+        ("backward whirl", colours.BACKWARD, forward < 0),
+        ("no whirl", colours.UNDEFINED, forward == 0),
     ]
     return [row for row in found if row[2].any()]
 

@@ -6,6 +6,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Shaped
 
+from ..pencil import is_rounding
+
 
 _DRAWN = {"m": ("mm", 1e3)}  # SI unit -> unit on paper, factor
 
@@ -60,11 +62,11 @@ def _raised(unit: str) -> str:
 def root(value: complex) -> str:
     """`77 rad/s, decay 5.04 /s`."""
     whirl = f"{abs(value.imag):.4g} rad/s" if whirls(value) else "no whirl"
-    if abs(value.real) <= 1e-9 * abs(value):
+    if is_rounding(value.real, value):
         return f"{whirl}, undamped"
     return f"{whirl}, {'growth' if value.real > 0 else 'decay'} {abs(value.real):.3g} /s"
 
 
 def whirls(value: complex) -> bool:
     """Whether the imaginary part of a root is more than its rounding."""
-    return abs(value.imag) > 1e-9 * abs(value)
+    return not is_rounding(value.imag, value)

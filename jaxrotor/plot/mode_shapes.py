@@ -1,29 +1,29 @@
 """Mode shapes along the shaft."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Complex
 from matplotlib.axes import Axes
 
+from ..analysis import Modes
 from . import colours, labels, page
 
 
-def mode_shapes(modes: Any, ax: Axes | None = None) -> Axes:
+def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
     """Shapes along the shaft, largest displacement 1 and real, with the roots in the legend.
 
-    A root `s + i w` [rad/s] is a motion exp(s t) whirling forward (w > 0) or backward (dashed). A
-    dotted curve is the imaginary part, 90 degrees ahead in the plane of whirl, above a hundredth.
+    A root `s + i w` [rad/s], as seen from fixed axes, is a motion exp(s t) that whirls with the spin
+    or, dashed, against it. A dotted curve is the imaginary part, 90 degrees ahead in the plane of
+    whirl, above a hundredth.
 
     Args:
-        modes: `values` (m,) [rad/s], `shapes` (m, x) and `stations` (x,) [m].
+        modes: of `jaxrotor.modes`.
         ax: Axes to draw in; a new figure if None.
     """
-    values = np.asarray(modes.values, dtype=complex)
     stations = np.asarray(modes.stations, dtype=float)
     order = np.argsort(stations)
     ax = page.single(ax, 140, 90)
-    for number, (value, shape) in enumerate(zip(values, np.asarray(modes.shapes), strict=True)):
+    parts = (np.asarray(part) for part in (modes.fixed_values, modes.forward, modes.shapes))
+    for number, (value, sense, shape) in enumerate(zip(*parts, strict=True)):
         shape = _normalised(np.asarray(shape, dtype=complex))[order]
         quadrature = np.imag(shape)
         colour = colours.CYCLE[number % len(colours.CYCLE)]
@@ -32,10 +32,10 @@ def mode_shapes(modes: Any, ax: Axes | None = None) -> Axes:
             np.real(shape),
             color=colour,
             linewidth=1.2,
-            linestyle="--" if value.imag < 0 else "-",
+            linestyle="--" if sense < 0 else "-",
             marker=".",
             markersize=3.5,
-            label=_described(complex(value)),
+            label=_described(complex(value), float(sense)),
         )
         if np.abs(quadrature).max() > 0.01:
             ax.plot(stations[order], quadrature, color=colour, linewidth=1.0, linestyle=":")
@@ -52,8 +52,7 @@ def _normalised(shape: Complex[np.ndarray, " x"]) -> Complex[np.ndarray, " x"]:
     return shape / largest if largest != 0 else shape
 
 
-def _described(value: complex) -> str:
+def _described(value: complex, sense: float) -> str:
     """`forward 77 rad/s, decay 5.04 /s`."""
-    if not labels.whirls(value):
-        return labels.root(value)
-    return f"{'forward' if value.imag > 0 else 'backward'} {labels.root(value)}"
+    way = "forward " if sense > 0 else "backward " if sense < 0 else ""
+    return f"{way}{labels.root(value)}"

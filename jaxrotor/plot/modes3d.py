@@ -24,7 +24,8 @@ def modes3d(
     """Mode shapes in space: `z(x, phase) = shape exp(i phase) + conj(counter exp(i phase))`.
 
     The dark line is the shaft at phase 0. Each orbit begins there, at the dot, and ends short of it,
-    so the gap is behind the dot's motion; its colour tells its direction at that station.
+    so the gap is behind the dot's motion; its colour tells whether the shaft whirls there with the
+    spin or against it, in fixed axes as the frequency above it.
 
     Args:
         modes: of `jaxrotor.modes`; in the axes of the shaft where `modes.frame` is "rotating".
@@ -40,6 +41,7 @@ def modes3d(
     order = np.argsort(stations)
     shapes = np.asarray(modes.shapes)
     counters = np.zeros_like(shapes) if modes.counter is None else np.asarray(modes.counter)
+    senses, seen = np.asarray(modes.senses), np.asarray(modes.fixed_values)
     single = np.full(values.shape, modes.counter is None) | (values.imag >= 0)
     chosen = np.flatnonzero(single)[:4].tolist() if numbers is None else list(numbers)
     outside = [number for number in chosen if not -values.size <= number < values.size]
@@ -51,8 +53,9 @@ def modes3d(
     for ax, number in zip(drawn, chosen, strict=True):
         value = complex(values[number])
         shape, counter = shapes[number, order], counters[number, order]
-        directions = _draw(ax, value, stations[order], shape, counter, orbits)
-        title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(value)}"
+        whirl = complex(seen[number]), senses[number, order]
+        directions = _draw(ax, value, stations[order], shape, counter, *whirl, orbits)
+        title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(whirl[0])}"
         ax.set_title(title, fontsize=page.TEXT, y=1.05, pad=0.0)
     axis = " of the shaft" if modes.frame == "rotating" else ""
     for ax in drawn:
@@ -66,6 +69,8 @@ def _draw(
     stations: Float[np.ndarray, " x"],
     shape: Complex[np.ndarray, " x"],
     counter: Complex[np.ndarray, " x"],
+    seen: complex,
+    sense: Float[np.ndarray, " x"],
     orbits: int,
 ) -> list[str]:
     """The shaft and its orbits; returns the directions of whirl that occur."""
@@ -73,7 +78,6 @@ def _draw(
     shape, counter = shape / size, counter / size
     line: Any = shape + np.conj(counter)
     radius = np.abs(shape) + np.abs(counter)
-    sense = np.sign(value.imag) * (np.abs(shape) ** 2 - np.abs(counter) ** 2)
     turn = np.exp(1j * np.copysign(_PHASE, value.imag))
     chosen = np.unique(np.linspace(0, stations.size - 1, orbits).round().astype(int))
     chosen = chosen[radius[chosen] > 1e-3]
@@ -84,9 +88,11 @@ def _draw(
         ("straight", colours.UNDEFINED, np.abs(sense) <= 1e-6),
     ):
         members = chosen[belongs[chosen]]
-        if not members.size or not labels.whirls(value):
+        if not members.size or not labels.whirls(seen):
             continue
         found.append(name)
+        if not labels.whirls(value):  # it stands bent in turning axes
+            continue
         orbit = shape[members, None] * turn + np.conj(counter[members, None] * turn)
         paths: Any = np.pad(orbit, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
         at = np.repeat(stations[members], _PHASE.size + 1)

@@ -15,6 +15,8 @@ from . import colours, labels, page
 def stability_map(result: Any, ax: Axes | None = None) -> Axes:
     """Growth rate where the rotor is unstable, as colour, and the traced boundaries of stability.
 
+    Hatched where the growth is not known (NaN), which is neither.
+
     Args:
         result: `paths`, `units`, `x` (a,) and `y` (b,) of two parameters, the largest `growth` (a, b)
             [1/s] over them, and `boundaries`, curves (k, 2) of zero growth.
@@ -34,12 +36,16 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
         unit = getattr(result, "growth_unit", "1/s")
         bar.set_label(f"growth rate where unstable [{unit}]", size=page.TEXT)
         bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    unknown = np.isnan(growth).T
+    if unknown.any():
+        ax.contourf(x, y, unknown, [0.5, 1.5], colors="none", hatches=["///"])
+        ax.fill([], [], facecolor="none", edgecolor=colours.DARK, hatch="///", label="not known")
     _draw_boundaries(ax, result, (to_x, to_y), colours.DARK, "boundary of stability")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
-    if len(result.boundaries):
-        page.legend(ax, columns=1)
+    if len(result.boundaries) or unknown.any():
+        page.legend(ax, columns=2)
     return ax
 
 

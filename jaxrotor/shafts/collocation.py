@@ -63,6 +63,10 @@ class SpectralLine(AbstractLine):
             stiffness = stiffness.at[np.array(self._free_nodes, int)].set(0.0)
         return stiffness[np.ix_(self._kept, self._kept)]
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(self._shapes, at)
 

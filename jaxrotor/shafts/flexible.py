@@ -13,7 +13,7 @@ from .collocation import Held, SpectralLine
 from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
-from .line import AbstractLine, AbstractShaft, off_shaft
+from .line import AbstractLine, AbstractShaft, check_ratio, off_shaft
 from .section import Section, Step
 from .shear import ShearLine
 from .trapezoid import TrapezoidLine
@@ -28,7 +28,8 @@ class FlexibleShaft(AbstractShaft):
     the Green's function under its `constraints`, by default a clamp at 0; `constraints=()` leaves it
     to its supports. `steps` change the section from where they are onwards. `shear=True` adds
     shear, so the slope is that of the sections. `anisotropy` mu: bending stiffness `(1 + mu)` of the
-    given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere.
+    given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere; stiffness in
+    shear and rotary inertia stay those of the round section, the same along both.
     `rule="spectral"`: `nodes` a span between stations, exponential convergence;
     `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, second order, as published.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
@@ -73,10 +74,7 @@ class FlexibleShaft(AbstractShaft):
             )
         for section in self._sections:
             section.check(self.shear)
-        if self.anisotropy is not None and known(self.anisotropy) and abs(self.anisotropy) >= 1:
-            raise ValueError(
-                f"`anisotropy [1]` must be between -1 and 1, but is {float(self.anisotropy):g}."
-            )
+        check_ratio(self.anisotropy)
         if self.rule == "trapezoid" and (self.steps or self.shear or not self._cantilever):
             raise ValueError(
                 "The trapezoidal rule serves the uniform shaft clamped at 0, without shear; take "

@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
-from ..quantities import Scalar
+from ..quantities import Scalar, known
 from .influence import Influence
 
 
@@ -35,9 +35,14 @@ class AbstractLine(eqx.Module):
         """The shaft's own elastic stiffness in the equations."""
 
     @property
+    @abc.abstractmethod
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        """The part of `stiffness` in proportion to `EI`: all but that of shear."""
+
+    @property
     def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
         """What two unequal principal stiffnesses add in the axes of the shaft, see `Blocks`."""
-        return None if self.anisotropy is None else self.anisotropy * (self.stiffness + 0j)
+        return None if self.anisotropy is None else self.anisotropy * (self.bending_stiffness + 0j)
 
     @abc.abstractmethod
     def row(self, at: Scalar) -> Float[Array, " n"]:
@@ -112,3 +117,11 @@ def off_shaft(shaft: AbstractShaft, at: float) -> str | None:
     if 0 <= at <= length * (1 + 1e-12):
         return None
     return f"is off the shaft; `at [m]` must be between 0 and the shaft's length, {length:g} m"
+
+
+def check_ratio(anisotropy: Scalar | None) -> None:
+    """Refuse two stiffnesses of which one is not positive."""
+    if anisotropy is not None and known(anisotropy) and abs(float(anisotropy)) >= 1:
+        raise ValueError(
+            f"`anisotropy [1]` must be between -1 and 1, but is {float(anisotropy):g}."
+        )

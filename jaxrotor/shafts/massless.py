@@ -1,15 +1,15 @@
 """Massless shaft: elasticity only, everything on it at one station."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative, positive, real
+from ..quantities import Scalar, check, known, nonnegative, positive, real
 from .influence import Influence
-from .line import AbstractLine, AbstractShaft
+from .line import AbstractLine, AbstractShaft, check_ratio
 
 
 class MasslessLine(AbstractLine):
@@ -29,11 +29,15 @@ class MasslessLine(AbstractLine):
     def stiffness(self) -> Float[Array, "n n"]:
         return self.elasticity
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         unit = jnp.eye(self.elasticity.shape[0])
         if not self.elastic_ends:
             return unit[0]
-        end = (at == 0) | (at == self.length)
+        end = same(at, 0.0, self.length) | same(at, self.length, self.length)
         return jnp.where(end, unit[-1], unit[0])
 
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
@@ -57,6 +61,11 @@ class MasslessLine(AbstractLine):
         return _refuse_length(per_length)
 
 
+def same(at: Scalar | float, place: Scalar | float, length: Scalar | float) -> Array | bool:
+    """Whether a station on a shaft of a length is a place of it, but for rounding."""
+    return abs(at - place) <= 1e-12 * length
+
+
 def _refuse_length(per_length):
     del per_length
     raise ValueError(
@@ -70,7 +79,7 @@ class MasslessShaft(AbstractShaft):
 
     `anisotropy` mu: stiffness `(1 + mu)` of the given along an axis that turns with the shaft and
     `(1 - mu)` across it. `damping` h: viscous force `h (z. - i Omega z)` between the station and the
-    ends. `ends="elastic"`: both ends move alike and each end needs a Support at 0 or at the length.
+    ends. `ends="elastic"`: both ends move alike, and each needs a Support, at 0 and at the length.
     Sources: Brysin, Nikiforov (2019), eq. (1); Klochkov, eqs. (1), (4)-(7).
     """
 
@@ -88,6 +97,32 @@ class MasslessShaft(AbstractShaft):
             raise ValueError(f"`ends` must be 'rigid' or 'elastic', but is {self.ends!r}.")
         if (self.k12 is None) != (self.k22 is None):
             raise ValueError("`k12 [N]` and `k22 [N m]` belong together; give both or neither.")
+        check_ratio(self.anisotropy)
+        self._check_place()
+        self._check_definite()
+
+    def _check_place(self):
+        if not (known(self.at) and known(self.length)):
+            return
+        at, length = float(self.at), float(self.length)
+        at_end = same(at, 0.0, length) or same(at, length, length)
+        if at > length and not at_end:
+            raise ValueError(f"`at [m]` must be on the shaft (0 to {length:g}), but is {at:g}.")
+        if at_end and self.ends == "elastic":
+            raise ValueError(
+                f"`at [m]` must be between the elastic ends (0 and {length:g}), but is {at:g}."
+            )
+
+    def _check_definite(self):
+        k11, k12, k22 = self.k11, self.k12, self.k22
+        if k12 is None or k22 is None or not all(map(known, (k11, k12, k22))):
+            return
+        k11, k12, k22 = float(k11), float(k12), float(k22)
+        if k12**2 > k11 * k22 * (1 + 1e-12):
+            raise ValueError(
+                "`k12 [N]` squared must not exceed k11 k22, else the shaft pushes itself away, but k12 is "
+                f"{k12:g}, k11 {k11:g} and k22 {k22:g}."
+            )
 
     @classmethod
     def clamped_free(cls, length, rigidity, at, **options) -> "MasslessShaft":
@@ -95,6 +130,7 @@ class MasslessShaft(AbstractShaft):
 
         `k11 = 12 EI / a^3`, `k12 = -6 EI / a^2`, `k22 = 4 EI / a`, a = at. Source: eq. (7).
         """
+        at = _beyond(at, "at [m]")
         k11, k12, k22 = 12 / at**3, -6 / at**2, 4 / at
         return cls(length, at, k11 * rigidity, k12 * rigidity, k22 * rigidity, **options)
 
@@ -105,15 +141,16 @@ class MasslessShaft(AbstractShaft):
         `k11 = 3 EI (a^3 + 4 b^3) / (a^3 b^3)`, `k12 = -3 EI (2 b^2 - a^2) / (a^2 b^2)`,
         `k22 = EI (3 l + b) / (a b)`, a = at, b = l - a. Source: eq. (10).
         """
-        a, b = at, length - at
+        a = _beyond(at, "at [m]")
+        b = _beyond(length - a, "length - at [m]")
         k11 = 3 * (a**3 + 4 * b**3) / (a**3 * b**3)
         k12 = -3 * (2 * b**2 - a**2) / (a**2 * b**2)
         k22 = (3 * length + b) / (a * b)
         return cls(length, at, k11 * rigidity, k12 * rigidity, k22 * rigidity, **options)
 
     def reason_against(self, at: float) -> str | None:
-        places = [float(self.at), *([0.0, float(self.length)] if self.ends == "elastic" else [])]
-        if any(abs(at - place) <= 1e-12 * float(self.length) for place in places):
+        places = [float(place) for place in self._places]
+        if any(same(at, place, float(self.length)) for place in places):
             return None
         has = ", ".join(f"{place:g} m" for place in places)
         return f"is not at a station of the massless shaft; it has: {has}"
@@ -127,14 +164,29 @@ class MasslessShaft(AbstractShaft):
         return ()
 
     def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:
-        del stations
+        if self.ends == "elastic":
+            length = float(self.length)
+            for end in (0.0, length):
+                if not any(same(at, end, length) for at in stations):
+                    raise ValueError(
+                        f"A massless shaft on elastic ends needs a Support at 0 m and at {length:g} m, "
+                        f"but nothing is at {end:g} m."
+                    )
         return ()
 
     def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> MasslessLine:
-        del stations, spans
+        del spans
         elasticity = jnp.reshape(self.k11, (1, 1))
         if self.k12 is not None:
             elasticity = jnp.array([[self.k11, self.k12], [self.k12, self.k22]])
+        placed = [[same(at, place, self.length) for place in self._places] for at in stations]
+        # `Scene.put` may have moved a station, or the shaft under it.
+        elasticity = eqx.error_if(
+            elasticity,
+            ~jnp.all(jnp.any(jnp.array(placed, bool).reshape(-1, len(self._places)), axis=1)),
+            "What sits on a massless shaft must stay at a station of it; move the shaft's `at [m]` and "
+            "`length [m]` together with the `at [m]` of what is there.",
+        )
         relative = self._relative()
         return MasslessLine(
             elasticity=relative.T @ elasticity @ relative,
@@ -164,7 +216,16 @@ class MasslessShaft(AbstractShaft):
             )
         return None
 
+    @property
+    def _places(self) -> tuple[Scalar | float, ...]:
+        """Stations at which it is known [m]."""
+        return (self.at, 0.0, self.length) if self.ends == "elastic" else (self.at,)
+
     def _relative(self) -> Float[Array, "k n"]:
         """Displacement (less that of the ends) and slope from the coordinates."""
         own = jnp.eye(1 if self.k12 is None else 2)
         return jnp.concatenate([own, -own[:, :1]], axis=1) if self.ends == "elastic" else own
+
+
+def _beyond(value: Any, label: str) -> Scalar:
+    return check(value, label, lambda x: x > 0, "must be positive")

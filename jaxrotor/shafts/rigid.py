@@ -25,6 +25,10 @@ class RigidLine(AbstractLine):
     def stiffness(self) -> Float[Array, "n n"]:
         return jnp.zeros((len(self.motions), len(self.motions)))
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self.motions @ jnp.stack([jnp.ones_like(at), at])
 

@@ -60,7 +60,7 @@ class Section(eqx.Module):
     def check(self, shear: bool) -> None:
         """Refuse a bore wider than the shaft, and shear of a material that does not say how."""
         inner, outer = self.inner_diameter, self.diameter
-        if inner is not None and known(inner) and known(outer) and inner >= outer:
+        if inner is not None and known(inner) and known(outer) and float(inner) >= float(outer):
             raise ValueError(
                 f"`inner_diameter [m]` must be below the diameter, {float(outer):g}, but is "
                 f"{float(inner):g}."

@@ -44,6 +44,10 @@ class ShearLine(AbstractLine):
             return unit
         return unit - rigid @ jnp.linalg.solve(rigid.T @ rigid, rigid.T)
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self._bent(self._bending_energy)
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 0)
 
@@ -72,13 +76,16 @@ class ShearLine(AbstractLine):
 
     def _bent(self, force: Array) -> Array:
         """Coordinates under forces of Galerkin's equations; motions without bending held softly."""
-        curvature = self._at_gauss(1, 1) / self.ends[-1]
         angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
-        energy = self._integral(self.bending, curvature, curvature)
-        energy = energy + self._integral(self.shear, angle, angle)
+        energy = self._bending_energy + self._integral(self.shear, angle, angle)
         if (rigid := self._rigid) is not None:
             energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
         return jnp.linalg.solve(energy, force)
+
+    @property
+    def _bending_energy(self) -> Float[Array, "n n"]:
+        curvature = self._at_gauss(1, 1) / self.ends[-1]
+        return self._integral(self.bending, curvature, curvature)
 
     def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
         """`Int per_length left right dx` of forms at the Gauss points (spans, g, n)."""

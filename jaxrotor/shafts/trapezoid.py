@@ -34,6 +34,10 @@ class TrapezoidLine(AbstractLine):
     def stiffness(self) -> Float[Array, "n n"]:
         return jnp.eye(2 * self.cells)
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._hermite(at)[0]
 

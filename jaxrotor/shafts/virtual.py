@@ -44,6 +44,10 @@ class VirtualLine(AbstractLine):
     def stiffness(self) -> Float[Array, "r n"]:
         return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
 
+    @property
+    def bending_stiffness(self) -> Float[Array, "r n"]:
+        return self.stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self.line.row(at)
 

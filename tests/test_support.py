@@ -1,0 +1,259 @@
+"""Bearings of any stiffness and damping: a Jeffcott rotor as 2 by 2 matrices of (x, y) by numpy."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import linear_sum_assignment
+
+import jaxrotor as jr
+
+
+MASS, SHAFT, OUTER, ECCENTRICITY, PHASE = 2.0, 3.0, 0.2, 0.1, 0.7
+STIFFNESS = np.array([[4.0, 1.3], [-0.4, 2.5]])
+DAMPING = np.array([[0.5, -0.1], [0.25, 0.3]])  # of other axes than the stiffness
+J, ONE = np.array([[0.0, -1.0], [1.0, 0.0]]), np.eye(2)
+
+
+def rotor(speed, *supports):
+    return jr.Scene(
+        jr.MasslessShaft(1.0, 0.5, SHAFT),
+        jr.Disc(0.5, MASS),
+        jr.DiscDamping(0.5, OUTER),
+        jr.Unbalance(0.5, MASS, ECCENTRICITY, PHASE),
+        *supports,
+        spin=jr.ConstantSpeed(speed),
+    )
+
+
+def support(stiffness=STIFFNESS, damping=DAMPING, **options):
+    return jr.Support.from_matrices(0.5, stiffness, damping, **options)
+
+
+def matrices(speed, stiffness, damping, rotating):
+    """`C`, `K` of the rotor in fixed axes, or in those that turn with it."""
+    if not rotating:
+        return OUTER * ONE + damping, SHAFT * ONE + stiffness
+    turned = 2 * MASS * speed * J + OUTER * ONE + damping
+    return turned, (SHAFT - MASS * speed**2) * ONE + OUTER * speed * J + stiffness
+
+
+def roots_of(mass, damping, stiffness):
+    low = np.concatenate([-stiffness, -damping], axis=1) / mass
+    return np.linalg.eigvals(np.concatenate([np.eye(2, 4, 2), low]))
+
+
+def close(found, expected, tolerance):
+    """The same values in any order."""
+    found, expected = np.asarray(found), np.asarray(expected)
+    assert found.shape == expected.shape
+    distance = np.abs(found[:, None] - expected[None])
+    assert distance[linear_sum_assignment(distance)].max() < tolerance
+
+
+@pytest.mark.parametrize("rotating", [False, True])
+@pytest.mark.parametrize("speed", [0.6, 3.0, -1.7])
+def test_eight_coefficients(speed, rotating):
+    scene = rotor(speed, support(rotating=rotating))
+    damping, stiffness = matrices(speed, STIFFNESS, DAMPING, rotating)
+    expected = roots_of(MASS, damping, stiffness)
+    close(jr.roots(scene), expected, 1e-12)
+    assert float(jr.growth_rate(scene)) == pytest.approx(expected.real.max(), abs=1e-12)
+    multipliers = np.exp(expected * 2 * np.pi / abs(speed))
+    close(jr.floquet_multipliers(scene), multipliers, 1e-11 * np.abs(multipliers).max())
+    found = jr.unbalance_response(scene, speed)
+    push = MASS * ECCENTRICITY * speed**2 * np.exp(1j * PHASE)
+    if rotating:  # at rest in the axes of the shaft
+        x, y = np.linalg.solve(stiffness, [push.real, push.imag])
+        forward, backward = x + 1j * y, 0.0
+    else:  # Re(q exp(i Omega t)) of q = (x, y)
+        dynamic = stiffness + 1j * speed * damping - MASS * speed**2 * ONE
+        x, y = np.linalg.solve(dynamic, [push, -1j * push])
+        forward, backward = (x + 1j * y) / 2, (x - 1j * y).conj() / 2
+    assert complex(found.forward[0, 0]) == pytest.approx(forward, rel=1e-12)
+    assert complex(found.backward[0, 0]) == pytest.approx(backward, rel=1e-12)
+
+
+def test_fixed_and_turning_bearings_at_once():
+    """Periodic coefficients, integrated in fixed axes by scipy."""
+    speed, turning = 1.3, 0.3 * STIFFNESS.T
+    scene = rotor(speed, support(), support(turning, 0.5 * DAMPING, rotating=True))
+
+    def field(t, y):
+        q, v = y.reshape(2, 2, 4)
+        axes = expm(speed * t * J)
+        seen = axes.T @ q, axes.T @ (v - speed * J @ q)
+        force = axes @ (turning @ seen[0] + 0.5 * DAMPING @ seen[1])
+        force = force + (SHAFT * ONE + STIFFNESS) @ q + (OUTER * ONE + DAMPING) @ v
+        return np.concatenate([v, -force / MASS]).ravel()
+
+    turn = (0.0, 2 * np.pi / speed)
+    run = solve_ivp(field, turn, np.eye(4).ravel(), method="DOP853", rtol=1e-11, atol=1e-12)
+    expected = np.linalg.eigvals(run.y[:, -1].reshape(4, 4))
+    close(jr.floquet_multipliers(scene), expected, 1e-9)
+
+
+def test_each_mode_of_a_pinned_shaft_in_an_anisotropic_medium():
+    """`rA q.. + D q. + EI k^4 q = f`, one Jeffcott rotor a mode; `D` has axes of its own."""
+    length, diameter, young, density = 1.3, 0.02, 2.1e11, 7850.0
+    medium, share, angle, speed, eccentric = 150.0, 0.6, 0.5, 90.0, 1e-3
+    per_length = density * np.pi * diameter**2 / 4
+    rigidity = young * np.pi * diameter**4 / 64
+    scene = jr.Scene(
+        jr.FlexibleShaft(
+            length,
+            diameter,
+            jr.Material(young, density),
+            nodes=16,
+            rotary_inertia=False,
+            constraints=(jr.Constraint(0.0), jr.Constraint(length)),
+        ),
+        jr.ExternalDamping(medium, share, angle),
+        jr.Unbalance(length / 2, 1.0, eccentric),
+        spin=jr.ConstantSpeed(speed),
+    )
+    c, s = np.cos(2 * angle), np.sin(2 * angle)
+    damping = medium * (ONE + share * np.array([[c, s], [s, -c]]))
+    wave = lambda number: number * np.pi / length
+    found = np.asarray(jr.roots(scene))
+    for number in (1, 2, 3):
+        for root in roots_of(per_length, damping, rigidity * wave(number) ** 4 * ONE):
+            assert np.min(np.abs(found - root)) < 1e-8 * abs(root)
+    first = roots_of(per_length, damping, rigidity * wave(1) ** 4 * ONE)
+    multipliers = np.asarray(jr.floquet_multipliers(scene))
+    for multiplier in np.exp(first * 2 * np.pi / speed):
+        assert np.min(np.abs(multipliers - multiplier)) < 1e-8
+    response = np.zeros(2, complex)
+    for number in range(1, 2001, 2):
+        dynamic = rigidity * wave(number) ** 4 * ONE + 1j * speed * damping
+        push = 2 / length * eccentric * speed**2 * np.array([1, -1j])
+        shape = np.sin(number * np.pi / 2)
+        response += shape**2 * np.linalg.solve(dynamic - per_length * speed**2 * ONE, push)
+    x, y = response
+    orbit = jr.unbalance_response(scene, speed, length / 2)
+    assert complex(orbit.forward[0, 0]) == pytest.approx((x + 1j * y) / 2, rel=1e-8)
+    assert complex(orbit.backward[0, 0]) == pytest.approx((x - 1j * y).conj() / 2, rel=1e-8)
+
+
+def test_pure_cross_coupling():
+    """Alford's force, which turns the force ahead of the displacement; no stiffness, no damping."""
+    alford = support([[0.0, 1.5], [-1.5, 0.0]], None)
+    close(
+        jr.roots(rotor(2.0, alford)),
+        np.roots([MASS, OUTER, SHAFT - 1.5j]),
+        1e-12,
+    )
+    both = support(0.0 * ONE, [[0.0, -0.4], [0.4, 0.0]])
+    close(jr.roots(rotor(2.0, both)), np.roots([MASS, OUTER + 0.4j, SHAFT]), 1e-12)
+
+
+CROSSED = jr.Support(0.5, 2.0, 0.3, cross_stiffness=0.4, cross_damping=0.15, rotating=True)
+
+
+def crossed(speed):
+    """Coefficients of `m z.. + d (z. - i Omega z) + c z. + k z = 0`, `d = 0.3 + 0.15 i`."""
+    turning = 0.3 + 0.15j
+    stiffness = SHAFT + 2.0 + 0.4j - 1j * speed * turning
+    return np.array([MASS, OUTER + turning, stiffness])
+
+
+@pytest.mark.parametrize("speed", [3.0, -2.0])
+def test_cross_coupled_damper_that_turns(speed):
+    """It sees the velocity in its own axes: `Omega` times the cross term stiffens the rotor."""
+    close(jr.roots(rotor(speed, CROSSED)), np.roots(crossed(speed)), 1e-12)
+
+
+def test_cross_coupled_damper_that_turns_in_time():
+    speed = 3.0
+    scene = rotor(speed, CROSSED).without("unbalance")
+    run = jr.simulate(scene, 2, 16, start=jr.Whirl(0.01, -1.2))
+    mass, damping, stiffness = crossed(speed)
+    matrix = np.array([[0, 1], [-stiffness / mass, -damping / mass]])
+    expected = [(expm(matrix * t) @ [0.01, -0.012j])[0] for t in np.asarray(run.time)]
+    np.testing.assert_allclose(run.displacement[:, 0], expected, rtol=0, atol=1e-12)
+
+
+# === matrices
+
+
+def test_derivatives_by_every_coefficient():
+    """Traced matrices, against differences of the eigenvalues by numpy."""
+    speed, h = 1.1, 1e-5
+    root = lambda k, c: jr.roots(rotor(speed, support(k, c)))[0]
+
+    def exact(k, c):
+        values = roots_of(MASS, *matrices(speed, k, c, False))
+        here = complex(root(STIFFNESS, DAMPING))
+        return values[np.argmin(np.abs(values - here))]
+
+    by_k, by_c = jax.jacfwd(root, (0, 1))(jnp.asarray(STIFFNESS), jnp.asarray(DAMPING))
+    for i in range(2):
+        for j in range(2):
+            d = np.zeros((2, 2))
+            d[i, j] = h
+            slopes = [
+                (exact(STIFFNESS + d, DAMPING) - exact(STIFFNESS - d, DAMPING)) / (2 * h),
+                (exact(STIFFNESS, DAMPING + d) - exact(STIFFNESS, DAMPING - d)) / (2 * h),
+            ]
+            np.testing.assert_allclose([by_k[i, j], by_c[i, j]], slopes, rtol=1e-7)
+
+
+@pytest.mark.parametrize("change", [ONE, np.diag([2.0, 0.0])], ids=["equal", "unequal"])
+def test_derivatives_where_the_axes_are_equal(change):
+    """Of an isotropic bearing, by both its axes and by x alone."""
+
+    def response(share):
+        bearing = support(4.0 * jnp.eye(2) + share * change, None)
+        orbit = jr.unbalance_response(rotor(1.0, bearing), 0.9)
+        return jnp.stack([orbit.forward[0, 0], orbit.backward[0, 0]])
+
+    def exact(share):
+        stiffness = (SHAFT + 4.0) * ONE + share * change
+        dynamic = stiffness + (0.9j * OUTER - MASS * 0.81) * ONE
+        push = MASS * ECCENTRICITY * 0.81 * np.exp(1j * PHASE)
+        x, y = np.linalg.solve(dynamic, [push, -1j * push])
+        return np.array([x + 1j * y, (x - 1j * y).conj()]) / 2
+
+    slopes = jax.jacfwd(response)(0.0)
+    np.testing.assert_allclose(slopes, (exact(1e-5) - exact(-1e-5)) / 2e-5, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["stiffness", "damping"])
+@pytest.mark.parametrize(
+    "matrix",
+    [STIFFNESS, DAMPING, 2 * ONE, np.diag([1.0, 3.0]), [[1.0, 5.0], [5.0, 1.0]], J, 0 * ONE],
+)
+def test_matrices_come_back(name, matrix):
+    """The force of a unit displacement or velocity along x and y."""
+    other = {"stiffness": "damping", "damping": "stiffness"}[name]
+    bearing = jr.Support.from_matrices(0.5, **{name: matrix, other: ONE})
+    blocks = bearing.blocks(rotor(1.0).line())
+    part = lambda label: 0.0 if (b := getattr(blocks, label)) is None else complex(b[0, 0])
+    mean, cross, deviator = part(name), part(f"skew_{name}"), part(f"fixed_{name}")
+    pushed = [(mean + 1j * cross) * z + deviator * np.conj(z) for z in (1, 1j)]
+    back = np.array([[f.real for f in pushed], [f.imag for f in pushed]])
+    np.testing.assert_allclose(back, matrix, rtol=0, atol=1e-15)
+    equal = bool(np.allclose(np.asarray(matrix), np.trace(matrix) / 2 * ONE + (matrix[1][0]) * J))
+    assert (getattr(blocks, f"fixed_{name}") is None) == equal
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (
+            lambda: support([[1.0, 2.0]]),
+            "`stiffness` must be a 2 by 2 matrix, but has shape (1, 2)",
+        ),
+        (lambda: support(-ONE), "must not be negative, but is -1"),
+        (lambda: support(np.diag([1.0, -1.0])), "zero unless the mean of xx and yy is positive"),
+        (lambda: support(np.diag([1.0, np.nan])), "must be a finite number"),
+        (lambda: jr.Support(0.5, 1.0, damping_anisotropy=0.1), "give it"),
+        (lambda: jr.Support(0.5, 1.0, 0.1, damping_angle=0.1), "give both or neither"),
+    ],
+)
+def test_refusals(make, sentence):
+    with pytest.raises(ValueError) as error:
+        make()
+    assert sentence in str(error.value)
