@@ -228,9 +228,8 @@ class Integration(eqx.Module):
             controller, max_steps = dfx.StepTo(ts=grid), grid.size - 1
         last = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
-            dfx.ODETerm(
-                lambda t, y, args: field(t, y)
-            ),  # closed over: diffrax warns of complex leaves
+            # Closed over rather than given: diffrax warns of complex leaves.
+            dfx.ODETerm(lambda t, y, args: field(cast(Any, t), y)),
             self.solver,
             begin,
             jnp.maximum(times[-1], begin),

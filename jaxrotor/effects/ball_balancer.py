@@ -58,7 +58,7 @@ class BallContact(AbstractBetween):
     """Balls of a row touch: `N = k g + d g.` while `g > 0` and `N > 0`, `g = 2 r - R |gap angle|`.
 
     Between all pairs along the race; `ball_radius` r. Without it balls pass through one another, as in
-    the source. Ours.
+    the source. Source: none; a stop as that of `Limiter`.
     """
 
     kind: ClassVar[str] = "ball_contact"
