@@ -48,6 +48,7 @@ from .analysis import (  # noqa: E402
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .basins import basins as basins  # noqa: E402
 from .dataset import dataset as dataset  # noqa: E402
 from .effects import (  # noqa: E402
     BallBalancer as BallBalancer,

@@ -14,12 +14,13 @@ from .effects.base import AbstractBodies
 from .pencil import Pencil
 from .quantities import Scalar, known, real
 from .scene import Scene
+from .shafts.virtual import VirtualLine
 from .simulate import checked_solver, solver_name
 from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential
-from .spin import Drive
+from .spin import AbstractSpin, Drive
 from .start import AbstractStart, AtRest, Continued
-from .system import System, assemble
+from .system import System, assemble, loads
 from .transient import Instant, Posture, Transient
 
 
@@ -61,6 +62,14 @@ class RunUp(eqx.Module):
     scene: Scene
     solver: str = eqx.field(static=True)
 
+    @property
+    def imbalance(self) -> Complex[Array, " T"]:
+        """Unbalance of the scene and of all balls, in the axes of the shaft [kg m]."""
+        total = jnp.full(self.time.shape, unbalance_of(self.scene))
+        for race, balls in zip(self.scene.of(AbstractBodies), self.balls, strict=True):
+            total = total + jnp.exp(1j * balls.angle) @ (race.masses * race.race_radius)
+        return total
+
     def __str__(self) -> str:
         first, last = float(self.speed[0]), float(self.speed[-1])
         turns = float(self.angle[-1] - self.angle[0]) / (2 * np.pi)
@@ -68,6 +77,13 @@ class RunUp(eqx.Module):
             f"RunUp from {first:g} to {last:g} rad/s in {float(self.time[-1] - self.time[0]):g} s and "
             f"{turns:.1f} revolutions, {self.time.size} samples, {self.solver}"
         )
+
+
+def unbalance_of(scene: Scene) -> Complex[Array, ""]:
+    """Resultant unbalance of what is fixed to the shaft, in its axes [kg m]."""
+    system = assemble(scene)
+    own = loads(scene, VirtualLine.resultant(system.line), system.blocks).unbalance
+    return jnp.zeros((), complex) if own is None else own[0]
 
 
 def run_up(
@@ -117,16 +133,16 @@ def run_up(
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     spin = scene.spin
     spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
-    plan = _Plan(
+    plan = Integration(
         tuned(chosen),
-        controller or _control(chosen, spin.kinks),
+        controller or control(chosen, spin),
         dfx.ForwardMode() if adjoint is None else adjoint,
         substeps,
         max_steps,
         isinstance(spin, Drive) and (solver is not None or not spin.given),
     )
     launch = _whole(launch, counts)
-    instants, stopped, good, seen = _run(scene, times, launch, stations, plan)
+    instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
     if known(good) and not bool(good):
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
@@ -143,14 +159,12 @@ def _suited(scene: Scene) -> dfx.AbstractSolver:
     return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
 
 
-def _control(solver, kinks) -> dfx.AbstractStepSizeController | None:
+def control(solver, spin: AbstractSpin, **options) -> dfx.AbstractStepSizeController | None:
     """Adaptive steps that do not step over a jump of the acceleration."""
-    control: Any = step_control(solver)
-    return (
-        control
-        if kinks is None or control is None
-        else dfx.ClipStepSizeController(control, jump_ts=kinks)
-    )
+    steps: Any = step_control(solver, **options)
+    if steps is None or spin.kinks is None:
+        return steps
+    return dfx.ClipStepSizeController(steps, jump_ts=spin.kinks)
 
 
 def _checked_times(times: Any) -> Any:
@@ -179,7 +193,7 @@ def _whole(launch: Launch, counts: list[int]) -> Launch:
     return Launch(launch.shaft, launch.angle, balls, launch.speed)
 
 
-class _Plan(eqx.Module):
+class Integration(eqx.Module):
     """How a run is integrated."""
 
     solver: dfx.AbstractSolver
@@ -222,7 +236,8 @@ class _Plan(eqx.Module):
 
 
 @eqx.filter_jit
-def _run(scene: Scene, times: Array, launch: Launch, stations: Array, plan: _Plan):
+def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
+    """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
     system = assemble(scene)
     rate, begin = _reference(system), launch.angle
     y = _posture(scene, system, launch, stations[0], rate, plan.free)
@@ -256,7 +271,7 @@ def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free:
     )
 
 
-def _run_to_rest(scene: Scene, plan: _Plan, field: Transient, y: Posture, times: Array):
+def _run_to_rest(scene: Scene, plan: Integration, field: Transient, y: Posture, times: Array):
     """A run whose spin, once it comes to rest, stays there or turns back."""
     spin: Any = scene.spin
     drive = spin.moment(jnp.zeros(()))

@@ -534,7 +534,11 @@ def study_of(text):
             "[shaft]\nmodel = [1]",
             "shaft.model must be 'flexible' or 'massless', but is [1].",
         ),
-        ("[spin]", "[spin]\nmodel = 3", "spin.model must be 'constant', but is 3."),
+        (
+            "[spin]",
+            "[spin]\nmodel = 3",
+            "spin.model must be 'constant' or 'profile' or 'drive', but is 3.",
+        ),
         (
             "[shaft]",
             "[shaft]\nrule = 'simpson'",

@@ -15,7 +15,7 @@ _SAME = 1e-10  # relative difference below which two planes act alike
 
 
 class FirstMoments(NamedTuple):
-    """What a rigid rotor presses its bearings with: all of `F ~ i Omega. - Omega^2`."""
+    """What of a rigid rotor its bearings feel: `F_B = (J / z_B) (i Omega. - Omega^2)` and the like."""
 
     unbalance: Complex[Array, ""]  # u = Sum m (x + i y) [kg m]
     product: Complex[Array, ""]  # J = Sum m (x + i y) z = I_xz + i I_yz [kg m^2]
@@ -59,8 +59,8 @@ def rigid_residual(
     unbalance: ArrayLike, product: ArrayLike, planes: ArrayLike, corrections: ArrayLike
 ) -> FirstMoments:
     """`u + Sum c`, `J + Sum c z`: what `p` corrections [kg m] in planes [m] leave of both."""
-    z, c = jnp.asarray(planes, float), jnp.asarray(corrections, complex)
-    return FirstMoments(unbalance + jnp.sum(c), product + jnp.sum(c * z))
+    u, j, c = (jnp.asarray(part, complex) for part in (unbalance, product, corrections))
+    return FirstMoments(u + jnp.sum(c), j + jnp.sum(c * jnp.asarray(planes, float)))
 
 
 # === any linear rotor
@@ -181,7 +181,7 @@ def allocated_unbalance(
     share = (b - centre) / (b - a)
     outside = (share < 0) | (share > 1)
     parts = jnp.abs(jnp.stack([share, 1 - share]))
-    return permissible * jnp.clip(parts, 0.3, jnp.where(outside, 1.3, 0.7))
+    return jnp.asarray(permissible, float) * jnp.clip(parts, 0.3, jnp.where(outside, 1.3, 0.7))
 
 
 def balance_grade(unbalance: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Grade:
