@@ -60,7 +60,7 @@ class Rows(NamedTuple):
     @property
     def left(self) -> Complex[np.ndarray, " T"]:
         """Imbalance of rotor and balls [kg m]."""
-        return self.rotor + sum(row.moment for row in self.rows)
+        return self.rotor + np.sum([row.moment for row in self.rows], axis=0)
 
     def draw(self, ax: Axes, now: int) -> None:
         """Races, balls and arrows of imbalance at a sample."""
