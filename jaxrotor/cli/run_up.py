@@ -7,7 +7,6 @@ import numpy as np
 import typer
 
 from ..dataset import dataset
-from ..effects import AbstractContact
 from ..files import study
 from ..run_up import Launch, RunUp, run_up as run
 from . import answer
@@ -115,8 +114,8 @@ def _summary(motion: RunUp) -> dict[str, Any]:
     """What the samples say of the first station."""
     radius, speed = np.abs(np.asarray(motion.displacement)[:, 0]), np.asarray(motion.speed)
     top, stopped = int(np.argmax(radius)), float(motion.stopped)
-    force, contacts = motion.contact_force, motion.scene.of(AbstractContact)
-    forces = [] if force is None else np.abs(np.asarray(force)).T[: len(contacts)]  # (k, T)
+    force = motion.contact_force
+    forces = [] if force is None else np.abs(np.asarray(force)).T  # (k, T)
     left = np.abs(np.asarray(motion.imbalance)) if motion.balls else None
     return {
         "station": motion.stations[0],
