@@ -29,6 +29,7 @@ from .analysis import (  # noqa: E402
     campbell as campbell,
     correction_masses as correction_masses,
     critical_speeds as critical_speeds,
+    first_moments as first_moments,
     floquet_multipliers as floquet_multipliers,
     forced_response as forced_response,
     growth_rate as growth_rate,
@@ -45,6 +46,8 @@ from .analysis import (  # noqa: E402
     stability_boundary as stability_boundary,
     stability_crossings as stability_crossings,
     stability_map as stability_map,
+    steady_state as steady_state,
+    total_mass as total_mass,
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )

@@ -11,8 +11,9 @@ from .quantities import Scalar
 class Blocks(eqx.Module):
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`, a uniform acceleration `a` adding `weight a`.
 
-    `n` by `n`, in the equations' own units (one row a coordinate); None means absent and leaves no
-    trace in the compiled program. Blocks add. Beyond these,
+    `n` by `n`, in the equations' own units (one row a coordinate; on a `VirtualLine`, one a
+    displacement); None means absent and leaves no trace in the compiled program. Blocks add.
+    Beyond these,
 
     - cross-coupling adds `i skew_damping q. + i skew_stiffness q`, and where its damper turns with the
       shaft, `i skew_circulatory (q. - i Omega q)`, also `Omega skew_circulatory q`,
@@ -24,20 +25,20 @@ class Blocks(eqx.Module):
       the shaft turns and -1 for one that does not: it is known for harmonic motions only.
     """
 
-    inertia: Float[Array, "n n"] | None = None
-    damping: Float[Array, "n n"] | None = None
-    gyroscopic: Float[Array, "n n"] | None = None
-    stiffness: Float[Array, "n n"] | None = None
-    circulatory: Float[Array, "n n"] | None = None
-    weight: Float[Array, " n"] | None = None
-    skew_damping: Float[Array, "n n"] | None = None
-    skew_stiffness: Float[Array, "n n"] | None = None
-    skew_circulatory: Float[Array, "n n"] | None = None
-    fixed_damping: Complex[Array, "n n"] | None = None
-    fixed_stiffness: Complex[Array, "n n"] | None = None
-    rotating_damping: Complex[Array, "n n"] | None = None
-    rotating_stiffness: Complex[Array, "n n"] | None = None
-    hysteretic: Float[Array, "n n"] | None = None
+    inertia: Float[Array, "r n"] | None = None
+    damping: Float[Array, "r n"] | None = None
+    gyroscopic: Float[Array, "r n"] | None = None
+    stiffness: Float[Array, "r n"] | None = None
+    circulatory: Float[Array, "r n"] | None = None
+    weight: Float[Array, " r"] | None = None
+    skew_damping: Float[Array, "r n"] | None = None
+    skew_stiffness: Float[Array, "r n"] | None = None
+    skew_circulatory: Float[Array, "r n"] | None = None
+    fixed_damping: Complex[Array, "r n"] | None = None
+    fixed_stiffness: Complex[Array, "r n"] | None = None
+    rotating_damping: Complex[Array, "r n"] | None = None
+    rotating_stiffness: Complex[Array, "r n"] | None = None
+    hysteretic: Float[Array, "r n"] | None = None
     polar: Scalar | None = None
 
     def __add__(self, other: "Blocks") -> "Blocks":

@@ -274,6 +274,11 @@ def swept_values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
         unit = START[own] if head == "start" and own in START else scene.unit(name)
     except ValueError as error:
         raise SceneError(f"{path}: {error}") from None
+    return many(value, unit, path)
+
+
+def many(value: Any, unit: str, path: str) -> np.ndarray:
+    """Values in SI of "start : stop : count" or a list."""
     if isinstance(value, list) and value:
         return np.array([quantity(v, unit, f"{path}.{i}") for i, v in enumerate(value)])
     parts = [part.strip() for part in value.split(":")] if isinstance(value, str) else []

@@ -34,6 +34,7 @@ class Reactions(eqx.Module):
     static_moment: Complex[Array, " k"]  # [N m]
     names: tuple[str, ...] = eqx.field(static=True)
     scene: Scene
+    solver: str = eqx.field(static=True)  # of the motion
 
     @property
     def rotating(self) -> Complex[Array, "T k"]:
@@ -83,9 +84,16 @@ def reactions(response: RunUp | Response) -> Reactions:
         force = jnp.concatenate([force, response.contact_force], axis=1)
         moment = jnp.pad(moment, [(0, 0), (0, len(contacts))])
         static, static_moment = (jnp.pad(a, (0, len(contacts))) for a in (static, static_moment))
-    angle = instants.turning.angle
     return Reactions(
-        response.time, angle, force, moment, static, static_moment, tuple(names), scene
+        time=response.time,
+        angle=instants.turning.angle,
+        force=force,
+        moment=moment,
+        static=static,
+        static_moment=static_moment,
+        names=tuple(names),
+        scene=scene,
+        solver=response.solver,
     )
 
 

@@ -265,6 +265,7 @@ def resistance(blocks: Blocks, now: Instant) -> Array:
         (blocks.circulatory, -1j * speed * r),
         (blocks.skew_damping, 1j * v),
         (blocks.skew_stiffness, 1j * r),
+        (blocks.skew_circulatory, speed * r),
         (blocks.fixed_damping, back * jnp.conj(v)),
         (blocks.fixed_stiffness, back * jnp.conj(r)),
         (blocks.rotating_damping, jnp.conj(now.drift)),

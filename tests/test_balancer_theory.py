@@ -998,3 +998,37 @@ def test_gradients(name):
     assert_allclose(jax.jvp(function, (x * one,), (one,))[1], difference, rtol=1e-6)
     if name in REVERSE:
         assert_allclose(jax.grad(function)(x * one), difference, rtol=1e-6)
+
+
+# === scenes
+
+
+def machine_r(*more, shaft=None):
+    """The machine R as a scene; the balls carry their own inertia."""
+    balls = 0.14**2 * (2 * 0.025 + 3 * 0.02)
+    return jr.Scene(
+        shaft or jr.RigidShaft(0.14, (jr.Constraint(0.0),)),
+        jr.Disc(0.0, 1.0, 0.07 - balls, 0.014),
+        jr.Support(0.0, 0.0, angular_stiffness=700.0, angular_damping=1.40),
+        jr.Unbalance(0.14, 1.0, 2.4e-3, phase=0.8),
+        jr.BallBalancer(0.14, 0.025, 0.06, 3.50, places=2),
+        jr.BallBalancer(0.14, 0.020, 0.06, 2.24, places=4, in_use=3),
+        *more,
+        spin=jr.ConstantSpeed(200.0),
+    )
+
+
+def test_groups_of_a_scene():
+    groups, scales = balancer.groups_of(machine_r())
+    assert groups.balls == R.balls
+    for mine, theirs in zip(jax.tree.leaves(groups), jax.tree.leaves(R), strict=True):
+        assert_allclose(mine, theirs, rtol=1e-12)
+    assert_allclose(scales, [100.0, 1.5e-3, 0.14 * 1.5e-3 / 0.07], rtol=1e-12)
+
+
+def test_groups_of_a_scene_that_the_theory_does_not_know():
+    free = jr.RigidShaft(0.14)
+    other = jr.BallBalancer(0.07, 0.02, 0.06, 2.24)
+    for scene in (machine_r(shaft=free), machine_r(other), jr.load("two-discs")):
+        with pytest.raises(ValueError, match="only tilts about a pivot"):
+            balancer.groups_of(scene)

@@ -235,3 +235,29 @@ def test_a_balanced_rotor_is_of_the_finest_grade():
     assert found.value == 0 and found.standard == 0.4
     slope = jax.grad(lambda u: jr.balance_grade(u, 2.0, 100.0).value)(1e-5)
     np.testing.assert_allclose(slope, 1e3 * 100 / 2, rtol=1e-14)
+
+
+# === scenes
+
+
+def test_first_moments_of_a_scene():
+    """Offset, unbalance, and a tilted disc's couple; steel of 20 mm, 0.5 m long, weighs 1.233 kg."""
+    scene = jr.Scene(
+        jr.FlexibleShaft(length=0.5, diameter=0.02),
+        jr.Disc(0.2, 3.0, 0.01, 0.04, offset=1e-3, offset_angle=0.7),
+        jr.Disc(0.3, 2.0, 0.02, 0.05, tilt=0.01, tilt_axis=0.4, exact=False),
+        jr.Unbalance(0.4, 1.0, 5e-4, phase=-1.0),
+        spin=jr.ConstantSpeed(100.0),
+    )
+    one, two = 3e-3 * np.exp(0.7j), 5e-4 * np.exp(-1j)
+    found = jr.first_moments(scene)
+    assert complex(found.unbalance) == pytest.approx(one + two, rel=1e-12)
+    couple = 1j * (0.05 - 0.02) * 0.01 * np.exp(0.4j)
+    assert complex(found.product) == pytest.approx(0.2 * one + 0.4 * two + couple, rel=1e-12)
+    steel = 7850 * np.pi * 0.02**2 / 4 * 0.5
+    assert float(jr.total_mass(scene)) == pytest.approx(5.0 + steel, rel=1e-12)
+
+
+def test_first_moments_of_a_true_rotor():
+    scene = jr.Scene(jr.MasslessShaft(0.4, 0.2, 1e4), jr.Disc(0.2, 1.0), spin=jr.ConstantSpeed(1.0))
+    assert [complex(one) for one in jr.first_moments(scene)] == [0, 0]

@@ -7,10 +7,12 @@ from .balancing import (
     allocated_unbalance as allocated_unbalance,
     balance_grade as balance_grade,
     correction_masses as correction_masses,
+    first_moments as first_moments,
     influence_coefficients as influence_coefficients,
     permissible_unbalance as permissible_unbalance,
     rigid_correction as rigid_correction,
     rigid_residual as rigid_residual,
+    total_mass as total_mass,
 )
 from .campbell import (
     Campbell as Campbell,
@@ -24,6 +26,7 @@ from .forced import (
     HarmonicResponse as HarmonicResponse,
     WeightResponse as WeightResponse,
     forced_response as forced_response,
+    steady_state as steady_state,
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )

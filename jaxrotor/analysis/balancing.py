@@ -7,7 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
+from ..blocks import Blocks
+from ..effects import AbstractLinear
 from ..quantities import Scalar, check, known
+from ..scene import Scene
+from ..shafts.virtual import VirtualLine
+from ..system import loads
 
 
 GRADES = (0.4, 1.0, 2.5, 6.3, 16.0, 40.0, 100.0, 250.0, 630.0, 1600.0, 4000.0)  # [mm/s]
@@ -29,6 +34,26 @@ class Grade(NamedTuple):
 
 
 # === rigid rotors
+
+
+def first_moments(scene: Scene) -> FirstMoments:
+    """`u = Sum m e exp(i phase)`, `J = Sum m e exp(i phase) z` and the couples of tilted discs.
+
+    Of all that is fixed to the shaft, about station 0, in the axes of the rotor. A shaft counts as
+    straight. Differentiable.
+
+    Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
+    """
+    found = loads(scene, VirtualLine.resultant(scene.line()), Blocks()).unbalance
+    return FirstMoments(*(jnp.zeros(2, complex) if found is None else found))
+
+
+def total_mass(scene: Scene) -> Scalar:
+    """Mass [kg] of shaft, discs and balls together."""
+    line = VirtualLine.resultant(scene.line())
+    parts = [scene.shaft, *scene.of(AbstractLinear)]
+    weights = [part.blocks(line).weight for part in parts]
+    return sum((weight[0] for weight in weights if weight is not None), start=jnp.zeros(()))
 
 
 def rigid_correction(

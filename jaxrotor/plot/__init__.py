@@ -1,5 +1,7 @@
 """Plots: free functions that take a result and return its matplotlib Axes."""
 
+from .animation import animate as animate
+from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
@@ -9,7 +11,13 @@ from .modes3d import modes3d as modes3d
 from .onset import onset as onset
 from .orbit import orbit as orbit
 from .page import write as write
+from .reactions import (
+    hodograph as hodograph,
+    reaction_vectors as reaction_vectors,
+    reactions as reactions,
+)
 from .response import response as response
+from .run_up import passage as passage, run_up as run_up, speed as speed
 from .stability import (
     boundary_family as boundary_family,
     stability_chart as stability_chart,

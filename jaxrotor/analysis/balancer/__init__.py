@@ -46,6 +46,7 @@ from .linear import (
     spectrum as spectrum,
     zero_count as zero_count,
 )
+from .machine import groups_of as groups_of
 from .polynomial import (
     FirstApproximation as FirstApproximation,
     ZeroApproximation as ZeroApproximation,
