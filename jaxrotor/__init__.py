@@ -68,6 +68,7 @@ from .files import (  # noqa: E402
     save as save,
     shipped as shipped,
     study as study,
+    title as title,
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
@@ -104,3 +105,4 @@ from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl  # n
 from .sweep import sweep as sweep  # noqa: E402
 from .system import System as System, assemble as assemble  # noqa: E402
 from .units import SceneError as SceneError  # noqa: E402
+from .variants import Variant as Variant, variants as variants  # noqa: E402

@@ -11,8 +11,8 @@ from .quantities import Scalar
 class Blocks(eqx.Module):
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`, a uniform acceleration `a` adding `weight a`.
 
-    `n` by `n`, in the equations' own units (one row a coordinate); None means absent and leaves no
-    trace in the compiled program. Blocks add. Beyond these,
+    `r` = `n` rows in the equations' own units, one a coordinate, or `r` virtual works; None means absent
+    and leaves no trace in the compiled program. Blocks add. Beyond these,
 
     - cross-coupling adds `i skew_damping q. + i skew_stiffness q`,
     - what is not the same in x and y adds `fixed_damping q*. + fixed_stiffness q*` (q* conjugate),
@@ -23,19 +23,19 @@ class Blocks(eqx.Module):
       the shaft turns and -1 for one that does not: it is known for harmonic motions only.
     """
 
-    inertia: Float[Array, "n n"] | None = None
-    damping: Float[Array, "n n"] | None = None
-    gyroscopic: Float[Array, "n n"] | None = None
-    stiffness: Float[Array, "n n"] | None = None
-    circulatory: Float[Array, "n n"] | None = None
-    weight: Float[Array, " n"] | None = None
-    skew_damping: Float[Array, "n n"] | None = None
-    skew_stiffness: Float[Array, "n n"] | None = None
-    fixed_damping: Complex[Array, "n n"] | None = None
-    fixed_stiffness: Complex[Array, "n n"] | None = None
-    rotating_damping: Complex[Array, "n n"] | None = None
-    rotating_stiffness: Complex[Array, "n n"] | None = None
-    hysteretic: Float[Array, "n n"] | None = None
+    inertia: Float[Array, "r n"] | None = None
+    damping: Float[Array, "r n"] | None = None
+    gyroscopic: Float[Array, "r n"] | None = None
+    stiffness: Float[Array, "r n"] | None = None
+    circulatory: Float[Array, "r n"] | None = None
+    weight: Float[Array, " r"] | None = None
+    skew_damping: Float[Array, "r n"] | None = None
+    skew_stiffness: Float[Array, "r n"] | None = None
+    fixed_damping: Complex[Array, "r n"] | None = None
+    fixed_stiffness: Complex[Array, "r n"] | None = None
+    rotating_damping: Complex[Array, "r n"] | None = None
+    rotating_stiffness: Complex[Array, "r n"] | None = None
+    hysteretic: Float[Array, "r n"] | None = None
     polar: Scalar | None = None
 
     def __add__(self, other: "Blocks") -> "Blocks":
@@ -48,8 +48,8 @@ class Load(eqx.Module):
     `gravity` is the acceleration behind weight, for bodies that have coordinates of their own.
     """
 
-    constant: Complex[Array, " n"] | None = None
-    unbalance: Complex[Array, " n"] | None = None
+    constant: Complex[Array, " r"] | None = None
+    unbalance: Complex[Array, " r"] | None = None
     gravity: Complex[Array, ""] | None = None
 
     def __add__(self, other: "Load") -> "Load":

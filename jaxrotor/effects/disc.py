@@ -21,7 +21,7 @@ class Disc(AbstractLinear, AbstractLoad):
 
     `exact=False`: to first order in the tilt, `sin cos ~ tilt`, and the offset adds no inertia about
     the axis. A polar inertia that is negative reverses the gyroscopic moment (see the scene
-    `limiter-rotor-2023`). Sources: Azarov, Gouskov, Panovko (2023), eq. (3), with I_p = 2 B; for
+    `limiter-rotor-2023`). Source: Azarov, Gouskov, Panovko (2023), eq. (3), with I_p = 2 B; for
     offset and tilt the Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
 
