@@ -75,7 +75,7 @@ def test_reference_numbers():
     """To one unit of the last digit given: the sheet truncates 475.1582088."""
     run, force = run_of(1)
     assert np.allclose(run.speed[1:], [469.731705, 475.158208], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(force[2], [6087.52, 10603.0], rtol=0, atol=[6e-3, 6e-2])
+    assert np.all(np.abs(force[2] - [6087.52, 10603.0]) < [6e-3, 6e-2])
     run, force = run_of(30)
     assert abs(run.speed[2] - 106.804462) < 1e-6
     np.testing.assert_allclose(force[2], [2060.82, 2403.04], rtol=0, atol=6e-3)
