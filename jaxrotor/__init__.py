@@ -17,6 +17,7 @@ from .analysis import (  # noqa: E402
     Grade as Grade,
     HarmonicForce as HarmonicForce,
     HarmonicResponse as HarmonicResponse,
+    MassProperties as MassProperties,
     Modes as Modes,
     Onset as Onset,
     Perturbation as Perturbation,
@@ -35,6 +36,7 @@ from .analysis import (  # noqa: E402
     growth_rate as growth_rate,
     inertia_from_frequency as inertia_from_frequency,
     influence_coefficients as influence_coefficients,
+    mass_properties as mass_properties,
     modes as modes,
     onset_speed as onset_speed,
     permissible_unbalance as permissible_unbalance,
@@ -72,6 +74,7 @@ from .files import (  # noqa: E402
     save as save,
     shipped as shipped,
     study as study,
+    title as title,
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
@@ -108,3 +111,4 @@ from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl  # n
 from .sweep import sweep as sweep  # noqa: E402
 from .system import System as System, assemble as assemble  # noqa: E402
 from .units import SceneError as SceneError  # noqa: E402
+from .variants import Variant as Variant, variants as variants  # noqa: E402

@@ -11,9 +11,8 @@ from .quantities import Scalar
 class Blocks(eqx.Module):
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`, a uniform acceleration `a` adding `weight a`.
 
-    `n` by `n`, in the equations' own units (one row a coordinate; on a `VirtualLine`, one a
-    displacement); None means absent and leaves no trace in the compiled program. Blocks add.
-    Beyond these,
+    `r` = `n` rows in the equations' own units, one a coordinate, or `r` virtual works; None means absent
+    and leaves no trace in the compiled program. Blocks add. Beyond these,
 
     - cross-coupling adds `i skew_damping q. + i skew_stiffness q`, and where its damper turns with the
       shaft, `i skew_circulatory (q. - i Omega q)`, also `Omega skew_circulatory q`,
@@ -51,8 +50,8 @@ class Load(eqx.Module):
     `gravity` is the acceleration behind weight, for bodies that have coordinates of their own.
     """
 
-    constant: Complex[Array, " n"] | None = None
-    unbalance: Complex[Array, " n"] | None = None
+    constant: Complex[Array, " r"] | None = None
+    unbalance: Complex[Array, " r"] | None = None
     gravity: Complex[Array, ""] | None = None
 
     def __add__(self, other: "Load") -> "Load":

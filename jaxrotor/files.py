@@ -30,11 +30,14 @@ from .scene import Scene, suggest
 from .shafts import AbstractShaft
 from .spin import AbstractSpin
 from .units import SceneError, quantity, refuse, show
+from .variants import NAME as TABLE, Variant, variant
 
 
 Table = dict[str, Any]
 
 _DIMENSIONS = {"at": "m", "diameter": "m", "thickness": "m", "density": "kg/m^3", "bore": "m"}
+_THIN = {"at": "m", "mass": "kg", "radius": "m"}
+_OUT_OF_TRUE = ("offset", "offset_angle", "tilt", "tilt_axis", "exact")
 START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
 _COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
 _NOUNS = ("Shaft", "Speed")  # what the classes of a model share, and its name leaves out
@@ -42,8 +45,15 @@ _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
 
 
-def load(name_or_path: str | os.PathLike[str]) -> Scene:
-    """Scene of a TOML file, or a shipped scene by its name, such as `limiter-rotor`."""
+def load(
+    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str = "chain"
+) -> Scene:
+    """Scene of a TOML file, or a shipped scene by its name, such as `limiter-rotor`.
+
+    `row`, from 1 to 30, and the `layout` assumed, see `Variant.scene`, are of `turbine-variants`.
+    """
+    if row is not None:
+        return _variant(name_or_path, row).scene(layout)
     return _read(*_text(name_or_path))[0]
 
 
@@ -68,8 +78,12 @@ def source(name_or_path: str | os.PathLike[str]) -> str:
     return _text(name_or_path)[0]
 
 
-def title(name_or_path: str | os.PathLike[str]) -> str:
-    """Title of a scene file, "" without one."""
+def title(
+    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str = "chain"
+) -> str:
+    """Title of a scene file, "" without one; of a `row` see `Variant.title`."""
+    if row is not None:
+        return _variant(name_or_path, row).title(layout)
     return tomllib.loads(_text(name_or_path)[0]).get("title", "")
 
 
@@ -121,6 +135,12 @@ def dumps(scene: Scene, title: str = "") -> str:
 def _shipped() -> dict[str, Any]:
     folder = importlib.resources.files("jaxrotor") / "scenes"
     return {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
+
+
+def _variant(name_or_path: str | os.PathLike[str], row: int) -> Variant:
+    if os.fspath(name_or_path) != TABLE:
+        refuse(os.fspath(name_or_path), f"has no rows; give none, or load '{TABLE}'.")
+    return variant(row)
 
 
 def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
@@ -182,9 +202,10 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
     """The effects of one table: several if it has `angles`."""
     table = _table(value, path)
     if cls is Disc and table.keys() & (_DIMENSIONS.keys() - {"at"}):
-        needed = ("at", "diameter", "thickness")
-        values = _quantities(table, _DIMENSIONS, needed, path, "disc given by its dimensions")
-        yield _checked(Disc.from_dimensions, values, path)
+        needed, noun = ("at", "diameter", "thickness"), "disc given by its dimensions"
+        yield _disc(Disc.from_dimensions, table, _DIMENSIONS, needed, path, noun)
+    elif cls is Disc and "radius" in table:
+        yield _disc(Disc.thin, table, _THIN, tuple(_THIN), path, "thin disc")
     elif "angles" in table and "angle" in cls.__dataclass_fields__:
         angles = table.pop("angles")
         if "angle" in table or not isinstance(angles, list) or not angles:
@@ -194,6 +215,21 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
             yield _built(cls, table | {"angle": angle}, path, cls.kind)
     else:
         yield _built(cls, table, path, cls.kind)
+
+
+def _disc(
+    build: Callable, table: Table, units: Mapping[str, str], needed: Any, path: str, noun: str
+) -> Disc:
+    """A disc that is not given by its inertia; out of true as any other."""
+    fields = {field.name: field for field in dataclasses.fields(Disc)}
+    _check_keys(table, (*units, *_OUT_OF_TRUE), needed, f"{path}.", noun)
+    values = {
+        key: quantity(value, units[key], f"{path}.{key}")
+        if key in units
+        else _value(value, fields[key], f"{path}.{key}")
+        for key, value in table.items()
+    }
+    return _checked(build, values, path)
 
 
 def _built(cls: Any, table: Table, path: str, noun: str) -> Any:

@@ -139,7 +139,13 @@ def run_up(
         substeps,
         max_steps,
         isinstance(spin, Drive) and (solver is not None or not spin.given),
+        known(times) and float(times[0]) == 0,
     )
+    if plan.controller is None and isinstance(spin, Drive) and spin.can_stop:
+        raise ValueError(
+            "A drive that can come to rest needs steps that end there; give a solver with an error "
+            "estimate, such as diffrax.Tsit5()."
+        )
     if isinstance(spin, Drive):
         spin.inertia(_polar(scene))  # refuses what cannot turn
     launch = _whole(launch, counts)
@@ -217,12 +223,13 @@ class Integration(eqx.Module):
     substeps: int = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
     free: bool = eqx.field(static=True)  # whether the spin is integrated too
+    from_start: bool = eqx.field(static=True)  # whether the first sample is where the run begins
 
     def solve(self, field: Transient, begin: Scalar, y: Posture, times: Array, event=None):
         """States at `times`, whether all went well, and when and where the run ended."""
         controller, dt0, max_steps = self.controller, None, self.max_steps
         if controller is None:
-            grid = jnp.append(begin, times)
+            grid = times if self.from_start else jnp.append(begin, times)
             share = jnp.arange(self.substeps) / self.substeps
             grid = jnp.append((grid[:-1, None] + jnp.diff(grid)[:, None] * share).ravel(), grid[-1])
             controller, max_steps = dfx.StepTo(ts=grid), grid.size - 1

@@ -30,6 +30,7 @@ from .forced import (
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
 from .maps import (
     Boundary as Boundary,
     StabilityMap as StabilityMap,

@@ -36,7 +36,7 @@ class BallBalancer(AbstractBodies, AbstractLinear):
     def __check_init__(self):
         if isinstance(self.places, bool) or not isinstance(self.places, int) or self.places < 1:
             raise ValueError(
-                f"`balls` must be a whole number of at least 1, but is {self.places!r}."
+                f"`places` must be a whole number of at least 1, but is {self.places!r}."
             )
 
     @property
@@ -58,7 +58,7 @@ class BallContact(AbstractBetween):
     """Balls of a row touch: `N = k g + d g.` while `g > 0` and `N > 0`, `g = 2 r - R |gap angle|`.
 
     Between all pairs along the race; `ball_radius` r. Without it balls pass through one another, as in
-    the source. Source: none; a stop as that of `Limiter`.
+    Filimonikhin, Goncharov (2011). Source: ours, after the normal force of a limiter.
     """
 
     kind: ClassVar[str] = "ball_contact"
