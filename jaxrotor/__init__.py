@@ -2,7 +2,12 @@
 
 import os
 
-import jax
+
+# Matrices this small lose by threads (a Campbell diagram takes 13 times as long on two cores); read
+# when the linear algebra is first loaded, so a value of your own set before that stands.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import jax  # noqa: E402
 
 
 if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the environment

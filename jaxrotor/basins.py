@@ -86,7 +86,9 @@ def basins(
         )
     chosen: Any = checked_solver(dfx.Dopri8() if solver is None else solver)
     steps = controller or control(chosen, scene, rtol=1e-6, atol=1e-9)
-    plan = Integration(tuned(chosen), steps, dfx.ForwardMode(), 1, max_steps, not scene.spin.given)
+    plan = Integration(
+        tuned(chosen), steps, dfx.ForwardMode(), 1, max_steps, not scene.spin.given, False
+    )
     times = jnp.linspace((1 - window) * duration, duration, samples)
     starts = np.stack([angles, np.broadcast_to(np.asarray(rates, float), angles.shape)], axis=1)
     size = chunk_size(len(starts), lanes_per_chunk, workers := cores(workers))

@@ -160,7 +160,7 @@ def _check_kind(value: Any, kind: type, what: str, wanted: str) -> None:
         raise ValueError(f"{what} must be {wanted}, but is {value!r}.")
 
 
-def _check_together(module: eqx.Module, path: str) -> None:
+def _check_together(module: Any, path: str) -> None:
     """What binds the fields of a module to each other, checked as when it is built."""
     try:
         getattr(module, "__check_init__", tuple)()

@@ -67,7 +67,7 @@ def _tensor(disc: Disc, about: ArrayLike) -> Float[Array, "3 3"]:
         else:
             axis = axis + disc.tilt * (jnp.outer(z, lean) + jnp.outer(lean, z))
     tensor = disc.diametral * one + (disc.polar - disc.diametral) * axis
-    arm = (disc.at - about) * z
+    arm = jnp.asarray(disc.at - about) * z
     if disc.offset is not None:
         angle = disc.offset_angle
         arm = arm + disc.offset * jnp.array([jnp.cos(angle), jnp.sin(angle), 0.0])
