@@ -9,7 +9,6 @@ import contextlib
 import dataclasses
 import importlib.resources
 import inspect
-import math
 import os
 import re
 import secrets
@@ -26,24 +25,35 @@ import numpy as np
 from . import effects, shafts, spin
 from .effects import AbstractEffect, Disc
 from .materials import NAMED, Material
-from .quantities import unit_of
+from .quantities import is_series, unit_of
 from .scene import Scene, suggest
 from .shafts import AbstractShaft
 from .spin import AbstractSpin
 from .units import SceneError, quantity, refuse, show
+from .variants import NAME as TABLE, Variant, variant
 
 
 Table = dict[str, Any]
 
 _DIMENSIONS = {"at": "m", "diameter": "m", "thickness": "m", "density": "kg/m^3", "bore": "m"}
+_THIN = {"at": "m", "mass": "kg", "radius": "m"}
+_OUT_OF_TRUE = ("offset", "offset_angle", "tilt", "tilt_axis", "exact")
 START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
 _COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
+_NOUNS = ("Shaft", "Speed")  # what the classes of a model share, and its name leaves out
 _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
 
 
-def load(name_or_path: str | os.PathLike[str]) -> Scene:
-    """Scene of a TOML file, or a shipped scene by its name, such as `limiter-rotor`."""
+def load(
+    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str = "chain"
+) -> Scene:
+    """Scene of a TOML file, or a shipped scene by its name, such as `limiter-rotor`.
+
+    `row`, from 1 to 30, and the `layout` assumed, see `Variant.scene`, are of `turbine-variants`.
+    """
+    if row is not None:
+        return _variant(name_or_path, row).scene(layout)
     return _read(*_text(name_or_path))[0]
 
 
@@ -68,8 +78,12 @@ def source(name_or_path: str | os.PathLike[str]) -> str:
     return _text(name_or_path)[0]
 
 
-def title(name_or_path: str | os.PathLike[str]) -> str:
-    """Title of a scene file, "" without one."""
+def title(
+    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str = "chain"
+) -> str:
+    """Title of a scene file, "" without one; of a `row` see `Variant.title`."""
+    if row is not None:
+        return _variant(name_or_path, row).title(layout)
     return tomllib.loads(_text(name_or_path)[0]).get("title", "")
 
 
@@ -121,6 +135,12 @@ def dumps(scene: Scene, title: str = "") -> str:
 def _shipped() -> dict[str, Any]:
     folder = importlib.resources.files("jaxrotor") / "scenes"
     return {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
+
+
+def _variant(name_or_path: str | os.PathLike[str], row: int) -> Variant:
+    if os.fspath(name_or_path) != TABLE:
+        refuse(os.fspath(name_or_path), f"has no rows; give none, or load '{TABLE}'.")
+    return variant(row)
 
 
 def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
@@ -182,9 +202,10 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
     """The effects of one table: several if it has `angles`."""
     table = _table(value, path)
     if cls is Disc and table.keys() & (_DIMENSIONS.keys() - {"at"}):
-        needed = ("at", "diameter", "thickness")
-        values = _quantities(table, _DIMENSIONS, needed, path, "disc given by its dimensions")
-        yield _checked(Disc.from_dimensions, values, path)
+        needed, noun = ("at", "diameter", "thickness"), "disc given by its dimensions"
+        yield _disc(Disc.from_dimensions, table, _DIMENSIONS, needed, path, noun)
+    elif cls is Disc and "radius" in table:
+        yield _disc(Disc.thin, table, _THIN, tuple(_THIN), path, "thin disc")
     elif "angles" in table and "angle" in cls.__dataclass_fields__:
         angles = table.pop("angles")
         if "angle" in table or not isinstance(angles, list) or not angles:
@@ -194,6 +215,21 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
             yield _built(cls, table | {"angle": angle}, path, cls.kind)
     else:
         yield _built(cls, table, path, cls.kind)
+
+
+def _disc(
+    build: Callable, table: Table, units: Mapping[str, str], needed: Any, path: str, noun: str
+) -> Disc:
+    """A disc that is not given by its inertia; out of true as any other."""
+    fields = {field.name: field for field in dataclasses.fields(Disc)}
+    _check_keys(table, (*units, *_OUT_OF_TRUE), needed, f"{path}.", noun)
+    values = {
+        key: quantity(value, units[key], f"{path}.{key}")
+        if key in units
+        else _value(value, fields[key], f"{path}.{key}")
+        for key, value in table.items()
+    }
+    return _checked(build, values, path)
 
 
 def _built(cls: Any, table: Table, path: str, noun: str) -> Any:
@@ -213,6 +249,10 @@ def _checked(build: Callable, values: Table, path: str) -> Any:
 
 def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
     unit, kind = unit_of(field), typing.cast(Any, field.type)
+    if unit is not None and is_series(field):
+        if not isinstance(value, list):
+            refuse(path, f"must be a list of two or more numbers, but is {show(value)}.")
+        return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
     if unit is not None:
         return quantity(value, unit, path)
     if Material in (kind, *typing.get_args(kind)) and isinstance(value, str):
@@ -270,6 +310,11 @@ def swept_values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
         unit = START[own] if head == "start" and own in START else scene.unit(name)
     except ValueError as error:
         raise SceneError(f"{path}: {error}") from None
+    return many(value, unit, path)
+
+
+def many(value: Any, unit: str, path: str) -> np.ndarray:
+    """Values in SI of "start : stop : count" or a list."""
     if isinstance(value, list) and value:
         return np.array([quantity(v, unit, f"{path}.{i}") for i, v in enumerate(value)])
     parts = [part.strip() for part in value.split(":")] if isinstance(value, str) else []
@@ -312,7 +357,7 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
             tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
             nested[field.name] = tomlkit.item(tables) if tables else []
         elif unit is not None and value is not None:
-            item = tomlkit.item(_plain(value, here))
+            item = tomlkit.item(_plain(value, here, is_series(field)))
             table[field.name] = item if unit == "1" else item.comment(unit)
         elif isinstance(value, bool | int | str):
             table[field.name] = value
@@ -322,14 +367,16 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
     return table
 
 
-def _plain(value: Any, path: str) -> float:
+def _plain(value: Any, path: str, many: bool) -> float | list[float]:
     try:
-        number = float(value)
-    except TypeError:  # traced, or an array of many
-        number = math.nan
-    if not math.isfinite(number):
-        refuse(path, f"cannot be written: it must be one known finite number, but is {value}.")
-    return number
+        numbers = np.asarray(value, float)
+        plain = numbers.ndim == many and bool(np.isfinite(numbers).all())
+    except TypeError:  # traced
+        numbers, plain = np.zeros(()), False
+    if not plain:
+        wanted = "a list of known finite numbers" if many else "one known finite number"
+        refuse(path, f"cannot be written: it must be {wanted}, but is {value}.")
+    return numbers.tolist()
 
 
 # === names and messages
@@ -343,10 +390,11 @@ def _kinds() -> dict[str, Any]:
 
 
 def _models(module: ModuleType, base: type) -> dict[str, type]:
-    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible"."""
+    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible", `SpeedProfile` "profile"."""
     classes = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, base)]
-    names = {c: re.sub(r"(?<!^)(?=[A-Z])", "_", c.__name__).lower() for c in classes}
-    return {n.rpartition("_")[0]: c for c, n in names.items() if not n.startswith("abstract")}
+    words = {c: re.findall("[A-Z][a-z]*", c.__name__) for c in classes}
+    own = {c: [w.lower() for w in found if w not in _NOUNS] for c, found in words.items()}
+    return {"_".join(names): c for c, names in own.items() if "abstract" not in names}
 
 
 def _table(value: Any, path: str) -> Table:

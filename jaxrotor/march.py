@@ -30,6 +30,7 @@ class Plan(eqx.Module):
     steps: int = eqx.field(static=True)  # samples a revolution; fixed solvers step them
     slopes: bool = eqx.field(static=True)  # whether slopes are read besides displacements
     contacts: bool = eqx.field(static=True)  # whether ports are read
+    coordinates: bool = eqx.field(static=True)  # whether all coordinates are read
     together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
 
@@ -40,6 +41,7 @@ class Orbit(eqx.Module):
     velocity: Complex[Array, "T s"]  # [m/s]
     slope: Complex[Array, "T s"] | None
     contact_force: Complex[Array, "T k"] | None  # [N]
+    coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # and their rates
     seconds: Scalar  # in a radian of revolution
     s: Scalar  # sign of the spin
 
@@ -65,6 +67,8 @@ class March(eqx.Module):
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:
             rows.append(jax.vmap(system.line.slope_row)(stations))
+        if plan.coordinates:
+            rows.append(jnp.eye(system.n))
         if plan.contacts and motion.rows is not None:
             rows.append(motion.rows)
         rows = jnp.concatenate(rows)
@@ -124,11 +128,23 @@ class March(eqx.Module):
         if self.plan.contacts and self.system.ports:
             p = len(self.system.ports)
             ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (S + 1, 2, p, xy)
-            vectors = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1])
+            speed = jnp.broadcast_to(self.system.spin.speed, ports.shape[:1])
+            vectors = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
             forces = vectors[..., 0] + 1j * vectors[..., 1]
         slope = displacement[:, s : 2 * s] if self.plan.slopes else None
-        motion = self.form.motion
-        return Orbit(displacement[:, :s], velocity[:, :s], slope, forces, 1 / motion.rate, motion.s)
+        coordinates = None
+        if self.plan.coordinates:
+            own = slice(s + s * self.plan.slopes, s + s * self.plan.slopes + self.system.n)
+            coordinates = displacement[:, own], velocity[:, own]
+        return Orbit(
+            displacement[:, :s],
+            velocity[:, :s],
+            slope,
+            forces,
+            coordinates,
+            1 / self.form.motion.rate,
+            self.form.motion.s,
+        )
 
     def _grid(self) -> Float[Array, " T"]:
         return jnp.linspace(0.0, 2 * jnp.pi, self.plan.steps + 1)

@@ -39,7 +39,12 @@ class Motion(eqx.Module):
     def __init__(self, system: System, rate: Scalar):
         blocks, load = system.blocks, system.load
         check_mass(blocks)
-        _check_in_time(blocks)
+        check_known_in_time(blocks)
+        if not isotropic(blocks) or system.races:
+            raise ValueError(
+                "Revolution by revolution a rotor is simulated that is the same along every axis, "
+                "without balls; take `jaxrotor.run_up`, which does all and any spin."
+            )
         speed = system.spin.speed
         columns = rows = None
         if system.ports:
@@ -127,16 +132,12 @@ def _sum(*terms: tuple[Scalar | float, Array | None]) -> Array | None:
     return sum(products[1:], products[0]) if products else None
 
 
-def _check_in_time(blocks: Blocks) -> None:
+def check_known_in_time(blocks: Blocks) -> None:
+    """Refuse what is defined for harmonic motions only."""
     if blocks.hysteretic is not None:
         raise ValueError(
             "Hysteretic damping is known for harmonic motions only (roots, Campbell diagrams), not in "
             'time; take `scene.without("hysteretic_damping")` and InternalDamping in its place.'
-        )
-    if not isotropic(blocks):
-        raise ValueError(
-            "Motions in time are simulated for rotors that are the same along every axis, but this "
-            "one has supports or a shaft with two stiffnesses; its roots and linear response exist."
         )
 
 

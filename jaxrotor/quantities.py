@@ -1,10 +1,12 @@
-"""Physical quantities: every number of a scene is a checked, differentiable scalar leaf.
+"""Physical quantities: every number of a scene is a checked, differentiable leaf.
 
 A field is declared once, `gap: Scalar = positive("gap [m]")`: that one line gives its type, its
 unit, its check, the sentence a user reads when the check fails, and a leaf jax can differentiate.
+A table is a `Series`, `times: Series = series("times [s]")`: one leaf of several numbers.
 """
 
 import dataclasses
+import functools
 import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -19,44 +21,55 @@ from jaxtyping import Array, Float
 
 if TYPE_CHECKING:  # a field takes a plain number and holds an array
     Scalar: TypeAlias = Array | float
+    Series: TypeAlias = Any  # a field takes any list of numbers and holds an array
 else:
     Scalar = Float[Array, ""]
+    Series = Float[Array, "_"]
 
 _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
 
 
 def positive(label: str, **options: Any) -> Any:
     """A number above zero; `label` is "name [unit]"."""
-    return _quantity(label, lambda x: x > 0, "must be positive", **options)
+    checked = functools.partial(check, holds=lambda x: x > 0, rule="must be positive")
+    return _quantity(label, checked, **options)
 
 
 def nonnegative(label: str, **options: Any) -> Any:
     """A number that is zero or more: a strength, where zero means no effect."""
-    return _quantity(label, lambda x: x >= 0, "must not be negative", **options)
+    checked = functools.partial(check, holds=lambda x: x >= 0, rule="must not be negative")
+    return _quantity(label, checked, **options)
 
 
 def real(label: str, **options: Any) -> Any:
     """Any finite number."""
-    return _quantity(label, lambda x: x == x, "must be a finite number", **options)
+    checked = functools.partial(check, holds=lambda x: x == x, rule="must be a finite number")
+    return _quantity(label, checked, **options)
+
+
+def series(label: str, *, ascending: bool = False, **options: Any) -> Any:
+    """Two or more finite numbers in a row, each above the one before if `ascending`."""
+    checked = functools.partial(_check_series, ascending=ascending)
+    return _quantity(label, checked, many=True, **options)
 
 
 def _quantity(
     label: str,
-    holds: Callable[[Any], Any],
-    rule: str,
+    checked: Callable[[Any, str], Any],
     default: Any = dataclasses.MISSING,
+    many: bool = False,
 ) -> Any:
     match = _LABEL.fullmatch(label)
     if match is None:
         raise ValueError(f"A quantity is labelled 'name [unit]', but is '{label}'.")
 
-    def convert(value: Any) -> Scalar | None:
+    def convert(value: Any) -> Array | None:
         if value is None and default is None:
             return None
-        return check(value, label, holds, rule)
+        return checked(value, label)
 
     options = {} if default is dataclasses.MISSING else {"default": default}
-    metadata = {"unit": match["unit"], "optional": default is None}
+    metadata = {"unit": match["unit"], "optional": default is None, "many": many}
     return eqx.field(converter=convert, metadata=metadata, **options)
 
 
@@ -91,9 +104,39 @@ def _check_shape(array: Array | np.ndarray, label: str) -> None:
         )
 
 
+def _check_series(value: Any, label: str, ascending: bool) -> Array:
+    """`value` as a row of numbers, or one sentence: at once if known, else when run."""
+    wanted = f"`{label}` must be a list of two or more finite numbers"
+    traced = not all(map(known, value if isinstance(value, list | tuple) else [value]))
+    try:
+        if isinstance(value, str | bool) or value is None:
+            raise TypeError
+        array = jnp.asarray(value, float) if traced else np.asarray(value, float)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{wanted}, but is {value!r}.") from None
+    if array.ndim != 1 or array.size < 2:
+        raise ValueError(f"{wanted}, but has shape {array.shape}.")
+    order = f"`{label}` must be ascending, each above the one before"
+    falls = array[1:] <= array[:-1]
+    if traced:
+        array = eqx.error_if(array, ~jnp.isfinite(array), f"{wanted}.")
+        return eqx.error_if(array, falls, f"{order}.") if ascending else array
+    if not np.isfinite(array).all():
+        raise ValueError(f"{wanted}, but is {array.tolist()}.")
+    if ascending and falls.any():
+        i = int(np.argmax(falls))
+        raise ValueError(f"{order}, but has {array[i]:g} and then {array[i + 1]:g}.")
+    return jnp.asarray(array, float)
+
+
 def unit_of(field: dataclasses.Field) -> str | None:
     """Unit a quantity field was declared with; None for a field that is no quantity."""
     return field.metadata.get("unit")
+
+
+def is_series(field: dataclasses.Field) -> bool:
+    """Whether a quantity field holds several numbers."""
+    return field.metadata.get("many", False)
 
 
 def known(value: Any) -> bool:

@@ -7,12 +7,12 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
 from .quantities import known, quantity_units, unit_of
 from .shafts.line import AbstractLine, AbstractShaft
-from .spin import AbstractSpin
+from .spin import AbstractSpin, constant
 
 
 Address = tuple[Any, ...]  # attribute names and tuple indices from the scene to a leaf
@@ -74,6 +74,10 @@ class Scene(eqx.Module):
                     raise ValueError(f"`at [m]` = {x:g} m {reason}.")
         return stations
 
+    def at_speed(self, speed: ArrayLike) -> "Scene":
+        """Scene that turns at a constant speed [rad/s], whatever its spin."""
+        return eqx.tree_at(lambda scene: scene.spin, self, constant(speed))
+
     def of(self, kind: type) -> tuple:
         """The effects that have a capability or are of a class."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))
@@ -107,8 +111,8 @@ class Scene(eqx.Module):
     def replace(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other values: `scene.replace({"unbalance.eccentricity": 1e-3})`.
 
-        `limiters.gap` sets all of a kind, `limiters.0.gap` one. Values may be traced; then the spans
-        of the shaft stay as they are.
+        `limiters.gap` sets all of a kind, `limiters.0.gap` one; a table such as `spin.times` is set
+        as a whole. Values may be traced; then the spans of the shaft stay as they are.
         """
         checked = {}
         for path, value in values.items():
@@ -119,8 +123,10 @@ class Scene(eqx.Module):
             except ValueError as error:
                 raise ValueError(f"{path}: {error}") from None
         scene = self.put(checked)
-        for part in (scene.shaft, *scene.effects, scene.spin):
-            getattr(part, "__check_init__", lambda: None)()  # what binds values to each other
+        for path in checked:
+            for address in self._find(path):
+                for depth in range(1, len(address)):
+                    _check_together(_follow(scene, address[:depth]), path)
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
@@ -152,6 +158,14 @@ class Scene(eqx.Module):
 def _check_kind(value: Any, kind: type, what: str, wanted: str) -> None:
     if not isinstance(value, kind):
         raise ValueError(f"{what} must be {wanted}, but is {value!r}.")
+
+
+def _check_together(module: Any, path: str) -> None:
+    """What binds the fields of a module to each other, checked as when it is built."""
+    try:
+        getattr(module, "__check_init__", tuple)()
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _is_none(leaf: Any) -> bool:

@@ -15,6 +15,7 @@ from .quantities import Scalar, known
 from .scene import Scene
 from .solvers.basis import well_conditioned
 from .solvers.exponential import Exponential
+from .spin import ConstantSpeed
 from .start import AbstractStart, AtRest, Continued
 from .system import assemble, port_groups
 
@@ -28,6 +29,8 @@ class Response(eqx.Module):
     velocity: Complex[Array, "T s"]  # [m/s]
     slope: Complex[Array, "T s"]  # dz/dx [rad]
     contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
+    coordinates: Complex[Array, "T n"]  # of the equations of motion
+    rates: Complex[Array, "T n"]  # [1/s] of them
     stations: Float[Array, " s"]  # [m]
     end: Continued  # state to go on from
     scene: Scene
@@ -85,6 +88,7 @@ def simulate(
     check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
+    check_constant(scene, "`simulate`")
     start = AtRest() if start is None else start
     stations = scene.stations(at)
     rate = revolution_rate(scene, period)
@@ -96,6 +100,7 @@ def simulate(
         steps_per_revolution,
         slopes=True,
         contacts=True,
+        coordinates=True,
         together=port_groups(scene),
     )
     end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
@@ -106,7 +111,7 @@ def simulate(
         )
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
-    displacement, velocity, slope, contact_force = orbit
+    displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
     return Response(
         time=angle / rate,
         angle=angle,
@@ -114,6 +119,8 @@ def simulate(
         velocity=velocity,
         slope=slope,
         contact_force=contact_force,
+        coordinates=coordinates,
+        rates=rates,
         stations=stations,
         end=Continued(*end),
         scene=scene,
@@ -128,7 +135,13 @@ def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
     y, first = march.skip(march.begin(start, stations[0]), skip)
 
     def update(carry, orbit):
-        return carry, (orbit.displacement, orbit.velocity, orbit.slope, orbit.contact_force)
+        return carry, (
+            orbit.displacement,
+            orbit.velocity,
+            orbit.slope,
+            orbit.contact_force,
+            orbit.coordinates,
+        )
 
     (y, _, good), turns = march.collect(y, None, update, keep)
     orbit = jax.tree.map(_join, turns)
@@ -146,6 +159,15 @@ def check_counts(**counts: int) -> None:
     for name, value in counts.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise ValueError(f"`{name}` must be a whole number of at least 1, but is {value!r}.")
+
+
+def check_constant(scene: Scene, what: str) -> None:
+    """Refuse a spin whose speed varies."""
+    if not isinstance(scene.spin, ConstantSpeed):
+        raise ValueError(
+            f"{what} is for constant speed, but the spin of the scene is a "
+            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+        )
 
 
 def revolution_rate(scene: Scene, period: float | None) -> Scalar:

@@ -1,12 +1,7 @@
 """Sweep: many trajectories, streamed into observables."""
 
-import concurrent.futures
-import contextlib
 import itertools
-import os
-import sys
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -17,6 +12,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from .chunks import chunk_size, cores, progress as bar, spread
 from .dataset import versions
 from .effects.base import AbstractContact
 from .files import dumps
@@ -25,6 +21,7 @@ from .observe import AbstractObservable, Turn, Variable, everything
 from .quantities import quantity_units
 from .scene import Scene
 from .simulate import (
+    check_constant,
     check_counts,
     checked_solver,
     revolution_rate,
@@ -90,6 +87,7 @@ def sweep(
     )
     if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
         raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+    check_constant(scene, "`sweep`")
     start = AtRest() if start is None else start
     contacts = bool(scene.of(AbstractContact))
     if observe is None:
@@ -112,17 +110,18 @@ def sweep(
         max_steps,
         steps_per_revolution,
         slopes=False,
+        coordinates=False,
         contacts=any(one.needs_contact for one in observe),
         together=_port_groups(scene, axes),
     )
     points = np.array(list(itertools.product(*axes.values()))).reshape(-1, len(axes))
-    size = _chunk_size(len(points), lanes_per_chunk, workers := _workers(workers))
+    size = chunk_size(len(points), lanes_per_chunk, workers := cores(workers))
     chunks = [points[i : i + size] for i in range(0, len(points), size)]
     context = _Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
     total = len(chunks) * (settle + keep)
-    with _progress(progress, total, f"{len(points)} lanes") as tick:
+    with bar(progress, total, f"{len(points)} lanes") as tick:
         run = lambda points, tick: _run_chunk(context, points, size, tick)
-        results = _spread(run, chunks, workers, tick)
+        results = spread(run, chunks, workers, tick)
     return _dataset(context, axes, results)
 
 
@@ -202,19 +201,6 @@ def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[in
     if len(groups) == 1:
         return groups.pop()
     return tuple((i,) for group in port_groups(scene) for i in group)
-
-
-def _workers(workers: int | None) -> int:
-    if workers is not None:
-        check_counts(workers=workers)
-        return workers
-    return (os.cpu_count() or 1) if jax.default_backend() == "cpu" else 1
-
-
-def _chunk_size(lanes: int, most: int, workers: int) -> int:
-    """Even chunks of at most `most` lanes, enough of them to busy every worker."""
-    chunks = max(-(-lanes // most), min(workers, lanes))
-    return -(-lanes // chunks)
 
 
 # === a chunk of lanes
@@ -329,59 +315,6 @@ def _keep(observe, shared: March, own: March, y, carry, number, count: int, revo
         return (y, carry, ok), out
 
     return jax.vmap(lane)(own, y, carry)
-
-
-# === many chunks
-
-
-def _spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
-    """Chunks over threads: a compiled program runs outside the interpreter's lock."""
-    stop = threading.Event()
-
-    def tick_or_stop(revolutions: int) -> None:
-        if stop.is_set():
-            raise concurrent.futures.CancelledError
-        tick(revolutions)
-
-    if workers == 1 or len(chunks) == 1:
-        return [run(chunk, tick) for chunk in chunks]
-    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(run, chunk, tick_or_stop) for chunk in chunks]
-        try:
-            return [future.result() for future in futures]
-        except BaseException:  # Ctrl-C too: running chunks end with their segment
-            stop.set()
-            for future in futures:
-                future.cancel()
-            raise
-
-
-@contextlib.contextmanager
-def _progress(show: bool | None, total: int, what: str) -> Iterator:
-    """A bar on a terminal, else nothing: yields `tick(revolutions)`."""
-    if not (sys.stderr.isatty() if show is None else show):
-        yield lambda revolutions: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda revolutions: bar.advance(task, revolutions)
 
 
 # === after the run

@@ -3,14 +3,21 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .blocks import Blocks, Load
-from .effects.base import AbstractContact, AbstractLaw, AbstractLinear, AbstractLoad
+from .effects.base import (
+    AbstractBetween,
+    AbstractBodies,
+    AbstractContact,
+    AbstractLaw,
+    AbstractLinear,
+    AbstractLoad,
+)
 from .quantities import Scalar, known
 from .scene import Scene
 from .shafts.line import AbstractLine
-from .spin import AbstractSpin
+from .spin import AbstractSpin, constant
 
 
 class Port(eqx.Module):
@@ -18,6 +25,7 @@ class Port(eqx.Module):
 
     row: Float[Array, " n"]
     column: Float[Array, " n"]
+    at: Scalar  # [m]
     laws: tuple[AbstractLaw, ...]  # laws of equal make stacked along a leading axis
 
     def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
@@ -25,6 +33,23 @@ class Port(eqx.Module):
         return jnp.concatenate(
             [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
         )
+
+    def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
+        """Torque of all laws about the axis [N m]."""
+        torques = [
+            jax.vmap(lambda law: law.torque(displacement, velocity, speed))(stack)
+            for stack in self.laws
+        ]
+        return jnp.sum(jnp.concatenate(torques))
+
+
+class Race(eqx.Module):
+    """One station where bodies roll around the shaft: reads `row . q`, adds `column F`."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " n"]
+    at: Scalar  # [m]
+    bodies: AbstractBodies
 
 
 class System(eqx.Module):
@@ -37,6 +62,8 @@ class System(eqx.Module):
     blocks: Blocks
     load: Load
     ports: tuple[Port, ...]
+    races: tuple[Race, ...]
+    between: tuple[AbstractBetween, ...]  # what acts between the bodies of every race
     spin: AbstractSpin
     members: tuple[int, ...] = eqx.field(static=True)  # scene's contact behind each law
 
@@ -45,17 +72,16 @@ class System(eqx.Module):
         """Number of complex coordinates."""
         return self.line.stiffness.shape[0]
 
-    def at_speed(self, speed: Scalar) -> "System":
-        """The same rotor at another speed: nothing assembled depends on it."""
-        return eqx.tree_at(lambda system: system.spin.speed, self, speed)
+    def at_speed(self, speed: ArrayLike) -> "System":
+        """The same rotor at a constant speed: nothing assembled depends on how it turns."""
+        return eqx.tree_at(lambda system: system.spin, self, constant(speed))
 
-    def contact_forces(self, displacement: Array, velocity: Array) -> Float[Array, "k 2"]:
+    def contact_forces(
+        self, displacement: Array, velocity: Array, speed: Scalar
+    ) -> Float[Array, "k 2"]:
         """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports."""
         forces = jnp.concatenate(
-            [
-                port.forces(displacement[i], velocity[i], self.spin.speed)
-                for i, port in enumerate(self.ports)
-            ]
+            [port.forces(displacement[i], velocity[i], speed) for i, port in enumerate(self.ports)]
         )
         order = sorted(range(len(self.members)), key=self.members.__getitem__)
         return forces[jnp.asarray(order)]
@@ -70,9 +96,6 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     blocks = scene.shaft.blocks(line)
     for effect in scene.of(AbstractLinear):
         blocks = blocks + effect.blocks(line)
-    load = Load()
-    for effect in scene.of(AbstractLoad):
-        load = load + effect.load(line, blocks)
     contacts = scene.of(AbstractContact)
     ports, members = [], []
     for group in port_groups(scene) if together is None else together:
@@ -82,9 +105,27 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
             stacks.setdefault(jax.tree.structure(law), []).append((i, law))
         at = contacts[group[0]].at
         laws = tuple(_stack([law for _, law in stack]) for stack in stacks.values())
-        ports.append(Port(line.row(at), line.column(at), laws))
+        ports.append(Port(line.row(at), line.column(at), at, laws))
         members += [i for stack in stacks.values() for i, _ in stack]
-    return System(line, blocks, load, tuple(ports), scene.spin, tuple(members))
+    races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
+    return System(
+        line,
+        blocks,
+        loads(scene, line, blocks),
+        tuple(ports),
+        tuple(races),
+        scene.of(AbstractBetween),
+        scene.spin,
+        tuple(members),
+    )
+
+
+def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
+    """All loads of a scene, as they enter the equations of a line."""
+    load = Load()
+    for effect in scene.of(AbstractLoad):
+        load = load + effect.load(line, blocks)
+    return load
 
 
 def structure(scene: Scene) -> System:

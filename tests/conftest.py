@@ -4,6 +4,7 @@ import os
 
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as jaxrotor itself sets, before jax loads it
 
 import jax  # noqa: E402
 import pytest  # noqa: E402

@@ -4,6 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrotor import (
+    BallBalancer,
+    BallContact,
     ConstantSpeed,
     Disc,
     DiscDamping,
@@ -94,16 +96,25 @@ def bare(*effects, N=15.0, **shaft):
 
 # One of every effect, all at the free end, and the parameters that make it vanish when all are zero.
 EFFECTS = [
-    Disc(LENGTH, 2.0, 0.01, 0.02),
+    Disc(LENGTH, 2.0, 0.01, 0.02, offset=1e-4, offset_angle=0.5, tilt=0.02, tilt_axis=0.9),
     Unbalance(LENGTH, 2.0, 2e-4, 0.3),
     Gravity(9.81, angle=-1.2),
     ExternalDamping(8.0),
     DiscDamping(LENGTH, 0.6, 0.05),
     InternalDamping(2e-4),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
-    Support(LENGTH, 3e4, 9.0, cross_stiffness=9e3, cross_damping=1.8),
+    Support(
+        LENGTH,
+        3e4,
+        9.0,
+        cross_stiffness=9e3,
+        cross_damping=1.8,
+        angular_stiffness=500.0,
+        angular_damping=0.1,
+    ),
 ]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
+ROLLING = [BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, places=3), BallContact(0.02, 1e5, 8.0)]
 STRENGTHS = {
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
@@ -112,8 +123,17 @@ STRENGTHS = {
     "disc_damping": ("translational", "angular"),
     "internal_damping": ("voigt_time",),
     "limiter": ("stiffness", "damping"),
-    "support": ("stiffness", "damping", "cross_stiffness", "cross_damping"),
+    "support": (
+        "stiffness",
+        "damping",
+        "cross_stiffness",
+        "cross_damping",
+        "angular_stiffness",
+        "angular_damping",
+    ),
     "hysteretic_damping": ("loss_factor",),
+    "ball_balancer": ("in_use",),
+    "ball_contact": ("stiffness", "damping"),
 }
 
 

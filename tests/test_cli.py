@@ -576,6 +576,119 @@ def test_stability(place):
     )
 
 
+# === run-ups, reactions, balancing
+
+
+def ramp(*effects, spin=None, name="ramp.toml"):
+    """A disc of 2 kg, 1 mm off the axis, a quarter of the way between two bearings."""
+    shaft = jr.RigidShaft(0.4, (jr.Constraint(0.0), jr.Constraint(0.4)))
+    spin = spin or jr.SpeedProfile.ramp(10.0, 20.0, 0.05)
+    jr.save(jr.Scene(shaft, jr.Disc(0.1, 2.0, 0.0, 0.02, offset=1e-3), *effects, spin=spin), name)
+    return name
+
+
+def test_run_up(place):
+    """Let go 1 mm off the axis, a mass on a spring swings as a cosine, whatever the speed does."""
+    shaft = jr.MasslessShaft(0.4, 0.2, 5e3)
+    spin = jr.SpeedProfile.ramp(10.0, 20.0, 0.1)
+    jr.save(jr.Scene(shaft, jr.Disc(0.2, 2.0), spin=spin), "spring.toml")
+    run = ["run-up", "spring.toml", "--start-radius", "1mm", "--samples", "41", "--out", "run"]
+    shown = answered(*run)
+    assert shown["speed"] == [10.0, 20.0] and shown["stopped"] is None
+    assert shown["peak"] == pytest.approx({"radius": 1e-3, "time": 0.0, "speed": 10.0})
+    assert shown["revolutions"] == pytest.approx(1.5 / (2 * np.pi))
+    assert everything_below(place / "run")[0] == "run-up.png"
+    assert sorted(os.listdir("run")) == ["run-up.png", "run-up.zarr", "speed.png"]
+    data = xr.open_zarr("run/run-up.zarr")
+    swing = 1e-3 * np.cos(50.0 * np.linspace(0.0, 0.1, 41))
+    np.testing.assert_allclose(data["displacement"].sel(axis="x")[:, 0], swing, atol=1e-9)
+    assert "exists already" in refused(*run)
+
+
+def test_run_up_of_what_cannot_move(place):
+    text = call("run-up", ramp(), "--times", "0, 10ms, 0.02").stdout
+    assert "nothing moves" in text and "10 to 14 rad/s" in text
+
+
+def test_reactions(place):
+    run = ["reactions", ramp(jr.Gravity()), "--samples", "501", "--out", "run"]
+    first, second = answered(*run)["bearings"]
+    assert first["name"] == "constraints.0" and first["moment"] is None
+    assert first["force"]["static"] == pytest.approx(0.75 * 2 * 9.80665)
+    assert first["force"]["first"] == pytest.approx(1.5e-3 * np.hypot(100, 200))
+    assert second["force"]["last"] == pytest.approx(0.5e-3 * 400)
+    before = 20 - 200 * 1e-4  # the last sample is past the ramp
+    assert second["force"]["most"] == pytest.approx(0.5e-3 * np.hypot(before**2, 200))
+    assert second["force"]["time"] == pytest.approx(0.0499)
+    files = ["hodograph.png", "reactions.png", "reactions.zarr", "vectors.png"]
+    assert sorted(os.listdir("run")) == files
+    data = xr.open_zarr("run/reactions.zarr")
+    assert data["force"].dims == ("time", "bearing", "axis") and data["force"].units == "N"
+
+
+def test_reactions_of_a_steady_state(place):
+    """`m e W^2 k / |k - m W^2 + i c W|` against the support and `k z + c z.` of it."""
+    shaft = jr.RigidShaft(0.4, (jr.Constraint(0.2, "guide"),))
+    disc = jr.Disc(0.2, 2.0, 0.0, 0.02, offset=1e-3)
+    support = jr.Support(0.2, 5e3, damping=30.0)
+    scene = jr.Scene(shaft, disc, support, jr.Gravity(), spin=jr.ConstantSpeed(60.0))
+    jr.save(scene, "steady.toml")
+    (one, *_) = answered("reactions", "steady.toml")["bearings"]
+    spring = 5e3 + 30j * 60
+    force = abs(spring * 2e-3 * 60**2 / (spring - 2 * 60**2))
+    assert one["name"] == "support"
+    for key in ("first", "last", "most"):
+        assert one["force"][key] == pytest.approx(force, rel=1e-6)
+    assert one["force"]["static"] == pytest.approx(2 * 9.80665)
+
+
+def test_balance_in_two_planes(place):
+    shown = answered("balance", ramp(), "--planes", "0m,400mm")
+    assert shown["speed"] == 20.0 and shown["planes"]["mass"] == 2.0
+    one, two = shown["planes"]["corrections"]
+    assert [one["plane"], two["plane"]] == [0.0, 0.4]
+    assert [one["moment"], two["moment"]] == pytest.approx([1.5e-3, 0.5e-3])
+    assert np.cos([one["angle"], two["angle"]]) == pytest.approx([-1.0, -1.0])
+    assert shown["planes"]["before"] == pytest.approx({"unbalance": 2e-3, "grade": 20.0})
+    assert shown["planes"]["residual"]["unbalance"] < 1e-15
+    assert shown["planes"]["standard"] == 40.0
+    assert shown["planes"]["permissible"] == pytest.approx(6.3e-3 * 2 / 20)
+    text = call("balance", "ramp.toml", "--planes", "0,0.4", "--grade", "2.5").stdout
+    assert "1500" in text and "meets G 40" in text and "250 g mm" in text
+    assert "two different stations" in refused("balance", "ramp.toml")
+    still = ramp(spin=jr.ConstantSpeed(0.0), name="still.toml")
+    assert "--speed" in refused("balance", still, "--planes", "0,0.4")
+
+
+def test_balance_with_balls(place):
+    """The machine R of the sheet, `om_cr = 1 / sqrt(1 - C)`."""
+    rotor = jr.Scene(
+        jr.RigidShaft(0.14, (jr.Constraint(0.0),)),
+        jr.Disc(0.0, 1.0, 0.07 - 0.14**2 * 0.11, 0.014),
+        jr.Support(0.0, 0.0, angular_stiffness=700.0, angular_damping=1.4),
+        jr.Unbalance(0.14, 1.0, 2.4e-3),
+        jr.BallBalancer(0.14, 0.025, 0.06, 3.5, places=2),
+        jr.BallBalancer(0.14, 0.02, 0.06, 2.24, places=3),
+        spin=jr.ConstantSpeed(200.0),
+    )
+    jr.save(rotor, "balls.toml")
+    found = answered("balance", "balls.toml")["balancer"]
+    assert found["capacity"] == pytest.approx(6.6e-3)
+    assert found["imbalance"] == pytest.approx(2.4e-3)
+    assert found["critical_speed"] == pytest.approx(100 / np.sqrt(0.8))
+    assert found["above"] and found["balances"] and found["stable"] and not found["cautions"]
+    one, two = (np.exp(1j * np.array(row)).sum() for row in found["position"])
+    assert abs(2.4 + 1.5 * one + 1.2 * two) < 1e-8
+    just = answered("balance", "balls.toml", "--speed", "112.5")["balancer"]
+    assert just["above"] and not just["stable"]
+    assert "promises stability" in just["cautions"][0]
+    heavy = ["--set", "unbalance.eccentricity=7mm"]
+    text = call("balance", "balls.toml", *heavy).stdout
+    assert "No position balances" in " ".join(text.split()) and "stable, largest" not in text
+    wide = ["--set", "ball_balancers.0.at=0.1"]
+    assert "in one plane" in refused("balance", "balls.toml", *wide)
+
+
 @pytest.mark.parametrize(
     "args, said",
     [
@@ -599,6 +712,14 @@ def test_stability(place):
         (["simulate", "limiter-rotor", "--keep", "200"], "must not exceed"),
         (["simulate", "limiter-rotor", "--at", "2 m"], "on the shaft"),
         (["simulate", "limiter-rotor", "--set", "spin.speed=0"], "`period`"),
+        (["run-up", "limiter-rotor"], "add --duration"),
+        (["run-up", "limiter-rotor", "--duration", "0"], "must be above 0"),
+        (["run-up", "limiter-rotor", "--duration", "1s", "--film"], "add --out"),
+        (["run-up", "limiter-rotor", "--duration", "1s", "--times", "0,1"], "leave out"),
+        (["run-up", "limiter-rotor", "--times", "0:1"], "start : stop : count"),
+        (["reactions", "limiter-rotor", "--times", "1s,0s"], "ascending"),
+        (["balance", "limiter-rotor", "--planes", "0m"], "two different stations"),
+        (["balance", "limiter-rotor", "--planes", "0m,9m"], "on the shaft"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=1:2"], "start : stop : count"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=1:2:1"], "count from 2"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=a:2:3"], "must be in rad/s"),
@@ -668,13 +789,13 @@ def test_json_is_valid():
 
 
 COMMANDS = ["show", "roots", "onset", "campbell", "critical", "stability", "response"]
-COMMANDS += ["simulate", "sweep"]
+COMMANDS += ["balance", "simulate", "run-up", "reactions", "sweep"]
 
 
 @pytest.mark.parametrize("command", ["", "scenes", *COMMANDS])
 def test_help(command):
     text = call(*filter(None, [command]), "--help").stdout
-    assert "Usage" in text and (command in ("", "scenes") or f"jaxrotor {command} limiter" in text)
+    assert "Usage" in text and (command in ("", "scenes") or f"jaxrotor {command} " in text)
 
 
 # === as a program

@@ -15,7 +15,21 @@ import numpy as np
 import pytest
 from systems import leaf_values
 
-from jaxrotor import ConstantSpeed, Disc, FlexibleShaft, Limiter, Material, Scene, effects, files
+from jaxrotor import (
+    BallBalancer,
+    ConstantSpeed,
+    Constraint,
+    Disc,
+    Drive,
+    FlexibleShaft,
+    Limiter,
+    Material,
+    RigidShaft,
+    Scene,
+    SpeedProfile,
+    effects,
+    files,
+)
 from jaxrotor.blocks import Blocks
 from jaxrotor.effects import AbstractLinear
 from jaxrotor.files import SceneError, dumps, load, loads, save, shipped, study
@@ -23,13 +37,17 @@ from jaxrotor.quantities import positive
 
 
 NAMES = ["limiter-rotor", "limiter-rotor-2023"]
-LINEAR = [
+OTHERS = [
+    "ball-balancer",
+    "ball-balancer-light",
     "dual-stiffness-elastic",
     "dual-stiffness-rigid",
     "dual-stiffness-rotating",
     "gyroscopic-cantilever",
     "gyroscopic-propped",
     "overhung-disc",
+    "turbine-run-up",
+    "turbine-variants",
     "two-discs",
     "two-discs-unequal",
 ]
@@ -194,15 +212,15 @@ def test_study_of_shipped_scene(name):
     np.testing.assert_array_equal(values, np.linspace(0, 0.001001, 144))
 
 
-@pytest.mark.parametrize("name", LINEAR)
-def test_shipped_linear_scene(name):
-    """Every number survives a round trip; what they amount to is in the tests of the two sheets."""
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_shipped_scene(name):
+    """Every number survives a round trip; what they amount to is in the tests of the sheets."""
     same(load(name), loads(dumps(load(name))))
     assert study(name) == {}
 
 
 def test_shipped_lists_names_and_titles():
-    assert [name for name, _ in shipped()] == sorted(LINEAR + NAMES)
+    assert [name for name, _ in shipped()] == sorted(OTHERS + NAMES)
     assert all(len(title) > 20 and "\n" not in title for _, title in shipped())
 
 
@@ -222,7 +240,36 @@ def every_effect() -> Scene:
     return Scene(shaft, *members, spin=ConstantSpeed(-1e5 / 3))
 
 
-@pytest.mark.parametrize("scene", [*NAMES, every_effect()], ids=[*NAMES, "every effect"])
+def rigid_scene() -> Scene:
+    """A rigid shaft, a drive and all its tables."""
+    constraints = (Constraint(1 / 9), Constraint(1 / 7, "guide"))
+    drive = Drive(
+        1e3 / 7,
+        -1 / 3,
+        1 / 7,
+        1 / 9,
+        odd=True,
+        coulomb=1 / 11,
+        table_speeds=[1 / 3, 2 / 3, 7 / 9],
+        table_torques=[0.1, 0.0, -1 / 3],
+        polar=1 / 13,
+        feedback=True,
+        stops=True,
+    )
+    disc = Disc.thin(1 / 7, 1 / 3, 1 / 9, tilt=1e-3 / 7, exact=False)
+    balls = BallBalancer(1 / 7, 1e-3, 1 / 9, 1 / 3, places=5)
+    return Scene(RigidShaft(2 / 3, constraints), disc, balls, spin=drive)
+
+
+def profile_scene() -> Scene:
+    profile = SpeedProfile([0.1, 1 / 3, 0.7], [0.0, 100 / 3, 1e5 / 7])
+    return Scene(FlexibleShaft(0.7, 0.02), spin=profile)
+
+
+WRITTEN = {"every effect": every_effect(), "rigid": rigid_scene(), "profile": profile_scene()}
+
+
+@pytest.mark.parametrize("scene", [*NAMES, *WRITTEN.values()], ids=[*NAMES, *WRITTEN])
 def test_round_trip_is_bit_identical(scene, tmp_path):
     scene = load(scene) if isinstance(scene, str) else scene
     save(scene, tmp_path / "a.toml", title='A "title"')
@@ -377,6 +424,32 @@ def test_disc_by_its_dimensions():
         assert scene.get(f"disc.{name}") == getattr(disc, name)
 
 
+def test_thin_disc_and_discs_out_of_true():
+    wrong = (
+        "offset = '0.1 mm'\noffset_angle = '30 deg'\ntilt = '1 deg'\ntilt_axis = 2\nexact = false\n"
+    )
+    out_of_true = {
+        "offset": 1e-4,
+        "offset_angle": math.pi / 6,
+        "tilt": math.pi / 180,
+        "tilt_axis": 2,
+    }
+    for given, disc in {
+        "mass = '2500 g'\nradius = '10 cm'": Disc.thin(0.7, 2.5, 0.1, exact=False, **out_of_true),
+        "diameter = 0.2\nthickness = 0.01": Disc.from_dimensions(
+            0.7, 0.2, 0.01, exact=False, **out_of_true
+        ),
+        "mass = 2.5": Disc(0.7, 2.5, exact=False, **out_of_true),
+    }.items():
+        scene = loads(good("mass = 2.5\n", f"{given}\n{wrong}"))
+        (found,) = scene.of(Disc)
+        assert not found.exact
+        for name, value in leaf_values(scene).items():
+            head, _, own = name.partition(".")
+            if head == "disc":
+                np.testing.assert_allclose(value, getattr(disc, own), rtol=1e-15)
+
+
 @pytest.mark.parametrize("head", ["[disc]", "[[disc]]", "[discs]", "[[discs]]"])
 def test_one_effect_by_any_name(head):
     same(loads(good("[disc]", head)), loads(good()))
@@ -504,7 +577,23 @@ def study_of(text):
             "mass = 2.5",
             "mass = 1\nbore = 0.2",
             "disc.mass is not a parameter of a disc given by its dimensions; it has: at, "
-            "diameter, thickness, density, bore.",
+            "diameter, thickness, density, bore, offset, offset_angle, tilt, tilt_axis, exact.",
+        ),
+        (
+            "mass = 2.5",
+            "radius = '0.1 m'",
+            "disc.mass is missing; a thin disc needs: at, mass, radius.",
+        ),
+        ("mass = 2.5", "mass = 1\nradius = 0", "disc: `radius [m]` must be positive, but is 0."),
+        (
+            "mass = 2.5",
+            "mass = 1\nradius = 1\nexact = 1",
+            "disc.exact must be true or false, but is 1.",
+        ),
+        (
+            "mass = 2.5",
+            "mass = 1\nradius = 1\npolar = 1",
+            "disc.polar is not a parameter of a thin disc; it has: at, mass, radius, offset, ",
         ),
         (
             "mass = 2.5",
@@ -515,7 +604,7 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a parameter of a scene (did you mean `disc`?); it has: title, "
-            "shaft, disc, discs, ",
+            "shaft, ball_balancer, ball_balancers, ball_contact, ball_contacts, disc, discs, ",
         ),
         (
             "[disc]",
@@ -527,14 +616,18 @@ def study_of(text):
         (
             "[shaft]",
             "[shaft]\nmodel = 'flexibel'",
-            "shaft.model must be 'flexible' or 'massless', but is 'flexibel'.",
+            "shaft.model must be 'flexible' or 'massless' or 'rigid', but is 'flexibel'.",
         ),
         (
             "[shaft]",
             "[shaft]\nmodel = [1]",
-            "shaft.model must be 'flexible' or 'massless', but is [1].",
+            "shaft.model must be 'flexible' or 'massless' or 'rigid', but is [1].",
         ),
-        ("[spin]", "[spin]\nmodel = 3", "spin.model must be 'constant', but is 3."),
+        (
+            "[spin]",
+            "[spin]\nmodel = 3",
+            "spin.model must be 'constant' or 'profile' or 'drive', but is 3.",
+        ),
         (
             "[shaft]",
             "[shaft]\nrule = 'simpson'",
@@ -675,7 +768,7 @@ def test_unreadable_files(tmp_path):
             assert str(caught.value).startswith(f"{path} {start}"), caught.value
             assert str(caught.value).endswith(".")
 
-    near = f"(did you mean `limiter-rotor`?); shipped are: {', '.join(sorted(LINEAR + NAMES))}."
+    near = f"(did you mean `limiter-rotor`?); shipped are: {', '.join(sorted(OTHERS + NAMES))}."
     sentence("limiter-roter", f"is no file and no shipped scene {near}")
     sentence(tmp_path / "no.toml", "is no file and no shipped scene; shipped are: ")
     sentence(tmp_path, "cannot be read (Is a directory); give a TOML file in UTF-8.")

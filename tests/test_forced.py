@@ -427,3 +427,55 @@ def test_refusals():
         jr.forced_response(dual(1, more=(stop,)), 1.0, jr.HarmonicForce(0.5))
     with pytest.raises(ValueError, match="Hysteretic damping is defined for circular whirl only"):
         jr.weight_response(dual(1, more=(jr.HystereticDamping(0.1),)), 1.0)
+
+
+# === steady state
+
+
+def test_steady_state_of_a_disc_on_a_spring():
+    """`m e W^2 / (k - m W^2 + i c W)` turns, `-m g i / k` stays."""
+    k, c, m, e, speed = 5e3, 30.0, 2.0, 1e-3, 60.0
+    shaft = jr.MasslessShaft(0.4, 0.2, k)
+    parts = (
+        jr.Disc(0.2, m),
+        jr.DiscDamping(0.2, c),
+        jr.Unbalance(0.2, m, e, phase=0.3),
+        jr.Gravity(),
+    )
+    scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(speed))
+    turning = m * e * np.exp(0.3j) * speed**2 / (k - m * speed**2 + 1j * c * speed)
+    q, velocity = jr.steady_state(scene)
+    np.testing.assert_allclose(q, [turning - 9.80665j * m / k], rtol=1e-12)
+    np.testing.assert_allclose(velocity, [1j * speed * turning], rtol=1e-12)
+
+
+def test_steady_state_of_a_shaft_of_two_stiffnesses_repeats():
+    """Weight is answered twice a turn: an own integration is back after half a turn."""
+    k, part, m, speed, c = 5e3, 0.2, 2.0, 60.0, 40.0
+    shaft = jr.MasslessShaft(0.4, 0.2, k, anisotropy=part)
+    parts = jr.Disc(0.2, m), jr.DiscDamping(0.2, c), jr.Gravity()
+    scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(speed))
+    q, velocity = (np.asarray(a)[0] for a in jr.steady_state(scene))
+
+    def rate(t, y):
+        z, v = y
+        spring = k * z + part * k * np.exp(2j * speed * t) * np.conj(
+            z
+        )  # k (1 + mu) along x at first
+        return [v, (-spring - c * v - 9.80665j * m) / m]
+
+    half = np.pi / speed
+    found = solve_ivp(rate, (0, half), [q, velocity], rtol=1e-11, atol=1e-14).y[:, -1]
+    np.testing.assert_allclose(found, [q, velocity], rtol=1e-8)
+
+
+def test_steady_state_is_refused_where_there_is_none():
+    shaft, disc = jr.MasslessShaft(0.4, 0.2, 1e4), jr.Disc(0.2, 1.0)
+    rotor = lambda *more: jr.Scene(shaft, disc, *more, spin=jr.ConstantSpeed(100.0))
+    for part, said in (
+        (jr.Limiter(0.2, 0.0, 1e-3, 1e5), "contacts"),
+        (jr.BallBalancer(0.2, 0.01, 0.05, 1.0), "Balls"),
+        (jr.Unbalance(0.2, 1.0, 1e-3), "unbounded"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            jr.steady_state(rotor(part))

@@ -14,6 +14,7 @@ from systems import (
     HARMONIC,
     LENGTH,
     MASS,
+    ROLLING,
     STRENGTHS,
     TIME,
     bare,
@@ -34,6 +35,7 @@ from jaxrotor import (
 )
 from jaxrotor.march import March, Plan
 from jaxrotor.motion import Motion
+from jaxrotor.transient import Posture, Transient
 
 
 # === size of the equations
@@ -175,6 +177,36 @@ def test_zero_strength_equals_absence_among_harmonic_motions(effect):
     expected = np.asarray(jr.roots(base, 6))
     np.testing.assert_allclose(np.asarray(jr.roots(zero, 6)), expected, rtol=1e-11)
     assert np.max(np.abs(np.asarray(jr.roots(here, 6)) / expected - 1)) > 1e-4
+
+
+@eqx.filter_jit
+def rates_with_bodies(scene, states, bodies):
+    """Vector field of a scene whose bodies move, of shaft and bodies."""
+    field = Transient.of(scene, jnp.asarray(1 / TIME), jnp.zeros(()))
+    angle, rate = bodies if field.system.races else jnp.zeros((2, 0))
+    none = jnp.zeros(0)
+    rates = [
+        field(jnp.asarray(1e-3 * k), Posture(*state, none, none, angle, rate))
+        for k, state in enumerate(states)
+    ]
+    return jnp.stack([r.r_rate for r in rates]), jnp.stack([r.bodies_rate for r in rates])
+
+
+@pytest.mark.parametrize("effect", ROLLING, ids=lambda effect: effect.kind)
+def test_zero_strength_equals_absence_among_bodies(effect):
+    others = [*EFFECTS, *(one for one in ROLLING[:1] if one.kind != effect.kind)]
+    base, here = bare(*others, N=4.0), bare(*others, effect, N=4.0)
+    zero = here.replace({f"{effect.kind}.{name}": 0.0 for name in STRENGTHS[effect.kind]})
+    states = 4e-3 * np.random.default_rng(3).standard_normal((6, 2, 2, assemble(base).n))
+    bodies = jnp.array([[0.1, 0.3, 2.0], [0.2, -0.1, 0.0]])  # the first two touch
+    shaft, balls = rates_with_bodies(base, states, bodies)
+    same, still = rates_with_bodies(zero, states, bodies)
+    other, rolls = rates_with_bodies(here, states, bodies)
+    largest = np.max(np.abs(shaft))
+    np.testing.assert_allclose(same, shaft, rtol=0, atol=1e-12 * largest)
+    np.testing.assert_allclose(still[:, : balls.shape[1]], balls, rtol=1e-12)
+    assert np.max(np.abs(other - shaft)) > 1e-6 * largest  # at strength it acts
+    assert not np.allclose(rolls, still)
 
 
 # === values never retrace

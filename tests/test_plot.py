@@ -12,10 +12,13 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 import xarray as xr  # noqa: E402
+from matplotlib.animation import FFMpegWriter  # noqa: E402
 from matplotlib.colors import LogNorm, to_hex  # noqa: E402
+from PIL import Image  # noqa: E402
 
 import jaxrotor as jr  # noqa: E402
 from jaxrotor import plot  # noqa: E402
+from jaxrotor.analysis.balancer import StabilityChart  # noqa: E402
 from jaxrotor.plot import colours, page  # noqa: E402
 
 
@@ -819,6 +822,224 @@ def test_error_map_of_no_error():
         plot.error_map([0.0, 1.0], [0.0, 1.0], np.zeros((2, 2)), np.ones((2, 2)))
 
 
+# === run-ups, reactions, balancer
+
+
+PIVOTED = jr.RigidShaft(0.14, (jr.Constraint(0.0),))
+
+
+def run(*effects, size=201):
+    """Speed from 10 to 20 rad/s in 1 s; 2 mm of whirl that grows to 3 mm; two rows of balls."""
+    time = np.linspace(0.0, 1.0, size)
+    angle = 10 * time + 5 * time**2
+    row = lambda *starts: 2 * np.pi * time[:, None] + np.asarray(starts)
+    scene = jr.Scene(
+        PIVOTED,
+        jr.BallBalancer(0.14, 0.025, 0.06, 1.0),
+        jr.BallBalancer(0.14, 0.02, 0.05, 1.0, places=3, in_use=1),
+        *effects,
+        spin=jr.SpeedProfile.ramp(10.0, 20.0, 1.0),
+    )
+    angles = row(0.0, np.pi / 2), row(-np.pi / 2, 1.0, 2.0)
+    thrown = 1.5e-3 * np.exp(1j * angles[0]).sum(1) + 1e-3 * np.exp(1j * angles[1][:, 0])
+    return types.SimpleNamespace(
+        time=time,
+        angle=angle,
+        speed=10 + 10 * time,
+        acceleration=np.full(size, 10.0),
+        displacement=((2e-3 + 1e-3 * time) * np.exp(1j * angle))[:, None],
+        balls=tuple(jr.Balls(jnp.asarray(a), jnp.zeros_like(a)) for a in angles),
+        imbalance=2e-3 + thrown,
+        scene=scene,
+    )
+
+
+def pressed(factor=1.0):
+    """Two bearings: 3 N turning with the shaft, and weight of 4 N alone."""
+    time = np.linspace(0.0, 2.0, 101)
+    turn = np.exp(5j * time)
+    force = factor * np.stack([3 * turn, 4j + 0 * turn], axis=1)
+    return types.SimpleNamespace(
+        time=time,
+        angle=5 * time,
+        force=force,
+        moment=0.1 * force,
+        static=factor * np.array([0.0, 4j]),
+        static_moment=np.zeros(2, complex),
+        names=("support", "constraints.0"),
+    )
+
+
+def test_speed_and_acceleration_in_time():
+    upper, lower = plot.speed(run())
+    np.testing.assert_allclose(upper.lines[0].get_ydata()[[0, -1]], [10.0, 20.0])
+    np.testing.assert_allclose(lower.lines[0].get_ydata(), 10.0)
+    assert upper.get_ylabel() == "speed [rad/s]" and lower.get_xlabel() == "time [s]"
+    assert lower.get_ylabel() == "acceleration [rad/s$^2$]"
+
+
+def test_amplitude_of_a_run_up():
+    upper, lower = plot.run_up(run())
+    np.testing.assert_allclose(upper.lines[0].get_ydata()[[0, -1]], [2.0, 3.0])
+    assert upper.get_ylabel() == "amplitude [mm]"
+    np.testing.assert_allclose(lower.lines[0].get_ydata()[[0, -1]], [10.0, 20.0])
+    small = run()
+    small.displacement = 1e-3 * small.displacement
+    ax = plot.passage(small)
+    np.testing.assert_allclose(ax.lines[0].get_xdata()[[0, -1]], [10.0, 20.0])
+    np.testing.assert_allclose(ax.lines[0].get_ydata()[[0, -1]], [2.0, 3.0])
+    assert ax.get_ylabel() == "amplitude [\N{MICRO SIGN}m]"
+    assert ax.get_xlabel() == "speed of rotation [rad/s]"
+
+
+def test_reactions_are_magnitudes_with_their_static_part():
+    drawn = lines(plot.reactions(pressed()))
+    assert list(drawn) == ["support", "constraints.0", "constraints.0 at rest"]
+    np.testing.assert_allclose(drawn["support"].get_ydata(), 3.0)
+    np.testing.assert_allclose(drawn["constraints.0 at rest"].get_ydata(), 4.0)
+    assert to_hex(drawn["support"].get_color()).upper() == colours.CYCLE[0]
+
+
+@pytest.mark.parametrize(
+    "factor, moment, size, label",
+    [
+        (1.0, False, 3.0, "reaction [N]"),
+        (1e4, False, 30.0, "reaction [kN]"),
+        (1.0, True, 0.3, "moment [N m]"),
+    ],
+)
+def test_reactions_have_units(factor, moment, size, label):
+    ax = plot.reactions(pressed(factor), moment=moment)
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), size)
+    assert ax.get_ylabel() == label
+
+
+def test_reaction_vectors_at_an_instant():
+    for rotating, tip in ((False, 3 * np.exp(5j * 0.5)), (True, 3.0)):
+        ax = plot.reaction_vectors(pressed(), 0.501, rotating=rotating)
+        arrow = ax.collections[0]
+        np.testing.assert_allclose(arrow.U[0] + 1j * arrow.V[0], tip, atol=1e-12)
+        assert ("axes of the shaft" in ax.get_xlabel()) == rotating
+        assert ax.get_xlabel().endswith("[N]") and ax.texts[0].get_text() == "0.5 s"
+    with pytest.raises(ValueError, match="within the run"):
+        plot.reaction_vectors(pressed(), 3.0)
+
+
+def test_hodograph_of_a_turning_force():
+    path = lines(plot.hodograph(pressed()))["support"]
+    np.testing.assert_allclose(np.hypot(path.get_xdata(), path.get_ydata()), 3.0)
+    fixed = lines(plot.hodograph(pressed(), rotating=True))
+    np.testing.assert_allclose(fixed["support"].get_xdata(), 3.0)
+    turned = fixed["constraints.0"].get_xdata() + 1j * fixed["constraints.0"].get_ydata()
+    np.testing.assert_allclose(turned, 4j * np.exp(-5j * pressed().time), atol=1e-12)
+
+
+def test_reactions_of_nothing():
+    nothing = pressed()
+    nothing.names = ()
+    with pytest.raises(ValueError, match="no supports"):
+        plot.hodograph(nothing)
+
+
+def test_balls_by_row_and_what_they_leave():
+    upper, lower = plot.balls(run())
+    blue, orange = colours.BLUE, colours.ORANGE
+    assert [to_hex(line.get_color()).upper() for line in upper.lines] == [blue, blue, orange]
+    drawn = lines(upper)["row 1, 2 balls"].get_ydata()
+    np.testing.assert_allclose(drawn[:200], 360 * np.linspace(0.0, 1.0, 201)[:200], atol=1e-9)
+    once = upper.lines[1].get_ydata()  # begins at 90 degrees, goes round at three quarters
+    assert np.isnan(once).sum() == 1 and once[-1] == pytest.approx(90.0)
+    assert "row 2, 1 ball" in lines(upper)
+    left = lines(lower)
+    np.testing.assert_allclose(left["rotor and balls"].get_ydata(), 1e3 * np.abs(run().imbalance))
+    np.testing.assert_allclose(left["rotor alone"].get_ydata(), 2.0)
+    assert lower.get_ylabel() == "imbalance [g m]" and "[deg]" in upper.get_ylabel()
+
+
+def test_balls_that_balance_are_on_a_logarithmic_scale():
+    assert plot.balls(run())[1].get_yscale() == "linear"
+    settling = run()
+    pair = np.pi - 10.0 ** np.linspace(0.0, -9.0, 201)[:, None] * np.ones(2)
+    single = np.zeros((201, 3))
+    settling.balls = tuple(jr.Balls(jnp.asarray(a), jnp.zeros_like(a)) for a in (pair, single))
+    settling.imbalance = 2e-3 + 1e-3 + 3e-3 * np.exp(1j * pair[:, 0])
+    lower = plot.balls(settling)[1]
+    assert lower.get_yscale() == "log"
+    top = np.abs(settling.imbalance).max() * 1e3
+    np.testing.assert_allclose(lower.get_ylim(), [1e-6 * top, 2 * top])
+
+
+def test_balancer_is_drawn_to_scale():
+    ax = plot.balancer_at(run(jr.BallContact(0.008, 1e5)), 0.0)
+    circles = [(*patch.center, patch.radius) for patch in ax.patches]
+    expected = [(0, 0, 60), (60, 0, 8), (0, 60, 8), (0, 0, 50), (0, -50, 8)]
+    np.testing.assert_allclose(circles, expected, atol=1e-6)
+    arrows = {a.get_label(): complex(a.U[0], a.V[0]) for a in ax.collections}
+    each = 60 / 4.0  # mm a g m: the balls can balance 4 g m
+    assert arrows["rotor"] == pytest.approx(2 * each)
+    assert arrows["row 1, 2 balls"] == pytest.approx((1.5 + 1.5j) * each)
+    assert arrows["row 2, 1 ball"] == pytest.approx(-1j * each)
+    assert arrows["left"] == pytest.approx((3.5 + 0.5j) * each)
+    assert "radius = 4 g m" in [text.get_text() for text in ax.texts]
+    assert ax.get_xlabel() == "x of the rotor [mm]" and ax.get_aspect() == 1.0
+
+
+def test_balls_without_a_contact_are_of_steel():
+    ball = plot.balancer_at(run(), 0.0).patches[1]
+    assert 4 / 3 * np.pi * (1e-3 * ball.radius) ** 3 * 7850 == pytest.approx(0.025)
+
+
+def test_balls_need_a_balancer():
+    other = run()
+    other.scene = rotor()
+    with pytest.raises(ValueError, match="BallBalancer"):
+        plot.balls(other)
+
+
+def test_animation_is_a_film(tmp_path):
+    path = tmp_path / "film.gif"
+    plot.animate(run(size=21), path, seconds=0.4, rate=10)
+    with Image.open(path) as film:
+        assert film.n_frames == 4 and film.width > 600
+    assert not plt.get_fignums()
+
+
+def test_animation_says_what_it_writes(tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match=".gif or .mp4"):
+        plot.animate(run(), tmp_path / "film.avi")
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with pytest.raises(ValueError, match="ffmpeg"):
+        plot.animate(run(), tmp_path / "film.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def charted(growth):
+    """Stable above speed 2 - mass / 2, promised above 1; over speed and mass."""
+    x, y = np.linspace(0.5, 2.5, 5), np.linspace(0.0, 2.0, 3)
+    a11 = np.broadcast_to(1 - x[:, None] ** 2, (5, 3))
+    boundary = (np.array([[1.0, 0.0], [2.0, 2.0]]),)
+    return StabilityChart(x, y, growth(x[:, None], y), a11, boundary, ("speed", "mass"), ("1", "1"))
+
+
+def test_stability_chart_beside_the_first_approximation():
+    ax = plot.stability_chart(charted(lambda x, y: 1 + y / 2 - x))
+    drawn = lines(ax)
+    np.testing.assert_allclose(drawn["boundary of stability"].get_xdata(), [1.0, 2.0])
+    assert "$a_{11} = 0$" in drawn
+    dashed = [s for c in ax.collections for s in c.get_paths() if len(s) and c.get_edgecolor().size]
+    assert any(np.allclose(path.vertices[:, 0], 1.0, atol=0.02) for path in dashed)
+    assert ax.get_xlabel().startswith("speed") and ax.get_ylabel().startswith("factor on the mass")
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "$a_{11} < 0$ but unstable" in names
+    assert ax.figure.axes[1].get_ylabel() == "growth rate where unstable [1]"
+
+
+def test_stability_chart_where_the_approximation_is_right():
+    ax = plot.stability_chart(charted(lambda x, y: 1 - x + 0 * y))
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["boundary of stability", "$a_{11} = 0$"]
+
+
 # === all
 
 
@@ -832,6 +1053,11 @@ def test_error_map_of_no_error():
         lambda ax: plot.waterfall(spectra(), ax=ax),
         lambda ax: plot.stability_map(stability(), ax=ax),
         lambda ax: plot.boundary_family([stability()], ["k = 0"], ax=ax),
+        lambda ax: plot.passage(run(), ax=ax),
+        lambda ax: plot.reactions(pressed(), ax=ax),
+        lambda ax: plot.reaction_vectors(pressed(), 1.0, ax=ax),
+        lambda ax: plot.hodograph(pressed(), ax=ax),
+        lambda ax: plot.balancer_at(run(), 0.5, ax=ax),
         lambda ax: plot.error_map([0, 1], [0, 1], np.eye(2), np.eye(2), ax=ax),
     ],
     ids=[
@@ -842,6 +1068,11 @@ def test_error_map_of_no_error():
         "waterfall",
         "stability_map",
         "boundary_family",
+        "passage",
+        "reactions",
+        "reaction_vectors",
+        "hodograph",
+        "balancer_at",
         "error_map",
     ],
 )

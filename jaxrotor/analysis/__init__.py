@@ -1,5 +1,19 @@
 """Analyses of the linear rotor: by its roots, or over a revolution where coefficients are periodic."""
 
+from . import balancer as balancer
+from .balancing import (
+    FirstMoments as FirstMoments,
+    Grade as Grade,
+    allocated_unbalance as allocated_unbalance,
+    balance_grade as balance_grade,
+    correction_masses as correction_masses,
+    first_moments as first_moments,
+    influence_coefficients as influence_coefficients,
+    permissible_unbalance as permissible_unbalance,
+    rigid_correction as rigid_correction,
+    rigid_residual as rigid_residual,
+    total_mass as total_mass,
+)
 from .campbell import (
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
@@ -12,9 +26,11 @@ from .forced import (
     HarmonicResponse as HarmonicResponse,
     WeightResponse as WeightResponse,
     forced_response as forced_response,
+    steady_state as steady_state,
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
 from .maps import (
     Boundary as Boundary,
     StabilityMap as StabilityMap,

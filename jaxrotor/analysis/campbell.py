@@ -208,7 +208,7 @@ def critical_speeds(scene: Scene, count: int | None = None) -> CriticalSpeeds:
 @eqx.filter_jit
 def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """Critical speeds (infinite for none) and how far they whirl forward, in no order."""
-    system = assemble(scene.put({"spin.speed": jnp.zeros(())}))
+    system = assemble(scene)
     blocks = system.blocks
     zero = jnp.zeros(system.line.stiffness.shape, complex)
     part = lambda block: zero if block is None else block + 0j

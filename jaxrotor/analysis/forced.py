@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..effects import Disc
+from ..effects import AbstractBodies, Disc
 from ..pencil import Pencil, frame, isotropic
 from ..quantities import Scalar, known, nonnegative, real
 from ..scene import Scene
@@ -151,6 +151,44 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
     return HarmonicResponse(speeds, frequencies, stations, forward, backward, sidebands)
 
 
+def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
+    """`q, q.` at angle zero of the steady motion under unbalance and weight, without time stepping.
+
+    A run that starts there, `run_up(scene, times, start=Continued(*steady_state(scene)))`, is steady
+    from the first sample on, stable or not.
+
+    Args:
+        scene: a rotor without contact or balls, at constant speed.
+
+    Returns:
+        Coordinates and their rates. Differentiable.
+
+    Source: Azarov, Gouskov, Panovko (2023), eq. (9); Klochkov, eqs. (4), (8).
+    """
+    _cases(scene, 0.0, None)
+    if scene.of(AbstractBodies):
+        raise ValueError("Balls have many steady positions; let `run_up` find one.")
+    q, velocity, distance = _steady(scene)
+    if known(distance) and distance < CRITICAL:
+        raise ValueError(
+            f"The response is unbounded at {float(scene.spin.speed):g} rad/s, an undamped critical speed "
+            "or resonance; add damping."
+        )
+    return q, velocity
+
+
+@eqx.filter_jit
+def _steady(scene: Scene):
+    system = assemble(scene)
+    speed = system.spin.speed
+    if not system.n:
+        return jnp.zeros(0, complex), jnp.zeros(0, complex), jnp.ones(())
+    ahead, back, mirrored, _, near = _parts(system, speed, *_of_unbalance(system))
+    still, same, twice, _, far = _parts(system, jnp.zeros(()), *_of_weight(system))
+    velocity = 1j * speed * (ahead + mirrored - back + 2 * twice)
+    return ahead + back + mirrored + still + same + twice, velocity, jnp.minimum(near, far)
+
+
 def _of_unbalance(system: System):
     speed = system.spin.speed
     return _times(speed**2, system.load.unbalance), None
@@ -212,9 +250,11 @@ def _respond(scene: Scene, speeds, frequencies, stations, load):
 
 @eqx.filter_jit
 def _parts_of_all(scene: Scene, speeds, frequencies, stations, load):
+    rotor = assemble(scene)
+
     def one(case):
         speed, frequency = case
-        system = assemble(scene.put({"spin.speed": speed}))
+        system = rotor.at_speed(speed)
         *parts, distance = _parts(system, frequency, *load(system))
         rows = jax.vmap(system.line.row)(stations)
         return *(rows @ part for part in parts), distance

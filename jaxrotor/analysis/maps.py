@@ -51,23 +51,29 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
         raise ValueError(f"`over` must name two parameters, but names {len(over)}: {list(over)}.")
     first, second = over
     x, y = (_axis(scene, path, values) for path, values in over.items())
-    evaluate = functools.partial(_growth, scene, (first, second))
+    growth, boundaries = traced(functools.partial(_growth, scene, (first, second)), x, y)
+    units = scene.unit(first), scene.unit(second)
+    return StabilityMap(x, y, growth, boundaries, (first, second), units)
+
+
+def traced(
+    evaluate: Callable, x: Float[np.ndarray, " a"], y: Float[np.ndarray, " b"]
+) -> tuple[Float[np.ndarray, "a b"], tuple[Float[np.ndarray, "_ 2"], ...]]:
+    """Growth over a grid and its curves of zero; `evaluate(x, y)` of points (k,) as `_growth`."""
     grid = np.meshgrid(x, y, indexing="ij")
     growth = evaluate(*(part.ravel() for part in grid))[0].reshape(grid[0].shape)
     # Between signs alone, so that every crossing is in the middle of an edge of a cell.
     signs = np.ma.array(np.where(growth > 0, 1.0, -1.0), mask=np.isnan(growth)).T
     lines: Any = contourpy.contour_generator(z=signs, corner_mask=False).lines(0.0)
-    boundaries: tuple[np.ndarray, ...] = ()
-    if lines:
-        middle = np.concatenate(lines)  # in steps of the grid
-        low, high = (turn(middle).astype(int) for turn in (np.floor, np.ceil))
-        corners = (np.stack([x[ij[:, 0]], y[ij[:, 1]]]) for ij in (low, high))
-        curve = _crossing(evaluate, *corners).T
-        parts = np.split(curve, np.cumsum([len(line) for line in lines])[:-1])
-        known = (part[~np.isnan(part).any(axis=1)] for part in parts)
-        boundaries = tuple(part for part in known if len(part))
-    units = scene.unit(first), scene.unit(second)
-    return StabilityMap(x, y, growth, boundaries, (first, second), units)
+    if not lines:
+        return growth, ()
+    middle = np.concatenate(lines)  # in steps of the grid
+    low, high = (turn(middle).astype(int) for turn in (np.floor, np.ceil))
+    corners = (np.stack([x[ij[:, 0]], y[ij[:, 1]]]) for ij in (low, high))
+    curve = _crossing(evaluate, *corners).T
+    parts = np.split(curve, np.cumsum([len(line) for line in lines])[:-1])
+    known = (part[~np.isnan(part).any(axis=1)] for part in parts)
+    return growth, tuple(part for part in known if len(part))
 
 
 class Boundary(NamedTuple):

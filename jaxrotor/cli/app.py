@@ -5,9 +5,12 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from .balance import balance
 from .campbell import campbell, critical
 from .linear import onset, roots
+from .reactions import reactions
 from .response import response
+from .run_up import run_up
 from .scenes import scenes, show
 from .simulate import simulate
 from .stability import stability
@@ -52,7 +55,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    scenes, show, roots, onset, campbell, critical, stability, response, simulate, sweep
+    scenes, show, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
+    reactions, sweep,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command()(_command)
@@ -74,6 +78,9 @@ def options(
     jaxrotor critical limiter-rotor
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --out run
+    jaxrotor balance turbine-run-up --planes 0m,0.453m
+    jaxrotor run-up turbine-run-up --duration 0.5s --out run
+    jaxrotor reactions turbine-run-up --duration 0.5s --out run
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor
     ```

@@ -31,10 +31,10 @@ def roots(
     """
     rotor = scene_with(scene, settings)
     if speed is not None:
-        rotor = rotor.replace({"spin.speed": quantity(speed, "rad/s", "--speed")})
+        rotor = rotor.at_speed(quantity(speed, "rad/s", "--speed"))
     axes, found = described_roots(rotor, count)
     if as_json:
-        now = rotor.get("spin.speed")
+        now = rotor.spin.speed
         answer.print_json({"scene": scene, "speed": now, "axes": axes, "roots": found})
         return
     turning = axes == "rotating"

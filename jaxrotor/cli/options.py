@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from ..analysis import critical_speeds
-from ..files import START, load, swept_values
+from ..files import START, load, many, swept_values
 from ..scene import Scene
 from ..start import AbstractStart, AtRest, Whirl
 from ..units import quantity
@@ -76,6 +76,17 @@ High = Annotated[
         "scene's speed if that is higher]",
     ),
 ]
+Duration = Annotated[
+    str | None,
+    typer.Option(metavar="TIME", help="Length of the run. [default: to the end of spin.times]"),
+]
+Samples = Annotated[int, typer.Option(min=2, max=MOST, help="How many samples of --duration.")]
+Times = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIMES", help='Samples, as "0 s:2 s:201" or "0, 0.1, 0.5"; in place of --duration.'
+    ),
+]
 Points = Annotated[int, typer.Option(min=3, max=MOST, help="How many speeds.")]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for data and a picture.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier run.")]
@@ -104,8 +115,7 @@ def swept_axes(scene: Scene, over: Sequence[str] | None) -> dict[str, np.ndarray
     """Values [SI] by path of `--over`."""
     axes = {}
     for path, text in assignments("--over", over, "spin.speed=0:6000rpm:61").items():
-        values = text if ":" in text else [part.strip() for part in text.split(",")]
-        axes[path] = swept_values(values, scene, path, f"--over {path}")
+        axes[path] = swept_values(listed(text), scene, path, f"--over {path}")
     return axes
 
 
@@ -146,9 +156,31 @@ def interval(low: str | None, high: str) -> tuple[float, float]:
 def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:
     """Speeds [rad/s] of `--from`, `--to` and `--points`."""
     if high is None:
-        marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.get("spin.speed")))]
+        marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.spin.speed))]
         high = repr(1.25 * max(marks))
     return np.linspace(*interval(low, high), points)
+
+
+def instants(scene: Scene, duration: str | None, samples: int, times: str | None) -> np.ndarray:
+    """Times [s] of `--duration` and `--samples`, or of `--times`."""
+    if times is not None:
+        if duration is not None:
+            raise ValueError("--times says how long a run is; leave out --duration.")
+        return many(listed(times), "s", "--times")
+    if duration is not None:
+        stop = quantity(duration, "s", "--duration")
+    elif scene.spin.kinks is not None:
+        stop = float(scene.spin.kinks[-1])
+    else:
+        raise ValueError("How long to run is not known; add --duration, as in --duration 2s.")
+    if not stop > 0:
+        raise ValueError(f"--duration must be above 0, but is {stop:g} s.")
+    return np.linspace(0.0, stop, samples)
+
+
+def listed(text: str) -> str | list[str]:
+    """A text with colons as it is, or its parts between commas."""
+    return text if ":" in text else [part.strip() for part in text.split(",")]
 
 
 def rpm(speed: float) -> float:

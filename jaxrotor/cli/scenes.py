@@ -50,7 +50,7 @@ def show(
         return
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     axes, found = described_roots(rotor)
-    at_rest = described_roots(rotor.replace({"spin.speed": 0.0}))[1]
+    at_rest = described_roots(rotor.at_speed(0.0))[1]
     still = _whirl(at_rest, "forward") or _whirl(at_rest, "none")
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = assemble(rotor).n

@@ -1,6 +1,9 @@
 """Effects: one file, one physical effect."""
 
+from .ball_balancer import BallBalancer as BallBalancer, BallContact as BallContact
 from .base import (
+    AbstractBetween as AbstractBetween,
+    AbstractBodies as AbstractBodies,
     AbstractContact as AbstractContact,
     AbstractEffect as AbstractEffect,
     AbstractLaw as AbstractLaw,

@@ -1,4 +1,4 @@
-"""What an effect may do: the three capabilities the system knows about.
+"""What an effect may do: the capabilities the system knows about.
 
 The core sees effects only through these classes. A new effect is one class in one file that takes
 on one or more of them, written against the rows and columns of `AbstractLine`.
@@ -47,6 +47,10 @@ class AbstractLaw(eqx.Module):
     def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
         """Force [N] from displacement [m], velocity [m/s] and spin speed [rad/s]."""
 
+    @abc.abstractmethod
+    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        """Torque on the shaft about its axis [N m], positive with positive spin."""
+
 
 class AbstractContact(AbstractEffect):
     """Acts at a station through a nonlinear law of displacement and velocity."""
@@ -56,3 +60,43 @@ class AbstractContact(AbstractEffect):
     @abc.abstractmethod
     def law(self) -> AbstractLaw:
         """The law, with everything constant in time worked out."""
+
+
+class AbstractBodies(AbstractEffect):
+    """Brings `b` point bodies that roll around the shaft at `at`, each at an angle `phi` of its own.
+
+    k m R phi.. = push - m Im(exp(-i phi) z..) + (k - 1) m R Omega..        on the body
+    F = -m d^2/dt^2 R exp(i phi)                                            on the shaft
+    """
+
+    at: eqx.AbstractVar[Scalar]
+    race_radius: eqx.AbstractVar[Scalar]  # R [m]
+    rolling: eqx.AbstractVar[Scalar]  # k = 1 + J / (m radius^2) of a body [1]
+    places: eqx.AbstractVar[int]  # for bodies, b
+
+    @property
+    @abc.abstractmethod
+    def masses(self) -> Float[Array, " b"]:
+        """Mass of every body [kg]; zero for a place without one."""
+
+    @abc.abstractmethod
+    def drag(self, rate: Float[Array, " b"]) -> Float[Array, " b"]:
+        """Force along the race [N] from the rate relative to the shaft [rad/s]; its reaction drives it."""
+
+
+class AbstractBetween(AbstractEffect):
+    """Acts between the bodies of one race."""
+
+    @abc.abstractmethod
+    def between(
+        self,
+        angle: Float[Array, " b"],
+        rate: Float[Array, " b"],
+        present: Float[Array, " b"],
+        race: Scalar,
+    ) -> Float[Array, " b"]:
+        """Force along the race [N] on every body from angles, rates, which are there, and its radius."""
+
+    @abc.abstractmethod
+    def duration(self, mass: Scalar) -> Scalar:
+        """Duration of an impact of a body that weighs `mass` along its race [s]: steps must be shorter."""

@@ -2,19 +2,27 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
-from ..blocks import Blocks
+from ..blocks import Blocks, Load
 from ..quantities import Scalar, check, nonnegative, real
 from ..shafts.line import AbstractLine
-from .base import AbstractLinear
+from .base import AbstractLinear, AbstractLoad
 
 
-class Disc(AbstractLinear):
+class Disc(AbstractLinear, AbstractLoad):
     """Rigid disc: `F = -m z..`, `L = -I_d z'.. + i Omega I_p z'.` at its station.
 
-    A polar inertia that is negative reverses the gyroscopic moment (see the scene
-    `limiter-rotor-2023`). Source: Azarov, Gouskov, Panovko (2023), eq. (3), with I_p = 2 B.
+    Made or mounted out of true, it brings unbalance, `(Omega^2 - i Omega.) exp(i theta)` times
+
+        force   m e exp(i offset_angle)                            centre of mass `offset` e off the axis
+        couple  (I_p - I_d) i sin(tilt) cos(tilt) exp(i tilt_axis)   right-handed tilt about an axis
+
+    `exact=False`: to first order in the tilt, `sin cos ~ tilt`, and the offset adds no inertia about
+    the axis. A polar inertia that is negative reverses the gyroscopic moment (see the scene
+    `limiter-rotor-2023`). Source: Azarov, Gouskov, Panovko (2023), eq. (3), with I_p = 2 B; for
+    offset and tilt the Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
 
     kind: ClassVar[str] = "disc"
@@ -24,19 +32,33 @@ class Disc(AbstractLinear):
     mass: Scalar = nonnegative("mass [kg]")
     diametral: Scalar = nonnegative("diametral [kg m^2]", default=0.0)
     polar: Scalar = real("polar [kg m^2]", default=0.0)
+    offset: Scalar = nonnegative("offset [m]", default=None)
+    offset_angle: Scalar = real("offset_angle [rad]", default=0.0)
+    tilt: Scalar = real("tilt [rad]", default=None)
+    tilt_axis: Scalar = real("tilt_axis [rad]", default=0.0)
+    exact: bool = eqx.field(default=True, static=True)
 
     @classmethod
-    def from_dimensions(cls, at, diameter, thickness, density=7850.0, bore=0.0) -> "Disc":
+    def from_dimensions(
+        cls, at, diameter, thickness, density=7850.0, bore=0.0, **out_of_true
+    ) -> "Disc":
         """Homogeneous disc of outer `diameter`, `bore` and `thickness` [m], `density` [kg/m^3].
 
         `m = rho pi (D^2 - b^2) a / 4`, `I_p = m (D^2 + b^2) / 8`, `I_d = I_p / 2 + m a^2 / 12`.
+        `out_of_true`: offset and tilt.
         """
         for name, value in {"diameter": diameter, "thickness": thickness}.items():
             check(value, f"{name} [m]", lambda x: x > 0, "must be positive")
         check(bore, "bore [m]", lambda x: (x >= 0) & (x < diameter), "must be inside the disc")
         mass = density * jnp.pi * (diameter**2 - bore**2) * thickness / 4
         polar = mass * (diameter**2 + bore**2) / 8
-        return cls(at, mass, polar / 2 + mass * thickness**2 / 12, polar)
+        return cls(at, mass, polar / 2 + mass * thickness**2 / 12, polar, **out_of_true)
+
+    @classmethod
+    def thin(cls, at, mass, radius, **out_of_true) -> "Disc":
+        """Thin homogeneous disc: `I_p = m R^2 / 2`, `I_d = m R^2 / 4`; `radius` R [m]."""
+        check(radius, "radius [m]", lambda x: x > 0, "must be positive")
+        return cls(at, mass, mass * radius**2 / 4, mass * radius**2 / 2, **out_of_true)
 
     def blocks(self, line: AbstractLine) -> Blocks:
         force, couple = line.column(self.at), line.couple_column(self.at)
@@ -45,4 +67,27 @@ class Disc(AbstractLinear):
             inertia=self.mass * jnp.outer(force, line.row(self.at)) + self.diametral * turning,
             gyroscopic=self.polar * turning,
             weight=self.mass * force,
+            polar=self._about_axis,
         )
+
+    def load(self, line: AbstractLine, blocks: Blocks) -> Load:
+        del blocks
+        load = Load()
+        if self.offset is not None:
+            moment = self.mass * self.offset * jnp.exp(1j * self.offset_angle)
+            load = load + Load(unbalance=moment * line.column(self.at))
+        if self.tilt is not None:
+            skew = jnp.sin(self.tilt) * jnp.cos(self.tilt) if self.exact else self.tilt
+            product = 1j * (self.polar - self.diametral) * skew * jnp.exp(1j * self.tilt_axis)
+            load = load + Load(unbalance=product * line.couple_column(self.at))
+        return load
+
+    @property
+    def _about_axis(self) -> Scalar:
+        """Moment of inertia about the axis of rotation [kg m^2]."""
+        polar = self.polar
+        if self.exact and self.tilt is not None:
+            polar = polar * jnp.cos(self.tilt) ** 2 + self.diametral * jnp.sin(self.tilt) ** 2
+        if self.exact and self.offset is not None:
+            polar = polar + self.mass * self.offset**2
+        return polar

@@ -24,6 +24,6 @@ class Gravity(AbstractLoad):
 
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:
         del line
-        if blocks.weight is None:
-            return Load()
-        return Load(constant=self.acceleration * jnp.exp(1j * self.angle) * blocks.weight)
+        gravity = self.acceleration * jnp.exp(1j * self.angle)
+        weight = None if blocks.weight is None else gravity * blocks.weight
+        return Load(constant=weight, gravity=gravity)

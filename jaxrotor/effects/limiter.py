@@ -46,18 +46,25 @@ class ViscoelasticStop(AbstractLaw):
     limiter: Limiter
 
     def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        stop = self.limiter
-        outward = self.cos * displacement[0] + self.sin * displacement[1]
-        closing = self.cos * velocity[0] + self.sin * velocity[1]
-        normal = self._normal(outward - stop.gap, closing)
-        slipping = speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
-        tangential = stop.friction * normal * self._direction(slipping)
+        normal, tangential = self._forces(displacement, velocity, speed)
         return jnp.stack(
             [
                 self.sin * tangential - self.cos * normal,
                 -self.cos * tangential - self.sin * normal,
             ]
         )
+
+    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        return -self.limiter.rim_radius * self._forces(displacement, velocity, speed)[1]
+
+    def _forces(self, displacement: Plane, velocity: Plane, speed: Scalar) -> tuple[Scalar, Scalar]:
+        """Normal force of the stop, and friction against the slip of the rim [N]."""
+        stop = self.limiter
+        outward = self.cos * displacement[0] + self.sin * displacement[1]
+        closing = self.cos * velocity[0] + self.sin * velocity[1]
+        normal = self._normal(outward - stop.gap, closing)
+        slipping = speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
+        return normal, stop.friction * normal * self._direction(slipping)
 
     def _normal(self, depth: Scalar, rate: Scalar) -> Scalar:
         stop = self.limiter

@@ -19,6 +19,7 @@ class Support(AbstractLinear):
     So the stiffness is `k (1 + anisotropy)` along the axis at `angle` and `k (1 - anisotropy)`
     across it; of damping it is the same, along its own `damping_angle` (None: that of stiffness).
     `cross_stiffness` turns the force ahead of the displacement (negative drives forward whirl).
+    `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     `rotating=True`: the element turns with the shaft, its axes and its damper too, which then is
     internal damping, `z. - i Omega z` for `z.`. None is absent; matrices: `from_matrices`.
     Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
@@ -36,6 +37,8 @@ class Support(AbstractLinear):
     damping_angle: Scalar = real("damping_angle [rad]", default=None)
     cross_stiffness: Scalar = real("cross_stiffness [N/m]", default=None)
     cross_damping: Scalar = real("cross_damping [N s/m]", default=None)
+    angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
+    angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
@@ -68,9 +71,15 @@ class Support(AbstractLinear):
         part = lambda size: None if size is None else size * force
         axis = self.angle if self.damping_angle is None else self.damping_angle
         damping, cross_damping = part(self.damping), part(self.cross_damping)
+        stiffness = self.stiffness * force
+        couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
+        if self.angular_stiffness is not None:
+            stiffness = stiffness + self.angular_stiffness * couple
+        if self.angular_damping is not None:
+            damping = (0.0 if damping is None else damping) + self.angular_damping * couple
         frame = "rotating" if self.rotating else "fixed"
         return Blocks(
-            stiffness=self.stiffness * force,
+            stiffness=stiffness,
             damping=damping,
             circulatory=damping if self.rotating else None,
             skew_stiffness=part(self.cross_stiffness),

@@ -1,5 +1,7 @@
 """Plots: free functions that take a result and return its matplotlib Axes."""
 
+from .animation import animate as animate
+from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
@@ -9,7 +11,17 @@ from .modes3d import modes3d as modes3d
 from .onset import onset as onset
 from .orbit import orbit as orbit
 from .page import write as write
+from .reactions import (
+    hodograph as hodograph,
+    reaction_vectors as reaction_vectors,
+    reactions as reactions,
+)
 from .response import response as response
-from .stability import boundary_family as boundary_family, stability_map as stability_map
+from .run_up import passage as passage, run_up as run_up, speed as speed
+from .stability import (
+    boundary_family as boundary_family,
+    stability_chart as stability_chart,
+    stability_map as stability_map,
+)
 from .waterfall import waterfall as waterfall
 from .whirl import whirl_history as whirl_history, whirl_spectrum as whirl_spectrum

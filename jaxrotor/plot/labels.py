@@ -49,6 +49,11 @@ def parameter(name: str, unit: str) -> tuple[float, str]:
     return factor, f"{name} [{_raised(unit)}]"
 
 
+def length(largest: float) -> tuple[float, str]:
+    """Factor from m and unit on paper of displacements up to `largest` [m]."""
+    return (1e6, "\N{MICRO SIGN}m") if largest < 1e-4 else (1e3, "mm")
+
+
 def words(path: str) -> str:
     """`spin.speed` as it is spoken."""
     return re.sub(r"[._]", " ", path)

@@ -17,7 +17,7 @@ RASTER = 20_000  # points above which a curve is drawn as pixels, so that a PDF 
 
 _MM = 1 / 25.4
 _DPI = 200.0  # of what is drawn as pixels
-_LOOK: Any = {  # of a picture file: text and lines [pt]
+LOOK: Any = {  # of a picture file: text and lines [pt]
     "font.size": 8.0,
     "axes.labelsize": 8.0,
     "xtick.labelsize": 8.0,
@@ -28,6 +28,11 @@ _LOOK: Any = {  # of a picture file: text and lines [pt]
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
 }
+
+
+def inches(width: float | int, height: float | int) -> tuple[float, float]:
+    """Size of a figure [mm] as matplotlib takes it."""
+    return width * _MM, height * _MM
 
 
 def single(ax: Axes | None, width: int, height: int) -> Axes:
@@ -51,7 +56,7 @@ def solid(axes: Any, count: int) -> tuple[Axes, ...]:
     if axes is None:
         columns = min(count, 2)
         rows = -(-count // columns)
-        figure = plt.figure(figsize=(85 * columns * _MM, 65 * rows * _MM), dpi=_DPI)
+        figure = plt.figure(figsize=inches(85 * columns, 65 * rows), dpi=_DPI)
         grid = {"left": 0.0, "right": 0.97, "bottom": 0.06, "top": 0.91, "wspace": 0.0}
         axes = figure.subplots(
             rows, columns, squeeze=False, subplot_kw={"projection": "3d"}, gridspec_kw=grid
@@ -80,7 +85,7 @@ def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
         columns,
         sharex=True,
         squeeze=False,
-        figsize=(width * _MM, height * _MM),
+        figsize=inches(width, height),
         dpi=_DPI,
         layout="constrained",
     )
@@ -102,9 +107,8 @@ def write(
     rows: int = 1,
 ) -> None:
     """Write a picture [mm] of `draw(axes)` to a file, without a window and without pyplot."""
-    with rc_context(_LOOK):
-        size = (width * _MM, height * _MM)
-        figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+    with rc_context(LOOK):
+        figure = Figure(figsize=inches(width, height), dpi=_DPI, layout="constrained")
         draw(figure.subplots(rows, sharex=True))
         figure.align_ylabels()
         figure.savefig(path)

@@ -23,6 +23,16 @@ def signal(response: Any, name: str, station: int) -> Complex[np.ndarray, " T"]:
     return values[:, station]
 
 
+def sample(result: Any, time: float | int) -> int:
+    """Which sample is next to a time [s]."""
+    times = np.asarray(result.time)
+    if not times[0] <= time <= times[-1]:
+        raise ValueError(
+            f"`time [s]` must be within the run ({times[0]:g} to {times[-1]:g}), but is {time!r}."
+        )
+    return int(np.argmin(np.abs(times - time)))
+
+
 def revolutions(response: Any) -> Times:
     """Turns of the rotor at each time."""
     return np.asarray(response.angle, dtype=float) / (2 * np.pi)

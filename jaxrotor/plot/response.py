@@ -8,7 +8,7 @@ from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from . import colours, page
+from . import colours, labels, page
 from .record import signal
 
 
@@ -81,7 +81,7 @@ def _draw(
     colour: str,
 ) -> None:
     """Amplitude and phase of one complex motion, in the unit that suits the largest."""
-    unit, factor = ("\N{MICRO SIGN}m", 1e6) if largest < 1e-4 else ("mm", 1e3)
+    factor, unit = labels.length(largest)
     upper.plot(x, factor * np.abs(motion), color=colour, linewidth=1.2, label=name)
     lower.plot(x, _phase(motion), color=colour, linewidth=1.2, label=name)
     upper.set_ylabel(f"amplitude [{unit}]")

@@ -12,6 +12,15 @@ from matplotlib.ticker import MaxNLocator
 from . import colours, labels, page
 
 
+_CHARTED = {  # parameters of the ball balancer's groups
+    "speed": r"speed $\omega/\omega_0$ [1]",
+    "damping": r"damping of the mount $h_\alpha/(A\,\omega_0)$ [1]",
+    "polar": "polar / transverse inertia $C/A$ [1]",
+    "drag": "factor on the drag of balls [1]",
+    "mass": "factor on the mass of balls [1]",
+}
+
+
 def stability_map(result: Any, ax: Axes | None = None) -> Axes:
     """Growth rate where the rotor is unstable, as colour, and the traced boundaries of stability.
 
@@ -22,6 +31,40 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
             [1/s] over them, and `boundaries`, curves (k, 2) of zero growth.
         ax: Axes to draw in; a new figure if None.
     """
+    ax = _shade(result, ax, "growth rate where unstable [1/s]")
+    if len(result.boundaries) or np.isnan(np.asarray(result.growth)).any():
+        page.legend(ax, columns=2)
+    return ax
+
+
+def stability_chart(chart: Any, ax: Axes | None = None) -> Axes:
+    """True boundary of stability of a balanced position, and where the first approximation puts it.
+
+    The approximation of Filimonikhin, Goncharov (2011) says stable where `a11 < 0`; hatched is where
+    that is wrong.
+
+    Args:
+        chart: `jaxrotor.balancer.StabilityChart`; growth rates in units of the natural frequency.
+        ax: Axes to draw in; a new figure if None.
+    """
+    ax = _shade(chart, ax, "growth rate where unstable [1]")
+    x, y, a11 = (np.asarray(a, float) for a in (chart.x, chart.y, chart.a11))
+    if a11.min() < 0 < a11.max():
+        ax.contour(x, y, a11.T, [0.0], colors=colours.BLUE, linewidths=1.2, linestyles="--")
+        ax.plot([], [], color=colours.BLUE, lw=1.2, ls="--", label="$a_{11} = 0$")
+    if chart.misjudged.any():
+        growth = np.asarray(chart.growth, float)
+        parts = [part / np.abs(part).max() for part in (growth, -a11)]
+        ax.contourf(x, y, np.minimum(*parts).T, [0.0, 1.0], colors="none", hatches=["///"])
+        ax.fill([], [], fill=False, hatch="///", lw=0, label="$a_{11} < 0$ but unstable")
+    for name, label in zip(chart.paths, (ax.set_xlabel, ax.set_ylabel), strict=True):
+        label(_CHARTED[name])
+    page.legend(ax, columns=3)
+    return ax
+
+
+def _shade(result: Any, ax: Axes | None, label: str) -> Axes:
+    """Growth rate where it is above zero as colour, curves where it is zero."""
     (to_x, x_label), (to_y, y_label) = _parameters(result)
     growth = np.asarray(result.growth, float)
     top = float(np.max(growth, initial=0.0, where=np.isfinite(growth)))
@@ -33,7 +76,7 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
         mesh = ax.contourf(x, y, growth.T, levels=levels, cmap=colours.RAMP, zorder=0.5)
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
         bar.set_ticks(levels[::2].tolist(), labels=[f"{step:g}" for step in steps[::2]])
-        bar.set_label("growth rate where unstable [1/s]", size=page.TEXT)
+        bar.set_label(label, size=page.TEXT)
         bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
     unknown = np.isnan(growth).T
     if unknown.any():
@@ -43,8 +86,6 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
-    if len(result.boundaries) or unknown.any():
-        page.legend(ax, columns=2)
     return ax
 
 

@@ -1,6 +1,8 @@
 """Shaft models."""
 
-from .flexible import Constraint as Constraint, FlexibleShaft as FlexibleShaft
+from .constraint import Constraint as Constraint
+from .flexible import FlexibleShaft as FlexibleShaft
 from .line import AbstractLine as AbstractLine, AbstractShaft as AbstractShaft
 from .massless import MasslessShaft as MasslessShaft
+from .rigid import RigidShaft as RigidShaft
 from .section import Step as Step

@@ -42,6 +42,10 @@ class SpectralLine(AbstractLine):
     anisotropy: Scalar | None
 
     @property
+    def breaks(self) -> Float[Array, " ends"]:
+        return self.ends
+
+    @property
     def nodes(self) -> Float[Array, " nodes"]:
         """Stations of the displacements, held ones too [m]."""
         inner = jnp.asarray(lobatto(self.degree))[1:]  # (degree,)

@@ -10,32 +10,13 @@ from ..blocks import Blocks
 from ..materials import Material, steel
 from ..quantities import Scalar, known, nonnegative, positive, real
 from .collocation import Held, SpectralLine
+from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
-from .line import AbstractLine, AbstractShaft, check_ratio
+from .influence import Influence
+from .line import AbstractLine, AbstractShaft, check_ratio, off_shaft
 from .section import Section, Step
 from .shear import ShearLine
 from .trapezoid import TrapezoidLine
-
-
-class Constraint(eqx.Module):
-    """What is held fast at a station: displacement (pin), slope (guide) or both (clamp)."""
-
-    at: Scalar = nonnegative("at [m]")
-    holds: Literal["pin", "guide", "clamp"] = eqx.field(default="pin", static=True)
-
-    def __check_init__(self):
-        if self.holds not in ("pin", "guide", "clamp"):
-            raise ValueError(f"`holds` must be 'pin', 'guide' or 'clamp', but is {self.holds!r}.")
-
-    @property
-    def displacement(self) -> bool:
-        """Whether the displacement is held."""
-        return self.holds != "guide"
-
-    @property
-    def slope(self) -> bool:
-        """Whether the slope is held."""
-        return self.holds != "pin"
 
 
 class FlexibleShaft(AbstractShaft):
@@ -128,10 +109,7 @@ class FlexibleShaft(AbstractShaft):
         return tuple(own.at for own in (*self.constraints, *self.steps))
 
     def reason_against(self, at: float) -> str | None:
-        length = float(self.length)
-        if 0 <= at <= length * (1 + 1e-12):
-            return None
-        return f"is off the shaft; `at [m]` must be between 0 and the shaft's length, {length:g} m"
+        return off_shaft(self, at)
 
     def seen(self, points: int) -> Float[Array, " x"]:
         return jnp.linspace(0.0, self.length, points)
@@ -169,9 +147,7 @@ class FlexibleShaft(AbstractShaft):
         return (first, *sorted(inner, key=stations.__getitem__), last)
 
     def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> AbstractLine:
-        starts = jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
-        rigidity = jnp.stack([section.rigidity for section in self._sections])
-        beam = CantileverKernel(starts, 1 / rigidity)
+        beam = self._beam
         if self.rule == "trapezoid":
             return TrapezoidLine(
                 kernel=beam, length=self.length, cells=self.nodes, anisotropy=self.anisotropy
@@ -180,6 +156,7 @@ class FlexibleShaft(AbstractShaft):
         ends = jnp.stack([jnp.zeros_like(self.length), *inner, self.length])
         held, free = self._held(spans)
         if self.shear:
+            rigidity = jnp.stack([section.rigidity for section in self._sections])
             stiff = jnp.stack([section.shear_stiffness for section in self._sections])
             own = self._of_span(ends)
             return ShearLine(
@@ -225,7 +202,7 @@ class FlexibleShaft(AbstractShaft):
     # --- equations
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        own = self._of_span(getattr(line, "ends", None))
+        own = self._of_span(line.breaks)
         mass = jnp.stack([section.mass_per_length for section in self._sections])[own]
         inertia = line.forces_along(mass)
         gyroscopic = None
@@ -240,11 +217,32 @@ class FlexibleShaft(AbstractShaft):
             stiffness=line.stiffness,
             rotating_stiffness=line.rotating_stiffness,
             weight=line.load_along(mass),
+            polar=self._polar,
         )
 
-    def _of_span(self, ends: Array | None) -> Array:
+    def influence(self) -> Influence | None:
+        shear = None
+        if self.shear:
+            shear = 1 / jnp.stack([section.shear_stiffness for section in self._sections])
+        beam = eqx.tree_at(lambda b: b.shear, self._beam, shear, is_leaf=lambda leaf: leaf is None)
+        return Influence.of(beam, self.constraints, self.length)
+
+    @property
+    def _beam(self) -> CantileverKernel:
+        starts = jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
+        rigidity = jnp.stack([section.rigidity for section in self._sections])
+        return CantileverKernel(starts, 1 / rigidity)
+
+    @property
+    def _polar(self) -> Scalar:
+        """Moment of inertia about the axis [kg m^2]."""
+        starts = jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
+        rotary = jnp.stack([section.rotary_inertia for section in self._sections])
+        return self.polar_ratio * jnp.sum(rotary * jnp.diff(starts, append=self.length))
+
+    def _of_span(self, ends: Array) -> Array:
         """Which section every span has; the one section of all where there are no steps."""
-        if ends is None or not self.steps:
+        if not self.steps:
             return jnp.zeros(1, int)
         starts = jnp.stack([step.at for step in self.steps])
         return jnp.sum((ends[:-1, None] + ends[1:, None]) / 2 > starts, axis=1)

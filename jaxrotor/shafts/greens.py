@@ -36,15 +36,20 @@ class AbstractKernel(eqx.Module):
 
 
 class CantileverKernel(AbstractKernel):
-    """Clamped at 0 and free, of `sections` uniform one by one: a sum of polynomials over them."""
+    """Clamped at 0 and free, of `sections` uniform one by one: a sum of polynomials over them.
+
+    With `shear` a force adds `Int_0^min(x,s) du / kGA`, and slopes are those of the sections.
+    """
 
     starts: Float[Array, " sections"]  # where each begins [m], 0 first
     bending: Float[Array, " sections"]  # 1 / EI [1/(N m^2)]
+    shear: Float[Array, " sections"] | None = None  # 1 / kGA [1/N]
 
     def deflection(self, x, s):
         to_x, to_s, d = self._reach(x, s)
         bent = to_x * to_s * d - (to_x + to_s) * d**2 / 2 + d**3 / 3
-        return (self.bending * bent).sum(-1)
+        sheared = 0.0 if self.shear is None else self.shear * d
+        return (self.bending * bent + sheared).sum(-1)
 
     def slope(self, x, s):
         _, to_s, d = self._reach(x, s)

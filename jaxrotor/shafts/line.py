@@ -7,6 +7,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar, known
+from .influence import Influence
 
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or a value for each span
@@ -22,6 +23,11 @@ class AbstractLine(eqx.Module):
     """
 
     anisotropy: eqx.AbstractVar[Scalar | None]  # mu: stiffness (1 + mu), (1 - mu) of turning axes
+
+    @property
+    @abc.abstractmethod
+    def breaks(self) -> Float[Array, " breaks"]:
+        """Stations between which rows are smooth, both ends of the shaft included [m]."""
 
     @property
     @abc.abstractmethod
@@ -99,6 +105,18 @@ class AbstractShaft(eqx.Module):
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:
         """The bare shaft's own matrices."""
+
+    @abc.abstractmethod
+    def influence(self) -> Influence | None:
+        """Influence lines of its constraints, displacement before slope; None where it has none."""
+
+
+def off_shaft(shaft: AbstractShaft, at: float) -> str | None:
+    """Why nothing can sit beyond the ends of a shaft; None between them."""
+    length = float(shaft.length)
+    if 0 <= at <= length * (1 + 1e-12):
+        return None
+    return f"is off the shaft; `at [m]` must be between 0 and the shaft's length, {length:g} m"
 
 
 def check_ratio(anisotropy: Scalar | None) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar, check, known, nonnegative, positive, real
+from .influence import Influence
 from .line import AbstractLine, AbstractShaft, check_ratio
 
 
@@ -19,6 +20,10 @@ class MasslessLine(AbstractLine):
     length: Scalar
     elastic_ends: bool = eqx.field(static=True)
     tilts: bool = eqx.field(static=True)
+
+    @property
+    def breaks(self) -> Float[Array, " breaks"]:
+        return jnp.stack([jnp.zeros_like(self.length), self.length])
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -202,6 +207,14 @@ class MasslessShaft(AbstractShaft):
             damping=viscous,
             circulatory=viscous,
         )
+
+    def influence(self) -> Influence | None:
+        if self.ends == "rigid":
+            raise ValueError(
+                "A massless shaft is known by its stiffness at one station, which does not tell how its "
+                'rigid ends share the load; take `ends="elastic"` with a Support at each.'
+            )
+        return None
 
     @property
     def _places(self) -> tuple[Scalar | float, ...]:

@@ -27,6 +27,10 @@ class ShearLine(AbstractLine):
     anisotropy: Scalar | None
 
     @property
+    def breaks(self) -> Float[Array, " ends"]:
+        return self.ends
+
+    @property
     def nodes(self) -> Float[Array, " nodes"]:
         """Stations of the coordinates, held ones too [m]."""
         inner = jnp.asarray(lobatto(self.degree))[1:]

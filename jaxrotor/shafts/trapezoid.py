@@ -22,6 +22,10 @@ class TrapezoidLine(AbstractLine):
     anisotropy: Scalar | None
 
     @property
+    def breaks(self) -> Float[Array, " breaks"]:
+        return jnp.append(0.0, self.nodes)
+
+    @property
     def nodes(self) -> Float[Array, " m"]:
         """Stations of the coordinates [m]."""
         return self.length * jnp.arange(1, self.cells + 1) / self.cells

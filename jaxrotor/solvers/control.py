@@ -1,5 +1,7 @@
 """Settings of diffrax solvers on rotors."""
 
+from typing import Any
+
 import diffrax as dfx
 import equinox as eqx
 import optimistix as optx
@@ -9,11 +11,11 @@ RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute in metres of q and dq/dtheta
 
 
 def step_control(
-    solver: dfx.AbstractSolver, rtol: float = RTOL, atol: float = ATOL
+    solver: dfx.AbstractSolver, rtol: float = RTOL, atol: float = ATOL, dtmax: Any = None
 ) -> dfx.AbstractStepSizeController | None:
     """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else None."""
     if isinstance(solver, dfx.AbstractAdaptiveSolver):
-        return dfx.PIDController(rtol=rtol, atol=atol, pcoeff=0.3, icoeff=0.4)
+        return dfx.PIDController(rtol=rtol, atol=atol, pcoeff=0.3, icoeff=0.4, dtmax=dtmax)
     return None
 
 

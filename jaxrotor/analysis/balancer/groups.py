@@ -1,0 +1,180 @@
+"""The dimensionless groups of a ball auto-balancer on a rotor that tilts about a fixed point."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ...quantities import Scalar, check, nonnegative, positive
+
+
+class Scales(NamedTuple):
+    """What the dimensionless quantities are measured in; time in `1 / rate`."""
+
+    rate: Scalar  # omega0 = sqrt(c_alpha / A) [rad/s]
+    moment: Scalar  # l_s = m1 r1 [kg m]
+    tilt: Scalar  # l_alpha = d l_s / A [rad]
+
+    @classmethod
+    def of(
+        cls, transverse: Any, stiffness: Any, distance: Any, ball_mass: Any, track_radius: Any
+    ) -> "Scales":
+        """Scales of a machine; arguments as of `BalancerGroups.from_si`."""
+        moment = jnp.asarray(ball_mass, float)[0] * jnp.asarray(track_radius, float)[0]
+        return cls(jnp.sqrt(stiffness / transverse), moment, distance * moment / transverse)
+
+
+def _rows(name: str, holds: Any, rule: str) -> Any:
+    """One number a row of balls."""
+
+    def convert(values: Any) -> Float[Array, " r"]:
+        if np.ndim(values) != 1:
+            raise ValueError(f"`{name} [1]` must be one number a row, but is {values!r}.")
+        labels = (f"{name} of row {row} [1]" for row in range(1, len(values) + 1))
+        return jnp.stack([check(v, s, holds, rule) for v, s in zip(values, labels, strict=True)])
+
+    return eqx.field(converter=convert, metadata={"unit": "1"})
+
+
+def _balls() -> Any:
+    return eqx.field(converter=_counts, static=True)
+
+
+def _counts(values: Any) -> tuple[int, ...]:
+    counts = tuple(values)
+    if not counts or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in counts):
+        raise ValueError(f"`balls` must be one whole number above zero a row, but is {values!r}.")
+    return counts
+
+
+class BalancerGroups(eqx.Module):
+    """Rotor with a fixed point, heavy casing and `r` rows of balls in one plane, in time `omega0 t`.
+
+        alpha_z'' + ha alpha_z' + alpha_z - i om C alpha_z' + i s_z'' = 0,  alpha_z = alpha + i beta
+        phi_i'' + h_i (phi_i' - om) = mu_i Re( alpha_z'' exp(-i phi_i) )
+        s_z = sum S_i exp(i phi_i) + s0 exp(i om tau)
+
+    In axes of the rotor: `alpha_z = delta exp(i om tau)`, `phi_i = om tau + psi_i`. Positions of balls
+    are a tuple with the angles `psi` [rad] of each row. Source: Filimonikhin, Goncharov (2011),
+    eqs. (2.1)-(2.2), made dimensionless.
+    """
+
+    speed: Scalar = positive("speed [1]")  # om = omega / omega0
+    damping: Scalar = nonnegative("damping [1]")  # ha = h_alpha / (A omega0)
+    polar: Scalar = nonnegative("polar [1]")  # C = C_p / A
+    imbalance: Scalar = nonnegative("imbalance [1]")  # s0 = m0 r0 / (m1 r1)
+    balls: tuple[int, ...] = _balls()  # n_l
+    moment: Float[Array, " r"] = _rows("moment", lambda x: x > 0, "must be positive")
+    # S_l = m_l r_l / (m1 r1), so 1 in the first row
+    drag: Float[Array, " r"] = _rows("drag", lambda x: x > 0, "must be positive")
+    # h_l / (k_l m_l omega0)
+    mass: Float[Array, " r"] = _rows("mass", lambda x: x > 0, "must be positive")
+    # m_l n_l d^2 / (2 k_l A)
+
+    def __check_init__(self):
+        for name in ("moment", "drag", "mass"):
+            count = len(getattr(self, name))
+            if count != self.rows:
+                raise ValueError(
+                    f"`{name}` must have one number a row of `balls` ({self.rows}), but has {count}."
+                )
+
+    @classmethod
+    def from_si(
+        cls,
+        *,
+        speed: Any,
+        transverse: Any,
+        polar: Any,
+        damping: Any,
+        stiffness: Any,
+        distance: Any,
+        unbalance: Any,
+        balls: Sequence[int],
+        ball_mass: Any,
+        track_radius: Any,
+        drag: Any,
+        rolling: Any = 1.4,
+    ) -> "BalancerGroups":
+        """The groups of a machine.
+
+        Args:
+            speed: omega [rad/s].
+            transverse: A [kg m^2], inertia about the fixed point of rotor and casing and of the mass of
+                imbalance and balls.
+            polar: C_p [kg m^2], inertia about the axis, of the rotor alone.
+            damping: h_alpha [N m s/rad] of the mount.
+            stiffness: c_alpha [N m/rad] of the mount.
+            distance: d [m] from the fixed point to the plane of balancing.
+            unbalance: m0 r0 [kg m].
+            balls: n_l, how many balls in each row.
+            ball_mass: m_l [kg], one a row.
+            track_radius: r_l [m] of the circle of the balls' centres, one a row.
+            drag: h_l [kg/s], one a row.
+            rolling: k_l = 1 + J / (m rho^2) [1], one a row or one for all: 7/5 a ball, 3/2 a roller.
+        """
+        masses, radii, drags = (jnp.asarray(x, float) for x in (ball_mass, track_radius, drag))
+        scales = Scales.of(transverse, stiffness, distance, masses, radii)
+        rolling = jnp.broadcast_to(jnp.asarray(rolling, float), masses.shape)
+        return cls(
+            speed=speed / scales.rate,
+            damping=damping / (transverse * scales.rate),
+            polar=polar / transverse,
+            imbalance=unbalance / scales.moment,
+            balls=tuple(balls),
+            moment=masses * radii / scales.moment,
+            drag=drags / (rolling * masses * scales.rate),
+            mass=masses * jnp.asarray(balls) * distance**2 / (2 * rolling * transverse),
+        )
+
+    @property
+    def rows(self) -> int:
+        return len(self.balls)
+
+    @property
+    def a11(self) -> Scalar:
+        """`1 - om^2 (1 - C)`: stiffness left against a steady tilt of the turning rotor."""
+        return 1 - self.speed**2 * (1 - self.polar)
+
+    @property
+    def a12(self) -> Scalar:
+        """`ha om`."""
+        return self.damping * self.speed
+
+    @property
+    def a13(self) -> Scalar:
+        """`om (2 - C)`."""
+        return self.speed * (2 - self.polar)
+
+    @property
+    def a_z(self) -> Complex[Array, ""]:
+        """`A_z = a11 + i a12`."""
+        return jnp.asarray(self.a11 + 1j * self.a12)
+
+    @property
+    def determinant(self) -> Scalar:
+        """`Delta = |A_z|^2`."""
+        return self.a11**2 + self.a12**2
+
+    @property
+    def coupling(self) -> Float[Array, " r"]:
+        """`mu_l = 2 m_l / (n_l S_l)`: pull of the tilting rotor on one ball."""
+        return 2 * self.mass / (jnp.asarray(self.balls) * self.moment)
+
+    @property
+    def capacity(self) -> Scalar:
+        """`sum n_l S_l`: the largest imbalance that the balls can balance."""
+        return jnp.sum(jnp.asarray(self.balls) * self.moment)
+
+    @property
+    def critical_speed(self) -> Scalar:
+        """`om_cr = 1 / sqrt(1 - C)`, where `a11 = 0`; infinite unless the rotor is long (C < 1)."""
+        long = self.polar < 1
+        return jnp.where(long, 1 / jnp.sqrt(jnp.where(long, 1 - self.polar, 1.0)), jnp.inf)
+
+    def per_ball(self, values: Float[Array, " r"]) -> Float[Array, " n"]:
+        """Values of rows, one a ball."""
+        return jnp.repeat(values, np.array(self.balls), total_repeat_length=sum(self.balls))

@@ -1,0 +1,150 @@
+"""Linear motion about a balanced position: the closed system and its spectrum."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ...pencil import Pencil, root_changes
+from ...quantities import Scalar
+from .family import checked, second_harmonics
+from .groups import BalancerGroups
+
+
+@eqx.filter_jit
+def closed_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, "k k"]:
+    """`x' = A x` of the closed linear equations in axes of the rotor, `k = 4 + 4 r`.
+
+        delta'' + (ha + i a13) delta' + A_z delta + i (s'' + 2 i om s' - om^2 s) = 0,  s = sum s_l
+        s_l'' + h_l s_l' = m_l (a_z - beta_l conj(a_z)),  a_z = i (delta'' + 2 i om delta' - om^2 delta)
+
+    Exact, nothing is averaged. `x` is real: real parts of `delta, s_1, .., s_r`, their imaginary parts,
+    then the rates of all these. Source: Filimonikhin, Goncharov (2011), eqs. (5.4)-(5.7).
+    """
+    rates, place = _accelerations(groups, beta)
+    size = place.shape[0]
+    upper = jnp.concatenate([jnp.zeros((size, size)), jnp.eye(size)], axis=1)
+    return jnp.concatenate([upper, jnp.concatenate([place, rates], axis=1)])
+
+
+@eqx.filter_jit
+def settling_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, "k k"]:
+    """The closed system without the drift along the family, `k = 6 + 2 r`: no counted zeros.
+
+    The rows act through their sum alone, so `x` is the real and imaginary parts of `delta, s`, then the
+    rates of the real and imaginary parts of `delta, s_1, .., s_r`.
+    """
+    rates, place = _accelerations(groups, beta)
+    rows = groups.rows
+    sums = np.concatenate([np.eye(2)[:1], np.tile(np.eye(2)[1:], (rows, 1))])  # (1 + r, 2)
+    both = np.kron(np.eye(2), sums)  # (2 + 2 r, 4)
+    # Every row's column of `place` is the same: that of the sum.
+    through = place @ np.kron(np.eye(2), np.eye(rows + 1)[:, :2])  # (2 + 2 r, 4)
+    upper = jnp.concatenate([jnp.zeros((4, 4)), jnp.asarray(both.T)], axis=1)
+    return jnp.concatenate([upper, jnp.concatenate([through, rates], axis=1)])
+
+
+def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
+    """`rates, place` of `x'' = rates x' + place x`; `x` as in `closed_matrix`."""
+    om, m, rows = groups.speed, groups.mass, groups.rows
+    beta = jnp.asarray(beta, complex)
+    if beta.shape != (rows,):
+        raise ValueError(f"`beta` must have one value a row ({rows}), but has shape {beta.shape}.")
+
+    def block(pull, rotor, row):
+        """`u z + v conj(z)` as a real matrix; `pull` of the rows on delta and in `a_z` alike."""
+        u = jnp.diag(jnp.concatenate([jnp.asarray(rotor, complex)[None], row]))
+        u = u.at[0, 1:].set(pull).at[1:, 0].set(-m * pull)
+        v = jnp.zeros_like(u).at[1:, 0].set(m * beta * jnp.conj(pull))
+        return jnp.block([[(u + v).real, -(u - v).imag], [(u + v).imag, (u - v).real]])
+
+    inertia = block(1j, 1.0, jnp.ones(rows))
+    damping = block(-2 * om + 0j, groups.damping + 1j * groups.a13, groups.drag)
+    stiffness = block(-1j * om**2, groups.a_z, jnp.zeros(rows))
+    solved = -jnp.linalg.solve(inertia, jnp.concatenate([damping, stiffness], axis=1))
+    rates, place = jnp.split(solved, 2, axis=1)
+    return rates, place
+
+
+@eqx.filter_jit
+def spectrum(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Complex[Array, " k"]:
+    """Roots of the closed linear system at a balanced position, without its `2 (r - 1)` zeros.
+
+    The zeros belong to drift along the family of main motions. They are left out by construction and
+    not by size: near a critical case a true root is as small as one likes, and at it exactly zero.
+    Of balls on one line another pair says nothing of the balls; see `ball_spectrum`.
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        `k = 6 + 2 r` roots by rising real part; differentiable, equal roots by the mean of theirs.
+    """
+    values = matrix_roots(settling_matrix(groups, beta))
+    return values[jnp.lexsort((values.imag, values.real))]
+
+
+def growth_rate(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
+    """Largest real part of the `spectrum`: below zero the position is stable, zero in a critical case."""
+    return jnp.max(spectrum(groups, beta).real)
+
+
+class Zeros(NamedTuple):
+    """How many exact zeros a spectrum has at a balanced position."""
+
+    closed: int  # of the closed linear system: 2 (r - 1), one more in a critical case
+    full: int  # of the full model: n - 2, one more in a critical case
+    ranks: tuple[int, ...]  # directions in which each row can change its imbalance: 1 on one line
+
+
+def zero_count(groups: BalancerGroups, positions: Sequence, tolerance: float = 1e-9) -> Zeros:
+    """Zeros of the closed and the full spectrum, counted from the position and not from the roots.
+
+    `tolerance` is the angle [rad] within which balls are on one line.
+    """
+    lines = [np.asarray(row, float) for row in checked(groups, positions)]
+    on_line = lambda row: bool(np.all(np.abs(np.sin(row - row[0])) <= tolerance))
+    ranks = tuple(1 if on_line(row) else 2 for row in lines)
+    critical = on_line(np.concatenate(lines))
+    return Zeros(
+        2 * (groups.rows - 1) + critical,
+        2 * (groups.rows - 1) + critical + sum(groups.balls) - 2 * groups.rows,
+        ranks,
+    )
+
+
+def ball_spectrum(groups: BalancerGroups, positions: Sequence) -> Complex[np.ndarray, " k"]:
+    """Roots of the full model, `k = 4 + 2 n` for `n` balls, from those of the closed system.
+
+    A row of rank 2 (1 on one line) loses `2 - rank` copies of {0, -h_l}, which are no motion of balls,
+    and gains `n_l - rank` copies: balls that move and leave the imbalance as it is. By rising real part.
+    """
+    beta = second_harmonics(checked(groups, positions))
+    found = [*np.asarray(spectrum(groups, beta)), *np.zeros(2 * (groups.rows - 1))]
+    ranks = zero_count(groups, positions).ranks
+    for count, rank, drag in zip(groups.balls, ranks, np.asarray(groups.drag), strict=True):
+        for value in (0.0, -float(drag)):
+            for _ in range(2 - rank):
+                found.pop(int(np.argmin(np.abs(np.array(found) - value))))
+            found += [value] * (count - rank)
+    values: Any = np.array(found, complex)
+    return values[np.lexsort((values.imag, values.real))]
+
+
+@jax.custom_jvp
+def matrix_roots(matrix: Float[Array, "k k"]) -> Complex[Array, " k"]:
+    """Eigenvalues of a real matrix, in no order; equal ones differentiate as their mean."""
+    return jnp.linalg.eigvals(matrix)
+
+
+@matrix_roots.defjvp
+def _matrix_roots_jvp(primals, tangents):
+    values = matrix_roots(*primals)
+    one, none = jnp.eye(len(values), dtype=complex), jnp.zeros(primals[0].shape, complex)
+    at, change = Pencil(none, one, -primals[0] + none), Pencil(none, none, -tangents[0] + none)
+    return values, root_changes(values, at, change)

@@ -1,0 +1,149 @@
+"""Characteristic polynomials of a balanced position: exact, slow, and to lowest orders in ball mass."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ...quantities import Scalar
+from .groups import BalancerGroups
+
+
+@eqx.filter_jit
+def characteristic_polynomial(
+    groups: BalancerGroups, beta: Complex[Array, " r"]
+) -> Float[Array, " k"]:
+    """Exact characteristic polynomial, its `2 (r - 1)` zeros left out, degree `6 + 2 r`.
+
+        { A A* l^2 - l g [ A (l - i om)^4 + A* (l + i om)^4 ] + (l^2 + om^2)^4 (g^2 - |nu|^2) } prod e_l^2
+        A = A_z + (ha + i a13) l + l^2,  A* its conjugate for real l,  e_l = l + h_l
+        g = sum m_l / e_l,  nu = sum m_l beta_l / e_l
+
+    Returns:
+        Real coefficients, highest power first. Times l^2 it is that of eqs. (5.4)-(5.6) of
+        Filimonikhin, Goncharov (2011); for roots `spectrum` has more digits.
+    """
+    om = groups.speed + 0j
+    one = jnp.ones((), complex)
+    rotor = jnp.stack([one, groups.damping + 1j * groups.a13, groups.a_z])
+    back = _power(jnp.stack([one, -1j * om]), 4)
+    drags, first, second = _rows(groups, beta)
+    free = jnp.polymul(rotor, rotor.conj()).real
+    pull = 2 * jnp.polymul(rotor, back).real
+    turn = _power(jnp.stack([one, 0 * om, om**2]), 4).real
+    return _total(drags, free, first, pull, second, turn)
+
+
+@eqx.filter_jit
+def slow_polynomial(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, " k"]:
+    """Characteristic polynomial of slow motion, the rotor in quasi-static balance, degree `2 + 2 r`.
+
+        { Delta l^2 - 2 om^4 a11 g l + om^8 (g^2 - |nu|^2) } prod e_l^2
+
+    Source: Filimonikhin, Goncharov (2011), eq. (8.6), e_3 and e_5 of its last bracket exchanged.
+    """
+    om4 = groups.speed**4
+    drags, first, second = _rows(groups, beta)
+    constant = lambda value: value[None]
+    parts = (constant(groups.determinant), first, constant(2 * om4 * groups.a11), second)
+    return _total(drags, *parts, constant(om4**2))
+
+
+class FirstApproximation(NamedTuple):
+    """`Delta l^2 - 2 a11 om^4 mu0 l + om^8 (mu0^2 - |nu0|^2) = 0`, its coefficients and roots."""
+
+    coefficients: Float[Array, " 3"]  # times prod h_l^2: A_0, -A_1, A_2 of eq. (8.8)
+    values: Complex[Array, " 2"]  # the slow roots, the slower last where real
+    mu0: Scalar  # sum m_l / h_l
+    nu0: Complex[Array, ""]  # sum m_l beta_l / h_l
+
+
+def first_approximation(groups: BalancerGroups, beta: Complex[Array, " r"]) -> FirstApproximation:
+    """Slow roots to first order in ball mass: `l = (om^4 / Delta) (a11 mu0 ± sqrt(..))`.
+
+        sqrt( Delta |nu0|^2 - a12^2 mu0^2 ),  mu0 = sum m_l / h_l,  nu0 = sum m_l beta_l / h_l
+
+    It says stable where a11 < 0 and |nu0| < mu0. True for balls light against `h_l ha`, else not safe:
+    see `growth_rate`. Source: Filimonikhin, Goncharov (2011), eq. (8.8), in a compact form.
+    """
+    ratio = groups.mass / groups.drag
+    mu0, nu0 = jnp.sum(ratio), jnp.sum(ratio * beta)
+    om4, delta = groups.speed**4, groups.determinant
+    size = jnp.prod(groups.drag**2)
+    three = [delta, -2 * groups.a11 * om4 * mu0, om4**2 * (mu0**2 - jnp.abs(nu0) ** 2)]
+    inside = delta * jnp.abs(nu0) ** 2 - groups.a12**2 * mu0**2
+    spread = jnp.sqrt(inside + 0j) * jnp.array([-1, 1])
+    values = om4 / delta * (groups.a11 * mu0 + spread)
+    return FirstApproximation(size * jnp.stack(three), values, mu0, nu0)
+
+
+def boundary_shift(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
+    """`a11` on the boundary of stability to first order in ball mass, taken at the critical speed.
+
+        a11* = -om^4 [ (a13 / a12) M / mu0 + M' / (2 mu0) ],  M = mu0^2 - |nu0|^2
+        M' = 2 mu0 mu1 - 2 Re( nu0 conj(nu1) ),  mu1 = sum m_l / h_l^2,  nu1 = sum m_l beta_l / h_l^2
+
+    So the speed is about `sqrt((1 - a11*) / (1 - C))`. Needs C < 1 and ha > 0. Follows from the exact
+    polynomial.
+    """
+    groups = eqx.tree_at(lambda g: g.speed, groups, groups.critical_speed)
+    first = groups.mass / groups.drag
+    second = first / groups.drag
+    mu0, mu1 = jnp.sum(first), jnp.sum(second)
+    nu0, nu1 = jnp.sum(first * beta), jnp.sum(second * beta)
+    gap = mu0**2 - jnp.abs(nu0) ** 2
+    slope = 2 * mu0 * mu1 - 2 * (nu0 * jnp.conj(nu1)).real
+    return -(groups.speed**4) * (groups.a13 / groups.a12 * gap + slope / 2) / mu0
+
+
+class ZeroApproximation(NamedTuple):
+    """Roots for balls without mass; `2 r` more are zero."""
+
+    rotor: Complex[Array, " 4"]
+    balls: Float[Array, " _"]  # -h_l, twice each
+
+
+def zero_approximation(groups: BalancerGroups) -> ZeroApproximation:
+    """Roots for m_l = 0: `l = nu - i om` and conjugate, `nu^2 + (ha - i om C) nu + 1 = 0`; -h_l."""
+    half = (groups.damping - 1j * groups.speed * groups.polar) / 2
+    spread = jnp.sqrt(half**2 - 1) * jnp.array([-1, 1])
+    rotor = spread - half - 1j * groups.speed
+    return ZeroApproximation(jnp.concatenate([rotor, rotor.conj()]), -jnp.repeat(groups.drag, 2))
+
+
+def _power(polynomial: Array, times: int) -> Array:
+    result = jnp.ones(1, polynomial.dtype)
+    for _ in range(times):
+        result = jnp.polymul(result, polynomial)
+    return result
+
+
+def _rows(groups: BalancerGroups, beta: Array) -> tuple[Array, Array, Array]:
+    """`prod e^2`, `g prod e^2` and `(g^2 - |nu|^2) prod e^2` as polynomials."""
+    edges = [jnp.stack([jnp.ones_like(h), h]) for h in groups.drag]
+
+    def less(row):
+        """`prod e_k` without one row's."""
+        result = jnp.ones(1)
+        for other, edge in enumerate(edges):
+            result = result if other == row else jnp.polymul(result, edge)
+        return result
+
+    parts = [less(row) for row in range(groups.rows)]
+    whole = jnp.polymul(parts[0], edges[0])
+    shares = sum(m * part for m, part in zip(groups.mass, parts, strict=True))
+    second = jnp.zeros(2 * groups.rows - 1)
+    for one, share in enumerate(parts):
+        for two, other in enumerate(parts):
+            size = groups.mass[one] * groups.mass[two]
+            aligned = (beta[one] * jnp.conj(beta[two])).real
+            second = second + size * (1 - aligned) * jnp.polymul(share, other)
+    return jnp.polymul(whole, whole), jnp.polymul(whole, shares), second
+
+
+def _total(drags, free, first, pull, second, turn) -> Array:
+    """`free l^2 drags - pull l first + turn second`."""
+    result = jnp.polymul(jnp.polymul(free, drags), jnp.array([1.0, 0.0, 0.0]))
+    result = jnp.polyadd(result, -jnp.polymul(jnp.polymul(pull, first), jnp.array([1.0, 0.0])))
+    return jnp.polyadd(result, jnp.polymul(turn, second))

@@ -1,0 +1,225 @@
+"""Balancing: corrections in given planes, and what the standard permits to remain."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Complex, Float
+
+from ..blocks import Blocks
+from ..effects import AbstractLinear
+from ..quantities import Scalar, check, known
+from ..scene import Scene
+from ..shafts.virtual import VirtualLine
+from ..system import loads
+
+
+GRADES = (0.4, 1.0, 2.5, 6.3, 16.0, 40.0, 100.0, 250.0, 630.0, 1600.0, 4000.0)  # [mm/s]
+_SAME = 1e-10  # relative difference below which two planes act alike
+
+
+class FirstMoments(NamedTuple):
+    """What of a rigid rotor its bearings feel: `F_B = (J / z_B) (i Omega. - Omega^2)` and the like."""
+
+    unbalance: Complex[Array, ""]  # u = Sum m (x + i y) [kg m]
+    product: Complex[Array, ""]  # J = Sum m (x + i y) z = I_xz + i I_yz [kg m^2]
+
+
+class Grade(NamedTuple):
+    """Quality of balance."""
+
+    value: Scalar  # e Omega [mm/s]
+    standard: Scalar  # next grade G of the standard [mm/s], infinite above the last
+
+
+# === rigid rotors
+
+
+def first_moments(scene: Scene) -> FirstMoments:
+    """`u = Sum m e exp(i phase)`, `J = Sum m e exp(i phase) z` and the couples of tilted discs.
+
+    Of all that is fixed to the shaft, about station 0, in the axes of the rotor. A shaft counts as
+    straight. Differentiable.
+
+    Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
+    """
+    found = loads(scene, VirtualLine.resultant(scene.line()), Blocks()).unbalance
+    return FirstMoments(*(jnp.zeros(2, complex) if found is None else found))
+
+
+def total_mass(scene: Scene) -> Scalar:
+    """Mass [kg] of shaft, discs and balls together."""
+    line = VirtualLine.resultant(scene.line())
+    parts = [scene.shaft, *scene.of(AbstractLinear)]
+    weights = [part.blocks(line).weight for part in parts]
+    return sum((weight[0] for weight in weights if weight is not None), start=jnp.zeros(()))
+
+
+def rigid_correction(
+    unbalance: ArrayLike, product: ArrayLike, planes: ArrayLike
+) -> Complex[Array, "2"]:
+    """`u + c1 + c2 = 0`, `J + c1 z1 + c2 z2 = 0`: no dynamic reaction, at any speed.
+
+    Args:
+        unbalance: u [kg m], complex in the axes of the rotor.
+        product: J [kg m^2], complex product of inertia about the plane z = 0.
+        planes: z1, z2 [m], any two but not the same.
+
+    Returns:
+        Corrections `m r exp(i angle)` [kg m] to add. Differentiable.
+
+    Source: course project "Dynamic reactions in the bearings of a rotor", eq. (8).
+    """
+    u, j = jnp.asarray(unbalance), jnp.asarray(product)
+    z = jnp.asarray(planes, float)
+    if z.shape != (2,):
+        raise ValueError(f"`planes [m]` must be two stations, but has shape {z.shape}.")
+    if known(z) and z[0] == z[1]:
+        raise ValueError(f"`planes [m]` must be two different stations, but both are {z[0]:g}.")
+    return jnp.stack([j - u * z[1], u * z[0] - j]) / (z[1] - z[0]) + 0j
+
+
+def rigid_residual(
+    unbalance: ArrayLike, product: ArrayLike, planes: ArrayLike, corrections: ArrayLike
+) -> FirstMoments:
+    """`u + Sum c`, `J + Sum c z`: what `p` corrections [kg m] in planes [m] leave of both."""
+    u, j, c = (jnp.asarray(part, complex) for part in (unbalance, product, corrections))
+    return FirstMoments(u + jnp.sum(c), j + jnp.sum(c * jnp.asarray(planes, float)))
+
+
+# === any linear rotor
+
+
+def influence_coefficients(
+    base: ArrayLike, trials: ArrayLike, trial_runs: ArrayLike
+) -> Complex[Array, "*readings p"]:
+    """`A_j = (v_j - v) / t_j`: vibration by unit unbalance in each of `p` planes.
+
+    Args:
+        base: v, complex amplitudes without a trial mass, of any shape, such as (speeds, sensors).
+        trials: t [kg m], `m r exp(i angle)` of the trial mass of each plane, (p,).
+        trial_runs: v_j, amplitudes with that trial mass alone, (p, *readings).
+
+    Returns:
+        Influence coefficients, the planes last. Differentiable.
+
+    Source: Goodman (1964), least-squares method for computing balance corrections.
+    """
+    v, t, runs = (jnp.asarray(part, complex) for part in (base, trials, trial_runs))
+    if t.ndim != 1 or runs.shape != (*t.shape, *v.shape):
+        raise ValueError(
+            f"`trial_runs` must be one run of the shape of `base` for each trial, {(*t.shape, *v.shape)}, "
+            f"but has shape {runs.shape}."
+        )
+    if known(t) and np.any(np.asarray(t) == 0):
+        raise ValueError(
+            "`trials [kg m]` must not be zero: a run without a trial mass tells nothing."
+        )
+    return jnp.moveaxis((runs - v) / t.reshape(-1, *[1] * v.ndim), 0, -1)
+
+
+def correction_masses(
+    influence: ArrayLike, vibration: ArrayLike, weights: ArrayLike | None = None
+) -> Complex[Array, " p"]:
+    """Corrections `c` of least `Sum weight |v + A c|^2`, over all sensors and speeds at once.
+
+    Args:
+        influence: A, (*readings, p), see `influence_coefficients`.
+        vibration: v, (*readings), without trial masses; at least as many readings as planes.
+        weights: of each reading, (*readings), zero or more; by default all alike.
+
+    Returns:
+        `m r exp(i angle)` [kg m] to add in each plane; `v + A c` remains. Differentiable.
+
+    Source: Goodman (1964), least-squares method for computing balance corrections.
+    """
+    a, v = jnp.asarray(influence, complex), jnp.asarray(vibration, complex)
+    if a.shape[:-1] != v.shape:
+        raise ValueError(
+            f"`influence` must be of the shape of `vibration`, {v.shape}, and planes last, but has "
+            f"shape {a.shape}."
+        )
+    planes = a.shape[-1]
+    if v.size < planes:
+        raise ValueError(
+            f"{v.size} readings do not settle {planes} planes; add sensors or speeds, or leave out "
+            "planes."
+        )
+    a, v = a.reshape(-1, planes), v.ravel()
+    if weights is not None:
+        share = jnp.asarray(weights, float)
+        if known(share) and np.any(np.asarray(share) < 0):
+            raise ValueError(f"`weights` must not be negative, but the least is {share.min():g}.")
+        root = jnp.sqrt(jnp.broadcast_to(share, jnp.shape(vibration))).ravel()
+        a, v = root[:, None] * a, root * v
+    if known(a):
+        sizes = np.linalg.svd(np.asarray(a), compute_uv=False)
+        if sizes[-1] <= _SAME * sizes[0]:
+            raise ValueError(
+                "The readings do not tell the planes apart; leave out a plane, or add sensors or "
+                "speeds."
+            )
+    q, r = jnp.linalg.qr(a)
+    return -jax.scipy.linalg.solve_triangular(r, q.conj().T @ v)
+
+
+# === ISO 21940-11
+
+
+def permissible_unbalance(grade: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Scalar:
+    """`U_per = G m / Omega` [kg m].
+
+    Args:
+        grade: G [mm/s], as in G 6.3.
+        mass: of the rotor [kg].
+        speed: highest speed of service [rad/s].
+
+    Source: ISO 21940-11:2016, eq. (7).
+    """
+    grade = check(grade, "grade [mm/s]", lambda x: x > 0, "must be positive")
+    mass = check(mass, "mass [kg]", lambda x: x > 0, "must be positive")
+    speed = check(speed, "speed [rad/s]", lambda x: x != 0, "must not be zero")
+    return 1e-3 * grade * mass / jnp.abs(speed)
+
+
+def allocated_unbalance(
+    permissible: ArrayLike, centre: ArrayLike, bearings: ArrayLike
+) -> Float[Array, "2"]:
+    """`U_A = U_per L_B / L`, `U_B = U_per L_A / L`, within the limits of the standard.
+
+    Between the bearings each gets 0.3 to 0.7 of U_per; with the centre of mass outside, 0.3 to 1.3.
+
+    Args:
+        permissible: U_per [kg m].
+        centre: station of the centre of mass [m].
+        bearings: stations of the bearings A, B [m], not the same.
+
+    Returns:
+        Permissible residual unbalance [kg m] in the planes of A and B.
+
+    Source: ISO 21940-11:2016, clause 7 (ISO 1940-1:2003, 7.2).
+    """
+    a, b = jnp.asarray(bearings, float)
+    if known(a) and known(b) and a == b:
+        raise ValueError(f"`bearings [m]` must be two different stations, but both are {a:g}.")
+    share = (b - centre) / (b - a)
+    outside = (share < 0) | (share > 1)
+    parts = jnp.abs(jnp.stack([share, 1 - share]))
+    return jnp.asarray(permissible, float) * jnp.clip(parts, 0.3, jnp.where(outside, 1.3, 0.7))
+
+
+def balance_grade(unbalance: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Grade:
+    """`G = |U| Omega / m`, and the next grade of the standard that it meets.
+
+    Args:
+        unbalance: U [kg m], a magnitude or complex.
+        mass: of the rotor [kg].
+        speed: highest speed of service [rad/s].
+
+    Source: ISO 21940-11:2016, Table 1.
+    """
+    mass = check(mass, "mass [kg]", lambda x: x > 0, "must be positive")
+    value = 1e3 * jnp.abs(jnp.asarray(unbalance)) * jnp.abs(jnp.asarray(speed, float)) / mass
+    steps = jnp.asarray([*GRADES, jnp.inf])
+    return Grade(value, steps[jnp.searchsorted(steps, value * (1 - 1e-9))])

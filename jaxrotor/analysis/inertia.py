@@ -1,0 +1,77 @@
+"""Mass properties of a rigid rotor: mass, centre, inertia tensor, and what puts it out of balance."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Complex, Float
+
+from ..blocks import Blocks
+from ..effects import Disc
+from ..quantities import Scalar
+from ..scene import Scene
+from ..shafts import FlexibleShaft
+from ..shafts.virtual import VirtualLine
+from ..system import loads
+
+
+class MassProperties(NamedTuple):
+    """Of a rigid rotor, in its own axes; the third is that of rotation."""
+
+    mass: Scalar  # [kg]
+    centre: Float[Array, "3"]  # of mass, x, y and station [m]
+    tensor: Float[Array, "3 3"]  # off-diagonal minus the products of inertia [kg m^2]
+    unbalance: Complex[Array, ""]  # u = Sum m (x + i y) [kg m]
+    product: Complex[Array, ""]  # J = I_xz + i I_yz [kg m^2]
+
+
+def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
+    """`T = Sum R I_0 R^T + m (r^2 E - r r^T)`, `u = Sum m (x + i y)`, `J = -(T_xz + i T_yz)`.
+
+    Of all discs, each exact or to first order as it says: then `sin(tilt) ~ tilt`, and its offset adds
+    no inertia about the axis. `Unbalance` counts in u and J, and so in the centre of mass.
+
+    Args:
+        scene: a rotor whose shaft has no mass of its own.
+        about: station [m] of the point the tensor and J are about, on the axis.
+
+    Returns:
+        `MassProperties`. Dynamic reactions are zero where u and J are. Differentiable.
+
+    Source: seed of `turbine-run-up`, eqs. (3)-(7), with its errata 6 to 10 and 15.
+    """
+    if isinstance(scene.shaft, FlexibleShaft):
+        raise ValueError(
+            "A flexible shaft bends and has mass of its own; `mass_properties` is for a RigidShaft."
+        )
+    discs = scene.of(Disc)
+    if not discs:
+        raise ValueError("A rigid shaft is massless; put a disc on it.")
+    line = VirtualLine.resultant(scene.line(), jnp.asarray(about, float))
+    first = loads(scene, line, Blocks()).unbalance
+    u, j = jnp.zeros(2, complex) if first is None else first
+    mass = sum((disc.mass for disc in discs), jnp.zeros(()))
+    moment = sum((disc.mass * disc.at for disc in discs), jnp.zeros(()))
+    tensor = sum((_tensor(disc, about) for disc in discs), jnp.zeros((3, 3)))
+    return MassProperties(mass, jnp.stack([u.real, u.imag, moment]) / mass, tensor, u, j)
+
+
+def _tensor(disc: Disc, about: ArrayLike) -> Float[Array, "3 3"]:
+    """Inertia tensor of a disc about a point of the axis."""
+    z, one = jnp.array([0.0, 0.0, 1.0]), jnp.eye(3)
+    axis = jnp.outer(z, z)
+    if disc.tilt is not None:
+        lean = jnp.array([jnp.sin(disc.tilt_axis), -jnp.cos(disc.tilt_axis), 0.0])
+        if disc.exact:
+            normal = jnp.cos(disc.tilt) * z + jnp.sin(disc.tilt) * lean
+            axis = jnp.outer(normal, normal)
+        else:
+            axis = axis + disc.tilt * (jnp.outer(z, lean) + jnp.outer(lean, z))
+    tensor = disc.diametral * one + (disc.polar - disc.diametral) * axis
+    arm = jnp.asarray(disc.at - about) * z
+    if disc.offset is not None:
+        angle = disc.offset_angle
+        arm = arm + disc.offset * jnp.array([jnp.cos(angle), jnp.sin(angle), 0.0])
+    shift = disc.mass * ((arm @ arm) * one - jnp.outer(arm, arm))
+    if not disc.exact:
+        shift = shift.at[2, 2].set(0.0)
+    return tensor + shift

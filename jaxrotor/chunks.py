@@ -1,0 +1,76 @@
+"""Chunks: lanes that run as one compiled program, spread over the cores, with a bar of progress."""
+
+import concurrent.futures
+import contextlib
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+import jax
+
+from .simulate import check_counts
+
+
+def cores(workers: int | None) -> int:
+    """Chunks to run at once: those asked for, else one a core (one on an accelerator)."""
+    if workers is not None:
+        check_counts(workers=workers)
+        return workers
+    return (os.cpu_count() or 1) if jax.default_backend() == "cpu" else 1
+
+
+def chunk_size(lanes: int, most: int, workers: int) -> int:
+    """Even chunks of at most `most` lanes, enough of them to busy every worker."""
+    chunks = max(-(-lanes // most), min(workers, lanes))
+    return -(-lanes // chunks)
+
+
+def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
+    """Chunks over threads: a compiled program runs outside the interpreter's lock."""
+    stop = threading.Event()
+
+    def tick_or_stop(steps: int) -> None:
+        if stop.is_set():
+            raise concurrent.futures.CancelledError
+        tick(steps)
+
+    if workers == 1 or len(chunks) == 1:
+        return [run(chunk, tick) for chunk in chunks]
+    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(run, chunk, tick_or_stop) for chunk in chunks]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:  # Ctrl-C too: running chunks end with their segment
+            stop.set()
+            for future in futures:
+                future.cancel()
+            raise
+
+
+@contextlib.contextmanager
+def progress(show: bool | None, total: int, what: str) -> Iterator:
+    """A bar on a terminal, else nothing: yields `tick(steps)`."""
+    if not (sys.stderr.isatty() if show is None else show):
+        yield lambda steps: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda steps: bar.advance(task, steps)

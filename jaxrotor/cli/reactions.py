@@ -1,0 +1,126 @@
+"""Command `reactions`: what bearings take, in a run-up or in the steady state."""
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from ..analysis import steady_state
+from ..dataset import dataset
+from ..effects import AbstractBodies
+from ..reactions import Reactions, reactions as reactions_of
+from ..run_up import run_up as run
+from ..scene import Scene
+from ..spin import ConstantSpeed
+from ..start import Continued
+from . import answer
+from .options import (
+    AsJson,
+    Duration,
+    Out,
+    Overwrite,
+    Samples,
+    SceneName,
+    Settings,
+    Times,
+    instants,
+    scene_with,
+)
+from .output import draft_or_none, draw, write_dataset, written_to
+
+
+_FILES = ("reactions.zarr", "reactions.png", "vectors.png", "hodograph.png")
+
+
+def reactions(
+    scene: SceneName,
+    settings: Settings = None,
+    duration: Duration = None,
+    samples: Samples = 2001,
+    times: Times = None,
+    rotating: Annotated[
+        bool, typer.Option("--rotating", help="Draw vectors and paths in the shaft's axes.")
+    ] = False,
+    out: Out = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Reactions of bearings and stops: at rest, and above that at first, at last and at most.
+
+    At constant speed and without --duration or --times, one revolution of the steady state, else a
+    run from rest. With --out, DIR/reactions.zarr and pictures: magnitudes in time, vectors when
+    they are largest, and their paths.
+
+    jaxrotor reactions turbine-run-up --duration 0.5s --out run
+    jaxrotor reactions two-discs --set spin.speed=3000rpm
+    """
+    rotor = scene_with(scene, settings)
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        found = reactions_of(_motion(rotor, duration, samples, times))
+        if not found.names:
+            raise ValueError("The scene has no supports, constraints or contacts to react.")
+        if folder is not None:
+            write_dataset(dataset(found), folder / "reactions.zarr")
+            _draw(found, folder, rotating)
+    bearings, written = _bearings(found), written_to(out, _FILES)
+    if as_json:
+        answer.print_json({"scene": scene, "bearings": bearings, "written": written})
+        return
+    heads = ("bearing", "at rest", "first", "last", "most", "at [s]", "")
+    rows = [
+        (
+            one["name"] if unit == "N" else "",
+            *(f"{one[part][key]:.6g}" for key in ("static", "first", "last", "most")),
+            f"{one[part]['time']:.5g}",
+            unit,
+        )
+        for one in bearings
+        for part, unit in (("force", "N"), ("moment", "N m"))
+        if one[part] is not None
+    ]
+    answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
+    answer.print_table(answer.written(written))
+
+
+def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None):
+    steady = isinstance(rotor.spin, ConstantSpeed) and duration is None and times is None
+    if not steady or rotor.of(AbstractBodies):
+        return run(rotor, instants(rotor, duration, samples, times))
+    speed = abs(float(rotor.spin.speed))
+    turn = 2 * math.pi / speed if speed else 1.0  # nothing changes at rest
+    return run(rotor, np.linspace(0.0, turn, samples), start=Continued(*steady_state(rotor)))
+
+
+def _bearings(found: Reactions) -> list[dict[str, Any]]:
+    """Magnitudes [N], [N m] of every bearing: at rest, and of the rest of it in time."""
+    time = np.asarray(found.time)
+    force, moment, static, static_moment = (
+        np.asarray(a) for a in (found.force, found.moment, found.static, found.static_moment)
+    )
+
+    def part(values: np.ndarray, rest: complex) -> dict[str, float]:
+        above = np.abs(values - rest)
+        top = int(np.argmax(above))
+        ends = {"static": abs(rest), "first": above[0], "last": above[-1]}
+        return ends | {"most": above[top], "time": time[top]}
+
+    return [
+        {
+            "name": name,
+            "force": part(force[:, i], static[i]),
+            "moment": part(moment[:, i], static_moment[i]) if moment[:, i].any() else None,
+        }
+        for i, name in enumerate(found.names)
+    ]
+
+
+def _draw(found: Reactions, folder: Any, rotating: bool) -> None:
+    from .. import plot
+
+    largest = np.abs(np.asarray(found.force)).max(axis=1)
+    time = float(found.time[int(np.argmax(largest))])
+    vectors = lambda ax: plot.reaction_vectors(found, time, ax, rotating=rotating)
+    draw(folder / "reactions.png", lambda ax: plot.reactions(found, ax), 170, 80)
+    draw(folder / "vectors.png", vectors, 85, 85)
+    draw(folder / "hodograph.png", lambda ax: plot.hodograph(found, ax, rotating=rotating), 85, 85)

@@ -1,0 +1,128 @@
+"""Command `run-up`: motion while the speed changes."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from ..dataset import dataset
+from ..files import study
+from ..run_up import Launch, RunUp, run_up as run
+from . import answer
+from .options import (
+    Angle,
+    AsJson,
+    At,
+    Duration,
+    Overwrite,
+    Radius,
+    Rate,
+    Samples,
+    SceneName,
+    Settings,
+    Times,
+    instants,
+    optional,
+    scene_with,
+    start_with,
+)
+from .output import draft_or_none, draw, write_dataset, written_to
+
+
+_FILES = ("run-up.zarr", "run-up.png", "speed.png", "balls.png", "film.gif")
+
+
+def run_up(
+    scene: SceneName,
+    settings: Settings = None,
+    duration: Duration = None,
+    samples: Samples = 2001,
+    times: Times = None,
+    start_radius: Radius = None,
+    start_rate: Rate = None,
+    start_angle: Angle = None,
+    at: At = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for run-up.zarr and pictures."),
+    ] = None,
+    film: Annotated[bool, typer.Option("--film", help="Write film.gif too, with --out.")] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run through a change of speed, whatever the spin: peak, speeds, contact and balls.
+
+    With --out, DIR/run-up.zarr, pictures of amplitude and speed, and of balls where there are any.
+
+    jaxrotor run-up turbine-run-up --duration 0.5s --out run
+    jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
+    """
+    rotor, table = scene_with(scene, settings), study(scene)
+    instant = instants(rotor, duration, samples, times)
+    start = Launch(start_with(table, start_radius, start_rate, start_angle))
+    if film and out is None:
+        raise ValueError("--film needs a folder to write into; add --out.")
+    station = optional(at, "m", "--at")
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        motion = run(rotor, instant, start=start, at=station)
+        if folder is not None:
+            write_dataset(dataset(motion), folder / "run-up.zarr")
+            _draw(motion, folder, film)
+    summary = _summary(motion)
+    answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
+    written = written_to(out, _FILES)
+    if as_json:
+        answer.print_json({"scene": scene, **summary, "written": written})
+        return
+    typer.echo(f"{motion}")
+    answer.print_table([*_rows(summary), *answer.written(written)])
+
+
+def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    peak, first, last = summary["peak"], *summary["speed"]
+    still = "nothing moves at that station"
+    at = f"{peak['radius']:.6g} m at {peak['time']:.6g} s and {peak['speed']:.6g} rad/s"
+    rows = [
+        ("speed", f"{first:.6g} to {last:.6g} rad/s"),
+        ("peak", at if peak["radius"] > 0 else still),
+    ]
+    if summary["stopped"] is not None:
+        rows.append(("stopped", f"at {summary['stopped']:.6g} s"))
+    rows += [
+        (f"contact {i}", f"{contact['duty']:.2%} of the time, up to {contact['peak_force']:.5g} N")
+        for i, contact in enumerate(summary["contacts"])
+    ]
+    if summary["imbalance"] is not None:
+        first, last = (1e3 * value for value in summary["imbalance"])
+        rows.append(("imbalance", f"{first:.5g} to {last:.5g} g m"))
+    return rows
+
+
+def _draw(motion: RunUp, folder: Path, film: bool) -> None:
+    from .. import plot
+
+    draw(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
+    draw(folder / "speed.png", lambda axes: plot.speed(motion, axes), 170, 100, rows=2)
+    if motion.balls:
+        draw(folder / "balls.png", lambda axes: plot.balls(motion, axes), 170, 110, rows=2)
+    if film:
+        plot.animate(motion, folder / "film.gif")
+
+
+def _summary(motion: RunUp) -> dict[str, Any]:
+    """What the samples say of the first station."""
+    radius, speed = np.abs(np.asarray(motion.displacement)[:, 0]), np.asarray(motion.speed)
+    top, stopped = int(np.argmax(radius)), float(motion.stopped)
+    force = motion.contact_force
+    forces = [] if force is None else np.abs(np.asarray(force)).T  # (k, T)
+    left = np.abs(np.asarray(motion.imbalance)) if motion.balls else None
+    return {
+        "station": motion.stations[0],
+        "speed": (speed[0], speed[-1]),
+        "revolutions": float(motion.angle[-1] - motion.angle[0]) / (2 * np.pi),
+        "peak": {"radius": radius[top], "time": motion.time[top], "speed": speed[top]},
+        "stopped": stopped if np.isfinite(stopped) else None,
+        "contacts": [{"duty": np.mean(f > 0), "peak_force": f.max()} for f in forces],
+        "imbalance": None if left is None else (left[0], left[-1]),
+    }

@@ -1,0 +1,83 @@
+"""Balls that roll in a race and balance the rotor by themselves."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..blocks import Blocks
+from ..quantities import Scalar, nonnegative, positive
+from ..shafts.line import AbstractLine
+from .base import AbstractBetween, AbstractBodies, AbstractLinear
+
+
+class BallBalancer(AbstractBodies, AbstractLinear):
+    """One row of balls in a race that turns with the shaft, with viscous drag.
+
+        k m R phi.. + h R (phi. - Omega) = -m Im(exp(-i phi) z..) + (k - 1) m R Omega..
+
+    `rolling` k: 7/5 of a ball, 3/2 of a roller, 1 of a pendulum. `in_use` of the `places` hold a ball,
+    all by default: rows of different numbers can then be mapped over. Their mass is carried
+    by the shaft. Source: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Omega.. of a run-up is ours.
+    """
+
+    kind: ClassVar[str] = "ball_balancer"
+    plural: ClassVar[str] = "ball_balancers"
+
+    at: Scalar = nonnegative("at [m]")
+    ball_mass: Scalar = positive("ball_mass [kg]")
+    race_radius: Scalar = positive("race_radius [m]")
+    drag_coefficient: Scalar = nonnegative("drag_coefficient [kg/s]")
+    rolling: Scalar = positive("rolling [1]", default=1.4)
+    in_use: Scalar = nonnegative("in_use [1]", default=None)
+    places: int = eqx.field(default=2, static=True)
+
+    def __check_init__(self):
+        if isinstance(self.places, bool) or not isinstance(self.places, int) or self.places < 1:
+            raise ValueError(
+                f"`places` must be a whole number of at least 1, but is {self.places!r}."
+            )
+
+    @property
+    def masses(self) -> Float[Array, " b"]:
+        masses = self.ball_mass * jnp.ones(self.places)
+        if self.in_use is None:
+            return masses
+        return jnp.where(jnp.arange(self.places) < self.in_use, masses, 0.0)
+
+    def drag(self, rate: Float[Array, " b"]) -> Float[Array, " b"]:
+        return -self.drag_coefficient * self.race_radius * rate
+
+    def blocks(self, line: AbstractLine) -> Blocks:
+        column, mass = line.column(self.at), jnp.sum(self.masses)
+        return Blocks(inertia=mass * jnp.outer(column, line.row(self.at)), weight=mass * column)
+
+
+class BallContact(AbstractBetween):
+    """Balls of a row touch: `N = k g + d g.` while `g > 0` and `N > 0`, `g = 2 r - R |gap angle|`.
+
+    Between all pairs along the race; `ball_radius` r. Without it balls pass through one another, as in
+    Filimonikhin, Goncharov (2011). Source: ours, after the normal force of a limiter.
+    """
+
+    kind: ClassVar[str] = "ball_contact"
+    plural: ClassVar[str] = "ball_contacts"
+
+    ball_radius: Scalar = positive("ball_radius [m]")
+    stiffness: Scalar = positive("stiffness [N/m]")
+    damping: Scalar = nonnegative("damping [N s/m]", default=0.0)
+
+    def between(self, angle, rate, present, race):
+        ahead = angle[None] - angle[:, None]
+        ahead = jnp.arctan2(jnp.sin(ahead), jnp.cos(ahead))  # from -pi to pi
+        side = jnp.where(ahead >= 0, 1.0, -1.0)
+        pitch = 2 * jnp.arcsin(self.ball_radius / race)
+        depth = race * (pitch - jnp.abs(ahead))
+        closing = -race * side * (rate[None] - rate[:, None])
+        force = self.stiffness * depth + self.damping * closing
+        pairs = present[None] * present[:, None] * (1 - jnp.eye(angle.size))
+        return -jnp.sum(pairs * side * jnp.where((depth > 0) & (force > 0), force, 0.0), axis=1)
+
+    def duration(self, mass: Scalar) -> Scalar:
+        return jnp.pi * jnp.sqrt(mass / (2 * self.stiffness))

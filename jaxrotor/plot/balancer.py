@@ -1,0 +1,154 @@
+"""Balancer: where the balls of a ball balancer are, and what imbalance is left."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from ..effects import AbstractBodies, BallContact
+from . import colours, page
+from .record import sample
+
+
+STEEL = 7850.0  # kg/m^3
+_TINTS = (colours.BLUE, colours.ORANGE, colours.TEAL, colours.MAGENTA)  # of the rows
+
+
+class Row(NamedTuple):
+    """The balls of one race, `b` of them, without empty places."""
+
+    name: str
+    colour: str
+    angle: Float[np.ndarray, "T b"]  # from the rotor [rad]
+    mass: Float[np.ndarray, " b"]  # [kg]
+    size: Float[np.ndarray, " b"]  # radius of a ball [m]
+    radius: float  # of the race [m]
+
+    @property
+    def moment(self) -> Complex[np.ndarray, " T"]:
+        """Imbalance of the row [kg m]."""
+        return np.exp(1j * self.angle) @ (self.radius * self.mass)
+
+
+class Rows(NamedTuple):
+    """All balls and what they balance."""
+
+    rows: list[Row]
+    rotor: complex  # imbalance without balls [kg m]
+
+    @classmethod
+    def of(cls, run: Any) -> "Rows":
+        races = run.scene.of(AbstractBodies)
+        if not races:
+            raise ValueError("This plot takes a run with balls; give the scene a `BallBalancer`.")
+        contact = next(iter(run.scene.of(BallContact)), None)
+        rows = []
+        for i, (race, found) in enumerate(zip(races, run.balls, strict=True)):
+            there = np.asarray(race.masses) > 0
+            count = int(there.sum())
+            name = f"row {i + 1}, {count} ball{'s' if count != 1 else ''}"
+            angle, mass = np.asarray(found.angle)[:, there], np.asarray(race.masses)[there]
+            steel = np.cbrt(3 * mass / (4 * np.pi * STEEL))
+            size = steel if contact is None else np.full(count, float(contact.ball_radius))
+            tint = _TINTS[i % len(_TINTS)]
+            rows.append(Row(name, tint, angle, mass, size, float(race.race_radius)))
+        first = np.asarray(run.imbalance)[0] - sum(row.moment[0] for row in rows)
+        return cls(rows, complex(first))
+
+    @property
+    def left(self) -> Complex[np.ndarray, " T"]:
+        """Imbalance of rotor and balls [kg m]."""
+        return self.rotor + np.sum([row.moment for row in self.rows], axis=0)
+
+    def draw(self, ax: Axes, now: int) -> None:
+        """Races, balls and arrows of imbalance at a sample."""
+        radius = max(row.radius for row in self.rows)
+        capacity = sum(float(row.mass.sum()) * row.radius for row in self.rows)
+        unit = max(capacity, abs(self.rotor))  # kg m, as long as the race is wide
+        arrows = [("rotor", colours.DARK, self.rotor)]
+        for row in self.rows:
+            circle = {"fill": False, "edgecolor": colours.GREY, "linewidth": 0.8, "zorder": 1}
+            ax.add_patch(Circle((0, 0), 1e3 * row.radius, **circle))
+            style = {"facecolor": row.colour, "edgecolor": "white", "alpha": 0.85, "zorder": 2}
+            for size, angle in zip(row.size, row.angle[now], strict=True):
+                there = 1e3 * row.radius * np.array([np.cos(angle), np.sin(angle)])
+                ax.add_patch(Circle(tuple(there), 1e3 * size, **style))
+            arrows.append((row.name, row.colour, row.moment[now]))
+        arrows.append(("left", colours.RED, self.left[now]))
+        style = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.009, "zorder": 3}
+        for name, colour, moment in arrows:
+            tip = 1e3 * radius * moment / unit
+            ax.quiver(0, 0, tip.real, tip.imag, color=colour, label=name, **style)
+        reach = 1.35e3 * radius
+        ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        ax.set_xlabel("x of the rotor [mm]")
+        ax.set_ylabel("y of the rotor [mm]")
+        note = {"transform": ax.transAxes, "fontsize": page.TEXT, "ha": "right"}
+        ax.text(0.97, 0.03, f"radius = {1e3 * unit:.3g} g m", **note)
+        page.legend(ax, columns=2)
+
+
+def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
+    """Angles of all balls from the rotor above; imbalance of rotor and balls below, against time.
+
+    A curve breaks where a ball passes 360 degrees.
+
+    Args:
+        run: a `RunUp` of a scene with balls.
+        axes: two Axes, upper and lower; a new figure if None.
+
+    Returns:
+        The upper and the lower Axes.
+    """
+    found, time = Rows.of(run), np.asarray(run.time)
+    upper, lower = page.pair(axes, 170, 110)
+    many = time.size > page.RASTER
+    for row in found.rows:
+        for number, angle in enumerate(_broken(np.degrees(row.angle)).T):
+            label = None if number else row.name
+            upper.plot(time, angle, color=row.colour, lw=1.0, label=label, rasterized=many)
+    left, alone = 1e3 * np.abs(found.left), 1e3 * abs(found.rotor)
+    lower.plot(time, left, color=colours.DARK, lw=1.0, label="rotor and balls", rasterized=many)
+    lower.axhline(alone, color=colours.RED, lw=0.8, ls="--", label="rotor alone")
+    top = max(left.max(), alone)
+    if left.min() < 1e-2 * top:
+        lower.set_yscale("log")
+        lower.set_ylim(max(left.min(), 1e-6 * top), 2 * top)
+    else:
+        lower.set_ylim(bottom=0.0)
+    for ax in (upper, lower):
+        ax.margins(x=0)
+    upper.set(ylim=(0.0, 360.0), yticks=range(0, 361, 90))
+    upper.set_ylabel("angle from the rotor [deg]")
+    lower.set_ylabel("imbalance [g m]")
+    lower.set_xlabel("time [s]")
+    page.legend(upper, columns=4)
+    page.legend(lower, columns=2)
+    return upper, lower
+
+
+def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
+    """Races and balls to scale at the sample next to a time, in the axes of the rotor.
+
+    Arrows are imbalances, of the rotor, of each row and what is left of all; their scale is noted
+    in the picture. Balls without a `BallContact` are drawn as if of steel.
+
+    Args:
+        run: a `RunUp` of a scene with balls.
+        time: instant [s], within the run.
+        ax: Axes to draw in; a new figure if None.
+    """
+    found, now = Rows.of(run), sample(run, time)
+    ax = page.single(ax, 85, 95)
+    found.draw(ax, now)
+    ax.text(0.03, 0.03, f"{run.time[now]:.4g} s", transform=ax.transAxes, fontsize=page.TEXT)
+    return ax
+
+
+def _broken(degrees: Float[np.ndarray, "T b"]) -> Float[np.ndarray, "T b"]:
+    """Angles from 0 to 360 with a gap where they go round."""
+    wrapped = degrees % 360
+    wrapped[1:][np.abs(np.diff(wrapped, axis=0)) > 180] = np.nan
+    return wrapped

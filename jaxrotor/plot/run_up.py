@@ -1,0 +1,77 @@
+"""Run-up: speed of rotation and amplitude while it changes."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from . import colours, labels, page
+from .record import signal
+
+
+def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
+    """Speed of rotation above and its acceleration below, against time.
+
+    Args:
+        run: a `RunUp`, with `time` [s], `speed` [rad/s], `acceleration` [rad/s^2].
+        axes: two Axes, upper and lower; a new figure if None.
+
+    Returns:
+        The upper and the lower Axes.
+    """
+    upper, lower = page.pair(axes, 170, 100)
+    _draw_speed(upper, run)
+    lower.plot(np.asarray(run.time), np.asarray(run.acceleration), color=colours.ORANGE, lw=1.2)
+    page.zero(lower)
+    lower.margins(x=0)
+    lower.set_ylabel("acceleration [rad/s$^2$]")
+    lower.set_xlabel("time [s]")
+    return upper, lower
+
+
+def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
+    """Amplitude `|z|` at one station above and the speed of rotation below, against time.
+
+    Args:
+        run: a `RunUp`, with `displacement` [m].
+        station: which of the run's stations.
+        axes: two Axes, upper and lower; a new figure if None.
+
+    Returns:
+        The upper and the lower Axes.
+    """
+    upper, lower = page.pair(axes, 170, 100)
+    _draw_amplitude(upper, np.asarray(run.time), run, station)
+    _draw_speed(lower, run)
+    lower.set_xlabel("time [s]")
+    return upper, lower
+
+
+def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
+    """Amplitude `|z|` at one station against the speed of rotation at the same time.
+
+    Args:
+        run: a `RunUp`, with `displacement` [m] and `speed` [rad/s].
+        station: which of the run's stations.
+        ax: Axes to draw in; a new figure if None.
+    """
+    ax = page.single(ax, 170, 60)
+    _draw_amplitude(ax, np.asarray(run.speed), run, station)
+    ax.set_xlabel("speed of rotation [rad/s]")
+    return ax
+
+
+def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
+    amplitude = np.abs(signal(run, "displacement", station))
+    factor, unit = labels.length(amplitude.max(initial=0.0))
+    many = amplitude.size > page.RASTER
+    ax.plot(x, factor * amplitude, color=colours.BLUE, lw=0.8, rasterized=many)
+    ax.margins(x=0)
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel(f"amplitude [{unit}]")
+
+
+def _draw_speed(ax: Axes, run: Any) -> None:
+    ax.plot(np.asarray(run.time), np.asarray(run.speed), color=colours.DARK, lw=1.2)
+    ax.margins(x=0)
+    ax.set_ylabel("speed [rad/s]")

@@ -1,0 +1,195 @@
+"""Reactions: what bearings, constraints and stops do to the rotor."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .effects import AbstractContact, AbstractEffect, AbstractLinear, Support
+from .pencil import Pencil, frame
+from .run_up import RunUp
+from .scene import Scene
+from .shafts.influence import Influence
+from .shafts.virtual import VirtualLine
+from .simulate import Response
+from .spin import Turning
+from .system import System, loads
+from .transient import Instant, Posture, Transient, acting, resistance
+
+
+Act = Callable[[Instant], tuple[Array, Array]]  # forces and moments, in the axes of the shaft
+
+
+class Reactions(eqx.Module):
+    """Forces and moments on the rotor in fixed axes, `k` of them at `T` times."""
+
+    time: Float[Array, " T"]  # [s]
+    angle: Float[Array, " T"]  # of rotation [rad]
+    force: Complex[Array, "T k"]  # x + i y [N]
+    moment: Complex[Array, "T k"]  # that turns the tangent, positive with the slope [N m]
+    static: Complex[Array, " k"]  # force of the rotor at rest under weight [N]
+    static_moment: Complex[Array, " k"]  # [N m]
+    names: tuple[str, ...] = eqx.field(static=True)
+    scene: Scene
+    solver: str = eqx.field(static=True)  # of the motion
+
+    @property
+    def rotating(self) -> Complex[Array, "T k"]:
+        """Force in the axes of the shaft [N]."""
+        return self.force * jnp.exp(-1j * self.angle)[:, None]
+
+    @property
+    def dynamic(self) -> Complex[Array, "T k"]:
+        """Force less that at rest [N], in fixed axes."""
+        return self.force - self.static
+
+    def of(self, name: str) -> Complex[Array, " T"]:
+        """Force of one, by its name [N]."""
+        if name not in self.names:
+            raise ValueError(f"There is no {name!r}; there are: {', '.join(self.names)}.")
+        return self.force[:, self.names.index(name)]
+
+
+def reactions(response: RunUp | Response) -> Reactions:
+    """Reactions of supports, constraints and contacts, on the rotor, at every sample.
+
+        support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.)
+        constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
+
+    The work of all loads and inertia forces on the displacement `phi_k` that a unit motion of the
+    constraint makes is minus its reaction (Betti; d'Alembert), whatever the shaft, rigid or flexible,
+    and however many the constraints. Contacts are named after their effects.
+
+    Args:
+        response: of `run_up` or `simulate`.
+
+    Returns:
+        `Reactions`; `k` counts supports, then constraints, then contacts.
+
+    Source: seed of `turbine-run-up`, Newton-Euler equations (9) with its errata.
+    """
+    scene = response.scene
+    instants = response.instants if isinstance(response, RunUp) else _instants(response)
+    names = [_named(scene, effect) for effect in scene.of(Support)]
+    influence = scene.shaft.influence()
+    if influence is not None:
+        names += [f"constraints.{i}" for i in dict.fromkeys(influence.owners)]
+    force, moment, static, static_moment = _all(scene, instants)
+    if response.contact_force is not None:
+        contacts = scene.of(AbstractContact)
+        names += [_named(scene, effect) for effect in contacts]
+        force = jnp.concatenate([force, response.contact_force], axis=1)
+        moment = jnp.pad(moment, [(0, 0), (0, len(contacts))])
+        static, static_moment = (jnp.pad(a, (0, len(contacts))) for a in (static, static_moment))
+    return Reactions(
+        time=response.time,
+        angle=instants.turning.angle,
+        force=force,
+        moment=moment,
+        static=static,
+        static_moment=static_moment,
+        names=tuple(names),
+        scene=scene,
+        solver=response.solver,
+    )
+
+
+@eqx.filter_jit
+def _all(scene: Scene, instants: Instant):
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+    parts = [_support(transient.system, support) for support in scene.of(Support)]
+    influence = scene.shaft.influence()
+    if influence is not None:
+        parts.append(_constraints(scene, transient, influence))
+
+    def act(now: Instant):
+        pairs = [part(now) for part in parts]
+        join = lambda which: now.turn * jnp.concatenate([jnp.zeros(0), *(p[which] for p in pairs)])
+        return join(0), join(1)
+
+    force, moment = jax.vmap(act)(instants)
+    static, static_moment = act(_at_rest(transient.system))
+    return force, moment, static, static_moment
+
+
+def _support(system: System, support: Support) -> Act:
+    """Force and moment of a support, in the axes of the shaft."""
+    line = VirtualLine.resultant(system.line, support.at)
+    blocks = support.blocks(line)
+
+    def act(now: Instant):
+        force, moment = -resistance(blocks, now)
+        return force[None], moment[None]
+
+    return act
+
+
+def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Act:
+    """Forces and moments of the constraints, in the axes of the shaft."""
+    line = VirtualLine(line=transient.system.line, shapes=influence.shapes, slopes=influence.slopes)
+    blocks = scene.shaft.blocks(line)
+    for effect in scene.of(AbstractLinear):
+        blocks = blocks + effect.blocks(line)
+    load = loads(scene, line, blocks)
+    inertia, unbalance = blocks.inertia, load.unbalance
+    forces, moments = _places(influence)
+
+    def act(now: Instant):
+        reaction = resistance(blocks, now) - acting(load, now)
+        reaction -= transient.contact(now, lambda port: line.column(port.at))
+        reaction -= transient.thrust(now, lambda race: line.column(race.at))
+        if inertia is not None:
+            reaction += inertia @ now.absolute
+        if unbalance is not None:
+            reaction += 1j * now.turning.acceleration * unbalance
+        return jnp.asarray(forces) @ reaction, jnp.asarray(moments) @ reaction
+
+    return act
+
+
+def _places(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
+    """Which line gives the force and which the moment of every constraint: 0 or 1 of (c, r)."""
+    owned = np.arange(max(influence.owners) + 1)[:, None] == np.array(influence.owners)
+    turns = np.array(influence.turns)
+    return 1.0 * (owned & ~turns), 1.0 * (owned & turns)
+
+
+def _at_rest(system: System) -> Instant:
+    """The rotor at rest under its weight."""
+    q = jnp.zeros(system.n, complex)
+    if system.load.constant is not None and system.n:
+        rest = system.at_speed(jnp.zeros(()))
+        fixed = frame(system.blocks) == "fixed"
+        pencil = Pencil.of(rest) if fixed else Pencil.mean(rest)
+        force = system.load.constant
+        pair = jnp.concatenate([force, force.conj()]) if len(pencil.inertia) > system.n else force
+        q = pencil.response(jnp.zeros(()), pair)[: system.n]
+    zero = jnp.zeros(())
+    count = sum(race.bodies.places for race in system.races)
+    still = jnp.zeros(count)
+    return Instant(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
+
+
+def _instants(response: Response) -> Instant:
+    """What moves how, at the samples of a motion at constant speed."""
+    scene = response.scene
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+    turn = jnp.exp(-1j * scene.spin.speed * response.time)[:, None]
+    r = turn * response.coordinates
+    drift = turn * response.rates - 1j * scene.spin.speed * r
+    plane = lambda z: jnp.stack([z.real, z.imag], axis=1)
+    none = jnp.zeros((response.time.size, 0))
+    postures = Posture(plane(r), plane(drift), none, none, none, none)
+    return jax.vmap(transient.instant)(response.time, postures)
+
+
+def _named(scene: Scene, effect: AbstractEffect) -> str:
+    """How parameter paths call an effect: `support`, or `supports.1` of several."""
+    alike = [other for other in scene.effects if other.kind == effect.kind]
+    if len(alike) == 1:
+        return effect.kind
+    number = next(i for i, other in enumerate(alike) if other is effect)
+    return f"{effect.plural}.{number}"

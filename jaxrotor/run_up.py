@@ -1,0 +1,378 @@
+"""Run-up: motion of a scene at any spin: run-up, coast-down, a drive of limited power, balls."""
+
+from typing import Any, cast
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Complex, Float
+
+from .effects.base import AbstractBetween, AbstractBodies
+from .pencil import Pencil
+from .quantities import Scalar, known, real
+from .scene import Scene
+from .shafts.virtual import VirtualLine
+from .simulate import checked_solver, solver_name
+from .solvers.control import step_control, tuned
+from .solvers.exponential import Exponential
+from .spin import Drive
+from .start import AbstractStart, AtRest, Continued
+from .system import System, assemble, loads
+from .transient import Instant, Posture, Transient
+
+
+class Balls(eqx.Module):
+    """Bodies of one race, seen from the shaft."""
+
+    angle: Float[Array, "*T b"]  # psi = phi - theta [rad]
+    rate: Float[Array, "*T b"]  # [rad/s]
+
+
+class Launch(eqx.Module):
+    """State a run begins with.
+
+    `balls` has an entry for every race; None spreads them evenly. A `speed` other than None takes the
+    place of that of a free spin.
+    """
+
+    shaft: AbstractStart = eqx.field(default_factory=AtRest)
+    angle: Scalar = real("angle [rad]", default=0.0)
+    balls: tuple[Balls, ...] | None = None
+    speed: Scalar = real("speed [rad/s]", default=None)
+
+
+class RunUp(eqx.Module):
+    """Motion of a scene at the times asked for, `T` of them, at `s` stations."""
+
+    time: Float[Array, " T"]  # [s]
+    angle: Float[Array, " T"]  # of rotation [rad]
+    speed: Float[Array, " T"]  # of rotation [rad/s]
+    acceleration: Float[Array, " T"]  # of rotation [rad/s^2]
+    displacement: Complex[Array, "T s"]  # x + i y [m]
+    velocity: Complex[Array, "T s"]  # [m/s]
+    contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
+    balls: tuple[Balls, ...]
+    stations: Float[Array, " s"]  # [m]
+    stopped: Scalar  # when the rotor came to rest for good [s], infinite if never
+    instants: Instant  # of everything, (T, ..)
+    end: Launch  # to go on from
+    scene: Scene
+    solver: str = eqx.field(static=True)
+
+    @property
+    def imbalance(self) -> Complex[Array, " T"]:
+        """Unbalance of the scene and of all balls, in the axes of the shaft [kg m]."""
+        total = jnp.full(self.time.shape, unbalance_of(self.scene))
+        for race, balls in zip(self.scene.of(AbstractBodies), self.balls, strict=True):
+            total = total + jnp.exp(1j * balls.angle) @ (race.masses * race.race_radius)
+        return total
+
+    def __str__(self) -> str:
+        first, last = float(self.speed[0]), float(self.speed[-1])
+        turns = float(self.angle[-1] - self.angle[0]) / (2 * np.pi)
+        return (
+            f"RunUp from {first:g} to {last:g} rad/s in {float(self.time[-1] - self.time[0]):g} s and "
+            f"{turns:.1f} revolutions, {self.time.size} samples, {self.solver}"
+        )
+
+
+def unbalance_of(scene: Scene) -> Complex[Array, ""]:
+    """Resultant unbalance of what is fixed to the shaft, in its axes [kg m]."""
+    system = assemble(scene)
+    own = loads(scene, VirtualLine.resultant(system.line), system.blocks).unbalance
+    return jnp.zeros((), complex) if own is None else own[0]
+
+
+def run_up(
+    scene: Scene,
+    times: Any,
+    *,
+    start: AbstractStart | Launch | None = None,
+    at: float | Any | None = None,
+    solver: dfx.AbstractSolver | Exponential | None = None,
+    controller: dfx.AbstractStepSizeController | None = None,
+    substeps: int = 1,
+    adjoint: dfx.AbstractAdjoint | None = None,
+    max_steps: int = 1_000_000,
+) -> RunUp:
+    """Motion at a speed that varies, whatever the spin: `ConstantSpeed`, `SpeedProfile`, `Drive`.
+
+        M q.. + (C - i Omega G) q. + (K - i Omega H) q = (Omega^2 - i Omega.) u exp(i theta) + ..
+
+    Integrated in the axes of the shaft, where the response to unbalance is slow. Axes may be unequal;
+    balls and a drive that feels the rotor are solved with it. A rotation known in closed form is not
+    integrated unless a solver is named.
+
+    Args:
+        scene: what moves.
+        times: ascending [s], of the samples; the run begins at 0.
+        start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
+        at: station(s) [m] to observe, by default as `simulate`.
+        solver: any diffrax solver; by default Dopri8 for a rigid or massless shaft, Kvaerno5 for a
+            flexible one, whose high modes are stiff.
+        controller: step control, by default rtol 1e-7 and atol 1e-10 of m and rad.
+        substeps: steps from sample to sample of a solver without an error estimate.
+        adjoint: diffrax adjoint for derivatives, forward mode by default.
+        max_steps: steps an adaptive solver may take.
+
+    Returns:
+        A `RunUp`. A run that fails raises; when traced, it is not finite.
+
+    Sources: Filimonikhin, Goncharov (2011); seed of `turbine-run-up`.
+    """
+    times = _checked_times(times)
+    chosen: Any = checked_solver(solver if solver is not None else _suited(scene))
+    if isinstance(chosen, Exponential):
+        raise ValueError(
+            "`solver` Exponential() is for constant speed; give a diffrax solver or none."
+        )
+    launch = start if isinstance(start, Launch) else Launch(start or AtRest())
+    counts = [bodies.places for bodies in scene.of(AbstractBodies)]
+    spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
+    plan = Integration(
+        tuned(chosen),
+        controller or control(chosen, scene),
+        dfx.ForwardMode() if adjoint is None else adjoint,
+        substeps,
+        max_steps,
+        isinstance(spin, Drive) and (solver is not None or not spin.given),
+        known(times) and float(times[0]) == 0,
+    )
+    if plan.controller is None and isinstance(spin, Drive) and spin.can_stop:
+        raise ValueError(
+            "A drive that can come to rest needs steps that end there; give a solver with an error "
+            "estimate, such as diffrax.Tsit5()."
+        )
+    if isinstance(spin, Drive):
+        spin.inertia(_polar(scene))  # refuses what cannot turn
+    launch = _whole(launch, counts)
+    instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
+    if known(good) and not bool(good):
+        raise RuntimeError(
+            "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
+            "`max_steps` or more `substeps`, or look whether the drive runs away (`Drive(odd=True)` "
+            "brakes at any sign of the speed)."
+        )
+    name = solver_name(chosen)
+    return _result(scene, launch, times, stations, instants, stopped, seen, counts, name)
+
+
+@eqx.filter_jit
+def _polar(scene: Scene) -> Scalar | None:
+    return assemble(scene).blocks.polar
+
+
+def _suited(scene: Scene) -> dfx.AbstractSolver:
+    """Implicit where a flexible shaft has high modes."""
+    size = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, scene).shape[0]
+    return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
+
+
+def control(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:
+    """Adaptive steps that step over no jump of the acceleration and no impact of bodies.
+
+    Free bodies move without error, so nothing else would keep a step from leaping over an impact.
+    """
+    impacts = [
+        between.duration(race.rolling * jnp.max(race.masses)) / 4
+        for between in scene.of(AbstractBetween)
+        for race in scene.of(AbstractBodies)
+    ]
+    longest = jnp.min(jnp.stack(impacts)) if impacts else None
+    steps: Any = step_control(solver, dtmax=longest, **options)
+    if steps is None or scene.spin.kinks is None:
+        return steps
+    return dfx.ClipStepSizeController(steps, jump_ts=scene.spin.kinks)
+
+
+def _checked_times(times: Any) -> Any:
+    if not known(times):
+        return times
+    values = np.atleast_1d(np.asarray(times, float))
+    if values.ndim > 1 or values.size < 2 or values[0] < 0 or not np.all(np.diff(values) > 0):
+        raise ValueError(
+            f"`times [s]` must be two or more ascending times from 0 on, but is {times!r}."
+        )
+    return values
+
+
+def _whole(launch: Launch, counts: list[int]) -> Launch:
+    """A launch with an entry for every race."""
+    if launch.balls is None:
+        spread = [2 * jnp.pi * jnp.arange(count) / count for count in counts]
+        balls = tuple(Balls(angle, jnp.zeros_like(angle)) for angle in spread)
+    else:
+        balls = tuple(Balls(*map(jnp.asarray, (b.angle, b.rate))) for b in launch.balls)
+    shapes = [ball.angle.shape for ball in balls]
+    if shapes != [(count,) for count in counts]:
+        raise ValueError(
+            f"`balls` must have an entry for every race, of {counts} angles, but has {shapes}."
+        )
+    return Launch(launch.shaft, launch.angle, balls, launch.speed)
+
+
+class Integration(eqx.Module):
+    """How a run is integrated."""
+
+    solver: dfx.AbstractSolver
+    controller: dfx.AbstractStepSizeController | None
+    adjoint: dfx.AbstractAdjoint
+    substeps: int = eqx.field(static=True)
+    max_steps: int = eqx.field(static=True)
+    free: bool = eqx.field(static=True)  # whether the spin is integrated too
+    from_start: bool = eqx.field(static=True)  # whether the first sample is where the run begins
+
+    def solve(self, field: Transient, begin: Scalar, y: Posture, times: Array, event=None):
+        """States at `times`, whether all went well, and when and where the run ended."""
+        controller, dt0, max_steps = self.controller, None, self.max_steps
+        if controller is None:
+            grid = times if self.from_start else jnp.append(begin, times)
+            share = jnp.arange(self.substeps) / self.substeps
+            grid = jnp.append((grid[:-1, None] + jnp.diff(grid)[:, None] * share).ravel(), grid[-1])
+            controller, max_steps = dfx.StepTo(ts=grid), grid.size - 1
+        last = dfx.SubSaveAt(t1=True)
+        solution = dfx.diffeqsolve(
+            # Closed over rather than given: diffrax warns of complex leaves.
+            dfx.ODETerm(lambda t, y, args: field(cast(Any, t), y)),
+            self.solver,
+            begin,
+            jnp.maximum(times[-1], begin),
+            dt0,
+            y,
+            saveat=dfx.SaveAt(subs=[dfx.SubSaveAt(ts=times), last]),
+            stepsize_controller=controller,
+            adjoint=self.adjoint,
+            max_steps=max_steps,
+            event=event,
+            throw=False,
+        )
+        (path, end), (_, ended) = cast(Any, solution.ys), cast(Any, solution.ts)
+        good = (solution.result == dfx.RESULTS.successful) | (
+            solution.result == dfx.RESULTS.event_occurred
+        )
+        return path, good, ended[-1], jax.tree.map(lambda leaf: leaf[-1], end)
+
+
+@eqx.filter_jit
+def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
+    """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
+    system = assemble(scene)
+    rate, begin = _reference(system), launch.angle
+    y = _posture(scene, system, launch, stations[0], rate, plan.free)
+    field, stopped = Transient.of(scene, rate, begin), jnp.asarray(jnp.inf)
+    if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
+        path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
+    elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
+        path, good, stopped = _run_to_rest(scene, plan, field, y, times)
+    else:
+        path, good, _, _ = plan.solve(field, jnp.zeros(()), y, times)
+    look = lambda time, y: field.hold(time >= stopped).instant(time, y)
+    instants = jax.vmap(look)(times, path)
+    return instants, stopped, good & _finite(instants), _seen(system, instants, stations)
+
+
+def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool) -> Posture:
+    """State of the equations at the start."""
+    speed = scene.spin.speed if launch.speed is None else launch.speed
+    q, velocity = launch.shaft.state(system, station)
+    turn = jnp.exp(-1j * launch.angle)
+    plane = lambda z: jnp.stack([z.real, z.imag])
+    join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
+    alone = lambda value: jnp.reshape(value, -1)[: int(free)]
+    return Posture(
+        plane(turn * q),
+        plane(turn * (velocity - 1j * speed * q)) / rate,
+        alone(launch.angle),
+        alone(speed / rate),
+        join(balls.angle for balls in launch.balls or ()),
+        join(balls.rate for balls in launch.balls or ()) / rate,
+    )
+
+
+def _run_to_rest(scene: Scene, plan: Integration, field: Transient, y: Posture, times: Array):
+    """A run whose spin, once it comes to rest, stays there or turns back."""
+    spin: Any = scene.spin
+    drive = spin.moment(jnp.zeros(()))
+    stays = jnp.asarray(True) if spin.coulomb is None else jnp.abs(drive) <= spin.coulomb
+    stays = stays | spin.stops
+    resting = (y.speed[0] == 0) & (False if spin.coulomb is None else stays)
+    first = jnp.where(y.speed[0] == 0, drive, y.speed[0])
+    falls = lambda t, y, args, **_: jnp.where(t <= 0, first, y.speed[0])
+    event = dfx.Event(falls, optx.Newton(1e-12, 1e-12))
+    path, good, last, end = plan.solve(
+        field.hold(resting, jnp.sign(first)), jnp.zeros(()), y, times, event
+    )
+    there = last < times[-1]
+    end = eqx.tree_at(lambda y: y.speed, end, jnp.where(there, 0.0, end.speed))
+    later, fine, _, _ = plan.solve(field.hold(stays), last, end, jnp.maximum(times, last))
+    before = times <= last
+    pick = lambda a, b: jnp.where(jnp.reshape(before, (-1,) + (1,) * (a.ndim - 1)), a, b)
+    stopped = jnp.where(there & stays, last, jnp.inf)
+    return jax.tree.map(pick, path, later), good & fine, jnp.where(resting, 0.0, stopped)
+
+
+def _finite(instants: Instant) -> Array:
+    return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(instants)]))
+
+
+def _seen(system: System, instants: Instant, stations: Array):
+    """Displacement, velocity and contact forces in fixed axes."""
+    turn = jnp.exp(1j * instants.turning.angle)[:, None]
+    rows = jax.vmap(system.line.row)(stations)
+    velocity = jax.vmap(lambda now: now.velocity)(instants)
+    forces = None
+    if system.ports:
+        ports = jnp.stack([port.row for port in system.ports])
+        plane = lambda z: jnp.stack([z.real, z.imag], axis=-1)
+        forces = jax.vmap(system.contact_forces)(
+            plane(turn * instants.r @ ports.T),
+            plane(turn * velocity @ ports.T),
+            instants.turning.speed,
+        )
+        forces = forces[..., 0] + 1j * forces[..., 1]
+    return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces
+
+
+def _result(scene, launch, times, stations, instants, stopped, seen, races, name) -> RunUp:
+    turning, displacement_etc = instants.turning, seen
+    displacement, velocity, contact_force = displacement_etc
+    balls, start = [], 0
+    rates = instants.bodies_speed - turning.speed[:, None]
+    for count in races:
+        part = slice(start, start + count)
+        balls.append(Balls(instants.bodies[:, part], rates[:, part]))
+        start += count
+    last: Any = jax.tree.map(lambda leaf: leaf[-1], instants)
+    end = Launch(
+        Continued(last.r * last.turn, last.velocity * last.turn),
+        last.turning.angle,
+        tuple(Balls(b.angle[-1], b.rate[-1]) for b in balls),
+        last.turning.speed,
+    )
+    return RunUp(
+        time=times,
+        angle=turning.angle,
+        speed=turning.speed,
+        acceleration=turning.acceleration,
+        displacement=displacement,
+        velocity=velocity,
+        contact_force=contact_force,
+        balls=tuple(balls),
+        stations=stations,
+        stopped=stopped,
+        instants=instants,
+        end=end,
+        scene=scene,
+        solver=name,
+    )
+
+
+def _reference(system: System) -> Scalar:
+    """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
+    if not system.n:
+        return jnp.ones(())
+    rate = Pencil.mean(system.at_speed(jnp.zeros(()))).rate
+    return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))

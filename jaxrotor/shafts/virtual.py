@@ -1,0 +1,85 @@
+"""Virtual work: what acts on a shaft, weighed by displacements of one's choice."""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..quantities import Scalar
+from .line import AbstractLine, PerLength
+
+
+_POINTS = 20  # Gauss points a span: the product of two polynomials of 24 nodes and a cubic
+
+
+class VirtualLine(AbstractLine):
+    """Work of loads on `r` virtual displacements `shapes(x)`, of a motion written for `line`.
+
+    Effects written for a line then give, in place of the equations of motion, the resultant of their
+    forces (`shapes = 1, x`), the equations of Galerkin (`shapes = row`) or a reaction (`Influence`).
+    The shaft's own stresses are left out: they do no work on rigid motions and, by Betti's theorem, on
+    influence lines.
+    """
+
+    line: AbstractLine
+    shapes: Callable[[Scalar], Float[Array, " r"]]
+    slopes: Callable[[Scalar], Float[Array, " r"]]
+    anisotropy: None = None
+
+    @classmethod
+    def resultant(cls, line: AbstractLine, about: Scalar | float = 0.0) -> "VirtualLine":
+        """Force, and moment about a station."""
+        shapes = lambda x: jnp.stack([jnp.ones_like(x), x - about])
+        slopes = lambda x: jnp.stack([jnp.zeros_like(x), jnp.ones_like(x)])
+        return cls(line=line, shapes=shapes, slopes=slopes)
+
+    @classmethod
+    def galerkin(cls, line: AbstractLine) -> "VirtualLine":
+        """Work on the coordinates themselves."""
+        return cls(line=line, shapes=line.row, slopes=line.slope_row)
+
+    @property
+    def stiffness(self) -> Float[Array, "r n"]:
+        return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
+
+    @property
+    def bending_stiffness(self) -> Float[Array, "r n"]:
+        return self.stiffness
+
+    def row(self, at: Scalar) -> Float[Array, " n"]:
+        return self.line.row(at)
+
+    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
+        return self.line.slope_row(at)
+
+    def column(self, at: Scalar) -> Float[Array, " r"]:
+        return self.shapes(at)
+
+    def couple_column(self, at: Scalar) -> Float[Array, " r"]:
+        return self.slopes(at)
+
+    def forces_along(self, per_length: PerLength) -> Float[Array, "r n"]:
+        x, weights = self._quadrature(per_length)
+        return jnp.einsum("x,xr,xn->rn", weights, jax.vmap(self.shapes)(x), jax.vmap(self.row)(x))
+
+    def couples_along(self, per_length: PerLength) -> Float[Array, "r n"]:
+        x, weights = self._quadrature(per_length)
+        slopes = jax.vmap(self.slope_row)(x)
+        return jnp.einsum("x,xr,xn->rn", weights, jax.vmap(self.slopes)(x), slopes)
+
+    def load_along(self, per_length: PerLength) -> Float[Array, " r"]:
+        x, weights = self._quadrature(per_length)
+        return weights @ jax.vmap(self.shapes)(x)
+
+    @property
+    def breaks(self) -> Float[Array, " breaks"]:
+        return self.line.breaks
+
+    def _quadrature(self, per_length: PerLength) -> tuple[Array, Array]:
+        points, weights = np.polynomial.legendre.leggauss(_POINTS)
+        start, half = self.breaks[:-1], jnp.diff(self.breaks) / 2
+        x = start[:, None] + half[:, None] * (1 + points)
+        weights = jnp.reshape(per_length, (-1, 1)) * half[:, None] * weights
+        return x.ravel(), weights.ravel()

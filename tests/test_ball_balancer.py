@@ -1,0 +1,330 @@
+"""Ball balancer in time: the reference runs, its Lagrangian, invariants, spectrum, basins."""
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrotor as jr
+from jaxrotor.transient import Posture, Transient
+
+
+D, RACE, M1, M2, TILT = 0.14, 0.06, 0.025, 0.020, 0.003
+SETS = {"R": (1.40, 3.50, 2.24), "L": (0.35, 0.70, 0.448), "free": (0.0, 0.0, 0.0)}
+PSI0 = (np.array([0.3, 2.0]), np.array([4.0, 5.0, 1.0]))
+FINE = dfx.PIDController(rtol=1e-12, atol=1e-15)
+
+
+def balancer(case="R", om=2.0, imbalance=1.6, places=(2, 3), polar=0.014):
+    """Sets R and L of the source in SI; times are in units of 10 ms, rates of 100 rad/s."""
+    mount, first, second = SETS[case]
+    balls = D**2 * (places[0] * M1 + places[1] * M2)
+    return jr.Scene(
+        jr.RigidShaft(D, (jr.Constraint(0.0),)),
+        jr.Disc(0.0, 1.0, 0.07 - balls, polar),
+        jr.Support(0.0, 0.0, angular_stiffness=700.0, angular_damping=mount),
+        jr.Unbalance(D, 1.0, imbalance * 1.5e-3),
+        jr.BallBalancer(D, M1, RACE, first, places=places[0]),
+        jr.BallBalancer(D, M2, RACE, second, places=places[1]),
+        spin=jr.ConstantSpeed(100.0 * om),
+    )
+
+
+def launch(angles=PSI0, rates=0.0):
+    balls = (jr.Balls(jnp.asarray(a, float), jnp.full(len(a), rates)) for a in angles)
+    return jr.Launch(balls=tuple(balls))
+
+
+def run(scene, tau, start=None, fine=True, **options):
+    controller = FINE if fine else None
+    start = launch() if start is None else start
+    times = np.asarray(tau, float) / 100
+    return jr.run_up(
+        scene, times, start=start, at=D, solver=dfx.Dopri8(), controller=controller, **options
+    )
+
+
+def s_of(result):
+    return np.asarray(result.imbalance) / 1.5e-3
+
+
+def delta_of(result):
+    return 1j * np.asarray(result.instants.r[:, 0]) / TILT
+
+
+# === reference runs
+
+
+def test_balances_above_the_critical_speed():
+    result = run(balancer(), [1, 5, 10, 20, 50, 100, 200])
+    s = [
+        2.23752087 + 0.50033277j,
+        1.68656665 + 0.27771654j,
+        0.99518236 + 0.29099421j,
+        0.47859020 + 0.08712102j,
+        0.06220403 - 0.00892283j,
+        0.00249012 - 0.00058245j,
+    ]
+    delta = [
+        2.97275304 + 2.12492479j,
+        -1.49098624 - 6.38273154j,
+        2.20127318 - 0.17531817j,
+        0.77070754 - 1.62267116j,
+        -0.01260803 - 0.07812667j,
+        0.00016173 - 0.00466049j,
+    ]
+    assert np.allclose(s_of(result)[:6], s, rtol=0, atol=2e-8)
+    assert np.allclose(delta_of(result)[:6], delta, rtol=0, atol=2e-8)
+    assert abs(s_of(result)[6]) == pytest.approx(4.279681e-6, rel=1e-4)
+    assert abs(delta_of(result)[6]) == pytest.approx(7.582976e-6, rel=1e-4)
+    at_20 = np.concatenate([balls.angle[3] for balls in result.balls])
+    expected = [0.04607666, 2.76800569, 3.73180406, 4.14185459, 1.68680671]
+    assert np.allclose(at_20, expected, rtol=0, atol=2e-8)
+    # The same in SI and fixed axes: alpha + i beta = i z / d.
+    tilt = 1j * complex(result.displacement[3, 0]) / D
+    assert tilt.real == pytest.approx(0.00208517833, abs=1e-10)
+    assert tilt.imag == pytest.approx(0.00496945646, abs=1e-10)
+
+
+@pytest.mark.slow
+def test_final_position():
+    result = run(balancer(), [399, 400])
+    angles = np.concatenate([balls.angle[-1] for balls in result.balls])
+    final = [-0.014568231431, 2.90622853184, 3.62527398452, 3.92527145594, 2.02719697255]
+    assert np.allclose(angles, final, rtol=0, atol=1e-10)
+    assert abs(s_of(result)[-1]) == pytest.approx(1.2008e-11, rel=0.05)
+
+
+def test_zero_imbalance_is_balanced_too():
+    result = run(balancer(imbalance=0.0), [299, 300])
+    angles = np.concatenate([balls.angle[-1] for balls in result.balls])
+    final = [0.02341588840, 2.41782348756, 3.99272481576, 4.59967882460, 1.09438809132]
+    assert np.allclose(angles, final, rtol=0, atol=1e-7)
+    assert abs(s_of(result)[-1]) < 1e-7
+
+
+def test_fails_below_the_critical_speed():
+    result = run(balancer(om=0.9), [10, 50, 100, 200])
+    assert np.abs(s_of(result)) == pytest.approx([2.510005, 4.668583, 5.552501, 4.737814], abs=2e-6)
+    expected = [5.158072, 9.138464, 10.879984, 9.513749]
+    assert np.abs(delta_of(result)) == pytest.approx(expected, abs=2e-6)
+    angles = np.concatenate([balls.angle[2] for balls in result.balls])
+    at_100 = [-0.869821787, -0.535159307, 5.327919631, 5.346230085, -0.898306736]
+    assert np.allclose(angles, at_100, rtol=0, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_wrong_side_state_at_low_speed():
+    result = run(balancer(om=0.7), [7999, 8000], fine=False)
+    angles = np.mod(np.concatenate([balls.angle[-1] for balls in result.balls]), 2 * np.pi)
+    assert np.allclose(angles, 5.391845647, rtol=0, atol=1e-6)
+    assert s_of(result)[-1] == pytest.approx(4.36482998 - 3.42282269j, abs=1e-5)
+    assert delta_of(result)[-1] == pytest.approx(3.38884324 + 2.73738263j, abs=1e-5)
+
+
+def test_lag_whirl_although_a11_is_negative():
+    """Set L at om 1.5: the paper's test promises balance."""
+    result = run(balancer("L", 1.5), np.linspace(700, 900, 801), fine=False)
+    rates = np.concatenate([b.angle[-1] - b.angle[0] for b in result.balls]) / 200 + 1.5
+    assert np.allclose(rates, 1.0946, rtol=0, atol=1e-3)
+    assert np.sqrt(np.mean(np.abs(s_of(result)) ** 2)) == pytest.approx(4.4194, rel=2e-3)
+    assert np.sqrt(np.mean(np.abs(delta_of(result)) ** 2)) == pytest.approx(35.587, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_partial_capture():
+    """Set L at om 2, all balls at rest together: one row is caught, the other turns with the rotor."""
+    start = launch((np.zeros(2), np.zeros(3)), -200.0)
+    result = run(balancer("L"), np.linspace(2000, 3000, 4001), start, fine=False)
+    rates = [float(b.angle[-1, 0] - b.angle[0, 0]) / 1000 + 2 for b in result.balls]
+    assert rates == pytest.approx([2.0003, 1.1851], abs=2e-3)
+    assert np.sqrt(np.mean(np.abs(s_of(result)) ** 2)) == pytest.approx(2.2702, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_hysteresis_in_speed():
+    """Set R in steps of speed: lag whirl up to 1.2, balanced from 1.25; down, lost below 1.25."""
+
+    def ends(speeds):
+        start, found = launch(), []
+        for om in speeds:
+            result = run(balancer("R", om), np.linspace(300, 400, 201), start, fine=False)
+            found.append(float(np.sqrt(np.mean(np.abs(s_of(result)) ** 2))))
+            start = result.end
+        return found
+
+    up = ends([0.9, 1.1, 1.2, 1.25, 1.5, 2.0])
+    assert min(up[:3]) > 1.0 and max(up[4:]) < 0.05
+    down = ends([2.0, 1.25, 1.15])
+    assert down[0] < 0.01 and down[1] < 0.5 and down[2] > 1.0
+
+
+# === against the Lagrangian
+
+
+def lagrangian(om, polar, imbalance, s, mu):
+    """The source's, dimensionless, of a + i b, phi and their rates."""
+
+    def value(q, v, tau):
+        a, phi = q[0] + 1j * q[1], q[2:]
+        da, dphi = v[0] + 1j * v[1], v[2:]
+        couple = jnp.sum(s / (2 * mu) * dphi**2 - s * dphi * jnp.real(da * jnp.exp(-1j * phi)))
+        own = jnp.abs(da) ** 2 / 2 - jnp.abs(a) ** 2 / 2 + polar * om * v[0] * q[1]
+        return own + couple - imbalance * om * jnp.real(da * jnp.exp(-1j * om * tau))
+
+    return value
+
+
+def test_accelerations_follow_from_the_lagrangian():
+    om, rng = 2.0, np.random.default_rng(3)
+    s = np.array([1, 1, 0.8, 0.8, 0.8])
+    mu, damping = np.full(5, 0.005), np.array([1.0, 1.0, 0.8, 0.8, 0.8])
+    value = lagrangian(om, 0.2, 1.6, s, mu)
+    q, v = rng.normal(size=7), rng.normal(size=7)
+    tau = 0.7
+    momentum = lambda q, v, tau: jax.grad(value, 1)(q, v, tau)
+    mass = jax.jacfwd(momentum, 1)(q, v, tau)
+    along = jax.jvp(lambda q, tau: momentum(q, v, tau), (q, tau), (v, 1.0))[1]
+    friction = np.concatenate([0.2 * v[:2], s * damping / mu * (v[2:] - om)])
+    expected = np.linalg.solve(mass, jax.grad(value)(q, v, tau) - along - friction)
+    # alpha + i beta = i z / d, time in 10 ms, tilts in units of 3 mrad.
+    turn = np.exp(-1j * om * tau)
+    r = -1j * TILT * (q[0] + 1j * q[1]) * turn
+    drift = -1j * TILT * 100 * (v[0] + 1j * v[1]) * turn - 200j * r
+    plane = lambda z: jnp.array([[z.real], [z.imag]])
+    none = jnp.zeros(0)
+    field = Transient.of(balancer(), jnp.ones(()), jnp.zeros(()))
+    posture = Posture(
+        plane(r),
+        plane(drift),
+        none,
+        none,
+        jnp.array(q[2:] - om * tau),
+        jnp.array(100 * (v[2:] - om)),
+    )
+    now = field.instant(jnp.array(tau / 100), posture)
+    tilt = 1j * complex(now.absolute[0]) / turn / (TILT * 1e4)
+    assert tilt == pytest.approx(expected[0] + 1j * expected[1], rel=1e-11)
+    assert np.allclose(now.bodies_acceleration / 1e4, expected[2:], rtol=1e-11, atol=0)
+
+
+def invariants(result, om, s, mu, polar=0.2, imbalance=0.0):
+    """E, J of no imbalance and I of any, undamped, by the source's formulas."""
+    delta, drift = delta_of(result), 1j * np.asarray(result.instants.drift[:, 0]) / TILT / 100
+    psi = np.concatenate([b.angle for b in result.balls], axis=1)
+    rate = np.concatenate([b.rate for b in result.balls], axis=1) / 100
+    a, da, spin = delta, drift + 1j * om * delta, rate + om  # in turning axes
+    turn = np.exp(-1j * psi)
+    energy = np.abs(da) ** 2 / 2 + np.abs(a) ** 2 / 2
+    energy = energy + (s / (2 * mu) * spin**2 - s * spin * (da[:, None] * turn).real).sum(1)
+    moment = (np.conj(a) * da).imag - polar * om * np.abs(a) ** 2 / 2
+    moment = moment + (s * spin * (a[:, None] * turn).imag).sum(1)
+    moment = moment + (s / mu * spin - s * (da[:, None] * turn).real).sum(1)
+    total = imbalance + (s / turn).sum(1)
+    jacobi = np.abs(drift) ** 2 / 2 + (1 - om**2 * (1 - polar)) * np.abs(delta) ** 2 / 2
+    jacobi = jacobi + (s / (2 * mu) * rate**2 - s * rate * (drift[:, None] * turn).real).sum(1)
+    return energy, moment, jacobi - om**2 * (delta * np.conj(total)).imag
+
+
+def test_invariants_of_the_undamped_balancer():
+    s, mu = np.array([1, 1, 0.8, 0.8, 0.8]), 0.005
+    tau = np.linspace(0, 200, 41)
+    start = launch(rates=3.0)
+    for imbalance in (0.0, 1.6):
+        scene = balancer("free", 2.0, imbalance)
+        result = run(scene, tau, start)
+        energy, moment, jacobi = invariants(result, 2.0, s, mu, imbalance=imbalance)
+        assert np.ptp(np.abs(delta_of(result))) > 1.0  # it does move
+        exchanged = 4 * np.max(np.abs(delta_of(result) * s_of(result)))
+        assert np.ptp(jacobi) < 1e-10 * exchanged
+        if not imbalance:
+            assert np.ptp(energy) < 1e-10 * energy.max()
+            assert np.ptp(moment) < 1e-10 * moment.max()
+
+
+# === spectrum
+
+
+def spectrum(scene, angles):
+    """Roots of the full nonlinear model at a balanced position, in units of 100 rad/s."""
+    field = Transient.of(scene, jnp.asarray(100.0), jnp.zeros(()))
+    plane, none = jnp.zeros((2, 1)), jnp.zeros(0)
+    y = Posture(plane, plane, none, none, jnp.asarray(angles), jnp.zeros(len(angles)))
+    flat, back = jax.flatten_util.ravel_pytree(y)
+    rates = lambda flat: jax.flatten_util.ravel_pytree(field(jnp.zeros(()), back(flat)))[0]
+    return np.linalg.eigvals(np.asarray(jax.jacfwd(rates)(flat))) / 100
+
+
+def test_spectrum_is_the_closed_one_and_zeros():
+    angles = [3.57481923408, 1.97401840546, 0.4, -1.87323698343, -3.08175098303]
+    closed = [0, 0, -0.0703489876430, -0.131624321758, -0.8, 0]
+    for real, imag in (
+        (-0.0804800291788, 2.81531367904),
+        (-0.115533857856, 0.770677328034),
+        (-0.742160071671, 0.0160483177352),
+        (-0.972984372952, 0.0158665516081),
+    ):
+        closed += [real + 1j * imag, real - 1j * imag]
+    found = spectrum(balancer(), angles)
+    order = lambda values: sorted(values, key=lambda v: (round(v.real, 6), v.imag))
+    # A zero that is double without a second vector is as sharp as the root of the rounding.
+    assert np.allclose(order(found), order(np.array(closed, complex)), rtol=0, atol=1e-7)
+    sharp = [v for v in closed if v]
+    assert max(min(abs(found - v)) for v in sharp) < 2e-11
+
+
+# === rows, contact, basins
+
+
+def test_places_without_balls_do_nothing():
+    four = balancer(places=(2, 4))
+    shaft = balancer().replace({})
+    padded = four.replace({"disc.diametral": float(shaft.get("disc.diametral"))})
+    padded = padded.replace({"ball_balancers.1.in_use": 3})
+    start = launch((PSI0[0], np.append(PSI0[1], 2.5)))
+    one, other = run(balancer(), [5, 10]), run(padded, [5, 10], start)
+    assert np.allclose(one.displacement, other.displacement, rtol=0, atol=1e-13)
+    assert np.allclose(one.balls[1].angle, other.balls[1].angle[:, :3], rtol=0, atol=1e-10)
+
+
+def test_balls_that_touch_keep_apart_and_keep_momentum():
+    pitch = 2 * np.arcsin(0.008 / RACE)
+    scene = jr.Scene(
+        jr.RigidShaft(D, (jr.Constraint(0.0), jr.Constraint(D))),
+        jr.Disc(0.0, 1.0),
+        jr.BallBalancer(D, M1, RACE, 0.0, places=3),
+        jr.BallContact(0.008, 1e5),
+        spin=jr.ConstantSpeed(0.0),
+    )
+    balls = jr.Balls(jnp.array([0.0, 0.5, 1.2]), jnp.array([3.0, 0.0, -2.0]))
+    result = jr.run_up(scene, np.linspace(0, 1, 2001), start=jr.Launch(balls=(balls,)))
+    gaps = np.diff(np.asarray(result.balls[0].angle), axis=1)
+    assert 0.98 * pitch < gaps.min() < pitch
+    rates = np.asarray(result.balls[0].rate)
+    assert np.allclose(rates.sum(1), 1.0, rtol=0, atol=1e-9)
+    # An impact of two equal balls swaps their rates: so do both here, then the ends fly apart.
+    assert np.allclose(rates[-1], [-2.0, 0.0, 3.0], rtol=0, atol=1e-4)
+
+
+def test_basins_do_not_depend_on_chunks():
+    angles = np.random.default_rng(0).uniform(0, 2 * np.pi, (6, 5))
+    scene = balancer()
+    one = jr.basins(scene, angles, 2.0, workers=1, lanes_per_chunk=3, progress=False)
+    two = jr.basins(scene, angles[::-1], 2.0, workers=2, lanes_per_chunk=3, progress=False)
+    two = two.isel(lane=slice(None, None, -1))
+    assert (one.outcome.values == two.outcome.values).all()
+    assert np.allclose(one.imbalance, two.imbalance, rtol=1e-3, atol=1e-9)
+    assert (one.outcome == 0).sum() >= 5
+    assert np.allclose(one.mean_rate, 200.0, rtol=0, atol=0.3)
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match=r"no balls"):
+        jr.basins(balancer().without("ball_balancers"), np.zeros((2, 5)), 1.0)
+    with pytest.raises(ValueError, match=r"`angles` must be \(lanes, 5\), but is \(2, 4\)"):
+        jr.basins(balancer(), np.zeros((2, 4)), 1.0)
+    with pytest.raises(ValueError, match=r"`balls` must have an entry for every race"):
+        run(balancer(), [1, 2], launch((PSI0[0],)))
+    with pytest.raises(ValueError, match=r"jaxrotor.run_up"):
+        jr.simulate(balancer(), 2)

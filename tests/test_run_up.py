@@ -1,0 +1,318 @@
+"""Motion at varying speed: against scipy, a Lagrangian, energy, and the closed run-up."""
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import jaxrotor as jr
+
+
+FINE = dfx.PIDController(rtol=1e-12, atol=1e-15)
+MASS, STIFFNESS, DAMPING, OFFSET = 2.0, 8e4, 12.0, 1e-4  # critical speed 200 rad/s
+CRITICAL = (STIFFNESS / MASS) ** 0.5
+
+
+def jeffcott(*effects, spin, offset=OFFSET, polar=0.01, **shaft):
+    """Disc of two coordinates on a massless shaft."""
+    return jr.Scene(
+        jr.MasslessShaft(1.0, 0.5, STIFFNESS, **shaft),
+        jr.Disc(0.5, MASS, 0.0, polar, offset=offset, exact=False),
+        jr.DiscDamping(0.5, DAMPING),
+        *effects,
+        spin=spin,
+    )
+
+
+def ramp(t, start=100.0, rate=400.0):
+    return start * t + rate * t**2 / 2, start + rate * t, rate
+
+
+def integrate(acceleration, times, size=2, start=None):
+    """q and q. of `q.. = acceleration(t, q, q.)`, real, by DOP853."""
+    y0 = np.zeros(2 * size) if start is None else start
+    rates = lambda t, y: np.concatenate([y[size:], acceleration(t, y[:size], y[size:])])
+    found = solve_ivp(rates, (0, times[-1]), y0, "DOP853", times, rtol=1e-12, atol=1e-15)
+    return found.y[:size].T, found.y[size:].T
+
+
+# === a given speed
+
+
+def test_ramp_through_the_critical_speed():
+    times = np.linspace(0, 0.6, 121)
+
+    def own(t, q, v):
+        angle, speed, rate = ramp(t)
+        turned = np.array([np.cos(angle), np.sin(angle)])
+        ahead = np.array([-turned[1], turned[0]])
+        push = MASS * OFFSET * (speed**2 * turned - -rate * -ahead)  # Omega^2 u - i Omega. u
+        return (push - DAMPING * v - STIFFNESS * q) / MASS
+
+    q, v = integrate(own, times)
+    scene = jeffcott(spin=jr.SpeedProfile.ramp(100.0, 340.0, 0.6))
+    run = jr.run_up(scene, times, controller=FINE)
+    z = np.asarray(run.displacement[:, 0])
+    assert np.abs(z - q @ [1, 1j]).max() < 1e-9 * np.abs(z).max()
+    velocity = np.asarray(run.velocity[:, 0])
+    assert np.abs(velocity - v @ [1, 1j]).max() < 1e-8 * np.abs(velocity).max()
+    still = MASS * OFFSET * CRITICAL / DAMPING  # the steady peak, which a quick run does not reach
+    assert 0.3 * still < np.abs(z).max() < 0.9 * still
+
+
+def test_flexible_rotor_through_its_first_critical_speed():
+    """Gyroscopic, with internal damping; its matrices, integrated by another hand in fixed axes."""
+    scene = jr.load("limiter-rotor").without("limiters").replace({"unbalance.eccentricity": 1e-4})
+    small = jr.FlexibleShaft(0.7, 0.02, scene.shaft.material, nodes=3)
+    scene = jr.Scene(small, *scene.effects, spin=jr.SpeedProfile.ramp(30.0, 130.0, 0.5))
+    critical = float(jr.critical_speeds(scene).forward[0])
+    assert 30 < critical < 130
+    system = jr.assemble(scene)
+    blocks = system.blocks
+    m, c, g, k, h = (
+        np.asarray(getattr(blocks, name))
+        for name in ("inertia", "damping", "gyroscopic", "stiffness", "circulatory")
+    )
+    u, inverse, n = np.asarray(system.load.unbalance), np.linalg.inv(m), len(m)
+    times = np.linspace(0, 0.5, 26)
+
+    def rates(t, y):
+        angle, speed, rate = ramp(t, 30.0, 200.0)
+        q, v = y[:n], y[n:]
+        force = (speed**2 - 1j * rate) * u * np.exp(1j * angle)
+        force = force - (c - 1j * speed * g) @ v - (k - 1j * speed * h) @ q
+        return np.concatenate([v, inverse @ force])
+
+    expected = solve_ivp(
+        rates, (0, 0.5), np.zeros(2 * n, complex), "DOP853", times, rtol=1e-10, atol=1e-14
+    )
+    row = np.asarray(system.line.row(jnp.asarray(0.7)))
+    fine = dfx.PIDController(rtol=1e-9, atol=1e-12)
+    z = np.asarray(jr.run_up(scene, times, at=0.7, controller=fine).displacement[:, 0])
+    assert np.abs(z - row @ expected.y[:n]).max() < 1e-6 * np.abs(z).max()
+    assert np.abs(z).max() > 3 * np.abs(z[3])
+
+
+def test_unequal_axes_fixed_and_turning():
+    """A shaft of two stiffnesses with Voigt damping in unequal supports: periodic coefficients."""
+    times, mu, voigt = np.linspace(0, 0.3, 31), 0.2, 2e-4
+    supports = [
+        jr.Support(at, 9e4, 20.0, anisotropy=0.3, angle=0.4, damping_anisotropy=0.1)
+        for at in (0.0, 1.0)
+    ]
+    shaft = jr.MasslessShaft(1.0, 0.5, STIFFNESS, anisotropy=mu, ends="elastic")
+    discs = [jr.Disc(at, mass) for at, mass in ((0.0, 0.3), (0.5, MASS))]
+    scene = jr.Scene(
+        shaft,
+        *discs,
+        jr.Unbalance(0.5, MASS, OFFSET),
+        jr.InternalDamping(voigt),
+        *supports,
+        spin=jr.SpeedProfile.ramp(100.0, 220.0, 0.3),
+    )
+
+    def own(t, q, v):
+        angle, speed, rate = ramp(t)
+        z, z0, dz, dz0 = (w[0] + 1j * w[1] for w in (q[:2], q[2:], v[:2], v[2:]))
+        turn = np.exp(1j * angle)
+        stretch, rise = (z - z0) / turn, (dz - dz0) / turn - 1j * speed * (z - z0) / turn
+        strained = stretch + voigt * rise
+        pull = turn * STIFFNESS * (strained + mu * np.conj(strained))
+        axis = np.exp(0.8j)
+        hold = 2 * 9e4 * (z0 + 0.3 * axis * np.conj(z0))
+        hold = hold + 2 * 20.0 * (dz0 + 0.1 * axis * np.conj(dz0))
+        push = MASS * OFFSET * (speed**2 - 1j * rate) * turn
+        a, a0 = (push - pull) / MASS, (pull - hold) / 0.3
+        return np.array([a.real, a.imag, a0.real, a0.imag])
+
+    q, _ = integrate(own, times, 4)
+    run = jr.run_up(scene, times, at=[0.5, 0.0], controller=FINE)
+    z = np.asarray(run.displacement)
+    assert np.abs(z - q.reshape(-1, 2, 2) @ [1, 1j]).max() < 1e-8 * np.abs(z).max()
+
+
+def test_rub_on_the_way():
+    """Run-up into a limiter with friction: a non-smooth field, so 1e-4 of the radius."""
+    gap, stop, brake, friction, rim = 2e-4, 4e5, 50.0, 0.15, 0.03
+    limiter = jr.Limiter(0.5, 0.3, gap, stop, brake, friction, rim)
+    times = np.linspace(0, 0.6, 61)
+
+    def own(t, q, v):
+        angle, speed, rate = ramp(t)
+        z, dz, turn = q @ [1, 1j], v @ [1, 1j], np.exp(1j * angle)
+        out, along = z * np.exp(-0.3j), dz * np.exp(-0.3j)
+        normal = stop * (out.real - gap) + brake * along.real
+        normal = normal if out.real > gap and normal > 0 else 0.0
+        rub = -normal * (1 + 1j * friction * np.sign(speed * rim + along.imag)) * np.exp(0.3j)
+        a = MASS * OFFSET * (speed**2 - 1j * rate) * turn - DAMPING * dz - STIFFNESS * z + rub
+        return np.array([a.real, a.imag]) / MASS
+
+    q, _ = integrate(own, times)
+    scene = jeffcott(limiter, spin=jr.SpeedProfile.ramp(100.0, 340.0, 0.6))
+    run = jr.run_up(scene, times, controller=FINE)
+    z = np.asarray(run.displacement[:, 0])
+    assert np.abs(z - q @ [1, 1j]).max() < 1e-4 * np.abs(z).max()
+    assert (np.abs(run.contact_force) > 0).sum() > 3
+
+
+def test_constant_speed_is_what_simulate_gives():
+    scene = jr.load("limiter-rotor").replace({"unbalance.eccentricity": 1e-4})
+    scene = scene.without("limiters")
+    response = jr.simulate(scene, 3, 32)
+    run = jr.run_up(scene, response.time, at=response.stations)
+    gap = np.abs(run.displacement - response.displacement).max()
+    assert gap < 1e-5 * np.abs(response.displacement).max()
+
+
+# === a drive
+
+
+def lagrangian(q, v):
+    """Disc on springs whose centre of mass is off the axis, free to turn: x, y, theta."""
+    centre = lambda q: q[:2] + OFFSET * 20 * jnp.array([jnp.cos(q[2]), jnp.sin(q[2])])
+    speed = jax.jvp(centre, (q,), (v,))[1]
+    return MASS * speed @ speed / 2 + 0.01 * v[2] ** 2 / 2 - STIFFNESS * q[:2] @ q[:2] / 2
+
+
+def free_jeffcott(torque, slope):
+    """The same as a scene; about the axis its offset counts too."""
+    inertia = 0.01 + MASS * (20 * OFFSET) ** 2
+    drive = jr.Drive(100.0, torque, slope, polar=inertia, feedback=True)
+    return jeffcott(spin=drive, offset=20 * OFFSET)
+
+
+def test_feedback_of_unbalance_is_that_of_the_lagrangian():
+    torque, slope, times = 6.0, 0.02, np.linspace(0, 1.0, 41)
+
+    @jax.jit
+    def own(q, v):
+        momentum = jax.grad(lagrangian, 1)
+        mass = jax.jacfwd(momentum, 1)(q, v)
+        along = jax.jvp(lambda q: momentum(q, v), (q,), (v,))[1]
+        outer = jnp.array([-DAMPING * v[0], -DAMPING * v[1], torque - slope * v[2]])
+        return jnp.linalg.solve(mass, jax.grad(lagrangian)(q, v) - along + outer)
+
+    start = np.array([0, 0, 0, 0, 0, 100.0])
+    q, v = integrate(lambda t, q, v: np.asarray(own(q, v)), times, 3, start)
+    run = jr.run_up(free_jeffcott(torque, slope), times, controller=FINE)
+    z = np.asarray(run.displacement[:, 0])
+    assert np.abs(run.angle - q[:, 2]).max() < 1e-6
+    assert np.abs(run.speed - v[:, 2]).max() < 1e-7 * 200
+    assert np.abs(z - q[:, :2] @ [1, 1j]).max() < 1e-7 * np.abs(z).max()
+
+
+def test_a_weak_drive_is_captured_at_the_critical_speed():
+    """Sommerfeld: 2 N m hang below 200 rad/s, 12 N m pass; without feedback both pass."""
+    times = np.linspace(0, 8.0, 81)
+    weak, strong = (jr.run_up(free_jeffcott(torque, 0.004), times) for torque in (2.0, 12.0))
+    assert float(weak.speed[-1]) < CRITICAL and float(strong.speed[-1]) > 1.5 * CRITICAL
+    assert np.ptp(np.asarray(weak.speed[-10:])) < 2.0
+    # What the drive gives while it hangs is what the damper takes: c |z.|^2 = (M - k Omega) Omega.
+    speed = np.asarray(weak.speed[-10:])
+    taken = DAMPING * np.abs(weak.velocity[-10:, 0]) ** 2
+    assert taken.mean() == pytest.approx(((2.0 - 0.004 * speed) * speed).mean(), rel=0.02)
+    alone = jeffcott(spin=jr.Drive(100.0, 2.0, 0.004, polar=0.018))
+    assert float(jr.run_up(alone, times).speed[-1]) > 1.5 * CRITICAL
+
+
+def test_friction_of_a_stop_brakes_the_drive():
+    """Energy: what the drive gives is stored, or lost in dampers, stop and friction."""
+    drive = jr.Drive(150.0, 3.0, 0.01, polar=0.02, feedback=True)
+    limiter = jr.Limiter(0.5, 0.3, 1e-4, 4e5, 0.0, 0.2, 0.03)
+    scene = jeffcott(limiter, spin=drive, offset=None)
+    start = jr.Whirl(4e-4)
+    times = np.linspace(0, 0.05, 4001)
+    run = jr.run_up(scene, times, start=start, controller=FINE)
+    z, v = np.asarray(run.displacement[:, 0]), np.asarray(run.velocity[:, 0])
+    force, speed = np.asarray(run.contact_force[:, 0]), np.asarray(run.speed)
+    outward = np.exp(0.3j)
+    depth = np.maximum((z * np.conj(outward)).real - 1e-4, 0)
+    stored = MASS * np.abs(v) ** 2 / 2 + STIFFNESS * np.abs(z) ** 2 / 2 + 4e5 * depth**2 / 2
+    stored = stored + 0.02 * speed**2 / 2
+    normal, rubbing = -(force * np.conj(outward)).real, (force * np.conj(1j * outward)).real
+    slip = speed * 0.03 + (v * np.conj(1j * outward)).real
+    power = (3.0 - 0.01 * speed) * speed - DAMPING * np.abs(v) ** 2 + rubbing * slip
+    gained = np.concatenate([[0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(times))])
+    assert normal.max() > 10 and (rubbing * slip).min() < -10
+    assert np.abs(stored - stored[0] - gained).max() < 1e-4 * np.ptp(stored)
+
+
+def test_stop_and_reversal():
+    fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
+    turn = lambda drive: jr.Scene(fixed, jr.Disc(0.5, 1.0, polar=2.2354), spin=drive)
+    times = np.linspace(0, 2.0, 41)
+    stops = jr.Drive(600.0, -100.0, 1.57, 0.039, stops=True)
+    run = jr.run_up(turn(stops), times)
+    assert float(run.stopped) == pytest.approx(1.3411738400, abs=1e-8)
+    late = np.asarray(times) > 1.35
+    assert not np.asarray(run.speed)[late].any() and not np.asarray(run.acceleration)[late].any()
+    assert np.ptp(np.asarray(run.angle)[late]) == 0
+    # Dry friction alone: Omega = w0 - M t / I, then rest; the turn made is w0^2 I / 2 M.
+    dry = jr.run_up(turn(jr.Drive(10.0, 0.0, coulomb=20.0)), times)
+    assert float(dry.stopped) == pytest.approx(10 * 2.2354 / 20, abs=1e-9)
+    assert float(dry.angle[-1]) == pytest.approx(100 * 2.2354 / 40, abs=1e-8)
+    # A motor that is stronger than friction turns it round.
+    back = jr.run_up(turn(jr.Drive(10.0, -30.0, coulomb=20.0)), times)
+    first = 10 * 2.2354 / 50
+    assert np.isinf(float(back.stopped))
+    assert float(back.speed[-1]) == pytest.approx(-10 / 2.2354 * (2 - first), rel=1e-7)
+    # A rotor at rest that friction holds stays there.
+    held = jr.run_up(turn(jr.Drive(0.0, 15.0, coulomb=20.0)), times)
+    assert float(held.stopped) == 0 and not np.asarray(held.speed).any()
+
+
+def test_drag_to_the_letter_runs_away_and_odd_drag_does_not():
+    fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
+    turn = lambda drive: jr.Scene(fixed, jr.Disc(0.5, 1.0, polar=2.2354), spin=drive)
+    odd = jr.run_up(
+        turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039, odd=True)), [0.1, 0.3], controller=FINE
+    )
+    assert np.allclose(odd.speed, [-124.01992032, 62.28080152], rtol=0, atol=1e-7)
+    with pytest.raises((ValueError, RuntimeError), match=r"0\.28|finite"):
+        jr.run_up(turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039)), [0.1, 0.3])
+
+
+# === as a function
+
+
+def test_a_run_continues():
+    scene = jeffcott(spin=jr.ConstantSpeed(150.0))
+    whole = jr.run_up(scene, [0.1, 0.2], controller=FINE)
+    first = jr.run_up(scene, [0.05, 0.1], controller=FINE)
+    second = jr.run_up(scene, [0.05, 0.1], start=first.end, controller=FINE)
+    assert np.allclose(second.displacement[-1], whole.displacement[-1], rtol=0, atol=1e-12)
+    assert float(second.angle[-1]) == pytest.approx(float(whole.angle[-1]), rel=1e-12)
+
+
+def test_gradient_and_lanes():
+    times = np.linspace(0, 0.4, 5)
+
+    def radius(damping):
+        scene = jeffcott(spin=jr.SpeedProfile.ramp(150.0, 250.0, 0.4))
+        scene = scene.put({"disc_damping.translational": damping})
+        return jnp.abs(jr.run_up(scene, times, controller=FINE).displacement[2, 0])
+
+    step = 1e-3
+    slope = (radius(DAMPING + step) - radius(DAMPING - step)) / (2 * step)
+    assert float(jax.jacfwd(radius)(DAMPING)) == pytest.approx(float(slope), rel=1e-6)
+    lanes = jax.vmap(radius)(jnp.array([6.0, 12.0]))
+    assert np.allclose(lanes, [radius(6.0), radius(12.0)], rtol=1e-7)
+
+
+@pytest.mark.parametrize("times", [[0.0], [0.2, 0.1], [-0.1, 0.1], [[0.0, 1.0]]])
+def test_times_are_checked(times):
+    with pytest.raises(ValueError, match=r"`times \[s\]` must be two or more ascending"):
+        jr.run_up(jeffcott(spin=jr.ConstantSpeed(1.0)), times)
+
+
+def test_refusals():
+    scene = jeffcott(spin=jr.Drive(1.0, 1.0), polar=0.0)
+    with pytest.raises(ValueError, match=r"inertia above zero, but that of the scene is 0"):
+        jr.run_up(scene, [0.0, 1.0])
+    with pytest.raises(ValueError, match=r"Exponential\(\) is for constant speed"):
+        jr.run_up(jeffcott(spin=jr.ConstantSpeed(1.0)), [0.0, 1.0], solver=jr.Exponential())
+    lost = jeffcott(jr.HystereticDamping(0.1), spin=jr.ConstantSpeed(1.0))
+    with pytest.raises(ValueError, match=r"harmonic motions only"):
+        jr.run_up(lost, [0.0, 1.0])
