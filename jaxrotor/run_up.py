@@ -272,7 +272,9 @@ def _run_to_rest(scene: Scene, plan: _Plan, field: Transient, y: Posture, times:
     first = jnp.where(y.speed[0] == 0, drive, y.speed[0])
     falls = lambda t, y, args, **_: jnp.where(t <= 0, first, y.speed[0])
     event = dfx.Event(falls, optx.Newton(1e-12, 1e-12))
-    path, good, last, end = plan.solve(field.hold(resting), jnp.zeros(()), y, times, event)
+    path, good, last, end = plan.solve(
+        field.hold(resting, jnp.sign(first)), jnp.zeros(()), y, times, event
+    )
     there = last < times[-1]
     end = eqx.tree_at(lambda y: y.speed, end, jnp.where(there, 0.0, end.speed))
     later, fine, _, _ = plan.solve(field.hold(stays), last, end, jnp.maximum(times, last))

@@ -134,8 +134,11 @@ class Drive(AbstractSpin):
         if self.table_speeds is not None:
             _check_lengths(self, "table_speeds", "table_torques")
 
-    def moment(self, speed: ArrayLike) -> Array:
-        """Torque [N m] of motor and resistance at a speed, or at many [rad/s]."""
+    def moment(self, speed: ArrayLike, sense: ArrayLike | None = None) -> Array:
+        """Torque [N m] of motor and resistance at a speed, or at many [rad/s].
+
+        Dry friction acts against `sense`, 1 or -1; by default that of the speed.
+        """
         speed = jnp.asarray(speed, float)
         moment = jnp.broadcast_to(self.torque, speed.shape)
         if self.slope is not None:
@@ -143,7 +146,7 @@ class Drive(AbstractSpin):
         if self.drag is not None:
             moment = moment - self.drag * speed * (jnp.abs(speed) if self.odd else speed)
         if self.coulomb is not None:
-            moment = moment - self.coulomb * jnp.sign(speed)
+            moment = moment - self.coulomb * (jnp.sign(speed) if sense is None else sense)
         if self.table_speeds is not None and self.table_torques is not None:
             moment = moment + jnp.interp(speed, self.table_speeds, self.table_torques)
         return moment

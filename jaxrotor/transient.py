@@ -73,6 +73,7 @@ class Transient(eqx.Module):
     felt: Load | None  # loads by Galerkin on the coordinates, of a spin they feed back to
     felt_whole: Load | None  # their resultants
     held: Bool[Array, ""] | None = None  # whether the spin has come to rest for good
+    sense: Scalar | None = None  # of a spin that does not reverse: dry friction then has no jump
 
     @classmethod
     def of(cls, scene: Scene, rate: Scalar, begin: Scalar) -> "Transient":
@@ -88,9 +89,9 @@ class Transient(eqx.Module):
             inverse = jnp.linalg.inv(system.blocks.inertia)
         return cls(system, inverse, rate, begin, felt, whole)
 
-    def hold(self, held: Array) -> "Transient":
-        """The same with a free spin stopped, or not."""
-        return dataclasses.replace(self, held=held)
+    def hold(self, held: Array, sense: Scalar | None = None) -> "Transient":
+        """The same with a free spin stopped, or not; up to its next stop of one `sense`, 1 or -1."""
+        return dataclasses.replace(self, held=held, sense=sense)
 
     def __call__(self, time: Scalar, y: Posture, args: None = None) -> Posture:
         """Rates of the state per second."""
@@ -156,7 +157,7 @@ class Transient(eqx.Module):
             angle, speed, acceleration = self.system.spin.turning(time, polar)
             return Turning(self.begin + angle, speed, acceleration)
         speed = self.rate * y.speed[0]
-        acceleration = self._drive.moment(speed) / self._drive.inertia(polar)
+        acceleration = self._drive.moment(speed, self.sense) / self._drive.inertia(polar)
         return Turning(y.angle[0], speed, self._unless_held(acceleration))
 
     @property
@@ -169,7 +170,7 @@ class Transient(eqx.Module):
 
     def _torque(self, now: Instant) -> Array:
         """Torque on the shaft less what depends on accelerations [N m]."""
-        torque = self._drive.moment(now.turning.speed)
+        torque = self._drive.moment(now.turning.speed, self.sense)
         displacement, velocity = self._seen_by_ports(now)
         for i, port in enumerate(self.system.ports):
             torque = torque + port.torque(displacement[i], velocity[i], now.turning.speed)
