@@ -425,7 +425,14 @@ def test_brake_stops_the_rotor_or_turns_it_back():
     )
     assert run.angle[2] == run.angle[3]
     dry = jr.run_up(rotor(torque=-100.0, coulomb=150.0), [0.0, 1.0, 1.4, 5.0])
-    assert dry.stopped < 1.34 and np.all(dry.speed[2:] == 0)
+    root = np.sqrt(4 * 0.039 * 250 - 1.57**2)  # while it turns, friction is more of the brake
+    stop = (
+        2 * INERTIA / root * (np.arctan((1.57 + 2 * 0.039 * 600) / root) - np.arctan(1.57 / root))
+    )
+    np.testing.assert_allclose(dry.stopped, stop, rtol=1e-7)
+    assert dry.speed[1] == 0 and np.all(dry.speed[2:] == 0)
+    with pytest.raises(ValueError, match="needs steps that end there"):
+        jr.run_up(rotor(stops=True), [0.0, 1.0], solver=dfx.Euler())
 
 
 def test_drag_that_drives_blows_up_and_odd_drag_does_not():
@@ -587,3 +594,54 @@ def test_clamped_beams():
     found, q = beam(P(0.0, "clamp"), P(2.0))
     np.testing.assert_allclose(found.static, np.array([5, 3]) / 8 * 2 * q * 1j, rtol=1e-9)
     np.testing.assert_allclose(found.static_moment[0], q * 4 / 8 * 1j, rtol=1e-9)
+
+
+def steady(scene):
+    """State of steady whirl with the shaft, from the equations of motion."""
+    system, speed = jr.assemble(scene), float(scene.spin.speed)
+    m, g, k = (
+        np.asarray(getattr(system.blocks, n)) for n in ("inertia", "gyroscopic", "stiffness")
+    )
+    r = np.linalg.solve(k - speed**2 * (m - g), speed**2 * np.asarray(system.load.unbalance))
+    return jr.Continued(jnp.asarray(r), jnp.asarray(1j * speed * r))
+
+
+def test_stiff_shaft_in_stiff_bearings_is_the_rigid_rotor():
+    """The worked example in steady motion at 300 rad/s: reactions differ as 1 / stiffness."""
+    arms = np.array([-0.0346290060 + 0.0076297334j, 0.0464503149 - 0.0111481005j])
+    shaft = jr.FlexibleShaft(0.453, 0.1, jr.Material(2.1e11, 1.0), constraints=(), nodes=4)
+    bearings = [jr.Support(at, 1e10) for at in (A, B)]
+    scene = jr.Scene(shaft, *rotor().effects, *bearings, spin=jr.ConstantSpeed(300.0))
+    errors = []
+    for stiffness in (1.0, 10.0, 100.0, 1000.0):
+        paths = "shaft.material.youngs_modulus", "supports.stiffness"
+        stiffer = scene.replace({p: stiffness * scene.get(p).ravel()[0] for p in paths})
+        _, found = forces(stiffer, [0.0, 1e-4], start=steady(stiffer))
+        assert found.names == ("supports.0", "supports.1")
+        errors.append(np.max(np.abs(found.rotating / (-(300**2) * arms) - 1)))
+    assert errors[0] < 0.1 and errors[-1] < 1e-4
+    np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 10, rtol=0.1)
+
+
+def test_reactions_of_simulate_are_those_of_run_up():
+    """A flexible rotor between a pin, a support and a stop, at constant speed."""
+    scene = jr.Scene(
+        jr.FlexibleShaft(1.0, 0.03, constraints=(P(0.0),), nodes=4),
+        jr.Disc.thin(0.6, 8.0, 0.1, offset=3e-4, tilt=0.01),
+        jr.Support(1.0, 2e5, 300.0),
+        jr.ExternalDamping(20.0),
+        jr.Gravity(),
+        spin=jr.ConstantSpeed(200.0),
+    )
+    response = jr.simulate(scene, 2, 8, start=jr.Whirl(1e-4, 20.0))
+    one = jr.reactions(response)
+    control = dfx.PIDController(rtol=1e-9, atol=1e-12)
+    run, two = forces(scene, response.time, start=jr.Whirl(1e-4, 20.0), controller=control)
+    assert one.names == two.names == ("support", "constraints.0")
+    scale = np.max(np.abs(two.force))
+    np.testing.assert_allclose(one.force, two.force, rtol=0, atol=1e-5 * scale)
+    np.testing.assert_allclose(one.static, two.static, rtol=1e-12)
+    shaft = 7850 * np.pi * 0.03**2 / 4
+    weight = (8 + shaft) * 9.80665
+    second = (8 * 0.6 + shaft / 2) * 9.80665
+    np.testing.assert_allclose(two.static, [1j * second, 1j * (weight - second)], rtol=1e-9)
