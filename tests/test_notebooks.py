@@ -80,6 +80,33 @@ FOUND = {
         "error of frequency at 0.05": (0.0009, 6e-5),
         "error of damping at 0.05": (0.0029, 6e-5),
     },
+    "04_bearing_reactions": {
+        "speed at 0.16": (273.7042059, 6e-8),
+        "acceleration at 0.16": (-626.895098, 6e-7),
+        "R_A at 0": (12767.1178, 6e-5),
+        "R_B at 0": (17199.2249, 6e-5),
+        "R_A at 0.16": (2656.510737, 6e-7),
+        "R_B at 0.16": (3578.718876, 6e-7),
+        "R_A / R_B": (0.742307744, 1e-9),
+        "angle from F_A to F_B": (178.929570484, 1e-9),
+        "Euler, error of speed": (0.0666, 6e-5),
+        "Euler, error of reactions": (0.129, 6e-4),
+        "reaction left / before": (0.0, 1e-12),
+        "left when 1 % off": (0.01, 1e-9),
+        "variant 1, steady speed": (475.158208, 1e-6),
+        "variant 1, R_A": (6087.52, 6e-3),
+        "variant 1, R_B": (10603.0, 6e-2),
+        "variant 30, R_B": (2403.04, 6e-3),
+    },
+    "05_ball_balancer": {
+        "|s| at 20": (0.486455190656, 2e-8),
+        "|s| at 100": (abs(0.00249012 - 0.00058245j), 2e-8),
+        "first ball at 20": (0.04607666, 2e-8),
+        "|s| at 100, om 0.9": (5.552501, 6e-7),
+        "critical speed": (1.118033989, 1e-9),
+        "light set, true boundary": (1.65833228122, 1e-9),
+        "rate at 1.5, going up": (1.0946, 0.02),
+    },
 }
 
 
