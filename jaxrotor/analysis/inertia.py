@@ -67,11 +67,9 @@ def _tensor(disc: Disc, about: ArrayLike) -> Float[Array, "3 3"]:
         else:
             axis = axis + disc.tilt * (jnp.outer(z, lean) + jnp.outer(lean, z))
     tensor = disc.diametral * one + (disc.polar - disc.diametral) * axis
-    arm = (disc.at - about) * z
+    arm = jnp.asarray(disc.at - about) * z
     if disc.offset is not None:
         angle = disc.offset_angle
         arm = arm + disc.offset * jnp.array([jnp.cos(angle), jnp.sin(angle), 0.0])
     shift = disc.mass * ((arm @ arm) * one - jnp.outer(arm, arm))
-    if not disc.exact:
-        shift = shift.at[2, 2].set(0.0)
-    return tensor + shift
+    return tensor + (shift if disc.exact else shift * (1 - jnp.outer(z, z)))
