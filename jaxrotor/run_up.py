@@ -206,7 +206,7 @@ class _Plan(eqx.Module):
         last = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
             dfx.ODETerm(
-                lambda t, y, args: field(t, y)
+                lambda t, y, args: field(jnp.asarray(t), y)
             ),  # closed over: diffrax warns of complex leaves
             self.solver,
             begin,

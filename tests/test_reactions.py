@@ -587,6 +587,7 @@ def test_beam_on_three_supports():
     assert not np.any(found.static_moment)
 
 
+@pytest.mark.slow
 def test_clamped_beams():
     """Beam tables: q L and q L^2 / 2 with a mass at the end; clamped and pinned 5/8, 3/8, q L^2 / 8."""
     found, q = beam(P(0.0, "clamp"), discs=(jr.Disc(2.0, 3.0),))
@@ -607,6 +608,7 @@ def steady(scene):
     return jr.Continued(jnp.asarray(r), jnp.asarray(1j * speed * r))
 
 
+@pytest.mark.slow
 def test_stiff_shaft_in_stiff_bearings_is_the_rigid_rotor():
     """The worked example in steady motion at 300 rad/s: reactions differ as 1 / stiffness."""
     arms = np.array([-0.0346290060 + 0.0076297334j, 0.0464503149 - 0.0111481005j])
@@ -624,6 +626,7 @@ def test_stiff_shaft_in_stiff_bearings_is_the_rigid_rotor():
     np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 10, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_reactions_of_simulate_are_those_of_run_up():
     """A flexible rotor between a pin, a support and a stop, at constant speed."""
     scene = jr.Scene(
