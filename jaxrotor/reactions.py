@@ -10,6 +10,7 @@ from jaxtyping import Array, Complex, Float
 
 from .effects import AbstractContact, AbstractEffect, AbstractLinear, Support
 from .pencil import Pencil, frame
+from .quantities import Scalar
 from .run_up import RunUp
 from .scene import Scene
 from .shafts.influence import Influence
@@ -72,7 +73,7 @@ def reactions(response: RunUp | Response) -> Reactions:
     Source: seed of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene
-    instants = response.instants if isinstance(response, RunUp) else _instants(response)
+    instants = response.instants if isinstance(response, RunUp) else _instants(scene, response)
     names = [_named(scene, effect) for effect in scene.of(Support)]
     influence = scene.shaft.influence()
     if influence is not None:
@@ -173,17 +174,20 @@ def _at_rest(system: System) -> Instant:
     return Instant(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
 
 
-def _instants(response: Response) -> Instant:
+@eqx.filter_jit
+def _instants(scene: Scene, response: Response) -> Instant:
     """What moves how, at the samples of a motion at constant speed."""
-    scene = response.scene
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
-    turn = jnp.exp(-1j * scene.spin.speed * response.time)[:, None]
-    r = turn * response.coordinates
-    drift = turn * response.rates - 1j * scene.spin.speed * r
-    plane = lambda z: jnp.stack([z.real, z.imag], axis=1)
-    none = jnp.zeros((response.time.size, 0))
-    postures = Posture(plane(r), plane(drift), none, none, none, none)
-    return jax.vmap(transient.instant)(response.time, postures)
+    speed, none = scene.spin.speed, jnp.zeros(0)
+    plane = lambda z: jnp.stack([z.real, z.imag])
+
+    def instant(time: Scalar, q: Array, velocity: Array) -> Instant:
+        turn = jnp.exp(-1j * speed * time)
+        r = turn * q
+        drift = turn * velocity - 1j * speed * r
+        return transient.instant(time, Posture(plane(r), plane(drift), none, none, none, none))
+
+    return jax.vmap(instant)(response.time, response.coordinates, response.rates)
 
 
 def _named(scene: Scene, effect: AbstractEffect) -> str:

@@ -138,9 +138,10 @@ def test_speed(worked):
     printed(run.acceleration[:-1], TABLE[:-1, 2], 6)
     printed(run.speed[-1], STEADY, 9)
     spin = jr.load("turbine-run-up").spin
-    printed(
-        spin.turning(0.592086, jnp.asarray(INERTIA)).speed / STEADY, 1.01, 8
-    )  # rate 7.8 1/s: t to 1e-6 s
+    printed(spin.turning(0.592086, jnp.asarray(INERTIA)).speed / STEADY, 1.01, 7)
+    polar = jr.assemble(rotor()).blocks.polar
+    printed(jr.relaxation_rate(polar, *DRIVE.values()), 7.833877728, 9)
+    printed(jr.relaxation_rate(polar, *DRIVE.values()) * polar, 17.511850273, 9)  # D
     printed(run.angle[8], 60.68796105, 8)
     printed(run.angle[24], 133.69098650, 8)
 
@@ -586,6 +587,7 @@ def test_beam_on_three_supports():
     assert not np.any(found.static_moment)
 
 
+@pytest.mark.slow
 def test_clamped_beams():
     """Beam tables: q L and q L^2 / 2 with a mass at the end; clamped and pinned 5/8, 3/8, q L^2 / 8."""
     found, q = beam(P(0.0, "clamp"), discs=(jr.Disc(2.0, 3.0),))
@@ -606,6 +608,7 @@ def steady(scene):
     return jr.Continued(jnp.asarray(r), jnp.asarray(1j * speed * r))
 
 
+@pytest.mark.slow
 def test_stiff_shaft_in_stiff_bearings_is_the_rigid_rotor():
     """The worked example in steady motion at 300 rad/s: reactions differ as 1 / stiffness."""
     arms = np.array([-0.0346290060 + 0.0076297334j, 0.0464503149 - 0.0111481005j])
@@ -623,6 +626,7 @@ def test_stiff_shaft_in_stiff_bearings_is_the_rigid_rotor():
     np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 10, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_reactions_of_simulate_are_those_of_run_up():
     """A flexible rotor between a pin, a support and a stop, at constant speed."""
     scene = jr.Scene(
@@ -639,7 +643,8 @@ def test_reactions_of_simulate_are_those_of_run_up():
     run, two = forces(scene, response.time, start=jr.Whirl(1e-4, 20.0), controller=control)
     assert one.names == two.names == ("support", "constraints.0")
     scale = np.max(np.abs(two.force))
-    np.testing.assert_allclose(one.force, two.force, rtol=0, atol=1e-5 * scale)
+    # `simulate` is exact; `run_up` interpolates accelerations of stiff modes between its steps.
+    np.testing.assert_allclose(one.force, two.force, rtol=0, atol=5e-5 * scale)
     np.testing.assert_allclose(one.static, two.static, rtol=1e-12)
     shaft = 7850 * np.pi * 0.03**2 / 4
     weight = (8 + shaft) * 9.80665

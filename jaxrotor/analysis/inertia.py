@@ -72,6 +72,4 @@ def _tensor(disc: Disc, about: ArrayLike) -> Float[Array, "3 3"]:
         angle = disc.offset_angle
         arm = arm + disc.offset * jnp.array([jnp.cos(angle), jnp.sin(angle), 0.0])
     shift = disc.mass * ((arm @ arm) * one - jnp.outer(arm, arm))
-    if not disc.exact:
-        shift = shift.at[2, 2].set(0.0)
-    return tensor + shift
+    return tensor + (shift if disc.exact else shift * (1 - jnp.outer(z, z)))
