@@ -120,9 +120,10 @@ def _refuse_unknown(path: str, values: np.ndarray, found: np.ndarray) -> None:
 
 
 def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
-    values = np.asarray(values, float)
+    values = np.atleast_1d(np.asarray(values, float))
     if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0):
-        raise ValueError(f"`over['{path}']` must be two or more ascending values, but is {values}.")
+        ends = f"{values.size} from {values[0]:g} to {values[-1]:g}" if values.ndim == 1 else values
+        raise ValueError(f"`over['{path}']` must be two or more ascending values, but has {ends}.")
     for value in values:
         if scene.replace({path: value}).spans != scene.spans:
             raise ValueError(f"`over['{path}']` moves a station past another at {value:g}.")
