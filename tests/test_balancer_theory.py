@@ -536,12 +536,13 @@ def test_chart_is_drawn_beside_a11():
     over = {"speed": np.linspace(1.0, 2.0, 9), "polar": np.linspace(0.0, 0.7, 8)}
     ax = plot.stability_chart(balancer.stability_chart(R, BETA, over))
     dashed = [c for c in ax.collections if c.get_linestyle() != [(0.0, None)] and c.get_paths()]
-    line = np.concatenate([path.vertices for path in dashed[-1].get_paths()])
+    line = np.concatenate([path.vertices for path in dashed[0].get_paths()])
     # Straight between the points of the grid, so near the curve om = 1 / sqrt(1 - C).
     assert_allclose(line[:, 0], 1 / np.sqrt(1 - line[:, 1]), atol=0.01)
     legend = ax.get_legend()
     assert legend is not None
-    assert [t.get_text() for t in legend.get_texts()] == ["boundary of stability", "a11 = 0"]
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["boundary of stability", "$a_{11} = 0$", "$a_{11} < 0$ but unstable"]
 
 
 def test_chart_has_its_boundary_where_the_speed_says():

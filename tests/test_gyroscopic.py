@@ -669,24 +669,24 @@ def test_first_order_says_where_it_ends():
         assert np.all(values[2:].imag > 0)
 
 
-SHAFT, DISC = jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3), jr.Disc(0.3, 2.0, 0.01, 0.02)
+SHAFT, WHEEL = jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3), jr.Disc(0.3, 2.0, 0.01, 0.02)
 OTHERS = {
-    "support": (SHAFT, DISC, jr.Support(0.3, 5e4, cross_stiffness=1.5e4)),
-    "disc damping": (SHAFT, DISC, jr.DiscDamping(0.3, 5.0)),
-    "internal damping": (SHAFT, DISC, jr.InternalDamping(1e-5)),
-    "limiter": (SHAFT, DISC, jr.Limiter(0.3, 0.0, 1e-3, 1e5)),
-    "two stiffnesses": (jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3, anisotropy=0.1), DISC),
-    "damped shaft": (jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3, damping=1.0), DISC),
-    "no slope": (jr.MasslessShaft(0.6, 0.3, 1e5), DISC),
+    "support": (SHAFT, WHEEL, jr.Support(0.3, 5e4, cross_stiffness=1.5e4)),
+    "disc damping": (SHAFT, WHEEL, jr.DiscDamping(0.3, 5.0)),
+    "internal damping": (SHAFT, WHEEL, jr.InternalDamping(1e-5)),
+    "limiter": (SHAFT, WHEEL, jr.Limiter(0.3, 0.0, 1e-3, 1e5)),
+    "two stiffnesses": (jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3, anisotropy=0.1), WHEEL),
+    "damped shaft": (jr.MasslessShaft(0.6, 0.3, 1e5, -9e3, 1e3, damping=1.0), WHEEL),
+    "no slope": (jr.MasslessShaft(0.6, 0.3, 1e5), WHEEL),
     "no disc": (SHAFT, jr.Unbalance(0.3, 2.0, 1e-4)),
     "elastic ends": (
         jr.MasslessShaft(0.6, 0.3, 1.0, ends="elastic"),
-        DISC,
+        WHEEL,
         jr.Disc(0.0, 0.3),
         jr.Support(0.0, 0.5),
         jr.Support(0.6, 0.5),
     ),
-    "flexible shaft of two nodes": (jr.FlexibleShaft(0.3, 0.02, nodes=2), DISC),
+    "flexible shaft of two nodes": (jr.FlexibleShaft(0.3, 0.02, nodes=2), WHEEL),
 }
 
 
@@ -703,7 +703,7 @@ def test_first_order_of_two_discs_and_loads():
     spin = jr.ConstantSpeed(10.0)
     one, two = (
         jr.perturbed_roots(jr.Scene(SHAFT, *effects, spin=spin))
-        for effects in ((DISC,), (*parts, *loads))
+        for effects in ((WHEEL,), (*parts, *loads))
     )
     np.testing.assert_allclose(two.values, one.values, rtol=1e-14)
     assert np.asarray(two.valid).all()

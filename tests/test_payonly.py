@@ -270,6 +270,7 @@ def test_linear_scene_skips_in_closed_form(basis):
         "steps": 64,
         "slopes": False,
         "contacts": False,
+        "coordinates": False,
         "together": (),
     }
     assert fields == set(settings)

@@ -65,7 +65,7 @@ class BallContact(AbstractBetween):
     plural: ClassVar[str] = "ball_contacts"
 
     ball_radius: Scalar = positive("ball_radius [m]")
-    stiffness: Scalar = positive("stiffness [N/m]")
+    stiffness: Scalar = nonnegative("stiffness [N/m]")
     damping: Scalar = nonnegative("damping [N s/m]", default=0.0)
 
     def between(self, angle, rate, present, race):
@@ -80,4 +80,7 @@ class BallContact(AbstractBetween):
         return -jnp.sum(pairs * side * jnp.where((depth > 0) & (force > 0), force, 0.0), axis=1)
 
     def duration(self, mass: Scalar) -> Scalar:
-        return jnp.pi * jnp.sqrt(mass / (2 * self.stiffness))
+        stiff = self.stiffness > 0
+        return jnp.where(
+            stiff, jnp.pi * jnp.sqrt(mass / (2 * jnp.where(stiff, self.stiffness, 1.0))), jnp.inf
+        )
