@@ -87,7 +87,7 @@ STATED = re.findall(r"`(\w+)`", re.search(r"^Differentiable: (.*?)\.$", README, 
 PUSH = jr.HarmonicForce(0.16125)
 DIFFERENTIABLE = {
     "roots": lambda scene: jr.roots(scene).imag,
-    "modes": lambda scene: jr.modes(scene).damping_ratio,
+    "modes": lambda scene: jr.modes(scene).values.imag,
     "critical_speeds": lambda scene: jr.critical_speeds(scene).forward[0],
     "onset_speed": lambda scene: jr.onset_speed(scene, (60.0, 120.0), 20).speed,
     "stability_crossings": lambda scene: (

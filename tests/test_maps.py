@@ -101,7 +101,7 @@ def test_a_map_is_one_compiled_program():
 def slow(cross, damping=None):
     """Driven by its supports; of a ratio of zero whirl is circular, though coefficients may vary."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=0.0, ends="elastic")
-    supports = [jr.Support(x, 2.0, cross=cross, anisotropy=0.0) for x in (0.0, 1.0)]
+    supports = [jr.Support(x, 2.0, cross_stiffness=2 * cross, anisotropy=0.0) for x in (0.0, 1.0)]
     on_it = [jr.Disc(0.5, 1.0)] + ([] if damping is None else [jr.DiscDamping(0.5, damping)])
     return jr.Scene(shaft, *on_it, *supports, spin=jr.ConstantSpeed(0.02))
 
@@ -115,16 +115,17 @@ def slow_growth(cross, damping=0.0):
 def test_slow_rotors_take_the_steps_they_need():
     """From 1/30 of the first frequency down 32 steps of half a revolution do not suffice."""
     assert float(jr.growth_rate(slow(0.4))) == pytest.approx(slow_growth(0.4), rel=1e-6)
-    found = jr.stability_map(slow(0.4), {"spin.speed": [0.008, 0.1], "supports.cross": [0.3, 0.4]})
+    over = {"spin.speed": [0.008, 0.1], "supports.cross_stiffness": [0.6, 0.8]}
+    found = jr.stability_map(slow(0.4), over)
     expected = [slow_growth(0.3), slow_growth(0.4)]
     np.testing.assert_allclose(found.growth, [expected] * 2, rtol=1e-5)
-    lost = jr.stability_boundary(slow(0.4, 0.03), "supports.cross", [0.1, 0.4])
+    lost = jr.stability_boundary(slow(0.4, 0.03), "supports.cross_stiffness", [0.2, 0.8])
     edge = brentq(lambda cross: slow_growth(cross, 0.03), 0.1, 0.4, xtol=1e-14)
-    np.testing.assert_allclose(lost.values, [edge], rtol=1e-6)
+    np.testing.assert_allclose(lost.values, [2 * edge], rtol=1e-6)
 
 
 def test_what_is_too_slow_is_not_taken_for_stable():
-    over = {"spin.speed": [1e-4, 0.02, 0.1], "supports.cross": [0.2, 0.4]}
+    over = {"spin.speed": [1e-4, 0.02, 0.1], "supports.cross_stiffness": [0.4, 0.8]}
     found = jr.stability_map(slow(0.4), over)
     assert np.isnan(found.growth).tolist() == [[True] * 2, [False] * 2, [False] * 2]
     assert np.all(found.growth[1:] > 0) and found.boundaries == ()
