@@ -14,7 +14,7 @@ from .chunks import chunk_size, cores, progress as bar, spread
 from .dataset import versions
 from .effects.base import AbstractBodies
 from .files import dumps
-from .run_up import Balls, Integration, Launch, control, integrate, unbalance_of
+from .run_up import Balls, Integration, Launch, by_race, control, imbalance_of, integrate
 from .scene import Scene
 from .simulate import checked_solver, solver_name
 from .solvers.control import tuned
@@ -140,16 +140,14 @@ def basins(
 def _ends(scene: Scene, times: Array, shaft: AbstractStart, starts: Float[Array, "l 2 b"], plan):
     """Of every start: rms imbalance, largest radius, mean rate and lag of the balls, success."""
     races = scene.of(AbstractBodies)
-    splits = np.cumsum([race.places for race in races])[:-1]
 
     def one(start):
-        pairs = zip(jnp.split(start[0], splits), jnp.split(start[1], splits), strict=True)
+        pairs = zip(by_race(scene, start[0]), by_race(scene, start[1]), strict=True)
         launch = Launch(shaft, 0.0, tuple(Balls(*pair) for pair in pairs))
         instants, _, good, (displacement, _, _) = integrate(
             scene, times, launch, jnp.atleast_1d(races[0].at), plan
         )
-        moments = jnp.concatenate([race.masses * race.race_radius for race in races])
-        total = unbalance_of(scene) + jnp.exp(1j * instants.bodies) @ moments
+        total = imbalance_of(scene, instants.bodies)
         span = times[-1] - times[0]
         lag = (instants.bodies[-1] - instants.bodies[0]) / span
         turned = (instants.turning.angle[-1] - instants.turning.angle[0]) / span

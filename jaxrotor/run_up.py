@@ -10,17 +10,16 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
+from .analysis import first_moments
 from .effects.base import AbstractBetween, AbstractBodies
-from .pencil import Pencil
 from .quantities import Scalar, known, real
 from .scene import Scene
-from .shafts.virtual import VirtualLine
 from .simulate import checked_solver, solver_name
 from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential
 from .spin import Drive
 from .start import AbstractStart, AtRest, Continued
-from .system import System, assemble, loads
+from .system import System, assemble
 from .transient import Instant, Posture, Transient
 
 
@@ -65,10 +64,9 @@ class RunUp(eqx.Module):
     @property
     def imbalance(self) -> Complex[Array, " T"]:
         """Unbalance of the scene and of all balls, in the axes of the shaft [kg m]."""
-        total = jnp.full(self.time.shape, unbalance_of(self.scene))
-        for race, balls in zip(self.scene.of(AbstractBodies), self.balls, strict=True):
-            total = total + jnp.exp(1j * balls.angle) @ (race.masses * race.race_radius)
-        return total
+        angles = [balls.angle for balls in self.balls]
+        none = jnp.zeros((*self.time.shape, 0))
+        return imbalance_of(self.scene, jnp.concatenate([none, *angles], axis=-1))
 
     def __str__(self) -> str:
         first, last = float(self.speed[0]), float(self.speed[-1])
@@ -77,13 +75,6 @@ class RunUp(eqx.Module):
             f"RunUp from {first:g} to {last:g} rad/s in {float(self.time[-1] - self.time[0]):g} s and "
             f"{turns:.1f} revolutions, {self.time.size} samples, {self.solver}"
         )
-
-
-def unbalance_of(scene: Scene) -> Complex[Array, ""]:
-    """Resultant unbalance of what is fixed to the shaft, in its axes [kg m]."""
-    system = assemble(scene)
-    own = loads(scene, VirtualLine.resultant(system.line), system.blocks).unbalance
-    return jnp.zeros((), complex) if own is None else own[0]
 
 
 def run_up(
@@ -132,21 +123,22 @@ def run_up(
     launch = start if isinstance(start, Launch) else Launch(start or AtRest())
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
+    controller = controller or control(chosen, scene)
     plan = Integration(
         tuned(chosen),
-        controller or control(chosen, scene),
+        controller,
         dfx.ForwardMode() if adjoint is None else adjoint,
         substeps,
         max_steps,
         isinstance(spin, Drive) and (solver is not None or not spin.given),
-        known(times) and float(times[0]) == 0,
+        controller is None and known(times) and float(times[0]) == 0,
     )
-    if plan.controller is None and isinstance(spin, Drive) and spin.can_stop:
+    if controller is None and isinstance(spin, Drive) and spin.can_stop:
         raise ValueError(
             "A drive that can come to rest needs steps that end there; give a solver with an error "
             "estimate, such as diffrax.Tsit5()."
         )
-    if isinstance(spin, Drive):
+    if isinstance(spin, Drive) and spin.polar is None:
         spin.inertia(_polar(scene))  # refuses what cannot turn
     launch = _whole(launch, counts)
     instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
@@ -157,7 +149,7 @@ def run_up(
             "brakes at any sign of the speed)."
         )
     name = solver_name(chosen)
-    return _result(scene, launch, times, stations, instants, stopped, seen, counts, name)
+    return _result(scene, times, stations, instants, stopped, seen, name)
 
 
 @eqx.filter_jit
@@ -223,11 +215,11 @@ class Integration(eqx.Module):
     substeps: int = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
     free: bool = eqx.field(static=True)  # whether the spin is integrated too
-    from_start: bool = eqx.field(static=True)  # whether the first sample is where the run begins
+    from_start: bool = eqx.field(static=True)  # whether fixed steps begin with the first sample
 
     def solve(self, field: Transient, begin: Scalar, y: Posture, times: Array, event=None):
         """States at `times`, whether all went well, and when and where the run ended."""
-        controller, dt0, max_steps = self.controller, None, self.max_steps
+        controller, max_steps = self.controller, self.max_steps
         if controller is None:
             grid = times if self.from_start else jnp.append(begin, times)
             share = jnp.arange(self.substeps) / self.substeps
@@ -240,7 +232,7 @@ class Integration(eqx.Module):
             self.solver,
             begin,
             jnp.maximum(times[-1], begin),
-            dt0,
+            None,
             y,
             saveat=dfx.SaveAt(subs=[dfx.SubSaveAt(ts=times), last]),
             stepsize_controller=controller,
@@ -259,10 +251,9 @@ class Integration(eqx.Module):
 @eqx.filter_jit
 def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
     """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
-    system = assemble(scene)
-    rate, begin = _reference(system), launch.angle
-    y = _posture(scene, system, launch, stations[0], rate, plan.free)
-    field, stopped = Transient.of(scene, rate, begin), jnp.asarray(jnp.inf)
+    field, stopped = Transient.of(scene, None, launch.angle), jnp.asarray(jnp.inf)
+    system = field.system
+    y = _posture(scene, system, launch, stations[0], field.rate, plan.free)
     if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
         path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
     elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
@@ -336,20 +327,17 @@ def _seen(system: System, instants: Instant, stations: Array):
     return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces
 
 
-def _result(scene, launch, times, stations, instants, stopped, seen, races, name) -> RunUp:
-    turning, displacement_etc = instants.turning, seen
-    displacement, velocity, contact_force = displacement_etc
-    balls, start = [], 0
+def _result(scene, times, stations, instants: Instant, stopped, seen, name: str) -> RunUp:
+    turning = instants.turning
+    displacement, velocity, contact_force = seen
     rates = instants.bodies_speed - turning.speed[:, None]
-    for count in races:
-        part = slice(start, start + count)
-        balls.append(Balls(instants.bodies[:, part], rates[:, part]))
-        start += count
+    pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
+    balls = tuple(Balls(*pair) for pair in pairs)
     last: Any = jax.tree.map(lambda leaf: leaf[-1], instants)
     end = Launch(
         Continued(last.r * last.turn, last.velocity * last.turn),
         last.turning.angle,
-        tuple(Balls(b.angle[-1], b.rate[-1]) for b in balls),
+        jax.tree.map(lambda leaf: leaf[-1], balls),
         last.turning.speed,
     )
     return RunUp(
@@ -360,7 +348,7 @@ def _result(scene, launch, times, stations, instants, stopped, seen, races, name
         displacement=displacement,
         velocity=velocity,
         contact_force=contact_force,
-        balls=tuple(balls),
+        balls=balls,
         stations=stations,
         stopped=stopped,
         instants=instants,
@@ -370,9 +358,15 @@ def _result(scene, launch, times, stations, instants, stopped, seen, races, name
     )
 
 
-def _reference(system: System) -> Scalar:
-    """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
-    if not system.n:
-        return jnp.ones(())
-    rate = Pencil.mean(system.at_speed(jnp.zeros(()))).rate
-    return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))
+def by_race(scene: Scene, values: Array) -> list[Array]:
+    """Values of all bodies, along the last axis, parted by their races."""
+    races = scene.of(AbstractBodies)
+    ends = np.cumsum([race.places for race in races])
+    return jnp.split(values, ends[:-1], axis=-1) if races else []
+
+
+def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "*T"]:
+    """Unbalance of the scene and of all bodies at angles `psi` from the shaft, in its axes [kg m]."""
+    moments = [race.masses * race.race_radius for race in scene.of(AbstractBodies)]
+    of_bodies = jnp.exp(1j * bodies) @ jnp.concatenate([jnp.zeros(0), *moments])
+    return first_moments(scene).unbalance + of_bodies

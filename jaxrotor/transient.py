@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from .blocks import Blocks, Load
 from .motion import check_known_in_time
+from .pencil import Pencil
 from .quantities import Scalar
 from .scene import Scene
 from .shafts.virtual import VirtualLine
@@ -76,8 +77,8 @@ class Transient(eqx.Module):
     sense: Scalar | None = None  # of rotation, that Coulomb friction is against; None: of the speed
 
     @classmethod
-    def of(cls, scene: Scene, rate: Scalar, begin: Scalar) -> "Transient":
-        """Equations of a scene; `rate` is the reference rate [rad/s], `begin` the first angle."""
+    def of(cls, scene: Scene, rate: Scalar | None, begin: Scalar) -> "Transient":
+        """Equations of a scene from the angle `begin` on; `rate` None is near its first frequency."""
         system = assemble(scene)
         check_known_in_time(system.blocks)
         felt = whole = None
@@ -87,6 +88,7 @@ class Transient(eqx.Module):
         inverse = jnp.zeros((system.n, system.n))
         if system.blocks.inertia is not None:
             inverse = jnp.linalg.inv(system.blocks.inertia)
+        rate = _reference(system) if rate is None else rate
         return cls(system, inverse, rate, begin, felt, whole)
 
     def hold(self, held: Array, sense: Scalar | None = None) -> "Transient":
@@ -249,6 +251,14 @@ class Transient(eqx.Module):
         rows = [port.row for port in self.system.ports]
         displacement = [plane(row @ now.r * now.turn) for row in rows]
         return displacement, [plane(row @ now.velocity * now.turn) for row in rows]
+
+
+def _reference(system: System) -> Scalar:
+    """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
+    if not system.n:
+        return jnp.ones(())
+    rate = Pencil.mean(system.at_speed(jnp.zeros(()))).rate
+    return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))
 
 
 def resistance(blocks: Blocks, now: Instant) -> Array:

@@ -49,16 +49,18 @@ def limiter_rotor(
     contact=True,
     blend=None,
     slip=None,
+    out_of_true=None,
     **shaft,
 ):
     """The limiter rotor in the groups of the sheet.
 
     `sign` -1 reverses the gyroscopic moment; `station` is that of disc and limiters over the length;
-    a group that is None is left out of the scene; `blend` and `slip` in SI units.
+    a group that is None is left out of the scene; `blend`, `slip` and what is `out_of_true` of the
+    disc in SI units.
     """
     scale = np.sqrt(MASS * LENGTH**3 * RIGIDITY)
     at = station * LENGTH
-    effects = [Disc(at, MASS, DIAMETRAL, sign * 2 * DIAMETRAL)]
+    effects = [Disc(at, MASS, DIAMETRAL, sign * 2 * DIAMETRAL, **(out_of_true or {}))]
     if eps is not None:
         effects.append(Unbalance(at, MASS, eps * LENGTH, phase))
     if gravity:

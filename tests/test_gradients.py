@@ -24,6 +24,7 @@ RULES = {
     "trapezoid": {"rule": "trapezoid", "nodes": 4, "station": 0.65 / LENGTH},
 }
 
+ASKEW = {"offset": 2e-4, "offset_angle": 0.7, "tilt": 4e-3, "tilt_axis": -0.4}  # m, rad
 
 # A constraint at an end stays there; these shafts have no shear, and damping alike along every axis.
 ELSEWHERE = ("shaft.constraints", "shaft.material.shear_modulus", "external_damping.angle")
@@ -93,13 +94,15 @@ def agree(function, exact, values, change, most=0.02):
 
 @pytest.mark.parametrize("rule", RULES)
 def test_onset_speed_by_every_parameter(rule):
-    scene = limiter_rotor(eps=1e-4, gravity=True, blend=1e-3, slip=1.0, **RULES[rule])
+    law = {"blend": 1e-3, "slip": 1.0, "out_of_true": ASKEW}
+    scene = limiter_rotor(eps=1e-4, gravity=True, **law, **RULES[rule])
     values = parameters(scene)
     middle = float(jr.onset_speed(scene).speed)
     within = 0.8 * middle, 1.3 * middle
     onset = lambda values: jr.onset_speed(put(scene, values), within=within, samples=8).speed
     exact = forward(onset, values)
-    idle = [p for p in values if p.startswith(("limiters", "unbalance", "gravity", "spin"))]
+    idle = ("limiters", "unbalance", "gravity", "spin", "disc.offset", "disc.tilt")
+    idle = [path for path in values if path.startswith(idle)]
     assert {exact[path] for path in idle} == {0.0}
     acting = {path: value for path, value in values.items() if path not in idle}
     # shaft, disc, external damping, disc damping, internal damping
@@ -134,7 +137,8 @@ def final(scene, start, revolutions, steps, **options):
 
 @pytest.mark.parametrize("rule", RULES)
 def test_free_trajectory_by_every_parameter(rule):
-    scene = limiter_rotor(eps=1e-3, phase=0.3, gravity=True, contact=False, **RULES[rule])
+    acting = {"gravity": True, "contact": False, "out_of_true": ASKEW}
+    scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **RULES[rule])
     function, values = final(scene, (0.004, -3.0, 0.2), 2, 32)
     exact = forward(function, values)
     assert all(exact.values())
@@ -150,7 +154,8 @@ START = {"spectral": (0.0085, -10.0, 0.0), "trapezoid": (0.004, -10.0, 0.0)}  # 
 
 def touching(rule, **law):
     """A scene and start that strike a limiter within a revolution."""
-    scene = limiter_rotor(eps=1e-3, phase=0.3, gravity=True, **law, **RULES[rule])
+    acting = {"gravity": True, "out_of_true": ASKEW}
+    scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **law, **RULES[rule])
     radius, rate, angle = START[rule]
     run = jr.simulate(scene, 1, 64, start=jr.Whirl(radius, rate / TIME, angle), at=OBSERVED)
     loaded = np.abs(run.contact_force) > 0

@@ -835,6 +835,7 @@ def run(*effects, size=201):
     row = lambda *starts: 2 * np.pi * time[:, None] + np.asarray(starts)
     scene = jr.Scene(
         PIVOTED,
+        jr.Unbalance(0.14, 1.0, 2e-3),
         jr.BallBalancer(0.14, 0.025, 0.06, 1.0),
         jr.BallBalancer(0.14, 0.02, 0.05, 1.0, places=3, in_use=1),
         *effects,

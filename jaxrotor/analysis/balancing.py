@@ -36,15 +36,16 @@ class Grade(NamedTuple):
 # === rigid rotors
 
 
-def first_moments(scene: Scene) -> FirstMoments:
+def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
     """`u = Sum m e exp(i phase)`, `J = Sum m e exp(i phase) z` and the couples of tilted discs.
 
-    Of all that is fixed to the shaft, about station 0, in the axes of the rotor. A shaft counts as
-    straight. Differentiable.
+    Of all that is fixed to the shaft, `about` a station [m], in the axes of the rotor. A shaft counts
+    as straight. Differentiable.
 
     Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
-    found = loads(scene, VirtualLine.resultant(scene.line()), Blocks()).unbalance
+    line = VirtualLine.resultant(scene.line(), jnp.asarray(about, float))
+    found = loads(scene, line, Blocks()).unbalance
     return FirstMoments(*(jnp.zeros(2, complex) if found is None else found))
 
 

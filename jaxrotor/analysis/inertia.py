@@ -5,13 +5,11 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..blocks import Blocks
 from ..effects import Disc
 from ..quantities import Scalar
 from ..scene import Scene
 from ..shafts import FlexibleShaft
-from ..shafts.virtual import VirtualLine
-from ..system import loads
+from .balancing import first_moments
 
 
 class MassProperties(NamedTuple):
@@ -46,9 +44,7 @@ def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
     discs = scene.of(Disc)
     if not discs:
         raise ValueError("A rigid shaft is massless; put a disc on it.")
-    line = VirtualLine.resultant(scene.line(), jnp.asarray(about, float))
-    first = loads(scene, line, Blocks()).unbalance
-    u, j = jnp.zeros(2, complex) if first is None else first
+    u, j = first_moments(scene, about)
     mass = sum((disc.mass for disc in discs), jnp.zeros(()))
     moment = sum((disc.mass * disc.at for disc in discs), jnp.zeros(()))
     tensor = sum((_tensor(disc, about) for disc in discs), jnp.zeros((3, 3)))

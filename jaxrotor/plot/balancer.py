@@ -7,6 +7,7 @@ from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
+from ..analysis import first_moments
 from ..effects import AbstractBodies, BallContact
 from . import colours, page
 from .record import sample
@@ -37,6 +38,7 @@ class Rows(NamedTuple):
 
     rows: list[Row]
     rotor: complex  # imbalance without balls [kg m]
+    left: Complex[np.ndarray, " T"]  # imbalance of rotor and balls [kg m]
 
     @classmethod
     def of(cls, run: Any) -> "Rows":
@@ -54,13 +56,8 @@ class Rows(NamedTuple):
             size = steel if contact is None else np.full(count, float(contact.ball_radius))
             tint = _TINTS[i % len(_TINTS)]
             rows.append(Row(name, tint, angle, mass, size, float(race.race_radius)))
-        first = np.asarray(run.imbalance)[0] - sum(row.moment[0] for row in rows)
-        return cls(rows, complex(first))
-
-    @property
-    def left(self) -> Complex[np.ndarray, " T"]:
-        """Imbalance of rotor and balls [kg m]."""
-        return self.rotor + np.sum([row.moment for row in self.rows], axis=0)
+        rotor = complex(first_moments(run.scene).unbalance)
+        return cls(rows, rotor, np.asarray(run.imbalance))
 
     def draw(self, ax: Axes, now: int) -> None:
         """Races, balls and arrows of imbalance at a sample."""
