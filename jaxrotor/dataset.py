@@ -10,6 +10,7 @@ from .effects import AbstractBodies
 from .files import dumps
 from .reactions import Reactions
 from .run_up import RunUp
+from .scene import Scene
 from .simulate import Response
 
 
@@ -47,6 +48,7 @@ def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
     about = {
         "title": f"jaxrotor {title}",
         "scene": dumps(result.scene),
+        **assumed(result.scene),
         **about,
         "solver": result.solver,
         "precision": str(time.dtype),
@@ -127,6 +129,11 @@ def _vector(dims: tuple[str, ...], values: Any, units: str, long_name: str) -> t
 
 def _about(units: str, long_name: str) -> dict[str, str]:
     return {"units": units, "long_name": long_name}
+
+
+def assumed(scene: Scene) -> dict[str, str]:
+    """The attribute that says what is assumed of a scene, or none."""
+    return {"assumption": scene.assumption} if scene.assumption else {}
 
 
 def versions() -> str:

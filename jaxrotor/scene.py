@@ -22,20 +22,28 @@ class Scene(eqx.Module):
     """What is simulated, and nothing else: `Scene(shaft, *effects, spin=ConstantSpeed(300.0))`.
 
     SI units; every number is a leaf to differentiate or map over. The stations where the elastic
-    line may have a kink are ordered once, when the scene is built.
+    line may have a kink are ordered once, when the scene is built. `assumption` names what is not
+    known of it, such as a layout: data sets, tables and pictures of every result say it.
     """
 
     shaft: AbstractShaft
     effects: tuple[AbstractEffect, ...]
     spin: AbstractSpin
     spans: tuple[int, ...] = eqx.field(static=True)
+    assumption: str = eqx.field(static=True)
 
-    def __init__(self, shaft: AbstractShaft, *effects: AbstractEffect, spin: AbstractSpin):
+    def __init__(
+        self,
+        shaft: AbstractShaft,
+        *effects: AbstractEffect,
+        spin: AbstractSpin,
+        assumption: str = "",
+    ):
         _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
         for effect in effects:
             _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
-        self.shaft, self.effects, self.spin = shaft, effects, spin
+        self.shaft, self.effects, self.spin, self.assumption = shaft, effects, spin, assumption
         stations = _known_stations(shaft, effects)
         if stations is None:
             raise ValueError(
@@ -82,6 +90,10 @@ class Scene(eqx.Module):
         """The effects that have a capability or are of a class."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))
 
+    def of_parts(self, *effects: AbstractEffect) -> "Scene":
+        """The scene with these effects in place of its own."""
+        return Scene(self.shaft, *effects, spin=self.spin, assumption=self.assumption)
+
     def without(self, kind: str) -> "Scene":
         """The scene less every effect of a kind: `scene.without("limiters")`."""
         rest = [e for e in self.effects if kind not in (e.kind, e.plural)]
@@ -90,7 +102,7 @@ class Scene(eqx.Module):
             raise ValueError(
                 f"The scene has no {kind!r}{suggest(kind, kinds)}; it has: {', '.join(kinds)}."
             )
-        return Scene(self.shaft, *rest, spin=self.spin)
+        return self.of_parts(*rest)
 
     def paths(self) -> list[str]:
         """Paths of all parameters: of the shaft, the spin, and each kind of effect."""
@@ -132,7 +144,7 @@ class Scene(eqx.Module):
             return scene
         if _spans(scene.shaft, scene.effects, stations) == self.spans:
             return scene
-        return Scene(scene.shaft, *scene.effects, spin=scene.spin)
+        return scene.of_parts(*scene.effects)
 
     def put(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other leaves, as they are: no checks, the spans kept. See `replace`."""

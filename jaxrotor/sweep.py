@@ -13,7 +13,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from .chunks import chunk_size, cores, progress as bar, spread
-from .dataset import versions
+from .dataset import assumed, versions
 from .effects.base import AbstractContact
 from .files import dumps
 from .march import March, Plan
@@ -378,5 +378,6 @@ def _provenance(context: _Context) -> dict[str, Any]:
         "controller": eqx.tree_pformat(plan.controller) if plan.controller else "default",
         "max_steps": plan.max_steps,
         "precision": str(jnp.zeros(()).dtype),
+        **assumed(context.scene),
         "versions": versions(),
     }

@@ -642,6 +642,24 @@ def test_reactions_of_a_steady_state(place):
     assert one["force"]["static"] == pytest.approx(2 * 9.80665)
 
 
+def test_layouts_are_said_to_be_assumed(place):
+    """Row 3 by the printed cells: masses of 60 and 70 kg at 0.12 and 0.23 m of 0.37 m."""
+    row = ["turbine-variants", "--row", 3]
+    layout = "layout assumed: chain"
+    shown = answered("balance", *row)
+    assert shown["assumption"] == layout and shown["planes"]["mass"] == 130.0
+    assert layout in call("balance", *row).stdout
+    run = ["--times", "0, 0.1", "--out", "run", "--layout", "example31"]
+    for command in ("reactions", "run-up"):
+        text = call(command, *row, *run).stdout
+        assert "layout assumed: example31" in text
+        name = f"run/{command}.zarr"
+        assert xr.open_zarr(name).attrs["assumption"] == "layout assumed: example31"
+    assert "variant 3" in call("show", *row, "--toml").stdout
+    assert "needs the row" in refused("balance", "turbine-variants", "--layout", "chain")
+    assert "no rows" in refused("balance", "limiter-rotor", "--row", 3)
+
+
 def test_balance_in_two_planes(place):
     shown = answered("balance", ramp(), "--planes", "0m,400mm")
     assert shown["speed"] == 20.0 and shown["planes"]["mass"] == 2.0

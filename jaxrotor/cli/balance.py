@@ -16,6 +16,7 @@ from ..analysis import (
     rigid_residual,
     total_mass,
 )
+from ..dataset import assumed
 from ..effects import AbstractBodies, BallContact, Disc, Unbalance
 from ..riccati import steady_speed
 from ..scene import Scene
@@ -23,12 +24,14 @@ from ..shafts import RigidShaft
 from ..spin import AbstractSpin, Drive, SpeedProfile
 from ..units import quantity
 from . import answer
-from .options import AsJson, SceneName, Settings, optional, rpm, scene_with
+from .options import AsJson, Layout, Row, SceneName, Settings, optional, rpm, scene_of
 
 
 def balance(
     scene: SceneName,
     settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
     planes: Annotated[
         str | None,
         typer.Option(
@@ -51,10 +54,10 @@ def balance(
     jaxrotor balance turbine-run-up --planes 0m,0.453m
     jaxrotor balance ball-balancer --set spin.speed=3000rpm
     """
-    rotor = scene_with(scene, settings)
+    rotor = scene_of(scene, settings, row, layout)
     service = optional(speed, "rad/s", "--speed")
     service = _highest(rotor.spin) if service is None else service
-    found: dict[str, Any] = {"scene": scene, "speed": service}
+    found: dict[str, Any] = {"scene": scene, **assumed(rotor), "speed": service}
     if rotor.of(AbstractBodies):
         found["balancer"] = _balancer(rotor.at_speed(service))
     if planes is not None or not rotor.of(AbstractBodies):
@@ -67,7 +70,8 @@ def balance(
     if as_json:
         answer.print_json(found)
         return
-    answer.print_table([("speed", f"{service:.6g} rad/s, {rpm(service):.6g} rpm")])
+    speeds = [("speed", f"{service:.6g} rad/s, {rpm(service):.6g} rpm")]
+    answer.print_table([*speeds, *answer.assumed(rotor)])
     if "planes" in found:
         _print_planes(found["planes"], grade)
     if "balancer" in found:

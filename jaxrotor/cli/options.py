@@ -32,6 +32,11 @@ Settings = Annotated[
         "`jaxrotor show SCENE` lists the paths.",
     ),
 ]
+Row = Annotated[int | None, typer.Option(help="Row of `turbine-variants`, 1 to 30.")]
+Layout = Annotated[
+    str | None,
+    typer.Option(help="Layout assumed of that row: chain or example31. [default: chain]"),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and nothing else.")]
 Radius = Annotated[
     str | None,
@@ -93,8 +98,18 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of a
 
 
 def scene_with(name: str, settings: Sequence[str] | None) -> Scene:
-    """The scene of a name or path, with the parameters of `--set` changed."""
-    scene, values = load(name), {}
+    """`scene_of`, with what is assumed of it noted on stderr."""
+    scene = scene_of(name, settings)
+    if scene.assumption:
+        typer.echo(f"Note: {scene.assumption}.", err=True)
+    return scene
+
+
+def scene_of(
+    name: str, settings: Sequence[str] | None, row: int | None = None, layout: str | None = None
+) -> Scene:
+    """The scene of a name or path, or of its row, with the parameters of `--set` changed."""
+    scene, values = load(name, row, layout), {}
     for path, text in assignments("--set", settings, "spin.speed=6000rpm").items():
         values[path] = quantity(text, scene.unit(path), f"--set {path}")
     return scene.replace(values)

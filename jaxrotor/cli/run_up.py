@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..dataset import dataset
+from ..dataset import assumed, dataset
 from ..files import study
 from ..run_up import Launch, RunUp, run_up as run
 from . import answer
@@ -15,16 +15,18 @@ from .options import (
     AsJson,
     At,
     Duration,
+    Layout,
     Overwrite,
     Radius,
     Rate,
+    Row,
     Samples,
     SceneName,
     Settings,
     Times,
     instants,
     optional,
-    scene_with,
+    scene_of,
     start_with,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
@@ -36,6 +38,8 @@ _FILES = ("run-up.zarr", "run-up.png", "speed.png", "balls.png", "film.gif")
 def run_up(
     scene: SceneName,
     settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
     duration: Duration = None,
     samples: Samples = 2001,
     times: Times = None,
@@ -58,7 +62,7 @@ def run_up(
     jaxrotor run-up turbine-run-up --duration 0.5s --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
     """
-    rotor, table = scene_with(scene, settings), study(scene)
+    rotor, table = scene_of(scene, settings, row, layout), study(scene)
     instant = instants(rotor, duration, samples, times)
     start = Launch(start_with(table, start_radius, start_rate, start_angle))
     if film and out is None:
@@ -73,10 +77,10 @@ def run_up(
     answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
     if as_json:
-        answer.print_json({"scene": scene, **summary, "written": written})
+        answer.print_json({"scene": scene, **assumed(rotor), **summary, "written": written})
         return
     typer.echo(f"{motion}")
-    answer.print_table([*_rows(summary), *answer.written(written)])
+    answer.print_table([*_rows(summary), *answer.assumed(rotor), *answer.written(written)])
 
 
 def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:

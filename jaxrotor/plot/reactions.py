@@ -40,6 +40,7 @@ def reactions(result: Any, ax: Axes | None = None, *, moment: bool = False) -> A
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("time [s]")
     ax.set_ylabel(what)
+    page.assumption(ax, result)
     page.legend(ax, columns=4)
     return ax
 
@@ -69,7 +70,7 @@ def reaction_vectors(
         style = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.008}
         ax.quiver(0, 0, tip.real, tip.imag, color=one.colour, label=one.name, **style)
     reach = 1.15 * max(*(abs(one.path[now]) for one in bearings), 1e-12)
-    _finish(ax, what, rotating)
+    _finish(ax, what, rotating, result)
     ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     ax.text(0.03, 0.03, f"{result.time[now]:.4g} s", transform=ax.transAxes, fontsize=page.TEXT)
     return ax
@@ -94,7 +95,7 @@ def hodograph(
         ax.plot(x, y, color=one.colour, lw=0.8, label=one.name, rasterized=many)
         for end, fill in ((0, "white"), (-1, one.colour)):
             ax.plot(x[end], y[end], "o", color=one.colour, ms=4.0, mfc=fill)
-    _finish(ax, what, rotating)
+    _finish(ax, what, rotating, result)
     ax.set_aspect("equal", adjustable="datalim")
     return ax
 
@@ -120,11 +121,12 @@ def _bearings(result: Any, moment: bool, rotating: bool) -> tuple[list[_Bearing]
     return bearings, f"{'moment' if moment else 'reaction'} [{unit}]"
 
 
-def _finish(ax: Axes, what: str, rotating: bool) -> None:
+def _finish(ax: Axes, what: str, rotating: bool, result: Any) -> None:
     where = ", axes of the shaft" if rotating else ""
     name, _, unit = what.rpartition(" [")
     ax.set_xlabel(f"x {name}{where} [{unit}")
     ax.set_ylabel(f"y {name}{where} [{unit}")
     page.zero(ax)
     ax.axvline(0.0, color="0.6", linewidth=0.6, zorder=0.5)
+    page.assumption(ax, result)
     page.legend(ax, columns=2)

@@ -23,6 +23,7 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     _draw_speed(upper, run)
     lower.plot(np.asarray(run.time), np.asarray(run.acceleration), color=colours.ORANGE, lw=1.2)
     page.zero(lower)
+    page.assumption(lower, run)
     lower.margins(x=0)
     lower.set_ylabel("acceleration [rad/s$^2$]")
     lower.set_xlabel("time [s]")
@@ -66,6 +67,7 @@ def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
     factor, unit = labels.length(amplitude.max(initial=0.0))
     many = amplitude.size > page.RASTER
     ax.plot(x, factor * amplitude, color=colours.BLUE, lw=0.8, rasterized=many)
+    page.assumption(ax, run)
     ax.margins(x=0)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel(f"amplitude [{unit}]")
