@@ -667,15 +667,39 @@ def test_balance_in_two_planes(place):
     assert [one["plane"], two["plane"]] == [0.0, 0.4]
     assert [one["moment"], two["moment"]] == pytest.approx([1.5e-3, 0.5e-3])
     assert np.cos([one["angle"], two["angle"]]) == pytest.approx([-1.0, -1.0])
-    assert shown["planes"]["before"] == pytest.approx({"unbalance": 2e-3, "grade": 20.0})
-    assert shown["planes"]["residual"]["unbalance"] < 1e-15
-    assert shown["planes"]["standard"] == 40.0
-    assert shown["planes"]["permissible"] == pytest.approx(6.3e-3 * 2 / 20)
+    assert shown["speed_of"] == "highest of the profile"
+    before, after = shown["planes"]["before"], shown["planes"]["residual"]
+    # 2 kg and 2 g m at 0.1 m between bearings at 0 and 0.4 m: shares 0.75 and 0.25, held to 0.7 and 0.3.
+    assert (before["static"], before["couple"]) == pytest.approx((2e-3, 0), abs=1e-15)
+    assert before["bearings"] == pytest.approx([1.5e-3, 0.5e-3])
+    assert (
+        before["grade"] == pytest.approx(1.5e-3 / 0.7 * 20 / 2 * 1e3) and before["standard"] == 40
+    )
+    zeros = {"static": 0, "couple": 0, "bearings": [0, 0], "grade": 0, "standard": 0.4}
+    assert after == zeros
+    permitted = shown["planes"]["permissible"]
+    assert permitted["static"] == pytest.approx(6.3e-3 * 2 / 20)
+    assert permitted["bearings"] == pytest.approx([0.7 * 6.3e-4, 0.3 * 6.3e-4])
+    other = answered("balance", "ramp.toml", "--planes", "100mm,300mm")["planes"]
+    assert other["before"] == before and other["residual"] == zeros
     text = call("balance", "ramp.toml", "--planes", "0,0.4", "--grade", "2.5").stdout
-    assert "1500" in text and "meets G 40" in text and "250 g mm" in text
+    assert "1500" in text and "21.4" in text and "175" in text and "highest of the profile" in text
+    assert "--speed must be above 0, but is -3" in refused("balance", "ramp.toml", "--speed=-3")
     assert "two different stations" in refused("balance", "ramp.toml")
     still = ramp(spin=jr.ConstantSpeed(0.0), name="still.toml")
     assert "--speed" in refused("balance", still, "--planes", "0,0.4")
+
+
+def test_grade_of_the_course_rotor():
+    """R_A, R_B of the sheet over the square of its steady speed, shares by its centre of mass."""
+    shown = answered("balance", "turbine-run-up")
+    assert shown["speed"] == pytest.approx(204.382695814, rel=1e-9)
+    assert shown["speed_of"] == "steady speed of the drive"
+    loads = np.array([1481.2272, 1995.4354]) / 204.382695814**2
+    assert shown["planes"]["before"]["bearings"] == pytest.approx(loads, rel=1e-7)
+    lever = 0.165460993 / 0.267
+    grade = max(loads / [1 - lever, lever]) * 204.382695814 / 141 * 1e3
+    assert shown["planes"]["before"]["grade"] == pytest.approx(grade, rel=1e-6)
 
 
 def test_balance_with_balls(place):
