@@ -86,6 +86,7 @@ from .files import (  # noqa: E402
     study as study,
     title as title,
 )
+from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
 from .riccati import (  # noqa: E402
