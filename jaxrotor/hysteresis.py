@@ -1,6 +1,6 @@
 """Hysteresis: a rotor with balls taken slowly up through speeds, and down again."""
 
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -142,6 +142,6 @@ def _observed(run: RunUp, late: np.ndarray, within: float) -> tuple[Any, ...]:
 
 def _kicked(launch: Launch, kick: float) -> Launch:
     """A launch with the first ball moved; the speed is that of the profile that follows."""
-    first, *others = launch.balls or ()
+    first, *others = cast(Any, launch.balls)
     moved = eqx.tree_at(lambda balls: balls.angle, first, jnp.asarray(first.angle).at[0].add(kick))
     return Launch(launch.shaft, launch.angle, (moved, *others))

@@ -7,6 +7,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
@@ -104,6 +105,25 @@ class Scene(eqx.Module):
             )
         return self.of_parts(*rest)
 
+    def where(self, name: str) -> str:
+        """`constraints.0 at 93 mm`: a constraint or an effect as reactions call it, and its station."""
+        table = _addresses(self)
+        for path in (f"shaft.{name}.at", f"{name}.at"):
+            if path in table:
+                return f"{name} at {1e3 * float(_follow(self, table[path][0])):.6g} mm"
+        return name
+
+    def __str__(self) -> str:
+        """Every parameter with its value and unit, those of several effects one after the other."""
+        lines = [type(self.shaft).__name__ + ", " + type(self.spin).__name__]
+        lines[0] += f" ({self.assumption})" if self.assumption else ""
+        for path in self.paths():
+            leaves = [_follow(self, address) for address in self._find(path)]
+            if any(leaf is not None for leaf in leaves):
+                values, unit = ", ".join(map(_text, leaves)), self.unit(path)
+                lines.append(f"  {path} = {values}" + ("" if unit == "1" else f" {unit}"))
+        return "\n".join(lines)
+
     def paths(self) -> list[str]:
         """Paths of all parameters: of the shaft, the spin, and each kind of effect."""
         return [path for path in _addresses(self) if not path.split(".")[1].isdigit()]
@@ -178,6 +198,15 @@ def _check_together(module: Any, path: str) -> None:
         getattr(module, "__check_init__", tuple)()
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _text(leaf: Any) -> str:
+    """A number or several, as they are read; what is traced as jax shows it, and `-` for nothing."""
+    if leaf is None:
+        return "-"
+    if not known(leaf):
+        return str(leaf)
+    return ", ".join(f"{value:.6g}" for value in np.ravel(leaf).tolist())
 
 
 def _is_none(leaf: Any) -> bool:

@@ -607,7 +607,34 @@ def test_run_up(place):
 
 def test_run_up_of_what_cannot_move(place):
     text = call("run-up", ramp(), "--times", "0, 10ms, 0.02").stdout
-    assert "nothing moves" in text and "10 to 14 rad/s" in text
+    assert "cannot move; see `jaxrotor reactions`" in text and "10 to 14 rad/s" in text
+    call("run-up", "ramp.toml", "--times", "0, 10ms, 0.02", "--out", "run", "--film")
+    assert sorted(os.listdir("run")) == ["run-up.zarr", "speed.png"]
+
+
+def test_run_up_looks_at_what_moves():
+    """Balls are 0.14 m above the joint, where disc and springs are; 50 revolutions are run."""
+    shown = answered("run-up", "ball-balancer", "--samples", 11)
+    assert shown["station"] == 0.14 and shown["moves"] and shown["peak"]["radius"] > 1e-5
+    assert shown["revolutions"] == pytest.approx(50)
+
+
+def test_run_up_until_a_drive_is_steady():
+    """Course rotor: by partial fractions, until 0.1 % above 204.3827 rad/s."""
+    root, high, low = 17.511850273, 204.382695814, -244.639106070
+    ratio = (600 - high) / (600 - low) * (1.001 * high - low) / (1e-3 * high)
+    shown = answered("run-up", "turbine-run-up", "--samples", 11)
+    assert shown["duration"] == pytest.approx(2.2354 / root * np.log(ratio), rel=1e-5)
+    assert shown["speed"][1] == pytest.approx(1.001 * high, rel=1e-6)
+    runs_away = ["--set", "spin.slope=0", "--set", "spin.drag=0"]
+    assert "runs away" in refused("run-up", "turbine-run-up", *runs_away)
+    assert "add --duration" in refused("run-up", "limiter-rotor", "--set", "spin.speed=0")
+
+
+def test_times_must_ascend_and_be_finite():
+    times = ["run-up", "turbine-run-up", "--times"]
+    assert "--times must ascend, but has 0.2 s and then 0.1 s." in refused(*times, "0,0.2,0.1")
+    assert "finite, but is 'nan'" in refused(*times, "0,nan")
 
 
 def test_reactions(place):
@@ -759,7 +786,7 @@ def test_balance_with_balls(place):
         (["run-up", "limiter-rotor", "--duration", "1s", "--film"], "add --out"),
         (["run-up", "limiter-rotor", "--duration", "1s", "--times", "0,1"], "leave out"),
         (["run-up", "limiter-rotor", "--times", "0:1"], "start : stop : count"),
-        (["reactions", "limiter-rotor", "--times", "1s,0s"], "ascending"),
+        (["reactions", "limiter-rotor", "--times", "1s,0s"], "must ascend"),
         (["balance", "limiter-rotor", "--planes", "0m"], "two different stations"),
         (["balance", "limiter-rotor", "--planes", "0m,9m"], "on the shaft"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=1:2"], "start : stop : count"),

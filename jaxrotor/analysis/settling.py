@@ -53,7 +53,7 @@ def settled(drive: Drive, polar: float) -> Settled:
     for _ in range(100):
         middle = (low + high) / 2
         low, high = (middle, high) if sense * moment(sense * middle) > 0 else (low, middle)
-    steady = sense * high
+    steady = float(sense * high)
     near, far = _NEAR * (abs(steady) or abs(start)), abs(steady - start)
     if far <= near:
         return Settled(steady, 0.0)

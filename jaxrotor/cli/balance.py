@@ -157,7 +157,7 @@ class _State(NamedTuple):
     def described(self, unbalance: Any, product: Any, whole: Any = None) -> dict[str, Any]:
         """Static unbalance, couple, unbalance at the bearings [kg m] and grade; rounding as zero."""
         couple = abs(complex(product - unbalance * self.centre))
-        found = {"static": abs(complex(unbalance)), "couple": couple}
+        found: dict[str, Any] = {"static": abs(complex(unbalance)), "couple": couple}
         if self.held:
             loads = np.abs(np.asarray(rigid_correction(unbalance, product, self.bearings)))
             found["bearings"] = loads.tolist()

@@ -53,10 +53,10 @@ def reactions(
     """Reactions of bearings and stops: at rest, and above that at first, at last and at most.
 
     At constant speed and without --duration or --times, one revolution of the steady state, else a
-    run from rest. With --out, DIR/reactions.zarr and pictures: magnitudes in time, vectors when
-    they are largest, and their paths.
+    run from rest. With --out, DIR/reactions.zarr and three pictures: reactions.png of the magnitudes in
+    time, vectors.png of the vectors when they are largest, hodograph.png of the paths of their tips.
 
-    jaxrotor reactions turbine-run-up --duration 0.5s --out run
+    jaxrotor reactions turbine-run-up --out run
     jaxrotor reactions two-discs --set spin.speed=3000rpm
     """
     rotor = scene_of(scene, settings, row, layout)
@@ -76,7 +76,7 @@ def reactions(
     heads = ("bearing", "at rest", "first", "last", "most", "at [s]", "")
     rows = [
         (
-            one["name"] if unit == "N" else "",
+            rotor.where(one["name"]) if unit == "N" else "",
             *(f"{one[part][key]:.6g}" for key in ("static", "first", "last", "most")),
             f"{one[part]['time']:.5g}",
             unit,

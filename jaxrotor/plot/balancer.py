@@ -73,7 +73,7 @@ class Rows(NamedTuple):
                 there = 1e3 * row.radius * np.array([np.cos(angle), np.sin(angle)])
                 ax.add_patch(Circle(tuple(there), 1e3 * size, **style))
             arrows.append((row.name, row.colour, row.moment[now]))
-        arrows.append(("left", colours.RED, self.left[now]))
+        arrows.append(("remaining", colours.RED, self.left[now]))
         style = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.009, "zorder": 3}
         for name, colour, moment in arrows:
             tip = 1e3 * radius * moment / unit
@@ -146,6 +146,7 @@ def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
 
 def _broken(degrees: Float[np.ndarray, "T b"]) -> Float[np.ndarray, "T b"]:
     """Angles from 0 to 360 with a gap where they go round."""
-    wrapped = degrees % 360
-    wrapped[1:][np.abs(np.diff(wrapped, axis=0)) > 180] = np.nan
+    turns = np.floor(degrees / 360)
+    wrapped = degrees - 360 * turns
+    wrapped[1:][np.diff(turns, axis=0) != 0] = np.nan
     return wrapped
