@@ -58,6 +58,21 @@ def reference(revolutions: int) -> np.ndarray:
     return library_rates({"order": 4}, REFERENCE_STEPS, revolutions, [0.0, LARGEST])
 
 
+def plan_of(scene: jr.Scene, solver: jr.Exponential, steps: int) -> Plan:
+    """Plan of a march that observes displacements alone."""
+    return Plan(
+        solver=solver,
+        controller=None,
+        adjoint=dfx.ForwardMode(),
+        max_steps=4096,
+        steps=steps,
+        slopes=False,
+        contacts=False,
+        coordinates=False,
+        together=port_groups(scene),
+    )
+
+
 class Lanes(NamedTuple):
     """Marches of many lanes, as a sweep holds them: what all share, and what each has of its own."""
 
@@ -66,19 +81,9 @@ class Lanes(NamedTuple):
     y: jax.Array  # (lanes, state)
 
     @classmethod
-    def of(cls, solver: jr.Exponential, steps: int, eccentricities) -> "Lanes":
-        start, station = settled(), SCENE.stations()
-        plan = Plan(
-            solver=solver,
-            controller=None,
-            adjoint=dfx.ForwardMode(),
-            max_steps=4096,
-            steps=steps,
-            slopes=False,
-            contacts=False,
-            coordinates=False,
-            together=port_groups(SCENE),
-        )
+    def of(cls, solver: jr.Exponential, steps: int, eccentricities, start=None) -> "Lanes":
+        plan, station = plan_of(SCENE, solver, steps), SCENE.stations()
+        start = settled() if start is None else start
 
         def build(eccentricity):
             scene = SCENE.put({"unbalance.eccentricity": eccentricity})
@@ -166,7 +171,7 @@ def reduced(motion: Motion, count: int) -> Motion:
 
 
 class Arrays(NamedTuple):
-    """A motion in plain numbers, its contact at one station: `y' = a y + [0, column F + load e^(i theta)]`."""
+    """A motion in plain numbers, contact at one station: `y' = a y + [0, column F + load e^(i theta)]`."""
 
     a: np.ndarray  # (2 n, 2 n) complex, on (q, q')
     row: np.ndarray  # (n,) displacement of the station
