@@ -65,7 +65,7 @@ def measure(args: argparse.Namespace) -> list[dict]:
         ends = [0, min(count, DISTINCT) - 1]
         index = np.resize(np.r_[ends[0], DISTINCT - 1, 1 : DISTINCT - 1], count)
         shared, own, y = jax.device_put(lanes.part(index), device)
-        run = lambda own=own, y=y: np.asarray(whirl_rates(shared, own, y, args.revolutions))
+        run = lambda given=(shared, own, y): np.asarray(whirl_rates(*given, args.revolutions))
         compiling = compile_seconds(run)
         seconds = quickest(run, args.repeats)
         rows.append(

@@ -3,6 +3,8 @@
 import argparse
 import functools
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from rich.table import Table
 
@@ -18,9 +20,8 @@ STOPS = (1, 3, 12)
 def with_stops(count: int) -> jr.Scene:
     """The rotor with so many stops, evenly around."""
     one = SCENE.of(jr.Limiter)[0]
-    values = {name: getattr(one, name) for name in one.__dataclass_fields__}
     angles = np.pi / 3 + 2 * np.pi * np.arange(count) / count
-    stops = [jr.Limiter(**(values | {"angle": angle})) for angle in angles]
+    stops = [eqx.tree_at(lambda s: s.angle, one, jnp.asarray(angle)) for angle in angles]
     return jr.Scene(SCENE.shaft, *SCENE.without("limiters").effects, *stops, spin=SCENE.spin)
 
 
