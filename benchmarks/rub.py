@@ -152,11 +152,11 @@ def main() -> None:
     parser.add_argument("--rtol", type=float, default=1e-8, help="of DOP853")
     parser.add_argument("--fine", type=int, default=4096, help="steps of the statistics, order 4")
     parser.add_argument("--repeats", type=int, default=3, help="timed calls after the first")
-    parser.add_argument("--quick", action="store_true", help="4 lanes, 10 revolutions")
+    parser.add_argument("--quick", action="store_true", help="4 lanes, 60 revolutions")
     parser.add_argument("--json", type=Path, help="file for all numbers")
     args, log = parser.parse_args(), Console(stderr=True, highlight=False)
     if args.quick:
-        args.lanes, args.revolutions, args.fine, args.repeats = 4, 10, 1024, 1
+        args.lanes, args.revolutions, args.fine, args.repeats = 4, 60, 1024, 1
     (fine,) = ours(4, args.fine, args.revolutions, [ECCENTRICITY])
     scipy, scipy_seconds = dop853(args.revolutions, args.rtol)
 
