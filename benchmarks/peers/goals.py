@@ -73,6 +73,7 @@ def goals_table(listed: list[dict]) -> Table:
     for head in listed[0]:
         shown.add_column(head, justify="left" if head == "goal" else "right")
     for row in listed:
-        ratio = "-" if row["ratio"] is None else f"{row['ratio']:,.3g}"
-        shown.add_row(row["goal"], row["wanted"], ratio, row["reached"])
+        ratio = row["ratio"]
+        text = "-" if ratio is None else f"{ratio:,.0f}" if ratio > 100 else f"{ratio:.3g}"
+        shown.add_row(row["goal"], row["wanted"], text, row["reached"])
     return shown
