@@ -1,5 +1,6 @@
 """Run-up: motion of a scene at any spin: run-up, coast-down, a drive of limited power, balls."""
 
+import dataclasses
 from typing import Any, cast
 
 import diffrax as dfx
@@ -33,14 +34,16 @@ class Balls(eqx.Module):
 class Launch(eqx.Module):
     """State a run begins with.
 
-    `balls` has an entry for every race; None spreads them evenly. A `speed` other than None takes the
-    place of that of a free spin.
+    `balls` has an entry for every race; None spreads them evenly. `speed` other than None is what a
+    `Drive` begins with, and what a `SpeedProfile` must have at its `time`; a `ConstantSpeed` jumps to
+    its own. To go on with another profile, `dataclasses.replace(run.end, time=0.0)`.
     """
 
     shaft: AbstractStart = eqx.field(default_factory=AtRest)
     angle: Scalar = real("angle [rad]", default=0.0)
     balls: tuple[Balls, ...] | None = None
     speed: Scalar = real("speed [rad/s]", default=None)
+    time: Scalar = real("time [s]", default=0.0)  # of a profile, at which the run begins
 
 
 class RunUp(eqx.Module):
@@ -99,7 +102,7 @@ def run_up(
 
     Args:
         scene: what moves.
-        times: ascending [s], of the samples; the run begins at 0.
+        times: ascending [s], of the samples; the run begins at 0, also one that goes on.
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
         at: station(s) [m] to observe, by default as `simulate`.
         solver: any diffrax solver; by default Dopri8 for a rigid or massless shaft, Kvaerno5 for a
@@ -122,8 +125,10 @@ def run_up(
         )
     launch = start if isinstance(start, Launch) else Launch(start or AtRest())
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
-    spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
-    controller = controller or control(chosen, scene)
+    times, stations = jnp.asarray(times, float), scene.stations(at)
+    spin = scene.spin.after(launch.time, launch.speed)
+    begun = eqx.tree_at(lambda scene: scene.spin, scene, spin)
+    controller = controller or control(chosen, begun)
     plan = Integration(
         tuned(chosen),
         controller,
@@ -139,9 +144,9 @@ def run_up(
             "estimate, such as diffrax.Tsit5()."
         )
     if isinstance(spin, Drive) and spin.polar is None:
-        spin.inertia(_polar(scene))  # refuses what cannot turn
+        spin.inertia(_polar(begun))  # refuses what cannot turn
     launch = _whole(launch, counts)
-    instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
+    instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
     if known(good) and not bool(good):
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
@@ -149,7 +154,7 @@ def run_up(
             "brakes at any sign of the speed)."
         )
     name = solver_name(chosen)
-    return _result(scene, times, stations, instants, stopped, seen, name)
+    return _result(scene, times, stations, instants, stopped, seen, launch.time, name)
 
 
 @eqx.filter_jit
@@ -203,7 +208,7 @@ def _whole(launch: Launch, counts: list[int]) -> Launch:
         raise ValueError(
             f"`balls` must have an entry for every race, of {counts} angles, but has {shapes}."
         )
-    return Launch(launch.shaft, launch.angle, balls, launch.speed)
+    return dataclasses.replace(launch, balls=balls)
 
 
 class Integration(eqx.Module):
@@ -267,7 +272,7 @@ def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan:
 
 def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool) -> Posture:
     """State of the equations at the start."""
-    speed = scene.spin.speed if launch.speed is None else launch.speed
+    speed = scene.spin.speed
     q, velocity = launch.shaft.state(system, station)
     turn = jnp.exp(-1j * launch.angle)
     plane = lambda z: jnp.stack([z.real, z.imag])
@@ -327,7 +332,7 @@ def _seen(system: System, instants: Instant, stations: Array):
     return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces
 
 
-def _result(scene, times, stations, instants: Instant, stopped, seen, name: str) -> RunUp:
+def _result(scene, times, stations, instants: Instant, stopped, seen, begin, name: str) -> RunUp:
     turning = instants.turning
     displacement, velocity, contact_force = seen
     rates = instants.bodies_speed - turning.speed[:, None]
@@ -339,6 +344,7 @@ def _result(scene, times, stations, instants: Instant, stopped, seen, name: str)
         last.turning.angle,
         jax.tree.map(lambda leaf: leaf[-1], balls),
         last.turning.speed,
+        begin + times[-1],
     )
     return RunUp(
         time=times,

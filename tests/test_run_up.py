@@ -1,5 +1,7 @@
 """Motion at varying speed: against scipy, a Lagrangian, energy, and the closed run-up."""
 
+import dataclasses
+
 import diffrax as dfx
 import jax
 import jax.numpy as jnp
@@ -284,6 +286,64 @@ def test_a_run_continues():
     second = jr.run_up(scene, [0.05, 0.1], start=first.end, controller=FINE)
     assert np.allclose(second.displacement[-1], whole.displacement[-1], rtol=0, atol=1e-12)
     assert float(second.angle[-1]) == pytest.approx(float(whole.angle[-1]), rel=1e-12)
+
+
+def test_a_run_goes_on_at_another_speed():
+    """Displacement and velocity in fixed axes go on; against scipy at both speeds."""
+    times = np.linspace(0, 0.1, 6)
+
+    def at(speed, begin):
+        def own(t, q, v):
+            push = MASS * OFFSET * speed**2 * np.exp(1j * (begin + speed * t))
+            return (np.array([push.real, push.imag]) - DAMPING * v - STIFFNESS * q) / MASS
+
+        return own
+
+    one, two = jeffcott(spin=jr.ConstantSpeed(100.0)), jeffcott(spin=jr.ConstantSpeed(150.0))
+    first = jr.run_up(one, times, controller=FINE)
+    second = jr.run_up(two, times, start=first.end, controller=FINE)
+    q, v = integrate(at(100.0, 0.0), times)
+    q, v = integrate(at(150.0, 10.0), times, start=np.concatenate([q[-1], v[-1]]))
+    z, rate = np.asarray(second.displacement[:, 0]), np.asarray(second.velocity[:, 0])
+    assert np.abs(z - q @ [1, 1j]).max() < 1e-9 * np.abs(z).max()
+    assert np.abs(rate - v @ [1, 1j]).max() < 1e-9 * np.abs(rate).max()
+    assert np.allclose(second.velocity[0], first.velocity[-1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "spin",
+    [
+        jr.SpeedProfile([0.0, 0.15, 0.4], [100.0, 220.0, 150.0]),
+        jr.Drive(100.0, 3.0, 0.01, 1e-5, polar=0.02),
+        jr.Drive(100.0, 3.0, 0.01, 1e-5, polar=0.02, odd=True),
+    ],
+    ids=["profile", "closed", "free"],
+)
+def test_a_run_goes_on_at_a_speed_that_varies(spin):
+    """In parts or in one piece, and the speed by scipy."""
+    scene = jeffcott(spin=spin)
+    whole = jr.run_up(scene, [0.1, 0.2, 0.3], controller=FINE)
+    first = jr.run_up(scene, [0.02, 0.05, 0.1], controller=FINE)
+    second = jr.run_up(scene, [0.05, 0.1, 0.2], start=first.end, controller=FINE)
+    assert np.allclose(second.displacement[1:], whole.displacement[1:], rtol=0, atol=1e-11)
+    if isinstance(spin, jr.SpeedProfile):
+        speeds = np.interp([0.1, 0.2, 0.3], [0.0, 0.15, 0.4], [100.0, 220.0, 150.0])
+    else:
+        law = lambda t, w: (3.0 - 0.01 * w - 1e-5 * w**2) / 0.02
+        speeds = solve_ivp(law, (0, 0.3), [100.0], "DOP853", [0.1, 0.2, 0.3], rtol=1e-12).y[0]
+    assert np.allclose(whole.speed, speeds, rtol=1e-9)
+    assert np.allclose(second.speed[1:], speeds[1:], rtol=1e-8)
+    assert np.allclose(second.angle[1:], whole.angle[1:], rtol=1e-9)
+
+
+def test_a_profile_that_a_run_cannot_go_on_in_is_refused():
+    first = jr.run_up(jeffcott(spin=jr.SpeedProfile.ramp(100.0, 200.0, 0.1)), [0.0, 0.05])
+    scene = jeffcott(spin=jr.SpeedProfile.ramp(150.0, 50.0, 0.1))
+    with pytest.raises(ValueError, match=r"150 rad/s, but at 0.05 s it is 100 rad/s.*`time`"):
+        jr.run_up(scene, [0.0, 0.1], start=first.end)
+    again = dataclasses.replace(first.end, time=0.0)
+    run = jr.run_up(scene, [0.0, 0.1], start=again)
+    assert np.allclose(run.speed, [150.0, 50.0]) and float(run.end.time) == 0.1
 
 
 def test_gradient_and_lanes():
