@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .effects import AbstractContact, AbstractEffect, AbstractLinear, Support
+from .effects import AbstractContact, AbstractEffect, Support
 from .pencil import Pencil, frame
 from .quantities import Scalar
 from .run_up import RunUp
@@ -17,7 +17,7 @@ from .shafts.influence import Influence
 from .shafts.virtual import VirtualLine
 from .simulate import Response
 from .spin import Turning
-from .system import System, loads
+from .system import System, linear, loads
 from .transient import Instant, Posture, Transient, acting, resistance
 
 
@@ -131,9 +131,7 @@ def _support(system: System, support: Support) -> Act:
 def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Act:
     """Forces and moments of the constraints, in the axes of the shaft."""
     line = VirtualLine(line=transient.system.line, shapes=influence.shapes, slopes=influence.slopes)
-    blocks = scene.shaft.blocks(line)
-    for effect in scene.of(AbstractLinear):
-        blocks = blocks + effect.blocks(line)
+    blocks = linear(scene, line)
     load = loads(scene, line, blocks)
     inertia, unbalance = blocks.inertia, load.unbalance
     forces, moments = _places(influence)

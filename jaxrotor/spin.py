@@ -136,7 +136,7 @@ class Drive(AbstractSpin):
     `odd`: the drag is `k2 Omega |Omega|`, against either sense; else `k2 Omega^2` to the letter.
     `M(Omega)` is a table, straight between its speeds and held beyond them. `feedback`: unbalance,
     weight, friction of contact and what turns with the shaft, internal damping and unequal axes, act on
-    the rotation too. `stops`: at zero speed the rotor stays.
+    the rotation too. `stops`: a rotor that comes to rest stays, whatever torque acts then.
     Source: course project "Dynamic reactions in the bearings of a rotor", eqs. (1), (11).
     """
 
