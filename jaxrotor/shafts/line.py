@@ -1,7 +1,6 @@
 """What every shaft model offers: its elastic line in `n` coordinates, as linear forms."""
 
 import abc
-
 from collections.abc import Callable
 
 import equinox as eqx
