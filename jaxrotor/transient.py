@@ -238,7 +238,7 @@ class Transient(eqx.Module):
             there = bodies.masses > 0
             force = bodies.drag(rate)
             for between in self.system.between:
-                force = force + between.between(psi, rate, 1.0 * there, bodies.race_radius)
+                force = force + between.between(psi, rate, bodies)
             if gravity is not None:
                 acceleration = acceleration - gravity / now.turn
             push = force / jnp.where(there, bodies.masses, 1.0)
