@@ -326,7 +326,7 @@ def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture
         return jnp.where(spared >= 0, 0.0, jnp.sign(load)), spared
 
     def stage(at: _Stage, _) -> tuple[_Stage, None]:
-        turns = at.sense != 0
+        turns = jnp.asarray(at.sense != 0)
 
         def margin(t, y, args, **_):
             held = loosened(t, y)[1] if spin.feedback and spin.coulomb is not None else 1.0
