@@ -376,7 +376,6 @@ def test_outcome_captured():
 
 
 def test_outcome_failed():
-    assert outcome(balancer(), PSI0, 2.0, max_steps=20)[0] == 4
     apart, lost = np.array([*PSI0[0], *PSI0[1]]), np.full(5, 1e200)
     rates = np.stack([0 * lost, lost])  # whose square overflows: no step is small enough
     ds = jr.basins(balancer(), [apart, apart], 2.0, rates=rates, progress=False)
