@@ -512,7 +512,6 @@ def test_a_rotor_on_a_fixed_axis_has_no_whirl():
         lambda: jr.critical_speeds(scene, 1),
         lambda: jr.campbell(scene, [50.0, 100.0], 1),
         lambda: jr.unbalance_response(scene, [100.0]),
-        lambda: jr.steady_state(scene),
         lambda: jr.growth_rate(scene),
         lambda: jr.sweep(scene, {"spin.speed": [1.0, 2.0]}, settle=0, keep=1),
     ]
