@@ -93,9 +93,7 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     `together` groups contacts that share a port; by default those known to be at one station.
     """
     line = scene.line()
-    blocks = scene.shaft.blocks(line)
-    for effect in scene.of(AbstractLinear):
-        blocks = blocks + effect.blocks(line)
+    blocks = linear(scene, line)
     contacts = scene.of(AbstractContact)
     ports, members = [], []
     for group in port_groups(scene) if together is None else together:
@@ -118,6 +116,14 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
         scene.spin,
         tuple(members),
     )
+
+
+def linear(scene: Scene, line: AbstractLine) -> Blocks:
+    """Blocks of the shaft and of all effects, as they enter the equations of a line."""
+    blocks = scene.shaft.blocks(line)
+    for effect in scene.of(AbstractLinear):
+        blocks = blocks + effect.blocks(line)
+    return blocks
 
 
 def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:

@@ -432,8 +432,8 @@ def test_balls_that_touch_keep_apart_and_keep_momentum():
     scene = jr.Scene(
         jr.RigidShaft(D, (jr.Constraint(0.0), jr.Constraint(D))),
         jr.Disc(0.0, 1.0),
-        jr.BallBalancer(D, M1, RACE, 0.0, places=3),
-        jr.BallContact(0.008, 1e5),
+        jr.BallBalancer(D, M1, RACE, 0.0, ball_radius=0.008, places=3),
+        jr.BallContact(1e5),
         spin=jr.ConstantSpeed(0.0),
     )
     balls = jr.Balls(jnp.array([0.0, 0.5, 1.2]), jnp.array([3.0, 0.0, -2.0]))
@@ -446,6 +446,27 @@ def test_balls_that_touch_keep_apart_and_keep_momentum():
     assert np.allclose(rates[-1], [-2.0, 0.0, 3.0], rtol=0, atol=1e-4)
 
 
+def test_balls_of_two_sizes_touch_in_their_own_rows():
+    radii = (0.00915, 0.00845)
+    rows = [jr.BallBalancer(D, M1, RACE, 0.0, ball_radius=r, places=2) for r in radii]
+    held = jr.RigidShaft(D, (jr.Constraint(0.0), jr.Constraint(D)))
+    disc, spin = jr.Disc(0.0, 1.0), jr.ConstantSpeed(0.0)
+    scene = jr.Scene(held, disc, *rows, jr.BallContact(1e5), spin=spin)
+    balls = jr.Balls(jnp.array([0.0, 0.5]), jnp.array([1.0, -1.0]))
+    result = jr.run_up(scene, np.linspace(0, 0.4, 2001), start=jr.Launch(balls=(balls, balls)))
+    for radius, row in zip(radii, result.balls, strict=True):
+        least = np.diff(np.asarray(row.angle), axis=1).min()
+        pitch = 2 * np.arcsin(radius / RACE)
+        # As much energy as of approach: mu v^2 = k depth^2, mu = 7/10 m.
+        depth = np.sqrt(1.4 * M1 / 2 * (2 * RACE) ** 2 / 1e5) / RACE
+        assert least == pytest.approx(pitch - depth, abs=5e-5)
+    with pytest.raises(ValueError, match=r"`ball_radius \[m\]` must be below .* 0.06, but is 0.07"):
+        jr.BallBalancer(D, M1, RACE, 0.0, ball_radius=0.07)
+    with pytest.raises(ValueError, match=r"give every BallBalancer its `ball_radius"):
+        scene = jr.Scene(held, disc, balancer().effects[3], jr.BallContact(1e5), spin=spin)
+        jr.run_up(scene, [0.0, 0.1])
+
+
 def test_basins_do_not_depend_on_chunks():
     angles = np.random.default_rng(0).uniform(0, 2 * np.pi, (6, 5))
     scene = balancer()
@@ -456,6 +477,80 @@ def test_basins_do_not_depend_on_chunks():
     assert np.allclose(one.imbalance, two.imbalance, rtol=1e-3, atol=1e-9)
     assert (one.outcome == 0).sum() >= 5
     assert np.allclose(one.mean_rate, 200.0, rtol=0, atol=0.3)
+
+
+def outcome(scene, angles, duration, **options):
+    ds = jr.basins(scene, [np.concatenate(angles)], duration, progress=False, **options)
+    return int(ds.outcome[0]), ds.isel(lane=0)
+
+
+TOGETHER = (np.zeros(2), np.zeros(3))
+
+
+def test_outcome_in_step_but_unbalanced():
+    """More imbalance than balls can balance: |s| = 0.6086 of the source stays."""
+    code, ds = outcome(balancer(imbalance=5.0), PSI0, 6.0)
+    assert code == 1
+    assert float(ds.imbalance) / 1.5e-3 == pytest.approx(abs(0.601043 - 0.095810j), rel=1e-3)
+
+
+def test_outcome_partly_captured():
+    """Set L from rest: row 1 in step, row 2 at 1.1851 of its 2."""
+    code, ds = outcome(balancer("L"), TOGETHER, 15.0, rates=-200.0, window=0.6)
+    assert code == 2
+    assert np.allclose(ds.mean_rate[:2], 200.0, rtol=0, atol=0.2)
+    assert np.allclose(ds.mean_rate[2:], 118.51, rtol=0, atol=0.1)
+
+
+def test_outcome_captured():
+    """Set R below its critical speed: the lag whirl at 0.8846 without imbalance."""
+    scene = balancer(om=0.9, imbalance=0.0)
+    assert outcome(scene, TOGETHER, 5.0)[0] == 3
+    _, ds = outcome(scene, TOGETHER, 5.0, slip=0.02)  # lags by 0.0171
+    assert int(ds.outcome) == 1
+    assert np.allclose(ds.mean_rate, 88.4598, rtol=1e-3)
+
+
+def test_outcome_failed():
+    apart, lost = np.array([*PSI0[0], *PSI0[1]]), np.full(5, 1e200)
+    rates = np.stack([0 * lost, lost])  # whose square overflows: no step is small enough
+    ds = jr.basins(balancer(), [apart, apart], 2.0, rates=rates, progress=False)
+    assert ds.outcome.values.tolist() == [0, 4]
+
+
+def test_outcome_at_a_speed_that_varies():
+    """In step with the speed over the window, not with the first."""
+    ramp = jr.SpeedProfile.ramp(10.0, 200.0, 0.5)
+    scene = balancer()
+    scene = jr.Scene(scene.shaft, *scene.effects, spin=ramp)
+    code, ds = outcome(scene, PSI0, 5.0, window=0.02)
+    assert np.allclose(ds.mean_rate, 200.0, rtol=0, atol=0.2) and code == 0
+    slow = jr.SpeedProfile.ramp(2e5, 90.0, 1e-4)  # by its first speed a lag of 1.5 would be none
+    scene = balancer(om=0.9, imbalance=0.0)
+    scene = jr.Scene(scene.shaft, *scene.effects, spin=slow)
+    assert outcome(scene, TOGETHER, 5.0)[0] == 3
+
+
+def test_basins_refuse():
+    angles = np.zeros((2, 5))
+    bad = angles.copy()
+    bad[1, 2] = np.nan
+    scene = balancer()
+    with pytest.raises(ValueError, match=r"`angles` must be finite, but are .*nan.* in lane 1"):
+        jr.basins(scene, bad, 1.0)
+    with pytest.raises(ValueError, match=r"`rates` must be finite"):
+        jr.basins(scene, angles, 1.0, rates=np.inf)
+    with pytest.raises(ValueError, match=r"`duration` must be positive"):
+        jr.basins(scene, angles, np.nan)
+    with pytest.raises(ValueError, match=r"`samples` must be at least 2 .* but is 1"):
+        jr.basins(scene, angles, 1.0, samples=1)
+    with pytest.raises(ValueError, match=r"error estimate, but Euler has none"):
+        jr.basins(scene, angles, 1.0, solver=dfx.Euler())
+    braked = jr.Scene(
+        scene.shaft, *scene.effects, spin=jr.Drive(200.0, -1.0, polar=0.1, stops=True)
+    )
+    with pytest.raises(ValueError, match=r"none once it is at rest"):
+        jr.basins(braked, angles, 1.0)
 
 
 def test_refusals():

@@ -73,6 +73,7 @@ class AbstractBodies(AbstractEffect):
     race_radius: eqx.AbstractVar[Scalar]  # R [m]
     rolling: eqx.AbstractVar[Scalar]  # k = 1 + J / (m radius^2) of a body [1]
     places: eqx.AbstractVar[int]  # for bodies, b
+    ball_radius: eqx.AbstractVar[Scalar | None]  # of a body [m], where bodies touch
 
     @property
     @abc.abstractmethod
@@ -92,10 +93,9 @@ class AbstractBetween(AbstractEffect):
         self,
         angle: Float[Array, " b"],
         rate: Float[Array, " b"],
-        present: Float[Array, " b"],
-        race: Scalar,
+        race: AbstractBodies,
     ) -> Float[Array, " b"]:
-        """Force along the race [N] on every body from angles, rates, which are there, and its radius."""
+        """Force along the race [N] on every body of it from angles [rad] and rates [rad/s]."""
 
     @abc.abstractmethod
     def duration(self, mass: Scalar) -> Scalar:
