@@ -973,7 +973,9 @@ def test_balls_that_balance_are_on_a_logarithmic_scale():
 
 
 def test_balancer_is_drawn_to_scale():
-    ax = plot.balancer_at(run(jr.BallContact(0.008, 1e5)), 0.0)
+    sized = run()
+    sized.scene = sized.scene.replace({"ball_balancers.ball_radius": 0.008})
+    ax = plot.balancer_at(sized, 0.0)
     circles = [(*patch.center, patch.radius) for patch in ax.patches]
     expected = [(0, 0, 60), (60, 0, 8), (0, 60, 8), (0, 0, 50), (0, -50, 8)]
     np.testing.assert_allclose(circles, expected, atol=1e-6)
@@ -987,7 +989,7 @@ def test_balancer_is_drawn_to_scale():
     assert ax.get_xlabel() == "x of the rotor [mm]" and ax.get_aspect() == 1.0
 
 
-def test_balls_without_a_contact_are_of_steel():
+def test_balls_without_a_radius_are_of_steel():
     ball = plot.balancer_at(run(), 0.0).patches[1]
     assert 4 / 3 * np.pi * (1e-3 * ball.radius) ** 3 * 7850 == pytest.approx(0.025)
 

@@ -22,7 +22,7 @@ from ..analysis import (
     total_mass,
 )
 from ..dataset import assumed
-from ..effects import AbstractBodies, BallContact, Disc, Unbalance
+from ..effects import AbstractBodies, Disc, Unbalance
 from ..scene import Scene
 from ..shafts import RigidShaft
 from ..spin import Drive, SpeedProfile
@@ -233,11 +233,10 @@ def _balancer(rotor: Scene) -> dict[str, Any]:
     ]
     reaches = float(balancer.balance_margin(groups)) >= 0
     position = balancer.nearest_balanced(groups, spread) if reaches else spread
-    contact = next(iter(rotor.of(BallContact)), None)
+    rows = [row for row in rotor.of(AbstractBodies) if float(row.masses.sum()) > 0]
     pitch = None
-    if contact is not None:
-        radii = [row.race_radius for row in rotor.of(AbstractBodies) if float(row.masses.sum()) > 0]
-        pitch = jnp.stack([balancer.pitch(contact.ball_radius, radius) for radius in radii])
+    if all(row.ball_radius is not None for row in rows):
+        pitch = jnp.stack([balancer.pitch(row.ball_radius, row.race_radius) for row in rows])
     growth = float(balancer.growth_rate(groups, balancer.second_harmonics(position)))
     critical = float(groups.critical_speed * scales.rate)
     return {
