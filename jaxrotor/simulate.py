@@ -1,5 +1,6 @@
 """Simulate: one trajectory of one scene."""
 
+import dataclasses
 from typing import Any
 
 import diffrax as dfx
@@ -198,13 +199,15 @@ def choose(
         return solver
     traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
     if traced:
-        return Exponential(solver.order, "dense" if solver.basis == "auto" else solver.basis)
+        return dataclasses.replace(
+            solver, basis="dense" if solver.basis == "auto" else solver.basis
+        )
     matrix, s, driven = _linear(scene, rate)
     if driven:
         _check_resonance(scene, np.asarray(matrix), float(s))
     if solver.basis == "auto":
         _, vectors = np.linalg.eig(np.asarray(matrix))
-        return Exponential(solver.order, "modal" if well_conditioned(vectors) else "dense")
+        return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
     return solver
 
 

@@ -1,5 +1,6 @@
 """Sweep: many trajectories, streamed into observables."""
 
+import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
@@ -259,7 +260,7 @@ def _prepare(context: _Context, points: np.ndarray):
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
-    return eqx.tree_at(lambda p: p.solver, plan, Exponential(solver.order, basis))
+    return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
 
 
 def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[March, np.ndarray]:

@@ -34,6 +34,7 @@ class Exponential(eqx.Module):
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)
     basis: Literal["auto", "modal", "dense"] = eqx.field(default="auto", static=True)
+    located: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
         if self.order not in (2, 4):
@@ -51,9 +52,13 @@ class Exponential(eqx.Module):
         field = form.field
         if form.contacts is None or field.reading is None:
             return None
-        tableau = _etdrk4 if self.order == 4 else _etdrk2
         h = jnp.asarray(2 * jnp.pi / steps)
-        return ExponentialStep(tableau(form, form.contacts, h), field, field.reading, self.order)
+        if self.located:
+            from .located import LocatedStep
+
+            return LocatedStep.build(form, self.order, h)
+        tableau = tableau_of(self.order, form.basis, form.contacts, h)
+        return ExponentialStep(tableau, field, field.reading, self.order)
 
 
 class Tableau(eqx.Module):
@@ -72,8 +77,15 @@ class Tableau(eqx.Module):
     stages: tuple[int, ...] = eqx.field(static=True)  # which time each stage is at
 
 
-def _etdrk2(form: PortForm, contacts: Contacts, h: Scalar) -> Tableau:
-    basis, see, b = form.basis, contacts.see, contacts.drive
+def tableau_of(
+    order: int, basis: ModalBasis | DenseBasis, contacts: Contacts, h: Scalar
+) -> Tableau:
+    """The tableau of a step `h`."""
+    return (_etdrk4 if order == 4 else _etdrk2)(basis, contacts, h)
+
+
+def _etdrk2(basis: ModalBasis | DenseBasis, contacts: Contacts, h: Scalar) -> Tableau:
+    see, b = contacts.see, contacts.drive
     flow, (one, two) = basis.flow(h, b, 2)
     return _tableau(
         basis,
@@ -87,8 +99,8 @@ def _etdrk2(form: PortForm, contacts: Contacts, h: Scalar) -> Tableau:
     )
 
 
-def _etdrk4(form: PortForm, contacts: Contacts, h: Scalar) -> Tableau:
-    basis, see, b = form.basis, contacts.see, contacts.drive
+def _etdrk4(basis: ModalBasis | DenseBasis, contacts: Contacts, h: Scalar) -> Tableau:
+    see, b = contacts.see, contacts.drive
     middle, (half,) = basis.flow(h / 2, b, 1)
     flow, (one, two, three) = basis.flow(h, b, 3)
     both = 2 * two - 4 * three
