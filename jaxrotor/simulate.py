@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from .march import March, Plan
 from .motion import Motion
@@ -34,6 +34,7 @@ class Response(eqx.Module):
     rates: Complex[Array, "T n"]  # [1/s] of them
     stations: Float[Array, " s"]  # [m]
     end: Continued  # state to go on from
+    unresolved: Int[Array, ""]  # steps whose changes of contact were not located, though asked for
     scene: Scene
     steps_per_revolution: int = eqx.field(static=True)
     solver: str = eqx.field(static=True)
@@ -93,10 +94,16 @@ def simulate(
     start = AtRest() if start is None else start
     stations = scene.stations(at)
     rate = revolution_rate(scene, period)
+    adjoint = dfx.ForwardMode() if adjoint is None else adjoint
+    if getattr(solver, "located", False) and not isinstance(adjoint, dfx.ForwardMode):
+        raise ValueError(
+            f"Located steps have derivatives in forward mode alone, but `adjoint` is "
+            f"{type(adjoint).__name__}; use jax.jvp or jax.jacfwd, or Exponential(located=False)."
+        )
     plan = Plan(
         choose(solver, scene, rate, start),
         controller,
-        dfx.ForwardMode() if adjoint is None else adjoint,
+        adjoint,
         max_steps,
         steps_per_revolution,
         slopes=True,
@@ -105,7 +112,7 @@ def simulate(
         together=port_groups(scene),
     )
     end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
-    if known(good) and not bool(good):
+    if known(good.ok) and not bool(good.ok):
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
@@ -124,6 +131,7 @@ def simulate(
         rates=rates,
         stations=stations,
         end=Continued(*end),
+        unresolved=good.unresolved,
         scene=scene,
         steps_per_revolution=steps_per_revolution,
         solver=solver_name(plan.solver),
@@ -240,5 +248,6 @@ def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
 def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
     """Short name of a solver for results."""
     if isinstance(solver, Exponential):
-        return f"Exponential(order={solver.order}, basis={solver.basis!r})"
+        located = ", located=True" if solver.located else ""
+        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located})"
     return type(solver).__name__

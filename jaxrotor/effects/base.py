@@ -57,6 +57,11 @@ class AbstractLaw(eqx.Module):
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         """Torque on the shaft about its axis [N m], positive with positive spin."""
 
+    @property
+    def kinked(self) -> bool:
+        """Whether the force has jumps or kinks."""
+        return False
+
     def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
         """The conditions as they stand."""
         del displacement, velocity, speed

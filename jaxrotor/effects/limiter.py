@@ -54,6 +54,10 @@ class ViscoelasticStop(AbstractLaw):
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         return -self.limiter.rim_radius * self._forces(displacement, velocity, speed)[1]
 
+    @property
+    def kinked(self) -> bool:
+        return self.limiter.blend is None or self.limiter.slip is None
+
     def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
         depth, closing, slipping = self._local(displacement, velocity, speed)
         pressed = self._pressure(depth, closing) > 0

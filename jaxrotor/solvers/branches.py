@@ -8,14 +8,8 @@ from jaxtyping import Array, Complex, Float
 from ..motion import Motion
 from ..quantities import Scalar
 from ..system import Branches
+from .crossing import Crossing
 from .ports import Contacts, PortForm, Reading
-
-
-class Crossing(eqx.Module):
-    """Margins of all conditions at an instant and their rates; a margin is infinite if no matter."""
-
-    margin: Float[Array, " c"]
-    rate: Float[Array, " c"]  # [1 / rad]
 
 
 class BranchedPorts(eqx.Module):
