@@ -187,12 +187,13 @@ def revolution_rate(scene: Scene, period: float | None) -> Scalar:
             return jnp.abs(speed)
         rate = jnp.asarray(2 * jnp.pi / period)
         return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
-    if speed == 0 and period is None:
+    value = float(speed)  # known, also while other parameters are traced
+    if value == 0 and period is None:
         raise ValueError(
             "At zero speed a revolution has no length; give `period`, the seconds to count as one."
         )
-    if speed != 0 and period is not None:
-        raise ValueError(f"`period` is for zero speed only, but the speed is {speed:g} rad/s.")
+    if value != 0 and period is not None:
+        raise ValueError(f"`period` is for zero speed only, but the speed is {value:g} rad/s.")
     if period is not None and not period > 0:
         raise ValueError(f"`period [s]` must be positive, but is {period}.")
     return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
