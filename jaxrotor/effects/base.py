@@ -7,7 +7,6 @@ on one or more of them, written against the rows and columns of `AbstractLine`.
 import abc
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks, Load
@@ -58,26 +57,23 @@ class AbstractLaw(eqx.Module):
         """Torque on the shaft about its axis [N m], positive with positive spin."""
 
     @property
+    @abc.abstractmethod
     def kinked(self) -> bool:
         """Whether the force has jumps or kinks."""
-        return False
 
+    @abc.abstractmethod
     def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
-        """The conditions as they stand."""
-        del displacement, velocity, speed
-        return jnp.zeros(0)
+        """The conditions as they stand; of a smooth law none, `zeros(0)`."""
 
+    @abc.abstractmethod
     def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
         """Force [N] by the formula of a branch, whether or not it holds."""
-        del branch
-        return self(displacement, velocity, speed)
 
+    @abc.abstractmethod
     def margins(
         self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
     ) -> Branch:
         """Smooth, positive while a condition stays as the branch has it; infinite if no matter."""
-        del branch, displacement, velocity, speed
-        return jnp.zeros(0)
 
 
 class AbstractContact(AbstractEffect):
