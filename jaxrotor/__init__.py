@@ -13,7 +13,8 @@ import jax  # noqa: E402
 if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the environment
     jax.config.update("jax_enable_x64", True)
 
-from . import observe as observe  # noqa: E402
+from . import measures as measures, methods as methods, observe as observe  # noqa: E402
+from .accuracy import accuracy as accuracy  # noqa: E402
 from .analysis import (  # noqa: E402
     Boundary as Boundary,
     Campbell as Campbell,

@@ -1,0 +1,43 @@
+"""Pilot: a short run whose settings are refined until two successive answers agree."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Pilot(NamedTuple):
+    """A setting found by a pilot, and how far its answer was from that of the one before."""
+
+    setting: int  # steps a revolution, or nodes
+    difference: float  # relative, of the last two answers
+    tolerance: float  # asked for
+    converged: bool  # False: nothing is promised, as of a chaotic motion
+
+    def __str__(self) -> str:
+        reached = "within" if self.converged else "NOT CONVERGED to"
+        return f"{self.setting} ({self.difference:.1e}, {reached} {self.tolerance:g})"
+
+
+def refined(
+    answer: Callable[[int], np.ndarray | None], settings: Sequence[int], tolerance: float
+) -> Pilot:
+    """The first of rising settings whose answer agrees with that of the one before.
+
+    Args:
+        answer: array for a setting, all of one shape, or None where it cannot be computed.
+        settings: rising.
+        tolerance: largest difference of two answers over the largest entry of the finer.
+    """
+    if not tolerance > 0:
+        raise ValueError(f"`tolerance` must be positive, but is {tolerance!r}.")
+    coarse, difference = None, np.inf
+    for setting in settings:
+        fine = answer(setting)
+        if fine is not None and coarse is not None:
+            scale = np.max(np.abs(fine), initial=0.0)
+            difference = float(np.max(np.abs(fine - coarse), initial=0.0) / (scale or 1.0))
+            if difference <= tolerance:
+                return Pilot(setting, difference, tolerance, True)
+        coarse = fine
+    return Pilot(settings[-1], difference, tolerance, False)
