@@ -34,6 +34,7 @@ from .analysis import (  # noqa: E402
     balance_grade as balance_grade,
     balancer as balancer,
     campbell as campbell,
+    chosen_nodes as chosen_nodes,
     correction_masses as correction_masses,
     critical_speeds as critical_speeds,
     first_moments as first_moments,
@@ -83,6 +84,7 @@ from .files import (  # noqa: E402
     title as title,
 )
 from .materials import Material as Material, steel as steel  # noqa: E402
+from .pilot import Pilot as Pilot  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
 from .riccati import (  # noqa: E402
     blow_up_time as blow_up_time,
@@ -105,7 +107,11 @@ from .shafts import (  # noqa: E402
     RigidShaft as RigidShaft,
     Step as Step,
 )
-from .simulate import Response as Response, simulate as simulate  # noqa: E402
+from .simulate import (  # noqa: E402
+    Response as Response,
+    chosen_steps as chosen_steps,
+    simulate as simulate,
+)
 from .solvers import Exponential as Exponential  # noqa: E402
 from .spin import (  # noqa: E402
     ConstantSpeed as ConstantSpeed,

@@ -114,14 +114,18 @@ def accuracy(
     return _dataset(measure, pairs, rows, best.value, about)
 
 
-def _measured(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repeats, tick) -> Row:
+def _measured(
+    scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repeats, tick
+) -> Row:
     """Value and cost of one setting; whatever goes wrong is its reason."""
     try:
         with setting.computed():
             return _timed(setting.applied(scene), measure, setting, lanes, repeats)
     except Exception as error:  # noqa: BLE001, one setting must not end a study
         paragraph = str(error).strip().partition("\n\n")[0]
-        return Row(math.nan, math.nan, math.nan, math.nan, " ".join(paragraph.split()) or repr(error))
+        return Row(
+            math.nan, math.nan, math.nan, math.nan, " ".join(paragraph.split()) or repr(error)
+        )
     finally:
         tick(1)
 
@@ -134,7 +138,9 @@ def _timed(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repe
         value = measure.value(scene, setting, lanes)
         seconds.append(time.perf_counter() - begun)
         if len(seconds) == 1:
-            memory = max((_size(new) for new in _programs() if new not in programs), default=math.nan)
+            memory = max(
+                (_size(new) for new in _programs() if new not in programs), default=math.nan
+            )
     best = min(seconds[1:], default=seconds[0])
     finite = math.isfinite(value.real) and math.isfinite(value.imag)
     return Row(value, max(seconds[0] - best, 0.0), best, memory, "" if finite else "not finite")
@@ -174,7 +180,9 @@ def _dataset(measure, pairs, rows: list[Row], reference: complex, about) -> xr.D
         error[:] = np.nan
     settings = [setting for _, setting in pairs]
     run = lambda name: np.array([getattr(row, name) for row in rows])
-    number = lambda name: np.array([np.nan if v is None else v for v in _each(settings, name)], float)
+    number = lambda name: np.array(
+        [np.nan if v is None else v for v in _each(settings, name)], float
+    )
     text = lambda values: np.array(values, dtype=str)
     flat = lambda values, units, long_name: ("run", values, _about(units, long_name))
     time_of_run = run("run_time")

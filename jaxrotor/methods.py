@@ -33,7 +33,9 @@ class Setting(eqx.Module):
 
     solver: Solver | None = None
     steps: int | None = eqx.field(default=None, static=True)
-    tolerance: float | None = eqx.field(default=None, static=True)  # relative; ATOL times it absolute
+    tolerance: float | None = eqx.field(
+        default=None, static=True
+    )  # relative; ATOL times it absolute
     nodes: int | None = eqx.field(default=None, static=True)
     rule: Literal["spectral", "trapezoid"] | None = eqx.field(default=None, static=True)
     precision: Literal["float64", "float32"] = eqx.field(default="float64", static=True)
@@ -105,7 +107,9 @@ class Method(eqx.Module):
 
 def by_nodes(spectral: Sequence[int] = NODES, cells: Sequence[int] = CELLS) -> tuple[Method, ...]:
     """Both rules of a flexible shaft; no cells, no trapezoidal rule."""
-    lobatto = Method("spectral", tuple(Setting(nodes=n, rule="spectral") for n in spectral), "nodes")
+    lobatto = Method(
+        "spectral", tuple(Setting(nodes=n, rule="spectral") for n in spectral), "nodes"
+    )
     equal = Method("trapezoid", tuple(Setting(nodes=n, rule="trapezoid") for n in cells), "nodes")
     return (lobatto, equal) if len(cells) else (lobatto,)
 
@@ -171,6 +175,12 @@ def name_of(solver: Solver) -> str:
         return type(solver).__name__
     fields = dataclasses.fields(solver)
     other = [f for f in fields if f.name != "order" and getattr(solver, f.name) != f.default]
-    return ", ".join(
-        [f"Exponential({solver.order}", *(f"{f.name}={getattr(solver, f.name)!r}" for f in other)]
-    ) + ")"
+    return (
+        ", ".join(
+            [
+                f"Exponential({solver.order}",
+                *(f"{f.name}={getattr(solver, f.name)!r}" for f in other),
+            ]
+        )
+        + ")"
+    )

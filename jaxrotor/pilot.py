@@ -9,22 +9,29 @@ import numpy as np
 class Pilot(NamedTuple):
     """A setting found by a pilot, and how far its answer was from that of the one before."""
 
-    setting: int  # steps a revolution, or nodes
+    what: str
+    setting: int
     difference: float  # relative, of the last two answers
     tolerance: float  # asked for
     converged: bool  # False: nothing is promised, as of a chaotic motion
 
     def __str__(self) -> str:
-        reached = "within" if self.converged else "NOT CONVERGED to"
-        return f"{self.setting} ({self.difference:.1e}, {reached} {self.tolerance:g})"
+        if self.converged:
+            return f"{self.setting} {self.what} (change {self.difference:.1e})"
+        missed = f"change {self.difference:.1e} above the tolerance {self.tolerance:g}"
+        return f"{self.setting} {self.what} (not converged: {missed})"
 
 
 def refined(
-    answer: Callable[[int], np.ndarray | None], settings: Sequence[int], tolerance: float
+    what: str,
+    answer: Callable[[int], np.ndarray | None],
+    settings: Sequence[int],
+    tolerance: float | int,
 ) -> Pilot:
-    """The first of rising settings whose answer agrees with that of the one before.
+    """The first of rising settings whose answer agrees with that of the one before, else the last.
 
     Args:
+        what: name of the setting.
         answer: array for a setting, all of one shape, or None where it cannot be computed.
         settings: rising.
         tolerance: largest difference of two answers over the largest entry of the finer.
@@ -38,6 +45,6 @@ def refined(
             scale = np.max(np.abs(fine), initial=0.0)
             difference = float(np.max(np.abs(fine - coarse), initial=0.0) / (scale or 1.0))
             if difference <= tolerance:
-                return Pilot(setting, difference, tolerance, True)
+                return Pilot(what, setting, difference, float(tolerance), True)
         coarse = fine
-    return Pilot(settings[-1], difference, tolerance, False)
+    return Pilot(what, settings[-1], difference, float(tolerance), False)
