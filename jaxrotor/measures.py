@@ -100,6 +100,7 @@ class LongRun(AbstractMeasure):
     start: AbstractStart | None = None
     settle: int = eqx.field(default=200, static=True)
     keep: int = eqx.field(default=100, static=True)
+    at: Any = None  # station [m]
     many: ClassVar[bool] = True
 
     @property
@@ -131,6 +132,7 @@ class LongRun(AbstractMeasure):
             keep=self.keep,
             observe=[seen],
             steps_per_revolution=steps,
+            at=self.at,
             solver=setting.solver,
             controller=setting.controller(),
             workers=1,  # the precision is that of this thread

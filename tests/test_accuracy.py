@@ -1,0 +1,242 @@
+"""Accuracy: errors from the sheets, flagged failures, steps and nodes by a pilot, errors of a sweep."""
+
+import dataclasses
+import math
+
+import diffrax as dfx
+import matplotlib
+import numpy as np
+import pytest
+import xarray as xr
+from systems import LENGTH, TIME, limiter_rotor
+
+import jaxrotor as jr
+from jaxrotor import measures, methods, plot
+from jaxrotor.pilot import refined
+from jaxrotor.plot.accuracy import slope
+
+
+matplotlib.use("agg")
+
+SCENE = jr.load("limiter-rotor")
+SPEED = 15 / TIME
+# spec/1, section 3.3: N_crit at eta_i = 0.005 by m trapezoidal cells, or by n + 1 nodes; exact
+CELLS = {5: 13.925237, 10: 13.909524}
+NODES = {5: 13.903526}
+EXACT = 13.9041251
+RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
+
+
+def by_setting(found, name):
+    return dict(zip(found["setting"].values.tolist(), found[name].values, strict=True))
+
+
+# === linear
+
+
+def test_onset_speed_has_the_errors_of_the_sheet():
+    chosen = methods.by_nodes(NODES, CELLS)
+    found = jr.accuracy(
+        SCENE, measures.OnsetSpeed(), chosen, reference=methods.Setting(nodes=8), repeats=1
+    )
+    errors = [abs(value - EXACT) for value in (*NODES.values(), *CELLS.values())]
+    # seven digits are printed
+    np.testing.assert_allclose(found["error"].values * TIME, errors, atol=1.5e-6)
+    assert found["value"].attrs["units"] == "rad/s" and (found["status"] == 0).all()
+    assert found.attrs["reference"] * TIME == pytest.approx(EXACT, abs=1e-7)
+    # the reference was refined from 8 nodes (off by 1e-7 in N) to 10
+    assert 2e-8 < found.attrs["reference_uncertainty"] * TIME < 2e-7
+    assert (found["run_time"] > 0).all() and (found["memory"] > 0).any()
+    assert jr.loads(found.attrs["scene"]).paths() == SCENE.paths()
+
+
+def test_a_setting_that_fails_is_flagged_and_the_study_goes_on():
+    odd = methods.Method("odd", (methods.Setting(nodes=99), methods.Setting(nodes=5)), "nodes")
+    single = methods.in_float32(methods.by_nodes((5,), ()))
+    found = jr.accuracy(SCENE.at_speed(SPEED), measures.Root(1), [odd, *single], repeats=1, lanes=1)
+    assert found["status"].values.tolist() == [1, 0, 0]
+    assert "must be 2 to 24" in found["reason"].values[0] and np.isnan(found["error"].values[0])
+    # sheet 3.2: the second root at N = 15
+    value = complex(found.attrs["reference"], found.attrs["reference_imag"]) * TIME
+    assert value == pytest.approx(0.00912266 + 1.74308955j, abs=2e-8)
+    double, float32 = found["value_imag"].values[1:]
+    assert 0 < abs(double - float32) < 1e-4 * abs(double)  # computed in single precision
+    assert abs(double * TIME - 1.74308955) < 1e-3
+    ax = plot.convergence(found)
+    assert len(ax.lines) >= 2
+    matplotlib.pyplot.close(ax.figure)
+
+
+def test_what_a_study_cannot_take_is_one_sentence():
+    with pytest.raises(ValueError, match="`measure` must be one of"):
+        jr.accuracy(SCENE, "whirl rate")
+    with pytest.raises(ValueError, match="a LongRun takes many"):
+        jr.accuracy(SCENE, measures.OnsetSpeed(), lanes=2)
+    with pytest.raises(ValueError, match="at least one method"):
+        jr.accuracy(SCENE, measures.OnsetSpeed(), [])
+    with pytest.raises(ValueError, match="has no nodes"):
+        jr.load("turbine-run-up").with_nodes(8)
+
+
+# === motion
+
+
+def test_free_flight_is_exact_at_any_step_and_implicit_euler_is_of_first_order():
+    """`x.. = -k/m x` of a massless shaft: `x = r cos(w t)`, in closed form."""
+    k, mass, radius = 4e4, 10.0, 1e-3
+    scene = jr.Scene(
+        jr.MasslessShaft(length=1.0, at=0.5, stiffness=k),
+        jr.Disc(at=0.5, mass=mass),
+        spin=jr.ConstantSpeed(50.0),
+    )
+    turn = math.sqrt(k / mass) * 2 * math.pi / 50.0
+    run = measures.LongRun("section", jr.Whirl(radius), settle=1, keep=1)
+    euler = methods.by_steps((dfx.ImplicitEuler(),), (256, 512))
+    chosen = (*methods.by_steps((jr.Exponential(),), (16,)), *euler)
+    found = jr.accuracy(scene, run, chosen, reference=methods.Setting(steps=32), repeats=1)
+    assert found.attrs["reference"] == pytest.approx(radius * math.cos(2 * turn), abs=1e-15)
+    error = found["error"].values
+    assert error[0] < 1e-15 and 1.8 < error[1] / error[2] < 2.2
+    step = 2 * turn / 512
+    decayed = radius / (1 - 1j * step / 2) ** 1024  # (1 - i w h)^-n in steps of half a turn each
+    assert decayed.real == pytest.approx(found["value"].values[2], rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def rub():
+    """State in the periodic backward rub."""
+    return jr.simulate(SCENE, 150, 256, start=RUB, keep=1).end
+
+
+def test_whirl_rate_of_the_backward_rub(rub):
+    run = measures.LongRun("whirl_rate", rub, settle=0, keep=40)
+    ladder = methods.by_steps((jr.Exponential(2),), (128, 256))
+    late = methods.Method(
+        "too tight", (methods.Setting(dfx.Tsit5(), tolerance=1e-15),), "tolerance"
+    )
+    found = jr.accuracy(
+        SCENE,
+        run,
+        (*ladder, *methods.in_float32(ladder[:1]), late),
+        reference=methods.Setting(jr.Exponential(4), 512),
+        lanes=2,
+        repeats=1,
+    )
+    # sheet 3.4; the nodes cost 3.6e-5, steps less than 5e-5 at 256
+    np.testing.assert_allclose(found["value"].values[:3], -0.567622, atol=3e-4)
+    assert found["value"].values[1] == pytest.approx(-0.567622, abs=9e-5)
+    assert found["status"].values.tolist() == [0, 0, 0, 1]
+    assert "tolerance" in found["reason"].values[3]
+    assert found["precision"].values.tolist() == ["float64"] * 2 + ["float32", "float64"]
+    rate = 2 / found["run_time"].values
+    np.testing.assert_allclose(found["lane_rate"].values, rate)
+    ax = plot.work_precision(found)
+    assert "1 of 4" in " ".join(text.get_text() for text in ax.texts)
+    matplotlib.pyplot.close(ax.figure)
+
+
+def test_reaction_and_final_speed_of_the_turbine():
+    """The spin is a Riccati equation, its closed solution an oracle of every integrator."""
+    scene, times = jr.load("turbine-run-up"), np.linspace(0.0, 0.48, 25)
+    spin, polar = scene.spin, 2.2354  # sheet 4: I_z
+    a, b, c = (float(v) for v in (spin.torque, spin.slope, spin.drag))
+    root = math.sqrt(b * b + 4 * a * c)
+    high, low = (-b + root) / (2 * c), (-b - root) / (2 * c)
+    share = (600 - high) / (600 - low) * math.exp(-root * 0.48 / polar)
+    speed = (high - low * share) / (1 - share)
+    chosen = (
+        *methods.by_steps((dfx.Euler(), dfx.ImplicitEuler()), (1, 2)),
+        *methods.by_tolerance((dfx.Tsit5(),), (1e-4, 1e-8)),
+    )
+    found = jr.accuracy(scene, measures.FinalState(times, "speed"), chosen, repeats=1)
+    assert found.attrs["reference"] == pytest.approx(speed, rel=1e-5)  # I_z to five digits
+    assert found["error"].values[-1] < 1e-5 < found["error"].values[-2] < 1.0
+    found = jr.accuracy(scene, measures.Reaction(times, "constraints.0"), chosen[-1:], repeats=1)
+    assert found.attrs["reference"] == pytest.approx(12767, abs=1)  # at 600 rad/s, the start
+
+
+# === plots
+
+
+def test_order_is_fitted_above_the_uncertainty_alone():
+    x = np.array([10.0, 20, 40, 80])
+    error = np.maximum(3.0 * x**-2, 1e-3)
+    assert slope(x, error, 1e-3) == pytest.approx(-2, abs=1e-9)
+    assert slope(x, error, 1.0) is None
+
+
+# === chosen by a pilot
+
+
+def test_refinement_stops_where_two_answers_agree():
+    tried = []
+
+    def answer(n):
+        tried.append(n)
+        return None if n == 1 else np.array([1.0, 1 + 1 / n])
+
+    pilot = refined("steps", answer, (1, 2, 4, 8, 16, 32), 0.06)
+    assert tried == [1, 2, 4, 8, 16] and pilot.setting == 16 and pilot.converged
+    assert pilot.difference == pytest.approx((1 / 8 - 1 / 16) / (1 + 1 / 16))
+    lost = refined("steps", lambda n: np.array([(-1.0) ** math.log2(n)]), (1, 2, 4), 0.1)
+    assert not lost.converged and lost.setting == 4 and "not converged" in str(lost)
+    with pytest.raises(ValueError, match="`tolerance` must be positive"):
+        refined("steps", answer, (1, 2), 0.0)
+
+
+def test_auto_steps_reach_their_tolerance(rub):
+    """Against many steps of the other order, from the same state."""
+    run = {"start": rub, "keep": 5}
+    found = jr.simulate(SCENE, 5, "auto", tolerance=3e-3, **run)
+    (pilot,) = found.pilots
+    assert pilot.converged and pilot.setting == found.steps_per_revolution > 64
+    fine = jr.simulate(SCENE, 5, 2048, solver=jr.Exponential(4), **run)
+    share = 2048 // pilot.setting
+    off = np.abs(np.asarray(found.displacement) - np.asarray(fine.displacement)[::share])
+    assert off.max() < 2 * 3e-3 * np.abs(fine.displacement).max()  # first order: as much remains
+    assert str(pilot.setting) in jr.dataset(found).attrs["chosen"]
+
+
+def test_auto_steps_promise_nothing_for_chaos():
+    """From rest the rotor bounces forward without a period; a rounding grows to the orbit's size."""
+    scene = SCENE.replace({"unbalance.eccentricity": 5e-4})
+    pilot = jr.chosen_steps(scene, 150, 1e-6)
+    assert not pilot.converged and pilot.difference > 1e-6
+
+
+def test_auto_nodes():
+    pilot = jr.chosen_nodes(SCENE, 1e-3, count=2)
+    assert pilot.converged and pilot.setting in (6, 8)
+    free = dataclasses.replace(SCENE.shaft, nodes=4)
+    scene = jr.Scene(free, *SCENE.effects, spin=SCENE.spin).without("limiters")
+    found = jr.simulate(scene, 1, 8, nodes="auto", tolerance=1e-2, start=jr.Whirl(1e-3))
+    assert found.scene.shaft.nodes > 4 and found.pilots[0].what == "nodes"
+
+
+# === sweeps
+
+
+def test_sweep_carries_an_error_estimate_and_chosen_steps(rub):
+    over = {"unbalance.eccentricity": [0.0, 2e-6, 4e-6]}
+    run = {"start": rub, "settle": 0, "keep": 10, "progress": False}
+    found = jr.sweep(SCENE, over, steps_per_revolution=64, error_sample=2, **run)
+    assert found["error_lane"].values.tolist() == [0, 2]
+    finer = jr.sweep(SCENE, over, steps_per_revolution=128, **run)
+    for name in ("index", "radius_max"):
+        off = np.abs(finer[name].values - found[name].values)[[0, 2]]
+        np.testing.assert_allclose(found[f"{name}_error"].values, off, rtol=1e-6)
+        assert found[name].attrs["error"] == pytest.approx(off.max(), rel=1e-6)
+    assert found["peak_force_error"].dims == ("error_lane", "limiter")
+    assert "section_error" not in found
+    upper, lower = plot.bifurcation(found)
+    assert any("twice the steps" in text.get_text() for text in lower.texts)
+    matplotlib.pyplot.close(upper.figure)
+    assert isinstance(found, xr.Dataset) and "index_error" not in finer
+
+
+def test_sweep_takes_auto_steps():
+    scene = limiter_rotor(limiters=False) if False else SCENE.without("limiters")
+    over = {"unbalance.eccentricity": [1e-4, 2e-4]}
+    found = jr.sweep(scene, over, steps_per_revolution="auto", settle=2, keep=2, progress=False)
+    assert found.attrs["steps_per_revolution"] == 128  # exact at any: the first that is confirmed
+    assert found.attrs["chosen"].startswith("128 steps a revolution")
