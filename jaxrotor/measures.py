@@ -155,20 +155,25 @@ class LongRun(AbstractMeasure):
 
 
 class Reaction(AbstractMeasure):
-    """Largest force of one bearing, constraint or stop in a `run_up`, see `jaxrotor.reactions`."""
+    """Force of one bearing, constraint or stop in a `run_up`: the largest of its samples, or the last.
+
+    Names are those of `jaxrotor.reactions`.
+    """
 
     times: Any  # (T,) [s]
     name: str = eqx.field(static=True)
+    which: Literal["largest", "last"] = eqx.field(default="largest", static=True)
     start: AbstractStart | Launch | None = None
     many: ClassVar[bool] = False
 
     @property
     def about(self):
-        return "N", f"largest reaction of {self.name}"
+        return "N", f"{self.which} reaction of {self.name}"
 
     def value(self, scene, setting, lanes=1):
         found = reactions(_run(scene, self.times, self.start, setting))
-        return float(np.max(np.abs(found.of(self.name))))
+        force = np.abs(np.asarray(found.of(self.name)))
+        return float(force.max() if self.which == "largest" else force[-1])
 
     def methods(self):
         return of_run_up()

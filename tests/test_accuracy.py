@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
-from systems import LENGTH, TIME, limiter_rotor
+from systems import LENGTH, TIME
 
 import jaxrotor as jr
 from jaxrotor import measures, methods, plot
@@ -145,14 +145,15 @@ def test_reaction_and_final_speed_of_the_turbine():
     share = (600 - high) / (600 - low) * math.exp(-root * 0.48 / polar)
     speed = (high - low * share) / (1 - share)
     chosen = (
-        *methods.by_steps((dfx.Euler(), dfx.ImplicitEuler()), (1, 2)),
+        *methods.by_steps((dfx.Euler(),), (1,)),
         *methods.by_tolerance((dfx.Tsit5(),), (1e-4, 1e-8)),
     )
     found = jr.accuracy(scene, measures.FinalState(times, "speed"), chosen, repeats=1)
     assert found.attrs["reference"] == pytest.approx(speed, rel=1e-5)  # I_z to five digits
-    assert found["error"].values[-1] < 1e-5 < found["error"].values[-2] < 1.0
-    found = jr.accuracy(scene, measures.Reaction(times, "constraints.0"), chosen[-1:], repeats=1)
-    assert found.attrs["reference"] == pytest.approx(12767, abs=1)  # at 600 rad/s, the start
+    assert found["error"].values[2] < 1e-5 < found["error"].values[0]
+    assert found["error"].values[2] <= found["error"].values[1] < 1e-2
+    bearing = measures.Reaction(times, "constraints.0")
+    assert bearing.value(scene, chosen[-1].settings[0]) == pytest.approx(12767, abs=1)
 
 
 # === plots
@@ -235,7 +236,7 @@ def test_sweep_carries_an_error_estimate_and_chosen_steps(rub):
 
 
 def test_sweep_takes_auto_steps():
-    scene = limiter_rotor(limiters=False) if False else SCENE.without("limiters")
+    scene = SCENE.without("limiters")
     over = {"unbalance.eccentricity": [1e-4, 2e-4]}
     found = jr.sweep(scene, over, steps_per_revolution="auto", settle=2, keep=2, progress=False)
     assert found.attrs["steps_per_revolution"] == 128  # exact at any: the first that is confirmed

@@ -157,7 +157,7 @@ def _of_run_up(quantity: Quantity, when: np.ndarray, bearing: str | None, start:
                 "Whose reaction is not known; add --bearing, as in --bearing constraints.0 "
                 "(`jaxrotor reactions` lists them)."
             )
-        return measures.Reaction(when, bearing, start)
+        return measures.Reaction(when, bearing, start=start)
     return measures.FinalState(when, quantity.value.removeprefix("final-"), start)  # type: ignore
 
 
