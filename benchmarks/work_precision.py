@@ -5,9 +5,9 @@
 
 Limiter rotor: whirl rate of the settled backward rub over `--revolutions`. Turbine: reaction of a
 bearing after 0.1 s of its run-down. Ball balancer: imbalance left at the end. Every method walks its
-settings from loose to tight; references are refined once more and their uncertainty drawn. jaxrotor and diffrax are
-timed by `jaxrotor.accuracy`; SciPy integrates a right-hand side of its own in numpy: of the rotor that
-of against_peers.py, of the other two the equations of the published papers.
+settings from loose to tight; references are refined once more and their uncertainty drawn. jaxrotor
+and diffrax are timed by `jaxrotor.accuracy`; SciPy integrates a right-hand side of its own in numpy:
+of the rotor that of against_peers.py, of the others the equations of the published papers.
 """
 
 import argparse

@@ -14,7 +14,7 @@ from .chunks import progress as bar
 from .dataset import versions
 from .files import dumps
 from .measures import FINE_NODES, AbstractMeasure
-from .methods import Method, Setting
+from .methods import Method, Setting, name_of
 from .scene import Scene
 from .simulate import check_counts
 
@@ -40,7 +40,7 @@ def accuracy(
     reference: Setting | None = None,
     lanes: int = 1,
     repeats: int = 3,
-    limit: float | None = None,
+    limit: float | int | None = None,
     progress: bool | None = None,
 ) -> xr.Dataset:
     """Error against a converged reference, and cost, of a number by every setting of every method.
@@ -146,7 +146,7 @@ def _timed(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repe
     return Row(value, max(seconds[0] - best, 0.0), best, memory, "" if finite else "not finite")
 
 
-def _left_out(slow: float, limit: float) -> Row:
+def _left_out(slow: float, limit: float | int) -> Row:
     reason = f"left out: a coarser setting took {slow:.3g} s, above the limit of {limit:g} s"
     return Row(math.nan, math.nan, math.nan, math.nan, reason)
 
@@ -209,7 +209,7 @@ def _dataset(measure, pairs, rows: list[Row], reference: complex, about) -> xr.D
         variables["value_imag"] = flat(values.imag, units, f"{long_name}, imaginary part")
     else:
         about.pop("reference_imag")
-    solvers = ["" if one.solver is None else str(one).partition(", ")[0] for one in settings]
+    solvers = ["" if one.solver is None else name_of(one.solver) for one in settings]
     coords = {
         "method": ("run", text([method.name for method, _ in pairs])),
         "setting": ("run", text([str(setting) for setting in settings])),

@@ -170,17 +170,12 @@ def of_run_up() -> tuple[Method, ...]:
 
 
 def name_of(solver: Solver) -> str:
-    """Name with what differs from the default: `Exponential(4)`, `Kvaerno5`."""
+    """Name with what differs from the default: `Exponential(4), basis dense`, `Kvaerno5`."""
     if not isinstance(solver, Exponential):
         return type(solver).__name__
-    fields = dataclasses.fields(solver)
-    other = [f for f in fields if f.name != "order" and getattr(solver, f.name) != f.default]
-    return (
-        ", ".join(
-            [
-                f"Exponential({solver.order}",
-                *(f"{f.name}={getattr(solver, f.name)!r}" for f in other),
-            ]
-        )
-        + ")"
-    )
+    parts = [f"Exponential({solver.order})"]
+    for field in dataclasses.fields(solver):
+        value = getattr(solver, field.name)
+        if field.name != "order" and value != field.default:
+            parts.append(field.name if value is True else f"{field.name} {value}")
+    return ", ".join(parts)

@@ -35,7 +35,7 @@ def by_setting(found, name):
 
 
 def test_onset_speed_has_the_errors_of_the_sheet():
-    chosen = methods.by_nodes(NODES, CELLS)
+    chosen = methods.by_nodes(list(NODES), list(CELLS))
     found = jr.accuracy(
         SCENE, measures.OnsetSpeed(), chosen, reference=methods.Setting(nodes=8), repeats=1
     )

@@ -58,12 +58,12 @@ def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None
         x, y = line[axis].values, _errors(line)
         order = None if line["rule"].values[0] == "spectral" else slope(x, y, _floor(dataset))
         name = str(line["method"].values[0])
-        label = name if order is None else f"{name}: {abs(order):.1f}"
+        label = name if order is None else f"{name}: order {abs(order):.1f}"
         ax.plot(x, y, label=label, **style)
     if axis == "tolerance":
         ax.invert_xaxis()
     ax.set_xlabel(_AXES[axis])
-    _finish(dataset, ax)
+    _finish(dataset, ax, columns=2)
     return ax
 
 
@@ -108,7 +108,7 @@ def _lanes(dataset: xr.Dataset) -> str:
     return "" if lanes == 1 else f" of {lanes} lanes"
 
 
-def _finish(dataset: xr.Dataset, ax: Axes) -> None:
+def _finish(dataset: xr.Dataset, ax: Axes, columns: int = 3) -> None:
     ax.set_xscale("log")
     ax.set_yscale("log")
     long_name = str(dataset["value"].attrs["long_name"])
@@ -126,6 +126,8 @@ def _finish(dataset: xr.Dataset, ax: Axes) -> None:
             ha="right",
             fontsize=page.TEXT - 1,
             color="0.35",
+            bbox={"color": "white", "pad": 0.5},
+            zorder=0.6,
         )
     failed = int((dataset["status"].values != 0).sum())
     if failed:
@@ -135,4 +137,4 @@ def _finish(dataset: xr.Dataset, ax: Axes) -> None:
         )
     ax.grid(which="major", color="0.9", linewidth=0.5)
     ax.set_axisbelow(True)
-    page.legend(ax, columns=3)
+    page.legend(ax, columns)
