@@ -25,7 +25,7 @@ STATUS = ("ok", "failed_or_not_finite", "left_out")
 class Row(NamedTuple):
     """One setting of one method, measured."""
 
-    value: complex
+    value: complex | float
     compile_time: float  # [s]
     run_time: float  # [s]
     memory: float  # [B]
@@ -132,7 +132,7 @@ def _measured(
 
 def _timed(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repeats) -> Row:
     programs, seconds = _programs(), []
-    value: complex = math.nan
+    value: complex | float = math.nan
     for _ in range(1 + repeats):
         begun = time.perf_counter()
         value = measure.value(scene, setting, lanes)
@@ -167,10 +167,10 @@ def _size(program: Any) -> float:
         return math.nan
     parts = ("argument_size", "output_size", "temp_size")
     total = sum(getattr(stats, f"{part}_in_bytes") for part in parts)
-    return total - stats.alias_size_in_bytes
+    return float(total - stats.alias_size_in_bytes)
 
 
-def _dataset(measure, pairs, rows: list[Row], reference: complex, about) -> xr.Dataset:
+def _dataset(measure, pairs, rows: list[Row], reference: complex | float, about) -> xr.Dataset:
     units, long_name = measure.about
     values = np.array([row.value for row in rows])
     error = np.abs(values - reference)

@@ -35,7 +35,7 @@ class AbstractMeasure(eqx.Module):
         """Unit and long name."""
 
     @abc.abstractmethod
-    def value(self, scene: Scene, setting: Setting, lanes: int = 1) -> complex:
+    def value(self, scene: Scene, setting: Setting, lanes: int = 1) -> complex | float:
         """The number; the scene has the nodes and precision of the setting already."""
 
     @abc.abstractmethod
