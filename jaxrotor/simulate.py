@@ -179,6 +179,16 @@ def chosen_steps(
         tolerance: relative, of the displacement.
         **run: `solver`, `start` and others of `simulate`.
     """
+    if not all(known(leaf) for leaf in jax.tree.leaves(scene)):
+        raise ValueError(
+            'Steps "auto" are chosen by values, so not inside jax.jit or jax.grad; choose them before, '
+            "by `jaxrotor.chosen_steps`."
+        )
+    if isinstance(run.get("solver"), dfx.AbstractAdaptiveSolver):
+        raise ValueError(
+            f'Steps "auto" are for solvers of fixed steps; {solver_name(run["solver"])} chooses its own '
+            "by its tolerance, so give the number of samples."
+        )
     window = min(PILOT, revolutions)
     if revolutions > window:
         run |= {"start": _end(scene, revolutions - window, run)}

@@ -32,6 +32,7 @@ from .simulate import (
     with_nodes,
 )
 from .solvers.basis import well_conditioned
+from .solvers.control import step_control
 from .solvers.exponential import Exponential
 from .solvers.ports import PortForm
 from .start import AbstractStart, AtRest
@@ -78,8 +79,8 @@ def sweep(
             `PILOT_LANES` lanes, of those that converge.
         nodes: as in `simulate`.
         tolerance: as in `simulate`.
-        error_sample: lanes to run again with twice the steps, spread over all. Of every number a lane
-            has, the largest and the median difference are its attributes `error` and `error_median`;
+        error_sample: lanes to run again with twice the steps (and a tenth of the tolerance of an
+            adaptive solver), spread over all. Of every number a lane has, the largest and the median difference are its attributes `error` and `error_median`;
             all are in `<name>_error`, over `error_lane`, the lane's number.
         solver: as in `simulate`.
         controller: as in `simulate`.
@@ -141,7 +142,7 @@ def sweep(
     points = _points(axes)
     again = _spread_over(len(points), error_sample)
     context = _Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
-    finer = eqx.tree_at(lambda c: c.plan, context, dataclasses.replace(plan, steps=2 * plan.steps))
+    finer = dataclasses.replace(context, plan=_finer(plan))
     workers = cores(workers)
     chunks, size = _chunked(points, lanes_per_chunk, workers)
     seconds, few = _chunked(points[again], lanes_per_chunk, workers)
@@ -183,6 +184,16 @@ def _points(axes: Mapping[str, np.ndarray]) -> np.ndarray:
 def _spread_over(lanes: int, count: int) -> np.ndarray:
     """Numbers of some lanes, the first and the last among them."""
     return np.unique(np.linspace(0, lanes - 1, min(count, lanes)).round().astype(int))
+
+
+def _finer(plan: Plan) -> Plan:
+    """Twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
+    control: Any = plan.controller
+    if control is None and isinstance(plan.solver, dfx.AbstractSolver):
+        control = step_control(plan.solver)
+    if isinstance(control, dfx.PIDController):
+        control = dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
+    return dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
 
 
 def _chunked(points: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:

@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import diffrax as dfx
+import jax
 import matplotlib
 import numpy as np
 import pytest
@@ -202,6 +203,13 @@ def test_auto_steps_promise_nothing_for_chaos():
     scene = SCENE.replace({"unbalance.eccentricity": 5e-4})
     pilot = jr.chosen_steps(scene, 150, 1e-6)
     assert not pilot.converged and pilot.difference > 1e-6
+
+
+def test_auto_steps_are_refused_where_they_mean_nothing():
+    with pytest.raises(ValueError, match="Kvaerno5 chooses its own"):
+        jr.simulate(SCENE, 5, "auto", solver=dfx.Kvaerno5())
+    with pytest.raises(ValueError, match="not inside jax.jit"):
+        jax.jit(lambda scene: jr.simulate(scene, 5, "auto").displacement)(SCENE)
 
 
 def test_auto_nodes():
