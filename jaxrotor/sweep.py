@@ -80,8 +80,9 @@ def sweep(
         nodes: as in `simulate`.
         tolerance: as in `simulate`.
         error_sample: lanes to run again with twice the steps (and a tenth of the tolerance of an
-            adaptive solver), spread over all. Of every number a lane has, the largest and the median difference are its attributes `error` and `error_median`;
-            all are in `<name>_error`, over `error_lane`, the lane's number.
+            adaptive solver), spread over all. Of every number a lane has, the largest and the median
+            difference are its attributes `error` and `error_median`; all are in `<name>_error`, over
+            `error_lane`, the lane's number.
         solver: as in `simulate`.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
