@@ -34,7 +34,7 @@ class Row(NamedTuple):
 
 def accuracy(
     scene: Scene,
-    measure: AbstractMeasure,
+    measure: AbstractMeasure | Any,
     methods: Sequence[Method] | None = None,
     *,
     reference: Setting | None = None,
@@ -131,7 +131,7 @@ def _measured(
 
 
 def _timed(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repeats) -> Row:
-    programs, seconds = _programs(), []
+    programs, seconds, memory = _programs(), [], math.nan
     value: complex | float = math.nan
     for _ in range(1 + repeats):
         begun = time.perf_counter()
@@ -172,7 +172,7 @@ def _size(program: Any) -> float:
 
 def _dataset(measure, pairs, rows: list[Row], reference: complex | float, about) -> xr.Dataset:
     units, long_name = measure.about
-    values = np.array([row.value for row in rows])
+    values: Any = np.array([row.value for row in rows])
     error = np.abs(values - reference)
     left = [row.reason.startswith("left out") for row in rows]
     status = np.where(left, 2, [row.reason != "" for row in rows]).astype(np.int8)

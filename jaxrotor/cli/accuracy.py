@@ -44,7 +44,7 @@ class Quantity(enum.StrEnum):
     onset_speed = "onset-speed"
     root = "root"
     whirl_rate = "whirl-rate"
-    index = "index"
+    precession = "index"
     peak_radius = "peak-radius"
     peak_force = "peak-force"
     duty = "duty"
@@ -56,7 +56,7 @@ class Quantity(enum.StrEnum):
 
 _LONG = {
     Quantity.whirl_rate: "whirl_rate",
-    Quantity.index: "index",
+    Quantity.precession: "index",
     Quantity.peak_radius: "radius_max",
     Quantity.peak_force: "peak_force",
     Quantity.duty: "duty",
