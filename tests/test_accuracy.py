@@ -22,7 +22,7 @@ matplotlib.use("agg")
 SCENE = jr.load("limiter-rotor")
 SPEED = 15 / TIME
 # spec/1, section 3.3: N_crit at eta_i = 0.005 by m trapezoidal cells, or by n + 1 nodes; exact
-CELLS = {5: 13.925237, 10: 13.909524}
+CELLS = {5: 13.925237}
 NODES = {5: 13.903526}
 EXACT = 13.9041251
 RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
@@ -110,28 +110,27 @@ def rub():
 
 def test_whirl_rate_of_the_backward_rub(rub):
     run = measures.LongRun("whirl_rate", rub, settle=0, keep=40)
-    ladder = methods.by_steps((jr.Exponential(2),), (128, 256))
-    late = methods.Method(
-        "too tight", (methods.Setting(dfx.Tsit5(), tolerance=1e-15),), "tolerance"
-    )
+    ours = methods.by_steps((jr.Exponential(2),), (256,))
+    coarse = methods.by_steps((dfx.Tsit5(),), (16,))  # far beyond its limit of stability
     found = jr.accuracy(
         SCENE,
         run,
-        (*ladder, *methods.in_float32(ladder[:1]), late),
+        (*ours, *methods.in_float32(ours), *coarse),
         reference=methods.Setting(jr.Exponential(4), 512),
         lanes=2,
         repeats=1,
     )
-    # sheet 3.4; the nodes cost 3.6e-5, steps less than 5e-5 at 256
-    np.testing.assert_allclose(found["value"].values[:3], -0.567622, atol=3e-4)
-    assert found["value"].values[1] == pytest.approx(-0.567622, abs=9e-5)
-    assert found["status"].values.tolist() == [0, 0, 0, 1]
-    assert "tolerance" in found["reason"].values[3]
-    assert found["precision"].values.tolist() == ["float64"] * 2 + ["float32", "float64"]
+    # sheet 3.4: -0.567622; the nodes cost 3.6e-5, steps less than 5e-5 at 256
+    double, single, _ = found["value"].values
+    assert double == pytest.approx(-0.567622, abs=9e-5)
+    assert 1e-6 < abs(single - double) < 5e-3
+    assert found["status"].values.tolist() == [0, 0, 1]
+    assert "not finite" in found["reason"].values[2]
+    assert found["precision"].values.tolist() == ["float64", "float32", "float64"]
     rate = 2 / found["run_time"].values
     np.testing.assert_allclose(found["lane_rate"].values, rate)
     ax = plot.work_precision(found)
-    assert "1 of 4" in " ".join(text.get_text() for text in ax.texts)
+    assert "1 of 3" in " ".join(text.get_text() for text in ax.texts)
     matplotlib.pyplot.close(ax.figure)
 
 
