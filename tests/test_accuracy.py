@@ -28,10 +28,6 @@ EXACT = 13.9041251
 RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
 
 
-def by_setting(found, name):
-    return dict(zip(found["setting"].values.tolist(), found[name].values, strict=True))
-
-
 # === linear
 
 
