@@ -1,7 +1,7 @@
-"""Sweep of the limiter rotor against SciPy and diffrax, at the same measured error.
+"""Sweep of the limiter rotor against SciPy, diffrax, numba and C++, at the same measured error.
 
-    python benchmarks/against_peers.py                       # some ten minutes
-    python benchmarks/against_peers.py --lanes 8 --revolutions 20 --peer-revolutions 10
+    python benchmarks/against_peers.py                       # half an hour
+    python benchmarks/against_peers.py --lanes 8 --revolutions 20 --peer-revolutions 10 --repeats 1
 
 Every lane goes on from one settled backward rub, with its own eccentricity in 0 .. 0.01 mm. What is
 compared is the whirl rate over the spin speed: the mean angular velocity of the orbit, by a bump
@@ -10,169 +10,69 @@ walks its settings from loose to tight on the first and the last lane until it a
 reference to `--target`, and still does one setting tighter (no lucky hits); the window of all errors
 is `--peer-revolutions`. With that setting it is timed on all its lanes. Coarse fixed steps lock the
 rub at rational rates, whatever the order: the error falls in plateaus.
+
+Then the same arithmetic by hand (C++, numba), end states alone; cost against lanes, revolutions and
+limiters; and the goals. Ratios hold within one run only. Without numba or a compiler rows are absent.
 """
 
 import argparse
 import dataclasses
 import functools
 import importlib.metadata
+import importlib.util
 import json
 import os
 import re
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import diffrax as dfx
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from peers import by_jax, by_scipy, exponential
+from peers.clock import compile_seconds, listen, quickest
+from peers.goals import goals, goals_table
+from peers.growth import growth, growth_table
+from peers.rotor import (
+    LARGEST,
+    REFERENCE_STEPS,
+    SAMPLES,
+    SCENE,
+    Lanes,
+    arrays,
+    library_rates,
+    reference,
+    settled,
+    whirl_rate,
+)
+from peers.startup import first_result
 from rich.console import Console
 from rich.table import Table
-from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
-from jaxrotor.solvers.control import step_control
+from jaxrotor.solvers.control import tuned
 
 
-SCENE = jr.load("limiter-rotor")
-START = jr.Whirl(0.012 * 0.7, rate=-10 / 0.022646559709295067)  # leads to the backward rub
-LARGEST = 1e-5  # [m] of the eccentricities
-REFERENCE_STEPS = 4096  # a revolution, by Exponential(4)
-SAMPLES = 32  # a revolution, from which the peers' rates come
-STEPS = (128, 192, 256, 384, 512, 768, 1024, 1536, 2048)  # each is compiled anew
+# Each number of steps is compiled anew.
+STEPS = (16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048)
+SAMPLED = (32, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
 RTOLS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9)
-ATOL = 1e-3  # [m] of rtol: displacements are about 1e-2 m, velocities as much per radian
-COMPILING = []  # seconds in XLA, filled by jax
+MODES = (2, 3, 4, 6)  # that a model made by hand may keep
+CORES = os.cpu_count() or 1
+NUMBA = importlib.util.find_spec("numba") is not None
+if NUMBA:
+    from peers import by_numba
 
 
-@functools.cache
-def settled() -> jr.Continued:
-    """State without eccentricity in its periodic backward rub."""
-    return jr.simulate(SCENE, 300, 1024, solver=jr.Exponential(4), start=START, keep=1).end
+def rates_of(orbits: Callable) -> Callable:
+    """Whirl rates from `orbits(setting, revolutions, shares, **variant)`."""
 
+    def rates(setting, revolutions: int, eccentricities, **variant) -> np.ndarray:
+        shares = np.asarray(eccentricities) / LARGEST
+        return np.array([whirl_rate(z) for z in orbits(setting, revolutions, shares, **variant)])
 
-def library_rates(order, steps, revolutions: int, eccentricities, workers: int = 1) -> np.ndarray:
-    """Whirl rates by the public sweep."""
-    over = {"unbalance.eccentricity": eccentricities}
-    run = {"start": settled(), "settle": 0, "keep": revolutions, "progress": False}
-    how = {"solver": jr.Exponential(order), "steps_per_revolution": steps, "workers": workers}
-    found = jr.sweep(SCENE, over, observe=(jr.observe.Precession(),), **run, **how)
-    return found["whirl_rate"].values
-
-
-@functools.cache
-def reference(revolutions: int) -> np.ndarray:
-    """Rates of the first and the last lane over a window."""
-    return library_rates(4, REFERENCE_STEPS, revolutions, [0.0, LARGEST])
-
-
-def whirl_rate(z: np.ndarray) -> float:
-    """Bump-weighted mean of the whirl's angular velocity over the spin's, from complex samples."""
-    turned = np.angle(z[1:] * z[:-1].conj()) * SAMPLES / (2 * np.pi)
-    u = (np.arange(turned.size) + 0.5) / turned.size
-    weight = np.exp(-1 / (u * (1 - u)))
-    return float(turned @ weight / weight.sum())
-
-
-@functools.cache
-def motion_and_state():
-    """First-order motion at the largest eccentricity, and the settled state (q or q', x or y, n)."""
-    scene = SCENE.replace({"unbalance.eccentricity": LARGEST})
-    motion = Motion(jr.assemble(scene), jnp.abs(scene.spin.speed))
-    state = np.stack([settled().q, settled().velocity / motion.rate])
-    return motion, np.stack([state.real, state.imag], axis=1)
-
-
-# === SciPy: one lane at a time, the right-hand side in numpy
-
-
-class NumpyRotor:
-    """`y' = A y + B [N, T, cos theta, sin theta]`, y the x and the y parts of (q, q').
-
-    Normal forces N and friction T of the stops follow from `local y`: outward displacement, outward
-    velocity, sideways velocity. All products that can be formed beforehand are.
-    """
-
-    def __init__(self, eccentricity: float):
-        motion, state = motion_and_state()
-        self.start = state.transpose(1, 0, 2).ravel()
-        a, rate = np.asarray(motion.matrix()), float(motion.rate)
-        self.A = np.block([[a.real, -a.imag], [a.imag, a.real]])
-        ((law,),) = [port.laws for port in motion.ports]
-        cos, sin = np.asarray(law.cos)[:, None], np.asarray(law.sin)[:, None]
-        x, vx, y, vy = np.kron(np.diag([1, rate, 1, rate]), np.asarray(motion.rows))
-        self.see = np.stack([x, y])
-        self.local = np.concatenate([cos * x + sin * y, cos * vx + sin * vy, cos * vy - sin * vx])
-        push, off = np.asarray(motion.columns), np.zeros((a.shape[0] // 2, 8))
-        real, imag = np.asarray(motion.unbalance)[..., None] * eccentricity / LARGEST
-        ahead = np.hstack([-push * cos.T, push * sin.T, real, -imag])
-        aside = np.hstack([-push * sin.T, -push * cos.T, imag, real])
-        self.B = np.concatenate([off, ahead, off, aside])
-        stop = jax.tree.map(np.asarray, law.limiter)
-        self.gap, self.k, self.d, self.f = stop.gap, stop.stiffness, stop.damping, stop.friction
-        self.rim = float(motion.speed) * stop.rim_radius
-
-    def contact(self, y: np.ndarray):
-        """Of each stop: normal force, whether it acts, friction per normal force."""
-        outward, closing, sideways = (self.local @ y).reshape(3, 3)
-        depth = outward - self.gap
-        normal = self.k * depth + self.d * closing
-        return normal, (depth > 0) & (normal > 0), self.f * np.sign(self.rim + sideways)
-
-    def __call__(self, theta: float, y: np.ndarray) -> np.ndarray:
-        normal, active, friction = self.contact(y)
-        rate = self.A @ y + self.B[:, 6:] @ np.array([np.cos(theta), np.sin(theta)])
-        if active.any():
-            rate += self.B[:, :6] @ np.concatenate([active * normal, active * friction * normal])
-        return rate
-
-    def jacobian(self, theta: float, y: np.ndarray) -> np.ndarray:
-        _, active, friction = self.contact(y)
-        if not active.any():
-            return self.A
-        k, d = (active * self.k)[:, None], (active * self.d)[:, None]
-        slope = k * self.local[:3] + d * self.local[3:6]
-        return self.A + self.B[:, :6] @ np.concatenate([slope, friction[:, None] * slope])
-
-    def orbit(self, method: str, rtol: float, revolutions: int) -> np.ndarray:
-        """Complex displacement of the disc, SAMPLES a revolution."""
-        angles = np.linspace(0, 2 * np.pi * revolutions, revolutions * SAMPLES + 1)
-        how = {"method": method, "jac": self.jacobian, "rtol": rtol, "atol": ATOL * rtol}
-        found = solve_ivp(self, (0, angles[-1]), self.start, t_eval=angles, **how)
-        x, y = self.see @ found.y
-        return x + 1j * y if found.success else np.full(angles.size, np.nan + 0j)
-
-
-def scipy_rates(method: str, rtol: float, revolutions: int, lanes) -> np.ndarray:
-    return np.array([whirl_rate(NumpyRotor(e).orbit(method, rtol, revolutions)) for e in lanes])
-
-
-# === diffrax: all lanes under vmap, matrices shared
-
-
-@eqx.filter_jit
-def _diffrax_orbits(solver, motion, y0, rtol, eccentricities, revolutions: int):
-    angles = jnp.linspace(0, 2 * jnp.pi * revolutions, revolutions * SAMPLES + 1)
-    saveat = dfx.SaveAt(ts=angles, fn=lambda t, y, args: y[0] @ motion.rows[0])
-    how = {"saveat": saveat, "stepsize_controller": step_control(solver, rtol, ATOL * rtol)}
-    how |= {"adjoint": dfx.ForwardMode(), "max_steps": None, "throw": False}
-
-    def lane(eccentricity):
-        load = motion.unbalance * eccentricity / LARGEST
-        term = dfx.ODETerm(eqx.tree_at(lambda m: m.unbalance, motion, load))
-        span = (0.0, angles[-1], None)  # from, to, first step: diffrax chooses
-        return dfx.diffeqsolve(term, solver, *span, y0, **how).ys
-
-    return jax.vmap(lane)(eccentricities)
-
-
-def diffrax_rates(solver, rtol: float, revolutions: int, eccentricities) -> np.ndarray:
-    motion, *given = *motion_and_state(), rtol, eccentricities
-    orbits = np.asarray(_diffrax_orbits(solver, motion, *map(jnp.asarray, given), revolutions))
-    return np.array([whirl_rate(z) for z in orbits @ [1, 1j]])
+    return rates
 
 
 @dataclasses.dataclass
@@ -202,36 +102,128 @@ class Method:
 
     def measure(self, setting: float, error: float, variant: dict, repeats: int) -> dict:
         """The first call, for what jax spends on compiling it, then the fastest of more."""
-        lanes, seconds = np.linspace(0, LARGEST, self.lanes), []
-        COMPILING.clear()
-        for _ in range(1 + repeats):
-            began = time.perf_counter()
-            self.rates(setting, self.revolutions, lanes, **variant)
-            seconds.append(time.perf_counter() - began)
-        run = min(seconds[1:])
+        lanes = np.linspace(0, LARGEST, self.lanes)
+        run = functools.partial(self.rates, setting, self.revolutions, lanes, **variant)
+        compiling, seconds = compile_seconds(run), quickest(run, repeats)
         return {
             "method": ", ".join([self.name, *(f"{k} {v}" for k, v in variant.items())]),
             "setting": f"{self.unit} {setting:g}",
             "error": error,
             "lanes x rev": f"{self.lanes} x {self.revolutions}",
-            "compile s": sum(COMPILING),
-            "run s": run,
-            "lane-rev/s": self.lanes * self.revolutions / run,
+            "compile s": compiling,
+            "run s": seconds,
+            "lane-rev/s": self.lanes * self.revolutions / seconds,
         }
 
 
-def methods(args: argparse.Namespace) -> list[Method]:
-    workers = [{"workers": count} for count in sorted({1, os.cpu_count() or 1})]
-    ours, peers = (args.lanes, args.revolutions), (args.peer_lanes, args.peer_revolutions)
-    call = functools.partial
-    return [
-        Method("jaxrotor order 2", call(library_rates, 2), "steps", STEPS, *ours, workers),
-        Method("jaxrotor order 4", call(library_rates, 4), "steps", STEPS, *ours, workers),
-        Method("diffrax Tsit5", call(diffrax_rates, dfx.Tsit5()), "rtol", RTOLS, *peers),
-        Method("diffrax Kvaerno5", call(diffrax_rates, dfx.Kvaerno5()), "rtol", RTOLS, *peers),
-        Method("SciPy LSODA", call(scipy_rates, "LSODA"), "rtol", RTOLS, 2, peers[1]),
-        Method("SciPy Radau", call(scipy_rates, "Radau"), "rtol", RTOLS, 2, peers[1]),
+def choices() -> dict[str, dict]:
+    """Keywords of the exponential solvers there are, by name."""
+    found = {f"jaxrotor order {order}": {"order": order} for order in (2, 4)}
+    if "located" in {field.name for field in dataclasses.fields(jr.Exponential)}:
+        located = {f"{name} located": how | {"located": True} for name, how in found.items()}
+        found |= located
+    return found
+
+
+def modes_needed(target: float, window: int, log: Console) -> int:
+    """Fewest modes at rest that give the last lane's whirl rate to half the target."""
+    for modes in MODES:
+        (orbit,) = by_scipy.orbits(arrays(modes), [1.0], "DOP853", 1e-6, window)
+        error = abs(whirl_rate(orbit) - reference(window)[1])
+        log.print(f"{modes} modes at rest: error {error:.1e}")
+        if error <= target / 2:
+            break
+    return modes
+
+
+def methods(args: argparse.Namespace, modes: int) -> list[Method]:
+    counts = sorted({1, CORES})
+    wide, many = (args.lanes, args.revolutions), (args.lanes, args.peer_revolutions)
+    peers, alone = (args.peer_lanes, args.peer_revolutions), (2, args.peer_revolutions)
+    call, rates = functools.partial, lambda *given: rates_of(functools.partial(*given))
+    found = [
+        Method(
+            name, call(library_rates, how), "steps", STEPS, *wide, [{"workers": c} for c in counts]
+        )
+        for name, how in choices().items()
     ]
+    kvaerno = {"diffrax Kvaerno5": dfx.Kvaerno5(), "diffrax Kvaerno5 tuned": tuned(dfx.Kvaerno5())}
+    for name, solver in ({"diffrax Tsit5": dfx.Tsit5()} | kvaerno).items():
+        found.append(
+            Method(name, rates(by_jax.diffrax_orbits, solver, None), "rtol", RTOLS, *peers)
+        )
+    for name, kept in (("RK4 scan", None), (f"RK4 scan, {modes} modes", modes)):
+        settings = [
+            steps for steps in SAMPLED if kept or steps >= 1536
+        ]  # stiff: below it overflows
+        found.append(Method(name, rates(by_jax.rk4_orbits, kept), "steps", settings, *many))
+    if NUMBA:
+        by_hand = lambda steps, revolutions, shares, threads=1: by_numba.rk4_orbits(
+            arrays(modes), shares, steps, revolutions, threads
+        )
+        variants = [{"threads": count} for count in counts]
+        name = f"numba RK4, {modes} modes"
+        found.append(Method(name, rates_of(by_hand), "steps", SAMPLED, *many, variants))
+    for kind in ("LSODA", "Radau"):
+        orbits = lambda rtol, revolutions, shares, kind=kind, processes=1: by_scipy.orbits(
+            arrays(), shares, kind, rtol, revolutions, processes
+        )
+        variants = [{"processes": count} for count in counts]
+        found.append(Method(f"SciPy {kind}", rates_of(orbits), "rtol", RTOLS, *alone, variants))
+    return [method for method in found if re.search(args.only, method.name)]
+
+
+# === the same arithmetic by hand
+
+
+def floor(args: argparse.Namespace, steps: int, log: Console) -> list[dict]:
+    """End states alone by jaxrotor, numba and C++: time, and how far from jaxrotor's."""
+    shares, revolutions = np.linspace(0, 1, args.lanes), args.revolutions
+    lanes = Lanes.of(jr.Exponential(2, basis="modal"), steps, shares * LARGEST)
+    tableau = exponential.Tableau.of(arrays(), steps)
+    blocks = tableau.begin(arrays().start, shares)
+    ways = {"jaxrotor": (lanes.march, lanes.decode)}
+    if NUMBA:
+        ways["numba"] = (functools.partial(by_numba.march, tableau, blocks), tableau.end)
+    else:
+        log.print("numba is not installed (pip install -e '.[benchmarks]'): no numba rows.")
+    if exponential.compiler():
+        ways["C++"] = (functools.partial(exponential.cpp, tableau, blocks), tableau.end)
+    else:
+        log.print("No C++ compiler on the path (c++, g++, clang++ or $CXX): no C++ rows.")
+    ends = {}
+    for name, (march, decode) in ways.items():
+        y = march(3, 1)
+        ends[name] = decode(y) if name == "jaxrotor" else decode(y, shares)
+    size, rows = np.abs(ends["jaxrotor"]).max(), []
+    for name, (march, _) in ways.items():
+        for count in sorted({1, CORES}):
+            run = lambda march=march, count=count: np.asarray(march(revolutions, count))
+            run()
+            seconds = quickest(run, args.repeats)
+            rows.append(
+                {
+                    "by": name,
+                    "threads": count,
+                    "ns/lane-step": 1e9 * seconds / args.lanes / revolutions / steps,
+                    "us/lane-rev": 1e6 * seconds / args.lanes / revolutions,
+                    "apart": float(np.abs(ends[name] - ends["jaxrotor"]).max() / size),
+                }
+            )
+    return rows
+
+
+def floor_table(rows: list[dict], steps: int, lanes: int) -> Table:
+    shown = Table(title=f"End states alone, order 2, {steps} steps, {lanes} lanes")
+    heads = (*rows[0], "over C++, as many threads")
+    for head in heads:
+        shown.add_column(head, justify="left" if head == "by" else "right")
+    least = {row["threads"]: row["us/lane-rev"] for row in rows if row["by"] == "C++"}
+    for row in rows:
+        name, threads, step, turn, apart = row.values()
+        over = f"{turn / least[threads]:.2f}" if threads in least else "-"
+        shown.add_row(name, str(threads), f"{step:.1f}", f"{turn:.2f}", f"{apart:.0e}", over)
+    return shown
 
 
 def confirm(revolutions: int = 3) -> dict:
@@ -239,7 +231,7 @@ def confirm(revolutions: int = 3) -> dict:
     how = {"solver": jr.Exponential(4), "start": settled()}
     run = jr.simulate(SCENE, revolutions, REFERENCE_STEPS, **how)
     ours = np.asarray(run.displacement[:: REFERENCE_STEPS // SAMPLES, 0])
-    radau = NumpyRotor(0.0).orbit("Radau", 1e-11, revolutions)
+    (radau,) = by_scipy.orbits(arrays(), [0.0], "Radau", 1e-11, revolutions)
     apart = abs(ours - radau).max() / abs(radau).max()
     return {"orbit": float(apart), "whirl rate": abs(whirl_rate(ours) - whirl_rate(radau))}
 
@@ -247,51 +239,65 @@ def confirm(revolutions: int = 3) -> dict:
 def machine() -> dict:
     info = Path("/proc/cpuinfo")
     found = re.search("model name.*: (.*)", info.read_text()) if info.exists() else None
-    packages = ("jaxrotor", "jax", "diffrax", "scipy", "numpy")
+    packages = ("jaxrotor", "jax", "diffrax", "scipy", "numpy", *["numba"][:NUMBA])
     versions = [f"{name} {importlib.metadata.version(name)}" for name in packages]
     model, device = found[1] if found else "?", f"{jax.devices()[0]} {jnp.zeros(()).dtype}"
-    return {"CPU": model, "cores": os.cpu_count(), "device": device, "versions": " ".join(versions)}
+    return {"CPU": model, "cores": CORES, "device": device, "versions": " ".join(versions)}
 
 
 def table(rows: list[dict], target: float) -> Table:
-    best = max(row["lane-rev/s"] for row in rows if row["method"].startswith("jaxrotor"))
+    ours = [row["lane-rev/s"] for row in rows if row["method"].startswith("jaxrotor")]
+    best = max(ours, default=float("nan"))
     shown = Table(title=f"Whirl rate to {target:g} of the spin speed; best of jaxrotor / this")
     for head in (*rows[0], "best / this"):
         shown.add_column(head, justify="left" if head in ("method", "setting") else "right")
     for row in rows:
         *texts, error, size, compiling, run, speed = row.values()
         error = f"{error:.1e}{'' if error <= target else ' (missed)'}"
-        numbers = f"{compiling:.1f}", f"{run:.2f}", f"{speed:,.0f}", f"{best / speed:,.1f}"
+        numbers = f"{compiling:.1f}", f"{run:.3g}", f"{speed:,.0f}", f"{best / speed:,.1f}"
         shown.add_row(*texts, error, size, *numbers)
     return shown
 
 
 def main() -> None:
-    heard = lambda event, seconds, **_: COMPILING.append(seconds) if "/backend_" in event else None
-    jax.monitoring.register_event_duration_secs_listener(heard)
+    listen()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--lanes", type=int, default=256, help="of jaxrotor (2 or more)")
     parser.add_argument("--revolutions", type=int, default=300, help="of jaxrotor")
     parser.add_argument("--peer-lanes", type=int, default=32, help="of diffrax under vmap")
     parser.add_argument("--peer-revolutions", type=int, default=60, help="all errors too")
-    parser.add_argument("--target", type=float, default=1e-4, help="error of the whirl rate")
+    parser.add_argument("--target", type=float, default=1e-3, help="error of the whirl rate")
     parser.add_argument("--repeats", type=int, default=3, help="timed calls after the first")
+    parser.add_argument("--only", default="", help="methods whose name has this pattern")
     parser.add_argument("--json", type=Path, help="file for all numbers")
     args, log = parser.parse_args(), Console(stderr=True, highlight=False)
     load, close, rows = os.getloadavg()[:1], confirm(), []
-    for method in methods(args):
-        found = method.climb(args.target, args.peer_revolutions, log)
-        rows += [method.measure(*found, variant, args.repeats) for variant in method.variants]
+    found, steps = {}, 128
+    for method in methods(args, modes_needed(args.target, args.peer_revolutions, log)):
+        found[method.name] = method.climb(args.target, args.peer_revolutions, log)
+        for variant in method.variants:
+            rows.append(method.measure(*found[method.name], variant, args.repeats))
+    if "jaxrotor order 2" in found:
+        steps = int(found["jaxrotor order 2"][0])
+    by_hand = floor(args, steps, log)
+    grown = growth(args, steps)
+    began = first_result(args.revolutions)
     load += os.getloadavg()[:1]
+    reached = goals(rows, by_hand, began, args.target)
     about = machine() | {"load before and after": " ".join(f"{x:.1f}" for x in load)}
     out = Console(highlight=False, width=max(120, log.width))
-    out.print(table(rows, args.target))
+    if rows:
+        out.print(table(rows, args.target))
+    out.print(floor_table(by_hand, steps, args.lanes))
+    out.print(growth_table(grown))
+    out.print(goals_table(reached))
     off = f"{close['orbit']:.0e} of the radius, {close['whirl rate']:.0e} in whirl rate"
     out.print(f"Reference: order 4, {REFERENCE_STEPS} steps; Radau at 1e-11 differs by {off}.")
     out.print("; ".join(f"{key} {value}" for key, value in about.items()), soft_wrap=True)
     if args.json:
-        found = {"target": args.target, "rows": rows, "confirmed": close, "machine": about}
-        args.json.write_text(json.dumps(found, indent=2))
+        parts = {"rows": rows, "floor": by_hand, "growth": grown, "goals": reached}
+        whole = {"target": args.target, **parts, "confirmed": close, "machine": about}
+        args.json.write_text(json.dumps(whole, indent=2))
 
 
 if __name__ == "__main__":

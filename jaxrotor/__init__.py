@@ -28,12 +28,16 @@ from .analysis import (  # noqa: E402
     Onset as Onset,
     Perturbation as Perturbation,
     Reduction as Reduction,
+    Settled as Settled,
     StabilityMap as StabilityMap,
     WeightResponse as WeightResponse,
     allocated_unbalance as allocated_unbalance,
     balance_grade as balance_grade,
     balancer as balancer,
+    bearing_grade as bearing_grade,
+    bearing_stations as bearing_stations,
     campbell as campbell,
+    centre_of_mass as centre_of_mass,
     chosen_nodes as chosen_nodes,
     correction_masses as correction_masses,
     critical_speeds as critical_speeds,
@@ -52,6 +56,7 @@ from .analysis import (  # noqa: E402
     rigid_correction as rigid_correction,
     rigid_residual as rigid_residual,
     roots as roots,
+    settled as settled,
     stability_boundary as stability_boundary,
     stability_crossings as stability_crossings,
     stability_map as stability_map,
@@ -83,6 +88,7 @@ from .files import (  # noqa: E402
     study as study,
     title as title,
 )
+from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .pilot import Pilot as Pilot  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402

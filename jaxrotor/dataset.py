@@ -11,6 +11,7 @@ from .files import dumps
 from .pilot import Pilot
 from .reactions import Reactions
 from .run_up import RunUp
+from .scene import Scene
 from .simulate import Response
 
 
@@ -49,6 +50,7 @@ def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
     about = {
         "title": f"jaxrotor {title}",
         "scene": dumps(result.scene),
+        **assumed(result.scene),
         **about,
         "solver": result.solver,
         "precision": str(time.dtype),
@@ -134,6 +136,11 @@ def _about(units: str, long_name: str) -> dict[str, str]:
 def chosen(pilots: tuple[Pilot, ...]) -> dict[str, str]:
     """Attributes that tell what was chosen by pilots."""
     return {"chosen": "; ".join(map(str, pilots))} if pilots else {}
+
+
+def assumed(scene: Scene) -> dict[str, str]:
+    """The attribute that says what is assumed of a scene, or none."""
+    return {"assumption": scene.assumption} if scene.assumption else {}
 
 
 def versions() -> str:

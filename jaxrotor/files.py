@@ -30,7 +30,7 @@ from .scene import Scene, suggest
 from .shafts import AbstractShaft
 from .spin import AbstractSpin
 from .units import SceneError, quantity, refuse, show
-from .variants import NAME as TABLE, Variant, variant
+from .variants import CHAIN, NAME as TABLE, Variant, variant
 
 
 Table = dict[str, Any]
@@ -40,20 +40,22 @@ _THIN = {"at": "m", "mass": "kg", "radius": "m"}
 _OUT_OF_TRUE = ("offset", "offset_angle", "tilt", "tilt_axis", "exact")
 START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
 _COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
+_TEXTS = ("title", "assumption")
 _NOUNS = ("Shaft", "Speed")  # what the classes of a model share, and its name leaves out
 _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
 
 
 def load(
-    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str = "chain"
+    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str | None = None
 ) -> Scene:
     """Scene of a TOML file, or a shipped scene by its name, such as `limiter-rotor`.
 
-    `row`, from 1 to 30, and the `layout` assumed, see `Variant.scene`, are of `turbine-variants`.
+    `row`, from 1 to 30, and the `layout` assumed ("chain", see `Variant.scene`) are of
+    `turbine-variants`, whose file is row 1.
     """
-    if row is not None:
-        return _variant(name_or_path, row).scene(layout)
+    if row is not None or layout is not None:
+        return _variant(name_or_path, row).scene(layout or CHAIN)
     return _read(*_text(name_or_path))[0]
 
 
@@ -79,11 +81,11 @@ def source(name_or_path: str | os.PathLike[str]) -> str:
 
 
 def title(
-    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str = "chain"
+    name_or_path: str | os.PathLike[str], row: int | None = None, layout: str | None = None
 ) -> str:
     """Title of a scene file, "" without one; of a `row` see `Variant.title`."""
-    if row is not None:
-        return _variant(name_or_path, row).title(layout)
+    if row is not None or layout is not None:
+        return _variant(name_or_path, row).title(layout or CHAIN)
     return tomllib.loads(_text(name_or_path)[0]).get("title", "")
 
 
@@ -117,8 +119,9 @@ def dumps(scene: Scene, title: str = "") -> str:
     import tomlkit
 
     document = tomlkit.document()
-    if title:
-        document["title"] = title
+    for key, text in zip(_TEXTS, (title, scene.assumption), strict=True):
+        if text:
+            document[key] = text
     document["shaft"] = _written(scene.shaft, "shaft", _models(shafts, AbstractShaft))
     for kind in dict.fromkeys(effect.kind for effect in scene.effects):
         members = [effect for effect in scene.effects if effect.kind == kind]
@@ -137,9 +140,13 @@ def _shipped() -> dict[str, Any]:
     return {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
 
 
-def _variant(name_or_path: str | os.PathLike[str], row: int) -> Variant:
+def _variant(name_or_path: str | os.PathLike[str], row: int | None) -> Variant:
     if os.fspath(name_or_path) != TABLE:
-        refuse(os.fspath(name_or_path), f"has no rows; give none, or load '{TABLE}'.")
+        refuse(
+            os.fspath(name_or_path), f"has no rows and no layouts; give none, or load '{TABLE}'."
+        )
+    if row is None:
+        refuse(TABLE, "needs the row that the layout is for; add `row`, from 1 to 30.")
     return variant(row)
 
 
@@ -172,10 +179,11 @@ def _read(text: str, source: str) -> tuple[Scene, Table]:
 
 def _scene(document: Table, prefix: str) -> Scene:
     kinds = {name: cls for cls in _kinds().values() for name in (cls.kind, cls.plural)}
-    known = ("title", "shaft", *kinds, "spin", "sweep")
+    known = (*_TEXTS, "shaft", *kinds, "spin", "sweep")
     _check_keys(document, known, ("shaft", "spin"), prefix, "scene")
-    if not isinstance(document.get("title", ""), str):
-        refuse(f"{prefix}title", f"must be a text, but is {show(document['title'])}.")
+    for key in _TEXTS:
+        if not isinstance(document.get(key, ""), str):
+            refuse(f"{prefix}{key}", f"must be a text, but is {show(document[key])}.")
     shaft = _part(document["shaft"], "flexible", _models(shafts, AbstractShaft), f"{prefix}shaft")
     turning = _part(document["spin"], "constant", _models(spin, AbstractSpin), f"{prefix}spin")
     found = []
@@ -184,7 +192,7 @@ def _scene(document: Table, prefix: str) -> Scene:
         for i, table in enumerate(document[key] if many else [document[key]]):
             found += _effects(kinds[key], table, f"{prefix}{key}.{i}" if many else f"{prefix}{key}")
     try:
-        return Scene(shaft, *found, spin=turning)
+        return Scene(shaft, *found, spin=turning, assumption=document.get("assumption", ""))
     except ValueError as error:
         raise SceneError(f"{prefix}{error}") from None
 

@@ -7,7 +7,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from .motion import Motion
 from .quantities import Scalar
@@ -15,6 +15,7 @@ from .scene import Scene
 from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential, ExponentialStep
 from .solvers.form import AbstractForm, PhysicalForm
+from .solvers.located import LocatedStep
 from .solvers.ports import PortForm
 from .start import AbstractStart
 from .system import System, assemble
@@ -46,6 +47,20 @@ class Orbit(eqx.Module):
     s: Scalar  # sign of the spin
 
 
+class Outcome(eqx.Module):
+    """How some revolutions went; `a & b` is how both did."""
+
+    ok: Bool[Array, "*lanes"]  # every step succeeded, all finite
+    unresolved: Int[Array, "*lanes"]  # steps whose changes of contact were not located
+
+    @classmethod
+    def good(cls, *shape: int) -> "Outcome":
+        return cls(jnp.ones(shape, bool), jnp.zeros(shape, int))
+
+    def __and__(self, other: "Outcome") -> "Outcome":
+        return Outcome(self.ok & other.ok, self.unresolved + other.unresolved)
+
+
 class March(eqx.Module):
     """One scene's motion from revolution to revolution.
 
@@ -57,7 +72,7 @@ class March(eqx.Module):
     stations: Float[Array, " s"]
     form: AbstractForm
     plan: Plan
-    step: ExponentialStep | None
+    step: ExponentialStep | LocatedStep | None
 
     @classmethod
     def build(cls, scene: Scene, plan: Plan, rate: Scalar, stations: Float[Array, " s"]) -> "March":
@@ -81,21 +96,24 @@ class March(eqx.Module):
         """State of the form at the start."""
         return self.form.encode(*start.state(self.system, at))
 
-    def skip(self, y: Array, revolutions: int) -> tuple[Array, Bool[Array, ""]]:
-        """State after whole revolutions, and whether every one of them succeeded."""
+    def skip(self, y: Array, revolutions: int) -> tuple[Array, Outcome]:
+        """State after whole revolutions, and how they went."""
         if self.step is None and isinstance(self.form, PortForm):  # linear: no stepping
-            return self.form.fly(y, revolutions), jnp.array(True)
+            return self.form.fly(y, revolutions), Outcome.good()
+
+        if not revolutions:
+            return y, Outcome.good()
 
         def turn(carry, _):
             y, good = carry
             end, _, ok = self._solve(y, sample=False)
             return (end, good & ok), None
 
-        (y, good), _ = self._scan(turn, (y, jnp.array(True)), revolutions)
+        (y, good), _ = self._scan(turn, (y, Outcome.good()), revolutions)
         return y, good
 
-    def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Bool[Array, ""]]:
-        """One revolution: state at its end, stations at its S + 1 samples, success."""
+    def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
+        """One revolution: state at its end, stations at its S + 1 samples, outcome."""
         if self.step is None and isinstance(self.form, PortForm):
             return self._glide(self.form, y)
         return self._solve(y, sample=True)
@@ -106,7 +124,8 @@ class March(eqx.Module):
         hop = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(hop, y, grid[:-1])
         last = form.read(grid[-1], y)
-        return y, jnp.concatenate([samples, last[None]]), _bounded(y)
+        done = Outcome(_bounded(y), jnp.zeros((), int))
+        return y, jnp.concatenate([samples, last[None]]), done
 
     def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
         """Carry through whole revolutions: `carry, out = update(carry, orbit)` at each."""
@@ -117,7 +136,7 @@ class March(eqx.Module):
             carry, out = update(carry, self.orbit(samples))
             return (y, carry, good & ok), out
 
-        return self._scan(turn, (y, carry, jnp.array(True)), revolutions)
+        return self._scan(turn, (y, carry, Outcome.good()), revolutions)
 
     def orbit(self, samples: Float[Array, "T 2 2 r"]) -> "Orbit":
         """What the samples of a revolution say, by name."""
@@ -154,7 +173,7 @@ class March(eqx.Module):
             body = jax.checkpoint(body)
         return jax.lax.scan(body, carry, None, length=length)
 
-    def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Bool[Array, ""]]:
+    def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution by diffrax."""
         plan, grid = self.plan, self._grid()
         read = lambda theta, y, args: self.form.read(theta, y)
@@ -175,6 +194,7 @@ class March(eqx.Module):
             motion: Any = self.form.motion
             terms = dfx.MultiTerm(dfx.ODETerm(motion.contact), dfx.ODETerm(motion.linear))
         end = dfx.SubSaveAt(t1=True)
+        located = isinstance(solver, LocatedStep)
         solution = dfx.diffeqsolve(
             terms,
             solver,
@@ -182,7 +202,7 @@ class March(eqx.Module):
             t1=grid[-1],
             dt0=dt0,
             y0=y,
-            saveat=dfx.SaveAt(subs=[end, path] if sample else [end]),
+            saveat=dfx.SaveAt(subs=[end, path] if sample else [end], solver_state=located),
             stepsize_controller=controller,
             adjoint=plan.adjoint,
             max_steps=max_steps,
@@ -191,7 +211,8 @@ class March(eqx.Module):
         saved: Any = solution.ys
         y1 = saved[0][-1]
         ok = (solution.result == dfx.RESULTS.successful) & _bounded(y1)
-        return y1, saved[1] if sample else None, ok
+        unresolved: Any = solution.solver_state if located else jnp.zeros((), int)
+        return y1, saved[1] if sample else None, Outcome(ok, unresolved)
 
 
 def _bounded(y: Array) -> Bool[Array, ""]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .blocks import Blocks
-from .pencil import check_mass, isotropic
+from .pencil import check_moves, isotropic
 from .quantities import Scalar
 from .system import Port, System
 
@@ -38,7 +38,7 @@ class Motion(eqx.Module):
 
     def __init__(self, system: System, rate: Scalar):
         blocks, load = system.blocks, system.load
-        check_mass(blocks)
+        check_moves(system)
         check_known_in_time(blocks)
         if not isotropic(blocks) or system.races:
             raise ValueError(

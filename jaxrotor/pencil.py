@@ -48,9 +48,14 @@ def check_circular(blocks: Blocks) -> None:
         )
 
 
-def check_mass(blocks: Blocks) -> None:
-    """Refuse a rotor of which nothing has a mass."""
-    if blocks.inertia is None:
+def check_moves(system: System) -> None:
+    """Refuse a rotor of which nothing can move, or nothing has a mass."""
+    if not system.n:
+        raise ValueError(
+            "The rotor has nothing that moves but its angle, since its axis is held fast, so it has no "
+            "whirl; use `jaxrotor.run_up` and `jaxrotor.reactions`."
+        )
+    if system.blocks.inertia is None:
         raise ValueError("The rotor has no mass, so it has no motion of its own; add a Disc.")
 
 
@@ -72,7 +77,7 @@ class Pencil(eqx.Module):
     def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
         """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
         blocks, speed = system.blocks, system.spin.speed
-        check_mass(blocks)
+        check_moves(system)
         zero = jnp.zeros(system.line.stiffness.shape, complex)
         part = lambda block: zero if block is None else block
         inertia = zero + part(blocks.inertia)

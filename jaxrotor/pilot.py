@@ -13,7 +13,7 @@ class Pilot(NamedTuple):
     setting: int
     difference: float  # relative, of the last two answers
     tolerance: float  # asked for
-    converged: bool  # False: nothing is promised, as of a chaotic motion
+    converged: bool  # False: no two answers agreed, and nothing is promised
 
     def __str__(self) -> str:
         if self.converged:

@@ -1,6 +1,7 @@
 """Run-up: motion of a scene at any spin: run-up, coast-down, a drive of limited power, balls."""
 
-from typing import Any, cast
+import dataclasses
+from typing import Any, NamedTuple, cast
 
 import diffrax as dfx
 import equinox as eqx
@@ -8,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .analysis import first_moments
 from .effects.base import AbstractBetween, AbstractBodies
@@ -33,14 +34,17 @@ class Balls(eqx.Module):
 class Launch(eqx.Module):
     """State a run begins with.
 
-    `balls` has an entry for every race; None spreads them evenly. A `speed` other than None takes the
-    place of that of a free spin.
+    `balls` has an entry for every race; None spreads them evenly. `speed` other than None is what a
+    `Drive` begins with, and what a `SpeedProfile` must have at its `time`; a `ConstantSpeed` jumps to
+    its own. To go on with another profile, `dataclasses.replace(run.end, time=0.0)`.
     """
 
     shaft: AbstractStart = eqx.field(default_factory=AtRest)
     angle: Scalar = real("angle [rad]", default=0.0)
     balls: tuple[Balls, ...] | None = None
     speed: Scalar = real("speed [rad/s]", default=None)
+    time: Scalar = real("time [s]", default=0.0)  # of a profile, at which the run begins
+    stopped: Bool[Array, ""] = eqx.field(default=False, converter=jnp.asarray)  # for good
 
 
 class RunUp(eqx.Module):
@@ -88,6 +92,7 @@ def run_up(
     substeps: int = 1,
     adjoint: dfx.AbstractAdjoint | None = None,
     max_steps: int = 1_000_000,
+    max_stops: int = 64,
 ) -> RunUp:
     """Motion at a speed that varies, whatever the spin: `ConstantSpeed`, `SpeedProfile`, `Drive`.
 
@@ -99,7 +104,7 @@ def run_up(
 
     Args:
         scene: what moves.
-        times: ascending [s], of the samples; the run begins at 0.
+        times: ascending [s], of the samples; the run begins at 0, also one that goes on.
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
         at: station(s) [m] to observe, by default as `simulate`.
         solver: any diffrax solver; by default Dopri8 for a rigid or massless shaft, Kvaerno5 for a
@@ -108,6 +113,7 @@ def run_up(
         substeps: steps from sample to sample of a solver without an error estimate.
         adjoint: diffrax adjoint for derivatives, forward mode by default.
         max_steps: steps an adaptive solver may take.
+        max_stops: how often a drive with feedback may come to rest or break loose.
 
     Returns:
         A `RunUp`. A run that fails raises; when traced, it is not finite.
@@ -122,14 +128,17 @@ def run_up(
         )
     launch = start if isinstance(start, Launch) else Launch(start or AtRest())
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
-    spin, times, stations = scene.spin, jnp.asarray(times, float), scene.stations(at)
-    controller = controller or control(chosen, scene)
+    times, stations = jnp.asarray(times, float), scene.stations(at)
+    spin = scene.spin.after(launch.time, launch.speed)
+    begun = eqx.tree_at(lambda scene: scene.spin, scene, spin)
+    controller = controller or control(chosen, begun)
     plan = Integration(
         tuned(chosen),
         controller,
         dfx.ForwardMode() if adjoint is None else adjoint,
         substeps,
         max_steps,
+        max_stops,
         isinstance(spin, Drive) and (solver is not None or not spin.given),
         controller is None and known(times) and float(times[0]) == 0,
     )
@@ -139,17 +148,17 @@ def run_up(
             "estimate, such as diffrax.Tsit5()."
         )
     if isinstance(spin, Drive) and spin.polar is None:
-        spin.inertia(_polar(scene))  # refuses what cannot turn
+        spin.inertia(_polar(begun))  # refuses what cannot turn
     launch = _whole(launch, counts)
-    instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
+    instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
     if known(good) and not bool(good):
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
-            "`max_steps` or more `substeps`, or look whether the drive runs away (`Drive(odd=True)` "
-            "brakes at any sign of the speed)."
+            "`max_steps` or more `substeps`, look whether the drive runs away (`Drive(odd=True)` "
+            "brakes at any sign of the speed), or take more `max_stops` if it stops often."
         )
     name = solver_name(chosen)
-    return _result(scene, times, stations, instants, stopped, seen, name)
+    return _result(scene, times, stations, instants, stopped, seen, launch.time, name)
 
 
 @eqx.filter_jit
@@ -203,7 +212,7 @@ def _whole(launch: Launch, counts: list[int]) -> Launch:
         raise ValueError(
             f"`balls` must have an entry for every race, of {counts} angles, but has {shapes}."
         )
-    return Launch(launch.shaft, launch.angle, balls, launch.speed)
+    return dataclasses.replace(launch, balls=balls)
 
 
 class Integration(eqx.Module):
@@ -214,6 +223,7 @@ class Integration(eqx.Module):
     adjoint: dfx.AbstractAdjoint
     substeps: int = eqx.field(static=True)
     max_steps: int = eqx.field(static=True)
+    max_stops: int = eqx.field(static=True)
     free: bool = eqx.field(static=True)  # whether the spin is integrated too
     from_start: bool = eqx.field(static=True)  # whether fixed steps begin with the first sample
 
@@ -251,23 +261,27 @@ class Integration(eqx.Module):
 @eqx.filter_jit
 def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
     """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
-    field, stopped = Transient.of(scene, None, launch.angle), jnp.asarray(jnp.inf)
+    field, senses = Transient.of(scene, None, launch.angle), None
+    stopped = jnp.asarray(jnp.inf)
     system = field.system
     y = _posture(scene, system, launch, stations[0], field.rate, plan.free)
     if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
         path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
     elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
-        path, good, stopped = _run_to_rest(scene, plan, field, y, times)
+        path, senses, good, stopped = _run_to_rest(field, plan, launch, y, times)
     else:
         path, good, _, _ = plan.solve(field, jnp.zeros(()), y, times)
-    look = lambda time, y: field.hold(time >= stopped).instant(time, y)
-    instants = jax.vmap(look)(times, path)
+    if senses is None:
+        instants = jax.vmap(field.instant)(times, path)
+    else:
+        look = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
+        instants = jax.vmap(look)(times, path, senses)
     return instants, stopped, good & _finite(instants), _seen(system, instants, stations)
 
 
 def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool) -> Posture:
     """State of the equations at the start."""
-    speed = scene.spin.speed if launch.speed is None else launch.speed
+    speed = scene.spin.speed
     q, velocity = launch.shaft.state(system, station)
     turn = jnp.exp(-1j * launch.angle)
     plane = lambda z: jnp.stack([z.real, z.imag])
@@ -283,26 +297,92 @@ def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free:
     )
 
 
-def _run_to_rest(scene: Scene, plan: Integration, field: Transient, y: Posture, times: Array):
-    """A run whose spin, once it comes to rest, stays there or turns back."""
-    spin: Any = scene.spin
-    drive = spin.moment(jnp.zeros(()))
-    stays = jnp.asarray(True) if spin.coulomb is None else jnp.abs(drive) <= spin.coulomb
-    stays = stays | spin.stops
-    resting = (y.speed[0] == 0) & (False if spin.coulomb is None else stays)
-    first = jnp.where(y.speed[0] == 0, drive, y.speed[0])
-    falls = lambda t, y, args, **_: jnp.where(t <= 0, first, y.speed[0])
-    event = dfx.Event(falls, optx.Newton(1e-12, 1e-12))
-    path, good, last, end = plan.solve(
-        field.hold(resting, jnp.sign(first)), jnp.zeros(()), y, times, event
+class _Stage(NamedTuple):
+    """A run up to where its spin came to rest or broke loose."""
+
+    time: Scalar
+    y: Posture
+    path: Posture  # at the samples
+    senses: Float[Array, " T"]  # of rotation at the samples: 1, -1, or 0 at rest
+    sense: Scalar
+    stays: Array  # whether it came to rest for good
+    stopped: Scalar  # when, infinite while it turns
+    good: Array
+
+
+def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture, times: Array):
+    """A run whose spin comes to rest, stays there, turns back or breaks loose again.
+
+    Dry friction holds a rotor while the torque of all else is not above it. Without feedback that
+    torque is constant at rest and one-signed after, so two stages are all there can be.
+    """
+    spin: Any = field.system.spin
+    dry = jnp.zeros(()) if spin.coulomb is None else jnp.asarray(spin.coulomb)
+
+    def loosened(time: Scalar, y: Posture) -> tuple[Scalar, Scalar]:
+        """The sense in which a rotor at rest starts to turn, 0 if none, and what friction spares."""
+        load = field.load(time, y)
+        spared = dry - jnp.abs(load)
+        return jnp.where(spared >= 0, 0.0, jnp.sign(load)), spared
+
+    def stage(at: _Stage, _) -> tuple[_Stage, None]:
+        turns = jnp.asarray(at.sense != 0)
+
+        def margin(t, y, args, **_):
+            held = loosened(t, y)[1] if spin.feedback and spin.coulomb is not None else 1.0
+            left = jnp.where(turns, at.sense * y.speed[0], jnp.where(at.stays, 1.0, held))
+            return jnp.where(t <= at.time, 1.0, left)
+
+        path, fine, last, end = plan.solve(
+            field.hold(~turns, at.sense),
+            at.time,
+            at.y,
+            jnp.maximum(times, at.time),
+            dfx.Event(margin, optx.Newton(1e-12, 1e-12), direction=False),
+        )
+        there = last < times[-1]
+        halts = there & turns
+        end = eqx.tree_at(lambda y: y.speed, end, jnp.where(halts, 0.0, end.speed))
+        stays = at.stays | (halts & spin.stops)
+        sense = jnp.where(stays, 0.0, loosened(last, end)[0])
+        # What broke loose turns, though its margin may be zero to rounding.
+        sense = jnp.where(there & ~turns, jnp.sign(field.load(last, end)), sense)
+        sense = jnp.where(there, sense, at.sense)
+        stopped = jnp.where(there, jnp.where(sense == 0, last, jnp.inf), at.stopped)
+        later = (times > at.time) | (at.time <= 0)
+        pick = lambda a, b: jnp.where(jnp.reshape(later, (-1,) + (1,) * (a.ndim - 1)), a, b)
+        return (
+            _Stage(
+                last,
+                end,
+                jax.tree.map(pick, path, at.path),
+                pick(jnp.full(times.shape, at.sense), at.senses),
+                sense,
+                stays,
+                stopped,
+                at.good & fine,
+            ),
+            None,
+        )
+
+    begin, stays = jnp.zeros(()), jnp.asarray(launch.stopped)
+    still = y.speed[0] == 0
+    sense = jnp.where(still, loosened(begin, y)[0], jnp.sign(y.speed[0]))
+    sense = jnp.where(stays, 0.0, sense)
+    samples = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y)
+    first = _Stage(
+        begin,
+        y,
+        samples,
+        jnp.zeros(times.size),
+        sense,
+        stays,
+        jnp.where(sense == 0, 0.0, jnp.inf),
+        jnp.asarray(True),
     )
-    there = last < times[-1]
-    end = eqx.tree_at(lambda y: y.speed, end, jnp.where(there, 0.0, end.speed))
-    later, fine, _, _ = plan.solve(field.hold(stays), last, end, jnp.maximum(times, last))
-    before = times <= last
-    pick = lambda a, b: jnp.where(jnp.reshape(before, (-1,) + (1,) * (a.ndim - 1)), a, b)
-    stopped = jnp.where(there & stays, last, jnp.inf)
-    return jax.tree.map(pick, path, later), good & fine, jnp.where(resting, 0.0, stopped)
+    count = plan.max_stops + 1 if spin.feedback else 2
+    done, _ = jax.lax.scan(stage, first, None, length=count)
+    return done.path, done.senses, done.good & (done.time >= times[-1]), done.stopped
 
 
 def _finite(instants: Instant) -> Array:
@@ -327,7 +407,7 @@ def _seen(system: System, instants: Instant, stations: Array):
     return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces
 
 
-def _result(scene, times, stations, instants: Instant, stopped, seen, name: str) -> RunUp:
+def _result(scene, times, stations, instants: Instant, stopped, seen, begin, name: str) -> RunUp:
     turning = instants.turning
     displacement, velocity, contact_force = seen
     rates = instants.bodies_speed - turning.speed[:, None]
@@ -339,6 +419,8 @@ def _result(scene, times, stations, instants: Instant, stopped, seen, name: str)
         last.turning.angle,
         jax.tree.map(lambda leaf: leaf[-1], balls),
         last.turning.speed,
+        begin + times[-1],
+        jnp.isfinite(stopped) & (isinstance(scene.spin, Drive) and scene.spin.stops),
     )
     return RunUp(
         time=times,

@@ -7,6 +7,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
@@ -22,20 +23,28 @@ class Scene(eqx.Module):
     """What is simulated, and nothing else: `Scene(shaft, *effects, spin=ConstantSpeed(300.0))`.
 
     SI units; every number is a leaf to differentiate or map over. The stations where the elastic
-    line may have a kink are ordered once, when the scene is built.
+    line may have a kink are ordered once, when the scene is built. `assumption` names what is not
+    known of it, such as a layout: data sets, tables and pictures of every result say it.
     """
 
     shaft: AbstractShaft
     effects: tuple[AbstractEffect, ...]
     spin: AbstractSpin
     spans: tuple[int, ...] = eqx.field(static=True)
+    assumption: str = eqx.field(static=True)
 
-    def __init__(self, shaft: AbstractShaft, *effects: AbstractEffect, spin: AbstractSpin):
+    def __init__(
+        self,
+        shaft: AbstractShaft,
+        *effects: AbstractEffect,
+        spin: AbstractSpin,
+        assumption: str = "",
+    ):
         _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
         for effect in effects:
             _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
-        self.shaft, self.effects, self.spin = shaft, effects, spin
+        self.shaft, self.effects, self.spin, self.assumption = shaft, effects, spin, assumption
         stations = _known_stations(shaft, effects)
         if stations is None:
             raise ValueError(
@@ -90,6 +99,10 @@ class Scene(eqx.Module):
         """The effects that have a capability or are of a class."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))
 
+    def of_parts(self, *effects: AbstractEffect) -> "Scene":
+        """The scene with these effects in place of its own."""
+        return Scene(self.shaft, *effects, spin=self.spin, assumption=self.assumption)
+
     def without(self, kind: str) -> "Scene":
         """The scene less every effect of a kind: `scene.without("limiters")`."""
         rest = [e for e in self.effects if kind not in (e.kind, e.plural)]
@@ -98,7 +111,26 @@ class Scene(eqx.Module):
             raise ValueError(
                 f"The scene has no {kind!r}{suggest(kind, kinds)}; it has: {', '.join(kinds)}."
             )
-        return Scene(self.shaft, *rest, spin=self.spin)
+        return self.of_parts(*rest)
+
+    def where(self, name: str) -> str:
+        """`constraints.0 at 93 mm`: a constraint or an effect as reactions call it, and its station."""
+        table = _addresses(self)
+        for path in (f"shaft.{name}.at", f"{name}.at"):
+            if path in table:
+                return f"{name} at {1e3 * float(_follow(self, table[path][0])):.6g} mm"
+        return name
+
+    def __str__(self) -> str:
+        """Every parameter with its value and unit, those of several effects one after the other."""
+        lines = [type(self.shaft).__name__ + ", " + type(self.spin).__name__]
+        lines[0] += f" ({self.assumption})" if self.assumption else ""
+        for path in self.paths():
+            leaves = [_follow(self, address) for address in self._find(path)]
+            if any(leaf is not None for leaf in leaves):
+                values, unit = ", ".join(map(_text, leaves)), self.unit(path)
+                lines.append(f"  {path} = {values}" + ("" if unit == "1" else f" {unit}"))
+        return "\n".join(lines)
 
     def paths(self) -> list[str]:
         """Paths of all parameters: of the shaft, the spin, and each kind of effect."""
@@ -140,7 +172,7 @@ class Scene(eqx.Module):
             return scene
         if _spans(scene.shaft, scene.effects, stations) == self.spans:
             return scene
-        return Scene(scene.shaft, *scene.effects, spin=scene.spin)
+        return scene.of_parts(*scene.effects)
 
     def put(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other leaves, as they are: no checks, the spans kept. See `replace`."""
@@ -174,6 +206,15 @@ def _check_together(module: Any, path: str) -> None:
         getattr(module, "__check_init__", tuple)()
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _text(leaf: Any) -> str:
+    """A number or several, as they are read; what is traced as jax shows it, and `-` for nothing."""
+    if leaf is None:
+        return "-"
+    if not known(leaf):
+        return str(leaf)
+    return ", ".join(f"{value:.6g}" for value in np.ravel(leaf).tolist())
 
 
 def _is_none(leaf: Any) -> bool:

@@ -1,6 +1,7 @@
 """Simulate: one trajectory of one scene."""
 
 import contextlib
+import dataclasses
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -8,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from .analysis import chosen_nodes
 from .march import March, Plan
@@ -40,6 +41,7 @@ class Response(eqx.Module):
     rates: Complex[Array, "T n"]  # [1/s] of them
     stations: Float[Array, " s"]  # [m]
     end: Continued  # state to go on from
+    unresolved: Int[Array, ""]  # steps whose changes of contact were not located, though asked for
     scene: Scene
     steps_per_revolution: int = eqx.field(static=True)
     solver: str = eqx.field(static=True)
@@ -113,10 +115,16 @@ def simulate(
     start = AtRest() if start is None else start
     stations = scene.stations(at)
     rate = revolution_rate(scene, period)
+    adjoint = dfx.ForwardMode() if adjoint is None else adjoint
+    if getattr(solver, "located", False) and not isinstance(adjoint, dfx.ForwardMode):
+        raise ValueError(
+            f"Located steps have derivatives in forward mode alone, but `adjoint` is "
+            f"{type(adjoint).__name__}; use jax.jvp or jax.jacfwd, or Exponential(located=False)."
+        )
     plan = Plan(
         choose(solver, scene, rate, start),
         controller,
-        dfx.ForwardMode() if adjoint is None else adjoint,
+        adjoint,
         max_steps,
         steps_per_revolution,
         slopes=True,
@@ -125,7 +133,7 @@ def simulate(
         together=port_groups(scene),
     )
     end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
-    if known(good) and not bool(good):
+    if known(good.ok) and not bool(good.ok):
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
@@ -144,6 +152,7 @@ def simulate(
         rates=rates,
         stations=stations,
         end=Continued(*end),
+        unresolved=good.unresolved,
         scene=scene,
         steps_per_revolution=steps_per_revolution,
         solver=solver_name(plan.solver),
@@ -170,8 +179,8 @@ def chosen_steps(
 
     The run goes to its last `PILOT` revolutions by the fewest steps of `LADDER` that stay finite; from
     there it is repeated with twice the steps until two displacements in a row agree to `tolerance` of
-    the largest at all samples. Motions that part exponentially (chaos) do not: then `converged` is
-    False and the most steps are taken, but nothing is promised.
+    the largest at all samples; if none do, `converged` is False and the most steps are taken. Nothing is
+    promised for longer: motions that part exponentially (chaos) may agree over so short a window.
 
     Args:
         scene: what moves.
@@ -260,12 +269,13 @@ def revolution_rate(scene: Scene, period: float | None) -> Scalar:
             return jnp.abs(speed)
         rate = jnp.asarray(2 * jnp.pi / period)
         return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
-    if speed == 0 and period is None:
+    value = float(speed)  # known, also while other parameters are traced
+    if value == 0 and period is None:
         raise ValueError(
             "At zero speed a revolution has no length; give `period`, the seconds to count as one."
         )
-    if speed != 0 and period is not None:
-        raise ValueError(f"`period` is for zero speed only, but the speed is {speed:g} rad/s.")
+    if value != 0 and period is not None:
+        raise ValueError(f"`period` is for zero speed only, but the speed is {value:g} rad/s.")
     if period is not None and not period > 0:
         raise ValueError(f"`period [s]` must be positive, but is {period}.")
     return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
@@ -280,13 +290,15 @@ def choose(
         return solver
     traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
     if traced:
-        return Exponential(solver.order, "dense" if solver.basis == "auto" else solver.basis)
+        return dataclasses.replace(
+            solver, basis="dense" if solver.basis == "auto" else solver.basis
+        )
     matrix, s, driven = _linear(scene, rate)
     if driven:
         _check_resonance(scene, np.asarray(matrix), float(s))
     if solver.basis == "auto":
         _, vectors = np.linalg.eig(np.asarray(matrix))
-        return Exponential(solver.order, "modal" if well_conditioned(vectors) else "dense")
+        return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
     return solver
 
 
@@ -319,5 +331,6 @@ def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
 def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
     """Short name of a solver for results."""
     if isinstance(solver, Exponential):
-        return f"Exponential(order={solver.order}, basis={solver.basis!r})"
+        located = ", located=True" if solver.located else ""
+        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located})"
     return type(solver).__name__

@@ -33,6 +33,10 @@ class AbstractSpin(eqx.Module):
     def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
         """The rotation at times [s], zero or more, of a rotor of inertia `polar` [kg m^2]."""
 
+    @abc.abstractmethod
+    def after(self, time: Scalar, speed: Scalar | None) -> "AbstractSpin":
+        """The law from `time` [s] on, of a rotor that has reached `speed` [rad/s] (None: its own)."""
+
 
 class ConstantSpeed(AbstractSpin):
     """Constant speed: `theta(t) = Omega t`."""
@@ -48,6 +52,10 @@ class ConstantSpeed(AbstractSpin):
         time = jnp.asarray(time, float)
         speed = jnp.broadcast_to(self.speed, time.shape)
         return Turning(self.speed * time, speed, jnp.zeros_like(time))
+
+    def after(self, time: Scalar, speed: Scalar | None) -> "ConstantSpeed":
+        del time, speed
+        return self
 
 
 def constant(speed: ArrayLike) -> ConstantSpeed:
@@ -92,6 +100,23 @@ class SpeedProfile(AbstractSpin):
         angle, speed, acceleration = self._since_first(time)
         return Turning(angle - self._since_first(jnp.zeros(()))[0], speed, acceleration)
 
+    def after(self, time: Scalar, speed: Scalar | None) -> "SpeedProfile":
+        """The same from `time` on; a rotor that has another speed then is refused."""
+        later = eqx.tree_at(lambda spin: spin.times, self, self.times - time)
+        if speed is None:
+            return later
+        there = later.speed
+        jumps = abs(speed - there) > 1e-6 * jnp.maximum(abs(speed), abs(there))
+        sentence = "A run goes on in a profile where that has the speed the run ended with"
+        if not known(jumps):
+            return eqx.tree_at(lambda s: s.times, later, eqx.error_if(later.times, jumps, sentence))
+        if jumps:
+            raise ValueError(
+                f"{sentence}, {float(speed):g} rad/s, but at {float(time):g} s it is {float(there):g} "
+                "rad/s; give the launch the `time` of the profile at which to begin."
+            )
+        return later
+
     def _since_first(self, time):
         """Angle from the first time of the table on, speed, acceleration."""
         times, speeds = jnp.asarray(self.times), jnp.asarray(self.speeds)
@@ -110,7 +135,8 @@ class Drive(AbstractSpin):
 
     `odd`: the drag is `k2 Omega |Omega|`, against either sense; else `k2 Omega^2` to the letter.
     `M(Omega)` is a table, straight between its speeds and held beyond them. `feedback`: unbalance,
-    weight and friction of contact brake the rotation too. `stops`: at zero speed the rotor stays.
+    weight, friction of contact and what turns with the shaft, internal damping and unequal axes, act on
+    the rotation too. `stops`: a rotor that comes to rest stays, whatever torque acts then.
     Source: course project "Dynamic reactions in the bearings of a rotor", eqs. (1), (11).
     """
 
@@ -163,6 +189,12 @@ class Drive(AbstractSpin):
                 "give discs a `polar`, or the drive itself."
             )
         return polar
+
+    def after(self, time: Scalar, speed: Scalar | None) -> "Drive":
+        del time
+        if speed is None:
+            return self
+        return eqx.tree_at(lambda spin: spin.speed, self, jnp.asarray(speed, float))
 
     @property
     def can_stop(self) -> bool:

@@ -14,10 +14,10 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from .chunks import chunk_size, cores, progress as bar, spread
-from .dataset import chosen, versions
+from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
-from .march import March, Plan
+from .march import March, Outcome, Plan
 from .observe import AbstractObservable, Turn, Variable, everything
 from .pilot import Pilot
 from .quantities import quantity_units
@@ -292,10 +292,10 @@ def _run_chunk(context: _Context, points: np.ndarray, size: int, tick):
     lanes = len(points)
     padded = np.concatenate([points, np.repeat(points[-1:], size - lanes, axis=0)])
     shared, own, y = _prepare(context, padded)
-    good = jnp.ones(size, bool)
+    good = Outcome.good(size)
     for revolutions in _segments(context.settle):
         y, ok = _skip(shared, own, y, revolutions)
-        good &= ok
+        good = good & ok
         tick(revolutions)
     contacts = sum(len(group) for group in context.plan.together)
     begin = tuple(one.start(contacts) for one in context.observe)
@@ -305,13 +305,14 @@ def _run_chunk(context: _Context, points: np.ndarray, size: int, tick):
         (y, carry, ok), out = _keep(
             context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
         )
-        good &= ok
+        good = good & ok
         number += revolutions
         stored.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], out))
         tick(revolutions)
     stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
     carry = jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], carry)
-    return carry, stored, np.asarray(good)[:lanes]
+    good = jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], good)
+    return carry, stored, good
 
 
 def _segments(revolutions: int) -> list[int]:
@@ -340,7 +341,7 @@ def _prepare(context: _Context, points: np.ndarray):
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
-    return eqx.tree_at(lambda p: p.solver, plan, Exponential(solver.order, basis))
+    return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
 
 
 def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[March, np.ndarray]:
@@ -439,11 +440,11 @@ def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: tuple) 
     coords: dict[str, Any] = {
         path: (path, values, {"units": _unit(context, path)}) for path, values in axes.items()
     }
-    undefined = np.zeros(len(good), bool)
+    undefined = np.zeros(len(good.ok), bool)
     for name in ("index", "whirl_rate"):
         if name in data:
             undefined |= np.isnan(data[name].values)
-    status = np.where(~good, 1, np.where(undefined, 2, 0)).astype(np.int8)
+    status = np.where(~good.ok, 1, np.where(undefined, 2, 0)).astype(np.int8)
     variables: dict[str, Any] = {}
     for name, one in data.items():
         attrs = {"units": one.units, "long_name": one.long_name}
@@ -464,6 +465,9 @@ def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: tuple) 
             "flag_meanings": " ".join(STATUS),
         },
     )
+    if getattr(context.plan.solver, "located", False):
+        about = {"units": "1", "long_name": "steps whose changes of contact were not located"}
+        variables["unresolved"] = (tuple(axes), good.unresolved.reshape(shape), about)
     return xr.Dataset(variables, coords, _provenance(context))
 
 
@@ -488,5 +492,6 @@ def _provenance(context: _Context) -> dict[str, Any]:
         "controller": eqx.tree_pformat(plan.controller) if plan.controller else "default",
         "max_steps": plan.max_steps,
         "precision": str(jnp.zeros(()).dtype),
+        **assumed(context.scene),
         "versions": versions(),
     }

@@ -20,6 +20,9 @@ from .shafts.line import AbstractLine
 from .spin import AbstractSpin, constant
 
 
+Branches = tuple[Float[Array, "k c"], ...]  # of laws of equal make, stacked
+
+
 class Port(eqx.Module):
     """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations."""
 
@@ -33,6 +36,27 @@ class Port(eqx.Module):
         return jnp.concatenate(
             [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
         )
+
+    def branches(self, displacement: Array, velocity: Array, speed: Scalar) -> Branches:
+        """The branch of every law."""
+        seen = displacement, velocity, speed
+        return tuple(jax.vmap(lambda law: law.branch(*seen))(stack) for stack in self.laws)
+
+    def along(
+        self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
+    ) -> Float[Array, "k 2"]:
+        """Force of every law by the formula of a branch [N]."""
+        along = lambda law, branch: law.along(branch, displacement, velocity, speed)
+        pairs = zip(self.laws, branches, strict=True)
+        return jnp.concatenate([jax.vmap(along)(stack, branch) for stack, branch in pairs])
+
+    def margins(
+        self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
+    ) -> Branches:
+        """How far every condition of every law is from changing."""
+        margins = lambda law, branch: law.margins(branch, displacement, velocity, speed)
+        pairs = zip(self.laws, branches, strict=True)
+        return tuple(jax.vmap(margins)(stack, branch) for stack, branch in pairs)
 
     def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
         """Torque of all laws about the axis [N m]."""
@@ -93,9 +117,7 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     `together` groups contacts that share a port; by default those known to be at one station.
     """
     line = scene.line()
-    blocks = scene.shaft.blocks(line)
-    for effect in scene.of(AbstractLinear):
-        blocks = blocks + effect.blocks(line)
+    blocks = linear(scene, line)
     contacts = scene.of(AbstractContact)
     ports, members = [], []
     for group in port_groups(scene) if together is None else together:
@@ -118,6 +140,14 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
         scene.spin,
         tuple(members),
     )
+
+
+def linear(scene: Scene, line: AbstractLine) -> Blocks:
+    """Blocks of the shaft and of all effects, as they enter the equations of a line."""
+    blocks = scene.shaft.blocks(line)
+    for effect in scene.of(AbstractLinear):
+        blocks = blocks + effect.blocks(line)
+    return blocks
 
 
 def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:

@@ -15,7 +15,7 @@ from .quantities import Scalar
 from .scene import Scene
 from .shafts.virtual import VirtualLine
 from .spin import Drive, Turning
-from .system import System, assemble, loads
+from .system import System, assemble, linear, loads
 
 
 class Posture(eqx.Module):
@@ -59,9 +59,11 @@ class Transient(eqx.Module):
 
         q = r exp(i theta),   q. = (r. + i Omega r) exp(i theta),   b = q.. exp(-i theta)
         M b = .. + (Omega^2 - i Omega.) u - Sum column m R (i phi.. - phi.^2) exp(i psi)
-        I Omega. = M_drive - Im(u_row* b) + friction of contacts - drag of bodies       (a free spin)
+        I Omega. = M_drive - Im(u_row* b) + Im(r* (c r. + k_a r*)) + friction of contacts - drag of bodies
 
-    The torque that drives the shaft acts along its bent axis, so that no term `Omega. G` appears.
+    The last line is a free spin's, `c` and `k_a` of whatever turns with the shaft: internal damping,
+    unequal axes. The torque that drives the shaft acts along its bent axis, so that no term `Omega. G`
+    appears.
     Accelerations that depend on each other (bodies by their inertia, a spin that is fed back) are the
     solution of a linear system, two unknowns a race and one for the spin.
     Sources: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Genta (2005), section 3.7.
@@ -71,9 +73,10 @@ class Transient(eqx.Module):
     inverse: Float[Array, "n n"]  # of the inertia
     rate: Scalar  # reference rate [rad/s]
     begin: Scalar  # angle at time 0 [rad]
-    felt: Load | None  # loads by Galerkin on the coordinates, of a spin they feed back to
-    felt_whole: Load | None  # their resultants
-    held: Bool[Array, ""] | None = None  # whether the spin has come to rest for good
+    galerkin: Load | None  # loads by Galerkin on the coordinates, of a spin they feed back to
+    resultant: Load | None  # and their resultants
+    rotating: Blocks | None  # by Galerkin, of what turns with the shaft
+    held: Bool[Array, ""] | None = None  # whether the spin is at rest and stays
     sense: Scalar | None = None  # of rotation, that Coulomb friction is against; None: of the speed
 
     @classmethod
@@ -81,15 +84,17 @@ class Transient(eqx.Module):
         """Equations of a scene from the angle `begin` on; `rate` None is near its first frequency."""
         system = assemble(scene)
         check_known_in_time(system.blocks)
-        felt = whole = None
+        galerkin = resultant = rotating = None
         if isinstance(scene.spin, Drive) and scene.spin.feedback:
-            felt = loads(scene, VirtualLine.galerkin(system.line), Blocks())
-            whole = loads(scene, VirtualLine.resultant(system.line), Blocks())
+            line = VirtualLine.galerkin(system.line)
+            galerkin = loads(scene, line, Blocks())
+            resultant = loads(scene, VirtualLine.resultant(system.line), Blocks())
+            rotating = turning_with(linear(scene, line))
         inverse = jnp.zeros((system.n, system.n))
         if system.blocks.inertia is not None:
             inverse = jnp.linalg.inv(system.blocks.inertia)
         rate = _reference(system) if rate is None else rate
-        return cls(system, inverse, rate, begin, felt, whole)
+        return cls(system, inverse, rate, begin, galerkin, resultant, rotating)
 
     def hold(self, held: Array, sense: Scalar | None = None) -> "Transient":
         """The same with a free spin stopped, or not, and friction against one sense."""
@@ -112,6 +117,14 @@ class Transient(eqx.Module):
             (now.bodies_acceleration - acceleration) / rate,
         )
 
+    def load(self, time: Scalar, y: Posture) -> Array:
+        """Torque on a spin at rest that dry friction has to hold [N m]."""
+        if self.galerkin is None:
+            return self._drive.moment(jnp.zeros(()), 0.0)
+        held = self.hold(jnp.asarray(True), jnp.zeros(()))
+        now = held.instant(time, y)
+        return held._moment(now, held._torque(now))
+
     def instant(self, time: Scalar, y: Posture) -> Instant:
         """All accelerations, and what they belong to."""
         system = self.system
@@ -122,7 +135,7 @@ class Transient(eqx.Module):
         now = Instant(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
         push = -resistance(system.blocks, now) + acting(system.load, now)
         push = push + self.contact(now, lambda port: port.column)
-        torque = None if self.felt is None else self._torque(now)
+        torque = None if self.galerkin is None else self._torque(now)
 
         def respond(unknown: Array) -> tuple[Instant, Array]:
             """The motion these accelerations would give, and by how much it contradicts them."""
@@ -173,6 +186,8 @@ class Transient(eqx.Module):
     def _torque(self, now: Instant) -> Array:
         """Torque on the shaft less what depends on accelerations [N m]."""
         torque = self._drive.moment(now.turning.speed, self.sense)
+        if self.rotating is not None:
+            torque = torque + jnp.imag(jnp.vdot(now.r, resistance(self.rotating, now)))
         displacement, velocity = self._seen_by_ports(now)
         for i, port in enumerate(self.system.ports):
             torque = torque + port.torque(displacement[i], velocity[i], now.turning.speed)
@@ -183,10 +198,15 @@ class Transient(eqx.Module):
 
     def _spin_up(self, then: Instant, torque: Array) -> Array:
         """`Omega.` by the balance of moments."""
-        assert self.felt is not None and self.felt_whole is not None
-        whole = self.felt_whole.unbalance
-        if self.felt.unbalance is not None:
-            torque = torque - jnp.imag(jnp.vdot(self.felt.unbalance, then.absolute))
+        inertia = self._drive.inertia(self.system.blocks.polar)
+        return self._unless_held(self._moment(then, torque) / inertia)
+
+    def _moment(self, then: Instant, torque: Array) -> Array:
+        """Torque on the shaft with what depends on accelerations [N m]."""
+        assert self.galerkin is not None and self.resultant is not None
+        whole = self.resultant.unbalance
+        if self.galerkin.unbalance is not None:
+            torque = torque - jnp.imag(jnp.vdot(self.galerkin.unbalance, then.absolute))
             gravity = self.system.load.gravity
             if gravity is not None and whole is not None:
                 pull = jnp.conj(whole[0]) * gravity / then.turn
@@ -196,7 +216,7 @@ class Transient(eqx.Module):
             share = (bodies.rolling - 1) * bodies.race_radius**2 * bodies.masses
             late = then.bodies_acceleration[part] - then.turning.acceleration
             torque = torque + jnp.sum(share * late)
-        return self._unless_held(torque / self._drive.inertia(self.system.blocks.polar))
+        return torque
 
     # --- bodies and contacts
 
@@ -218,7 +238,7 @@ class Transient(eqx.Module):
             there = bodies.masses > 0
             force = bodies.drag(rate)
             for between in self.system.between:
-                force = force + between.between(psi, rate, 1.0 * there, bodies.race_radius)
+                force = force + between.between(psi, rate, bodies)
             if gravity is not None:
                 acceleration = acceleration - gravity / now.turn
             push = force / jnp.where(there, bodies.masses, 1.0)
@@ -282,6 +302,19 @@ def resistance(blocks: Blocks, now: Instant) -> Array:
         (blocks.rotating_stiffness, jnp.conj(r)),
     ]
     return sum((part @ vector for part, vector in parts if part is not None), start=jnp.zeros(()))
+
+
+def turning_with(blocks: Blocks) -> Blocks | None:
+    """Dampers and unequal stiffness that turn with the shaft; None where there are none."""
+    found = Blocks(
+        damping=blocks.circulatory,
+        circulatory=blocks.circulatory,
+        skew_damping=blocks.skew_circulatory,
+        skew_circulatory=blocks.skew_circulatory,
+        rotating_damping=blocks.rotating_damping,
+        rotating_stiffness=blocks.rotating_stiffness,
+    )
+    return found if jax.tree.leaves(found) else None
 
 
 def acting(load: Load, now: Instant) -> Array:

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 _HINTS = {"rad/s": " (write rpm or rad/s)", "rad": " (write deg or rad)"}
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
+_ENDLESS = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _UNIT = re.compile(  # names, one-digit powers, 1 * / ( ): nothing pint could compute on for long
     r"(?:[\s*/·()°%]|1(?!\w)|[^\W\d]\w*+(?:\s*(?:\^|\*\*)\s*-?\d(?!\d))?)*+"
 )
@@ -31,9 +32,10 @@ def quantity(value: Any, unit: str, path: str) -> float:
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = float(value) if abs(value) < 1e308 else math.inf
     wanted = "a number" if unit == "1" else f"in {unit}"
-    if number is None:
+    endless = isinstance(value, str) and _ENDLESS.fullmatch(value) is not None
+    if number is None and not endless:
         refuse(path, f"must be {wanted}, but is {show(value)}{_HINTS.get(unit, '')}.")
-    if not math.isfinite(number):
+    if number is None or not math.isfinite(number):
         refuse(path, f"must be {wanted} and finite, but is {show(value)}.")
     return number
 

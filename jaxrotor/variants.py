@@ -15,7 +15,8 @@ from .units import refuse, show
 
 
 NAME = "turbine-variants"
-LAYOUTS = ("chain", "example31")
+CHAIN = "chain"
+LAYOUTS = (CHAIN, "example31")
 _COLUMNS = (
     *("variant", "m1_kg", "m2_kg", "R1_m", "R2_m", "O1C1_mm", "alpha_rad", "a_m", "b_m", "c_m"),
     *("M0T_100Nm", "k1_Nms", "k2T_1e-2Nms2", "omega0_rad_s", "tau_s", "note"),
@@ -39,7 +40,7 @@ class Variant(NamedTuple):
     duration: float  # of the run [s]
     note: str  # on doubtful cells, kept as printed
 
-    def scene(self, layout: str = "chain") -> Scene:
+    def scene(self, layout: str = CHAIN) -> Scene:
         """The rotor, first order in offset and tilt, as in the source.
 
         The figures that show where wheels and bearings sit are lost. `layout` is assumed: "chain" is
@@ -56,13 +57,18 @@ class Variant(NamedTuple):
                 wrong |= {"tilt": self.tilt, "tilt_axis": -jnp.pi / 2}
             discs.append(Disc.thin(at, self.masses[i], self.radii[i], exact=False, **wrong))
         shaft = RigidShaft(max(*wheels, bearing), (Constraint(0.0), Constraint(bearing)))
-        return Scene(shaft, *discs, spin=Drive(self.speed, self.torque, self.slope, self.drag))
+        drive = Drive(self.speed, self.torque, self.slope, self.drag)
+        return Scene(shaft, *discs, spin=drive, assumption=self._assumption(layout))
 
-    def title(self, layout: str = "chain") -> str:
-        """What every result must say: that the layout is assumed, and what else is doubtful."""
-        self._places(layout)
+    def title(self, layout: str = CHAIN) -> str:
+        """What is assumed, and what in the print is doubtful."""
         note = f"; {self.note}" if self.note else ""
-        return f"Turbine rotor, variant {self.number} (layout assumed: {layout}{note})"
+        return f"Turbine rotor, variant {self.number} ({self._assumption(layout)}{note})"
+
+    def _assumption(self, layout: str) -> str:
+        """What every result must say."""
+        self._places(layout)
+        return f"layout assumed: {layout}"
 
     def _places(self, layout: str) -> tuple[list[float], float]:
         """Stations of the wheels, and of bearing B [m]."""

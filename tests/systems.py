@@ -116,7 +116,10 @@ EFFECTS = [
     ),
 ]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
-ROLLING = [BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, places=3), BallContact(0.02, 1e5, 8.0)]
+ROLLING = [
+    BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
+    BallContact(1e5, 8.0),
+]
 STRENGTHS = {
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),

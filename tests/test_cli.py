@@ -607,7 +607,34 @@ def test_run_up(place):
 
 def test_run_up_of_what_cannot_move(place):
     text = call("run-up", ramp(), "--times", "0, 10ms, 0.02").stdout
-    assert "nothing moves" in text and "10 to 14 rad/s" in text
+    assert "cannot move; see `jaxrotor reactions`" in text and "10 to 14 rad/s" in text
+    call("run-up", "ramp.toml", "--times", "0, 10ms, 0.02", "--out", "run", "--film")
+    assert sorted(os.listdir("run")) == ["run-up.zarr", "speed.png"]
+
+
+def test_run_up_looks_at_what_moves():
+    """Balls are 0.14 m above the joint, where disc and springs are; 50 revolutions are run."""
+    shown = answered("run-up", "ball-balancer", "--samples", 11)
+    assert shown["station"] == 0.14 and shown["moves"] and shown["peak"]["radius"] > 1e-5
+    assert shown["revolutions"] == pytest.approx(50)
+
+
+def test_run_up_until_a_drive_is_steady():
+    """Course rotor: by partial fractions, until 0.1 % above 204.3827 rad/s."""
+    root, high, low = 17.511850273, 204.382695814, -244.639106070
+    ratio = (600 - high) / (600 - low) * (1.001 * high - low) / (1e-3 * high)
+    shown = answered("run-up", "turbine-run-up", "--samples", 11)
+    assert shown["duration"] == pytest.approx(2.2354 / root * np.log(ratio), rel=1e-5)
+    assert shown["speed"][1] == pytest.approx(1.001 * high, rel=1e-6)
+    runs_away = ["--set", "spin.slope=0", "--set", "spin.drag=0"]
+    assert "runs away" in refused("run-up", "turbine-run-up", *runs_away)
+    assert "add --duration" in refused("run-up", "limiter-rotor", "--set", "spin.speed=0")
+
+
+def test_times_must_ascend_and_be_finite():
+    times = ["run-up", "turbine-run-up", "--times"]
+    assert "--times must ascend, but has 0.2 s and then 0.1 s." in refused(*times, "0,0.2,0.1")
+    assert "finite, but is 'nan'" in refused(*times, "0,nan")
 
 
 def test_reactions(place):
@@ -642,6 +669,24 @@ def test_reactions_of_a_steady_state(place):
     assert one["force"]["static"] == pytest.approx(2 * 9.80665)
 
 
+def test_layouts_are_said_to_be_assumed(place):
+    """Row 3 by the printed cells: masses of 60 and 70 kg at 0.12 and 0.23 m of 0.37 m."""
+    row = ["turbine-variants", "--row", 3]
+    layout = "layout assumed: chain"
+    shown = answered("balance", *row)
+    assert shown["assumption"] == layout and shown["planes"]["mass"] == 130.0
+    assert layout in call("balance", *row).stdout
+    run = ["--times", "0, 0.1", "--out", "run", "--layout", "example31"]
+    for command in ("reactions", "run-up"):
+        text = call(command, *row, *run).stdout
+        assert "layout assumed: example31" in text
+        name = f"run/{command}.zarr"
+        assert xr.open_zarr(name).attrs["assumption"] == "layout assumed: example31"
+    assert "variant 3" in call("show", *row, "--toml").stdout
+    assert "needs the row" in refused("balance", "turbine-variants", "--layout", "chain")
+    assert "no rows" in refused("balance", "limiter-rotor", "--row", 3)
+
+
 def test_balance_in_two_planes(place):
     shown = answered("balance", ramp(), "--planes", "0m,400mm")
     assert shown["speed"] == 20.0 and shown["planes"]["mass"] == 2.0
@@ -649,15 +694,39 @@ def test_balance_in_two_planes(place):
     assert [one["plane"], two["plane"]] == [0.0, 0.4]
     assert [one["moment"], two["moment"]] == pytest.approx([1.5e-3, 0.5e-3])
     assert np.cos([one["angle"], two["angle"]]) == pytest.approx([-1.0, -1.0])
-    assert shown["planes"]["before"] == pytest.approx({"unbalance": 2e-3, "grade": 20.0})
-    assert shown["planes"]["residual"]["unbalance"] < 1e-15
-    assert shown["planes"]["standard"] == 40.0
-    assert shown["planes"]["permissible"] == pytest.approx(6.3e-3 * 2 / 20)
+    assert shown["speed_of"] == "highest of the profile"
+    before, after = shown["planes"]["before"], shown["planes"]["residual"]
+    # 2 kg and 2 g m at 0.1 m between bearings at 0 and 0.4 m: shares 0.75 and 0.25, held to 0.7 and 0.3.
+    assert (before["static"], before["couple"]) == pytest.approx((2e-3, 0), abs=1e-15)
+    assert before["bearings"] == pytest.approx([1.5e-3, 0.5e-3])
+    assert (
+        before["grade"] == pytest.approx(1.5e-3 / 0.7 * 20 / 2 * 1e3) and before["standard"] == 40
+    )
+    zeros = {"static": 0, "couple": 0, "bearings": [0, 0], "grade": 0, "standard": 0.4}
+    assert after == zeros
+    permitted = shown["planes"]["permissible"]
+    assert permitted["static"] == pytest.approx(6.3e-3 * 2 / 20)
+    assert permitted["bearings"] == pytest.approx([0.7 * 6.3e-4, 0.3 * 6.3e-4])
+    other = answered("balance", "ramp.toml", "--planes", "100mm,300mm")["planes"]
+    assert other["before"] == before and other["residual"] == zeros
     text = call("balance", "ramp.toml", "--planes", "0,0.4", "--grade", "2.5").stdout
-    assert "1500" in text and "meets G 40" in text and "250 g mm" in text
+    assert "1500" in text and "21.4" in text and "175" in text and "highest of the profile" in text
+    assert "--speed must be above 0, but is -3" in refused("balance", "ramp.toml", "--speed=-3")
     assert "two different stations" in refused("balance", "ramp.toml")
     still = ramp(spin=jr.ConstantSpeed(0.0), name="still.toml")
     assert "--speed" in refused("balance", still, "--planes", "0,0.4")
+
+
+def test_grade_of_the_course_rotor():
+    """R_A, R_B of the sheet over the square of its steady speed, shares by its centre of mass."""
+    shown = answered("balance", "turbine-run-up")
+    assert shown["speed"] == pytest.approx(204.382695814, rel=1e-9)
+    assert shown["speed_of"] == "steady speed of the drive"
+    loads = np.array([1481.2272, 1995.4354]) / 204.382695814**2
+    assert shown["planes"]["before"]["bearings"] == pytest.approx(loads, rel=1e-7)
+    lever = 0.165460993 / 0.267
+    grade = max(loads / [1 - lever, lever]) * 204.382695814 / 141 * 1e3
+    assert shown["planes"]["before"]["grade"] == pytest.approx(grade, rel=1e-6)
 
 
 def test_balance_with_balls(place):
@@ -717,7 +786,7 @@ def test_balance_with_balls(place):
         (["run-up", "limiter-rotor", "--duration", "1s", "--film"], "add --out"),
         (["run-up", "limiter-rotor", "--duration", "1s", "--times", "0,1"], "leave out"),
         (["run-up", "limiter-rotor", "--times", "0:1"], "start : stop : count"),
-        (["reactions", "limiter-rotor", "--times", "1s,0s"], "ascending"),
+        (["reactions", "limiter-rotor", "--times", "1s,0s"], "must ascend"),
         (["balance", "limiter-rotor", "--planes", "0m"], "two different stations"),
         (["balance", "limiter-rotor", "--planes", "0m,9m"], "on the shaft"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=1:2"], "start : stop : count"),

@@ -233,8 +233,11 @@ def every_effect() -> Scene:
     members = []
     for cls in files._kinds().values():
         for _ in range(rng.choice([1, 2])):
-            numbers = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
-            members.append(cls(**{name: rng.random() / 3 for name in numbers}))
+            names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
+            numbers = {name: rng.random() / 3 for name in names}
+            if "ball_radius" in numbers:  # fits into its race
+                numbers["ball_radius"] = numbers["race_radius"] / 7
+            members.append(cls(**numbers))
     material = Material(1e11 / 3, 7e3 / 9)
     shaft = FlexibleShaft(1 / 3, 1e-2 / 7, material, -1 / 9, nodes=5, rotary_inertia=False)
     return Scene(shaft, *members, spin=ConstantSpeed(-1e5 / 3))
@@ -603,7 +606,7 @@ def study_of(text):
         (
             "[disc]",
             "[disk]",
-            "disk is not a parameter of a scene (did you mean `disc`?); it has: title, "
+            "disk is not a parameter of a scene (did you mean `disc`?); it has: title, assumption, "
             "shaft, ball_balancer, ball_balancers, ball_contact, ball_contacts, disc, discs, ",
         ),
         (

@@ -37,7 +37,7 @@ LAYERS = [
     ("run_up",),
     ("reactions",),
     ("observe", "dataset", "chunks"),
-    ("sweep", "basins"),
+    ("sweep", "basins", "hysteresis"),
     ("methods",),
     ("measures",),
     ("plot", "accuracy", "design"),

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import re
 from pathlib import Path
 
@@ -93,6 +94,9 @@ FOUND = {
         "Euler, error of reactions": (0.129, 6e-4),
         "reaction left / before": (0.0, 1e-12),
         "left when 1 % off": (0.01, 1e-9),
+        "static unbalance [g mm]": (1e6 * math.hypot(1.1821309e-2, 3.5183671e-3), 1e-2),
+        "unbalance at A [g mm]": (1e6 * 1481.2272 / 204.382695814**2, 1e-2),
+        "unbalance at B [g mm]": (1e6 * 1995.4354 / 204.382695814**2, 1e-2),
         "variant 1, steady speed": (475.158208, 1e-6),
         "variant 1, R_A": (6087.52, 6e-3),
         "variant 1, R_B": (10603.0, 6e-2),
@@ -106,6 +110,9 @@ FOUND = {
         "critical speed": (1.118033989, 1e-9),
         "light set, true boundary": (1.65833228122, 1e-9),
         "rate at 1.5, going up": (1.0946, 0.02),
+        "rms imbalance at 2, coming down": (0.0, 1e-3),
+        "rms imbalance at 1.7, coming down": (0.0, 0.05),
+        "rms imbalance at 1.6, coming down": (4.48, 0.1),
     },
 }
 

@@ -851,6 +851,8 @@ def run(*effects, size=201):
         displacement=((2e-3 + 1e-3 * time) * np.exp(1j * angle))[:, None],
         balls=tuple(jr.Balls(jnp.asarray(a), jnp.zeros_like(a)) for a in angles),
         imbalance=2e-3 + thrown,
+        contact_force=None,
+        stations=np.array([0.14]),
         scene=scene,
     )
 
@@ -971,7 +973,9 @@ def test_balls_that_balance_are_on_a_logarithmic_scale():
 
 
 def test_balancer_is_drawn_to_scale():
-    ax = plot.balancer_at(run(jr.BallContact(0.008, 1e5)), 0.0)
+    sized = run()
+    sized.scene = sized.scene.replace({"ball_balancers.ball_radius": 0.008})
+    ax = plot.balancer_at(sized, 0.0)
     circles = [(*patch.center, patch.radius) for patch in ax.patches]
     expected = [(0, 0, 60), (60, 0, 8), (0, 60, 8), (0, 0, 50), (0, -50, 8)]
     np.testing.assert_allclose(circles, expected, atol=1e-6)
@@ -980,12 +984,12 @@ def test_balancer_is_drawn_to_scale():
     assert arrows["rotor"] == pytest.approx(2 * each)
     assert arrows["row 1, 2 balls"] == pytest.approx((1.5 + 1.5j) * each)
     assert arrows["row 2, 1 ball"] == pytest.approx(-1j * each)
-    assert arrows["left"] == pytest.approx((3.5 + 0.5j) * each)
+    assert arrows["remaining"] == pytest.approx((3.5 + 0.5j) * each)
     assert "radius = 4 g m" in [text.get_text() for text in ax.texts]
     assert ax.get_xlabel() == "x of the rotor [mm]" and ax.get_aspect() == 1.0
 
 
-def test_balls_without_a_contact_are_of_steel():
+def test_balls_without_a_radius_are_of_steel():
     ball = plot.balancer_at(run(), 0.0).patches[1]
     assert 4 / 3 * np.pi * (1e-3 * ball.radius) ** 3 * 7850 == pytest.approx(0.025)
 
@@ -1081,3 +1085,64 @@ def test_draws_in_given_axes_or_a_figure_of_its_own(draw):
     _, ax = plt.subplots()
     assert draw(ax) is ax
     assert 84.9 < 25.4 * draw(None).figure.get_figwidth() < 170.1
+
+
+# === what lies on each other, what is hidden
+
+
+def symmetric(*effects, times=(0.0, 0.1, 0.2)):
+    """Reactions of a disc in the middle of two pins, off centre."""
+    shaft = jr.RigidShaft(0.4, (jr.Constraint(0.0), jr.Constraint(0.4)))
+    spin = jr.ConstantSpeed(100.0)
+    scene = jr.Scene(shaft, jr.Disc(0.2, 2.0, 0.0, 0.02, offset=1e-3), *effects, spin=spin)
+    return jr.reactions(jr.run_up(scene, np.array(times)))
+
+
+def test_equal_reactions_can_be_told_apart():
+    for ax in (
+        plot.reactions(symmetric()),
+        plot.hodograph(symmetric(times=np.linspace(0, 0.1, 999))),
+    ):
+        first, second = [line for line in ax.lines if len(line.get_xdata()) > 2]
+        assert first.get_linestyle() == "-" and second.get_linestyle() == "--"
+        names = ["constraints.0 at 0 mm", "constraints.1 at 400 mm"]
+        assert [text.get_text() for text in ax.get_legend().get_texts()] == names
+
+
+def test_a_force_that_is_never_there_has_no_legend():
+    ax = plot.reactions(symmetric(jr.Limiter(0.2, 0.0, 1e-3, 1e5)))
+    assert len(ax.get_legend().get_texts()) == 2
+
+
+def test_a_coarse_hodograph_is_round():
+    """`m e W^2 / 2` = 10 N about the weight, 2 g / 2, at three samples in about three revolutions."""
+    ax = plot.hodograph(symmetric(jr.Gravity()))
+    path = ax.lines[0].get_xdata() + 1j * ax.lines[0].get_ydata()
+    weight = np.mean([np.min(path.imag), np.max(path.imag)]) * 1j
+    assert abs(weight) == pytest.approx(9.80665, rel=1e-2)
+    assert np.abs(path - weight) == pytest.approx(10.0, rel=1e-2)
+    assert any("samples a revolution, interpolated" in text.get_text() for text in ax.texts)
+
+
+def test_passage_marks_contact_and_the_critical_speed():
+    """50 rad/s of 2 kg on 5 kN/m; touches where the amplitude exceeds the gap."""
+    scene = jr.Scene(
+        jr.MasslessShaft(0.4, 0.2, 5e3),
+        jr.Disc(0.2, 2.0, 0.0, 0.0, offset=1e-3),
+        jr.DiscDamping(0.2, 8.0),
+        jr.Limiter(0.2, 0.0, 3e-3, 4e4, 20.0),
+        spin=jr.SpeedProfile.ramp(10.0, 90.0, 2.0),
+    )
+    ax = plot.passage(jr.run_up(scene, np.linspace(0, 2, 801)))
+    lines = dict(
+        zip(ax.get_legend_handles_labels()[1], ax.get_legend_handles_labels()[0], strict=True)
+    )
+    assert lines["critical speed"].get_xdata()[0] == pytest.approx(50.0)
+    touched = lines["contact"].get_ydata()
+    assert np.nanmin(touched) > 2.99 and np.isnan(touched[0])
+
+
+def test_a_scene_prints_its_parameters():
+    text = str(jr.load("turbine-variants", row=1))
+    assert text.startswith("RigidShaft, Drive (layout assumed: chain)")
+    assert "  discs.mass = 100, 90 kg" in text and "  discs.offset = 0.0002, - m" in text

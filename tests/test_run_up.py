@@ -1,11 +1,14 @@
 """Motion at varying speed: against scipy, a Lagrangian, energy, and the closed run-up."""
 
+import dataclasses
+
 import diffrax as dfx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import cumulative_simpson, solve_ivp
+from scipy.special import ellipkm1
 
 import jaxrotor as jr
 
@@ -239,6 +242,82 @@ def test_friction_of_a_stop_brakes_the_drive():
     assert np.abs(stored - stored[0] - gained).max() < 1e-4 * np.ptp(stored)
 
 
+SPRUNG = jr.Drive(400.0, 0.0, feedback=True)  # left to itself
+
+
+def pairs(mu):
+    """Along and across axes that turn with the shaft: 1 + mu, 1 - mu."""
+    return lambda size: lambda z: size * ((1 + mu) * z.real**2 + (1 - mu) * z.imag**2)
+
+
+@pytest.mark.parametrize(
+    ("shaft", "effects", "spring", "damper"),
+    [
+        (
+            jr.MasslessShaft(1.0, 0.5, STIFFNESS, anisotropy=0.2),
+            [jr.InternalDamping(1e-3)],
+            pairs(0.2)(STIFFNESS),
+            pairs(0.2)(80.0),
+        ),
+        (
+            jr.MasslessShaft(1.0, 0.5, STIFFNESS, damping=80.0),
+            [],
+            pairs(0.0)(STIFFNESS),
+            pairs(0.0)(80.0),
+        ),
+        (
+            jr.RigidShaft(1.0),
+            [
+                jr.Support(
+                    at, STIFFNESS / 2, 40.0, anisotropy=0.3, damping_anisotropy=0.1, rotating=True
+                )
+                for at in (0.0, 1.0)
+            ],
+            pairs(0.3)(STIFFNESS),
+            pairs(0.1)(80.0),
+        ),
+    ],
+    ids=["voigt", "shaft", "support"],
+)
+def test_what_turns_with_the_shaft_makes_no_energy(shaft, effects, spring, damper):
+    """Above critical speed internal damping drives the whirl; the rotation pays for it."""
+    disc = jr.Disc(0.5, MASS, 0.1, 0.01, offset=1e-3)
+    scene = jr.Scene(shaft, disc, *effects, spin=SPRUNG)
+    times = np.linspace(0, 0.04, 2001)
+    run = jr.run_up(scene, times, start=jr.Whirl(1e-3, 200.0), at=0.5, controller=FINE)
+    z, v = np.asarray(run.displacement[:, 0]), np.asarray(run.velocity[:, 0])
+    angle, speed = np.asarray(run.angle), np.asarray(run.speed)
+    turn = np.exp(1j * angle)
+    centre = v + 1j * speed * 1e-3 * turn  # of mass
+    kinetic = MASS * np.abs(centre) ** 2 / 2 + 0.01 * speed**2 / 2
+    energy = kinetic + spring(z / turn) / 2
+    lost = np.concatenate([[0], cumulative_simpson(damper((v - 1j * speed * z) / turn), x=times)])
+    assert lost[-1] > 0.5 and np.diff(energy).max() < 1e-9 * energy[0]
+    assert np.abs(energy - energy[0] + lost).max() < 1e-7 * lost[-1]
+
+
+def test_internal_damping_of_a_flexible_shaft_brakes_as_that_of_a_spring():
+    """A disc amid a shaft of next to no mass: k = 48 EI / l^3."""
+    bar, times = jr.Material(2e11, 1.0), np.linspace(0, 0.03, 7)
+    stiffness = 48 * 2e11 * np.pi * 0.02**4 / 64
+    pinned = jr.FlexibleShaft(
+        1.0, 0.02, bar, constraints=(jr.Constraint(0.0), jr.Constraint(1.0)), nodes=2
+    )
+    disc, spin = jr.Disc(0.5, MASS, 0.05, 0.01), jr.Drive(400.0, 0.0, polar=0.01, feedback=True)
+    fine, start = dfx.PIDController(rtol=1e-9, atol=1e-12), jr.Whirl(1e-3, 200.0)
+    run = lambda shaft: jr.run_up(
+        jr.Scene(shaft, disc, jr.InternalDamping(1e-3), spin=spin),
+        times,
+        start=start,
+        at=0.5,
+        controller=fine,
+    )
+    one, two = run(pinned), run(jr.MasslessShaft(1.0, 0.5, stiffness))
+    drop = 400 - np.asarray(two.speed)
+    assert drop[-1] > 0.05
+    assert np.abs(400 - np.asarray(one.speed) - drop).max() < 1e-3 * drop[-1]
+
+
 def test_stop_and_reversal():
     fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
     turn = lambda drive: jr.Scene(fixed, jr.Disc(0.5, 1.0, polar=2.2354), spin=drive)
@@ -258,9 +337,64 @@ def test_stop_and_reversal():
     first = 10 * 2.2354 / 50
     assert np.isinf(float(back.stopped))
     assert float(back.speed[-1]) == pytest.approx(-10 / 2.2354 * (2 - first), rel=1e-7)
-    # A rotor at rest that friction holds stays there.
+    # A rotor at rest that friction holds stays there; a motor that is stronger starts it.
     held = jr.run_up(turn(jr.Drive(0.0, 15.0, coulomb=20.0)), times)
     assert float(held.stopped) == 0 and not np.asarray(held.speed).any()
+    starts = jr.run_up(turn(jr.Drive(0.0, 30.0, coulomb=20.0, stops=True)), times)
+    assert np.isinf(float(starts.stopped))
+    assert np.allclose(starts.speed, 10 / 2.2354 * times, rtol=1e-9)
+    # What has stopped for good does not turn back when the run goes on.
+    later = jr.run_up(turn(stops), times, start=run.end)
+    assert not np.asarray(later.speed).any() and float(later.stopped) == 0
+    assert np.allclose(later.angle, run.angle[-1], rtol=1e-15)
+
+
+def test_derivative_of_the_time_of_a_stop():
+    """t = w0 I / M_C."""
+    fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
+    scene = jr.Scene(fixed, jr.Disc(0.5, 1.0, polar=2.2354), spin=jr.Drive(10.0, 0.0, coulomb=20.0))
+    stop = lambda dry: jr.run_up(scene.put({"spin.coulomb": dry}), np.linspace(0, 2, 3)).stopped
+    assert float(jax.jacfwd(stop)(20.0)) == pytest.approx(-10 * 2.2354 / 400, rel=1e-7)
+
+
+def test_a_pendulum_with_dry_friction_swings_until_friction_holds_it():
+    """Weight moment 0.981 N m at rest; scipy from one turning point to the next."""
+    fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
+    disc = jr.Disc(0.5, 1.0, polar=1.0, offset=0.1, exact=False)
+    pendulum = lambda **kind: jr.Scene(
+        fixed, disc, jr.Gravity(9.81), spin=jr.Drive(0.0, 0.0, feedback=True, **kind)
+    )
+
+    def swings(dry):
+        """Times and angles of the turning points."""
+        time, angle, found = 0.0, 0.0, []
+        while abs(0.981 * np.cos(angle)) > dry:
+            sense = -np.sign(np.cos(angle))
+            law = lambda t, y, sense=sense: [y[1], -0.981 * np.cos(y[0]) - dry * sense]
+            halt = lambda t, y, sense=sense: sense * y[1] if t > 1e-3 else 1.0
+            halt.terminal = True
+            one = solve_ivp(
+                law, (0, 20), [angle, 0.0], "DOP853", events=halt, rtol=1e-12, atol=1e-14
+            )
+            time, angle = time + one.t[-1], one.y[0, -1]
+            found.append((time, angle))
+        return np.array(found)
+
+    points = swings(0.3)
+    assert len(points) > 1  # there and back
+    times = np.append(0.0, points[:, 0].repeat(2) + np.tile([-1e-6, 1e-6], len(points)))
+    run = jr.run_up(pendulum(coulomb=0.3), np.append(times, times[-1] + 5), controller=FINE)
+    assert np.allclose(run.angle[1:-1:2], points[:, 1], rtol=0, atol=1e-8)
+    assert float(run.stopped) == pytest.approx(points[-1, 0], abs=1e-7)
+    assert run.angle[-1] == run.angle[-2] and run.acceleration[-1] == 0
+    few = dict(controller=FINE, max_stops=0)
+    with pytest.raises(RuntimeError, match="`max_stops`"):
+        jr.run_up(pendulum(coulomb=0.3), np.append(times, times[-1] + 5), **few)
+    # Without friction it stays where it first stops, half a turn on.
+    once = jr.run_up(pendulum(stops=True), [1.0, 5.0, 6.0], controller=FINE)
+    assert np.allclose(once.angle[1:], -np.pi, rtol=0, atol=1e-8)
+    half = 2 * float(ellipkm1(0.5)) / np.sqrt(0.981)
+    assert float(once.stopped) == pytest.approx(half, abs=1e-7)
 
 
 def test_drag_to_the_letter_runs_away_and_odd_drag_does_not():
@@ -270,8 +404,11 @@ def test_drag_to_the_letter_runs_away_and_odd_drag_does_not():
         turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039, odd=True)), [0.1, 0.3], controller=FINE
     )
     assert np.allclose(odd.speed, [-124.01992032, 62.28080152], rtol=0, atol=1e-7)
-    with pytest.raises((ValueError, RuntimeError), match=r"0\.28|finite"):
-        jr.run_up(turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039)), [0.1, 0.3])
+    letter = turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039))
+    with pytest.raises(RuntimeError, match=r"did not stay finite.*odd=True"):
+        jr.run_up(letter, [0.1, 0.3])
+    before = jr.run_up(letter, [0.1, 0.282039])  # runs away at 0.28204 s
+    assert abs(before.speed[1]) > 1e6
 
 
 # === as a function
@@ -284,6 +421,64 @@ def test_a_run_continues():
     second = jr.run_up(scene, [0.05, 0.1], start=first.end, controller=FINE)
     assert np.allclose(second.displacement[-1], whole.displacement[-1], rtol=0, atol=1e-12)
     assert float(second.angle[-1]) == pytest.approx(float(whole.angle[-1]), rel=1e-12)
+
+
+def test_a_run_goes_on_at_another_speed():
+    """Displacement and velocity in fixed axes go on; against scipy at both speeds."""
+    times = np.linspace(0, 0.1, 6)
+
+    def at(speed, begin):
+        def own(t, q, v):
+            push = MASS * OFFSET * speed**2 * np.exp(1j * (begin + speed * t))
+            return (np.array([push.real, push.imag]) - DAMPING * v - STIFFNESS * q) / MASS
+
+        return own
+
+    one, two = jeffcott(spin=jr.ConstantSpeed(100.0)), jeffcott(spin=jr.ConstantSpeed(150.0))
+    first = jr.run_up(one, times, controller=FINE)
+    second = jr.run_up(two, times, start=first.end, controller=FINE)
+    q, v = integrate(at(100.0, 0.0), times)
+    q, v = integrate(at(150.0, 10.0), times, start=np.concatenate([q[-1], v[-1]]))
+    z, rate = np.asarray(second.displacement[:, 0]), np.asarray(second.velocity[:, 0])
+    assert np.abs(z - q @ [1, 1j]).max() < 1e-9 * np.abs(z).max()
+    assert np.abs(rate - v @ [1, 1j]).max() < 1e-9 * np.abs(rate).max()
+    assert np.allclose(second.velocity[0], first.velocity[-1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "spin",
+    [
+        jr.SpeedProfile([0.0, 0.15, 0.4], [100.0, 220.0, 150.0]),
+        jr.Drive(100.0, 3.0, 0.01, 1e-5, polar=0.02),
+        jr.Drive(100.0, 3.0, 0.01, 1e-5, polar=0.02, odd=True),
+    ],
+    ids=["profile", "closed", "free"],
+)
+def test_a_run_goes_on_at_a_speed_that_varies(spin):
+    """In parts or in one piece, and the speed by scipy."""
+    scene = jeffcott(spin=spin)
+    whole = jr.run_up(scene, [0.1, 0.2, 0.3], controller=FINE)
+    first = jr.run_up(scene, [0.02, 0.05, 0.1], controller=FINE)
+    second = jr.run_up(scene, [0.05, 0.1, 0.2], start=first.end, controller=FINE)
+    assert np.allclose(second.displacement[1:], whole.displacement[1:], rtol=0, atol=1e-11)
+    if isinstance(spin, jr.SpeedProfile):
+        speeds = np.interp([0.1, 0.2, 0.3], [0.0, 0.15, 0.4], [100.0, 220.0, 150.0])
+    else:
+        law = lambda t, w: (3.0 - 0.01 * w - 1e-5 * w**2) / 0.02
+        speeds = solve_ivp(law, (0, 0.3), [100.0], "DOP853", [0.1, 0.2, 0.3], rtol=1e-12).y[0]
+    assert np.allclose(whole.speed, speeds, rtol=1e-9)
+    assert np.allclose(second.speed[1:], speeds[1:], rtol=1e-8)
+    assert np.allclose(second.angle[1:], whole.angle[1:], rtol=1e-9)
+
+
+def test_a_profile_that_a_run_cannot_go_on_in_is_refused():
+    first = jr.run_up(jeffcott(spin=jr.SpeedProfile.ramp(100.0, 200.0, 0.1)), [0.0, 0.05])
+    scene = jeffcott(spin=jr.SpeedProfile.ramp(150.0, 50.0, 0.1))
+    with pytest.raises(ValueError, match=r"150 rad/s, but at 0.05 s it is 100 rad/s.*`time`"):
+        jr.run_up(scene, [0.0, 0.1], start=first.end)
+    again = dataclasses.replace(first.end, time=0.0)
+    run = jr.run_up(scene, [0.0, 0.1], start=again)
+    assert np.allclose(run.speed, [150.0, 50.0]) and float(run.end.time) == 0.1
 
 
 def test_gradient_and_lanes():

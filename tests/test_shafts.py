@@ -7,6 +7,7 @@ Friswell, Penny, Garvey, Lees, 2010, by finite elements of others).
 import itertools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -536,3 +537,26 @@ def test_more_constraints_in_any_order_are_the_same():
         for order in itertools.permutations(held)
     ]
     np.testing.assert_allclose(found, np.broadcast_to(found[0], np.shape(found)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "at", "expected"),
+    [
+        ({}, 2.0, 8 / 3),
+        ({"rule": "trapezoid"}, 2.0, 8 / 3),
+        ({"constraints": (jr.Constraint(0.0), jr.Constraint(2.0))}, 1.0, 8 / 48),
+        ({"steps": (jr.Step(1.0, 0.1),)}, 2.0, 7 / 3 + 1 / 3 / 16),
+        ({"shear": True}, 2.0, 8 / 3 + 2 * (7 + 6 * 0.3) * 0.05**2 / 48),
+    ],
+    ids=["cantilever", "trapezoid", "pinned", "stepped", "shear"],
+)
+def test_strain_energy_is_the_work_of_a_force(options, at, expected):
+    """Deflection under a unit force, times E I; l / kGA adds l (7 + 6 nu) D^2 / 48 of it."""
+    shear = 2e11 / 2 / 1.3
+    shaft = jr.FlexibleShaft(2.0, 0.05, jr.Material(2e11, 7850.0, shear), nodes=6, **options)
+    scene = jr.Scene(shaft, jr.Disc(at, 1.0), spin=jr.ConstantSpeed(0.0))
+    line, at = scene.line(), jnp.asarray(at)
+    bent = np.linalg.solve(line.stiffness, line.column(at)) * 2e11 * np.pi * 0.05**4 / 64
+    energy = bent @ np.asarray(line.strain_energy) @ bent / (2e11 * np.pi * 0.05**4 / 64)
+    np.testing.assert_allclose(energy, expected, rtol=1e-8)
+    np.testing.assert_allclose(bent @ np.asarray(line.row(at)), expected, rtol=1e-8)

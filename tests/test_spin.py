@@ -312,3 +312,25 @@ def test_stepping_at_constant_speed_refuses_a_speed_that_varies(rotor, spin):
             f"`{what}` is for constant speed, but the spin of the scene is a {name}; use "
             "`jaxrotor.run_up`, or `scene.at_speed(..)`."
         )
+
+
+# === where a drive comes to
+
+
+def test_a_drive_settles():
+    """Course rotor: roots of the quadratic, time by partial fractions; the others by hand."""
+    torque, slope, drag, polar = 1950.0, 1.57, 0.039, 2.2354
+    root = np.sqrt(slope**2 + 4 * drag * torque)
+    high, low = (root - slope) / (2 * drag), (-root - slope) / (2 * drag)
+    for start, end in ((600.0, 1.001 * high), (0.0, 0.999 * high)):
+        ratio = (start - high) / (start - low) * (end - low) / (end - high)
+        found = jr.settled(jr.Drive(start, torque, slope, drag), polar)
+        assert found == pytest.approx((high, polar / root * np.log(ratio)), rel=1e-5)
+    coasting = jr.settled(jr.Drive(100.0, 0.0, coulomb=5.0), 2.0)
+    assert coasting == pytest.approx((0.0, 2.0 * 99.9 / 5.0), rel=1e-5, abs=1e-9)
+    table = jr.Drive(0.0, 0.0, slope=0.1, table_speeds=[0.0, 50.0], table_torques=[10.0, 5.0])
+    # 10 - 0.2 W up to the balance at 50 rad/s: within 0.05 of it after 5 ln(1000) of I / 0.2
+    assert jr.settled(table, 1.0) == pytest.approx((50.0, 5 * np.log(1000)), rel=1e-4)
+    assert jr.settled(jr.Drive(5.0, 0.0), 1.0) == (5.0, 0.0)
+    with pytest.raises(ValueError, match="runs away"):
+        jr.settled(jr.Drive(0.0, 3.0), 1.0)

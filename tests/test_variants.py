@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jaxrotor as jr
+from jaxrotor import plot
 from jaxrotor.variants import read
 
 
@@ -155,5 +156,40 @@ def test_rows_that_do_not_exist(row):
 def test_other_refusals():
     with pytest.raises(ValueError, match="`layout` must be 'chain' or 'example31', but is 'x'"):
         jr.load("turbine-variants", row=3, layout="x")
-    with pytest.raises(jr.SceneError, match="limiter-rotor has no rows; give none, or load"):
+    with pytest.raises(jr.SceneError, match="limiter-rotor has no rows and no layouts; give none"):
         jr.load("limiter-rotor", row=1)
+
+
+# === what is assumed stands in every result
+
+
+def test_results_say_what_is_assumed(tmp_path):
+    scene = jr.load("turbine-variants", row=3, layout="example31")
+    run = jr.run_up(scene.replace({"spin.speed": 300.0}), [0.0, 0.1, 0.2])
+    result = jr.reactions(run)
+    for data in (jr.dataset(run), jr.dataset(result)):
+        assert data.attrs["assumption"] == "layout assumed: example31"
+    for ax in (plot.reactions(result), plot.hodograph(result), plot.speed(run)[1]):
+        assert "layout assumed: example31" in [text.get_text() for text in ax.texts]
+    file = tmp_path / "variant.toml"
+    jr.save(scene, file)
+    assert jr.load(file).assumption == "layout assumed: example31"
+    assert scene.without("discs").assumption == "layout assumed: example31"
+    assert jr.load("turbine-variants").assumption == "layout assumed: chain"
+    assert jr.load("turbine-run-up").assumption == ""
+    assert "assumption" not in jr.dataset(jr.run_up(jr.load("turbine-run-up"), [0, 0.1])).attrs
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("turbine-variants", None, "example31"), "needs the row that the layout is for"),
+        (("turbine-variants", 1, "nonsense"), "must be 'chain' or 'example31', but is 'nonsense'"),
+        (("limiter-rotor", None, "nonsense"), "has no rows and no layouts"),
+        (("limiter-rotor", 1, None), "has no rows and no layouts"),
+    ],
+)
+def test_layouts_are_not_ignored(options, message):
+    for ask in (jr.load, jr.title):
+        with pytest.raises(ValueError, match=message):
+            ask(*options)

@@ -6,6 +6,9 @@ from .balancing import (
     Grade as Grade,
     allocated_unbalance as allocated_unbalance,
     balance_grade as balance_grade,
+    bearing_grade as bearing_grade,
+    bearing_stations as bearing_stations,
+    centre_of_mass as centre_of_mass,
     correction_masses as correction_masses,
     first_moments as first_moments,
     influence_coefficients as influence_coefficients,
@@ -45,6 +48,7 @@ from .reduction import (
     inertia_from_frequency as inertia_from_frequency,
     reduction as reduction,
 )
+from .settling import Settled as Settled, settled as settled
 from .stability import (
     Onset as Onset,
     growth_rate as growth_rate,

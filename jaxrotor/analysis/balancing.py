@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..blocks import Blocks
-from ..effects import AbstractLinear
+from ..effects import AbstractLinear, Support
 from ..quantities import Scalar, check, known
 from ..scene import Scene
+from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
 from ..shafts.virtual import VirtualLine
 from ..system import loads
 
@@ -29,7 +30,7 @@ class FirstMoments(NamedTuple):
 class Grade(NamedTuple):
     """Quality of balance."""
 
-    value: Scalar  # e Omega [mm/s]
+    value: Scalar  # G [mm/s]
     standard: Scalar  # next grade G of the standard [mm/s], infinite above the last
 
 
@@ -51,10 +52,33 @@ def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
 
 def total_mass(scene: Scene) -> Scalar:
     """Mass [kg] of shaft, discs and balls together."""
-    line = VirtualLine.resultant(scene.line())
+    return _weights(scene)[0]
+
+
+def centre_of_mass(scene: Scene) -> Scalar:
+    """`Int z dm / m` [m] of shaft, discs and balls together."""
+    mass, moment = _weights(scene)
+    return moment / mass
+
+
+def bearing_stations(scene: Scene) -> Float[Array, " b"]:
+    """Stations [m] where a constraint or support holds the displacement, each once, ascending."""
+    shaft = scene.shaft
+    if isinstance(shaft, MasslessShaft):  # its supports, if it has any, are there too
+        held = [0.0, shaft.length]
+    else:
+        own = shaft.constraints if isinstance(shaft, FlexibleShaft | RigidShaft) else ()
+        held = [one.at for one in own if one.displacement]
+        held += [one.at for one in scene.of(Support) if float(one.stiffness) > 0]
+    return jnp.asarray(sorted({float(at) for at in held}))
+
+
+def _weights(scene: Scene) -> Float[Array, "2"]:
+    """Mass [kg] and first moment of mass about z = 0 [kg m]."""
+    line = VirtualLine.resultant(scene.line(), jnp.zeros(()))
     parts = [scene.shaft, *scene.of(AbstractLinear)]
     weights = [part.blocks(line).weight for part in parts]
-    return sum((weight[0] for weight in weights if weight is not None), start=jnp.zeros(()))
+    return sum((weight for weight in weights if weight is not None), start=jnp.zeros(2))
 
 
 def rigid_correction(
@@ -224,3 +248,31 @@ def balance_grade(unbalance: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Gr
     value = 1e3 * jnp.abs(jnp.asarray(unbalance)) * jnp.abs(jnp.asarray(speed, float)) / mass
     steps = jnp.asarray([*GRADES, jnp.inf])
     return Grade(value, steps[jnp.searchsorted(steps, value * (1 - 1e-9))])
+
+
+def bearing_grade(
+    unbalance: ArrayLike,
+    product: ArrayLike,
+    mass: ArrayLike,
+    centre: ArrayLike,
+    bearings: ArrayLike,
+    speed: ArrayLike,
+) -> Grade:
+    """`G = max |U_k| Omega / (m share_k)` of static and couple unbalance, in the planes of the bearings.
+
+    `share_k = U_k,per / U_per` of `allocated_unbalance`: both bearings keep what grade G allots them.
+    Whatever planes it is corrected in, a rotor has one such grade.
+
+    Args:
+        unbalance: u [kg m], complex.
+        product: J [kg m^2], complex, about the plane z = 0.
+        mass: of the rotor [kg].
+        centre: station of the centre of mass [m].
+        bearings: stations of the bearings A, B [m], not the same.
+        speed: highest speed of service [rad/s].
+
+    Source: ISO 21940-11:2016, clause 7 and Table 1.
+    """
+    loads = jnp.abs(rigid_correction(unbalance, product, bearings))
+    shares = allocated_unbalance(1.0, centre, bearings)
+    return balance_grade(jnp.max(loads / shares), mass, speed)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
+from ..pencil import Frame, Pencil, check_moves, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
@@ -209,6 +209,7 @@ def critical_speeds(scene: Scene, count: int | None = None) -> CriticalSpeeds:
 def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """Critical speeds (infinite for none) and how far they whirl forward, in no order."""
     system = assemble(scene)
+    check_moves(system)
     blocks = system.blocks
     zero = jnp.zeros(system.line.stiffness.shape, complex)
     part = lambda block: zero if block is None else block + 0j

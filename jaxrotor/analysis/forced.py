@@ -212,7 +212,7 @@ def _ending_span(scene: Scene, at: Scalar) -> Scene:
     """The scene with a span that ends at a station, where all stations are known."""
     placed = [getattr(effect, "at", at) for effect in scene.effects]
     if all(map(known, (at, scene.shaft.length, *scene.shaft.stations, *placed))):
-        return Scene(scene.shaft, *scene.effects, Disc(at, mass=0.0), spin=scene.spin)
+        return scene.of_parts(*scene.effects, Disc(at, mass=0.0))
     return scene
 
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import typer
 
+from ..scene import Scene
+
 
 def print_json(answer: Mapping[str, Any]) -> None:
     """Print valid JSON: arrays as lists, complex numbers as re and im, what is not finite as null."""
@@ -53,6 +55,11 @@ def _plain(value: Any) -> Any:
             return [_plain(item) for item in value]
         case _:
             return _plain(np.asarray(value).tolist())
+
+
+def assumed(scene: Scene) -> list[tuple[str, str]]:
+    """A row of a table that says what is assumed of a scene, or none."""
+    return [("note", scene.assumption)] if scene.assumption else []
 
 
 def note_large(radius: float, length: float) -> None:

@@ -80,8 +80,8 @@ def options(
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --out run
     jaxrotor balance turbine-run-up --planes 0m,0.453m
-    jaxrotor run-up turbine-run-up --duration 0.5s --out run
-    jaxrotor reactions turbine-run-up --duration 0.5s --out run
+    jaxrotor run-up turbine-run-up --out run
+    jaxrotor reactions turbine-run-up --out run
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor
     jaxrotor accuracy limiter-rotor --quantity onset-speed --out run

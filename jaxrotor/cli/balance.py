@@ -1,34 +1,45 @@
 """Command `balance`: corrections in two planes, or what a ball balancer can do."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 import typer
 
 from ..analysis import (
+    allocated_unbalance,
     balance_grade,
     balancer,
+    bearing_grade,
+    bearing_stations,
+    centre_of_mass,
     first_moments,
     permissible_unbalance,
     rigid_correction,
     rigid_residual,
+    settled,
     total_mass,
 )
-from ..effects import AbstractBodies, BallContact, Disc, Unbalance
-from ..riccati import steady_speed
+from ..dataset import assumed
+from ..effects import AbstractBodies, Disc, Unbalance
 from ..scene import Scene
 from ..shafts import RigidShaft
-from ..spin import AbstractSpin, Drive, SpeedProfile
+from ..spin import Drive, SpeedProfile
+from ..system import assemble
 from ..units import quantity
 from . import answer
-from .options import AsJson, SceneName, Settings, optional, rpm, scene_with
+from .options import AsJson, Layout, Row, SceneName, Settings, rpm, scene_of
+
+
+_ROUNDING = 1e-12  # of what there was before
 
 
 def balance(
     scene: SceneName,
     settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
     planes: Annotated[
         str | None,
         typer.Option(
@@ -38,12 +49,26 @@ def balance(
     ] = None,
     speed: Annotated[
         str | None,
-        typer.Option(metavar="SPEED", help="Speed of service. [default: the scene's highest]"),
+        typer.Option(
+            metavar="SPEED",
+            help="Speed of service. [default: the scene's: steady of a drive, highest of a profile]",
+        ),
     ] = None,
-    grade: Annotated[float, typer.Option(help="Grade G to be met [mm/s].")] = 6.3,
+    grade: Annotated[
+        float,
+        typer.Option(
+            help="Grade G to be met [mm/s]: what is permitted, G m / speed, is shared out to the two "
+            "bearings by ISO 21940-11, and the unbalance in each must not exceed its share."
+        ),
+    ] = 6.3,
     as_json: AsJson = False,
 ) -> None:
     """Balance a rotor as a rigid body: what to add in two planes, and the grade G before and after.
+
+    Static unbalance and couple are referred to the planes of the two bearings, where G says what is
+    permitted, so G does not depend on --planes. A rotor without two bearings has no allotted shares;
+    there G is of the static unbalance alone. Nothing is drawn or written, so there is no --out: take
+    --json.
 
     Of a rotor with a ball balancer: how much it can balance, and whether balance is stable. It is
     corrected in planes only where --planes asks for it.
@@ -51,10 +76,9 @@ def balance(
     jaxrotor balance turbine-run-up --planes 0m,0.453m
     jaxrotor balance ball-balancer --set spin.speed=3000rpm
     """
-    rotor = scene_with(scene, settings)
-    service = optional(speed, "rad/s", "--speed")
-    service = _highest(rotor.spin) if service is None else service
-    found: dict[str, Any] = {"scene": scene, "speed": service}
+    rotor = scene_of(scene, settings, row, layout)
+    service, origin = _service(rotor, speed)
+    found: dict[str, Any] = {"scene": scene, **assumed(rotor), "speed": service, "speed_of": origin}
     if rotor.of(AbstractBodies):
         found["balancer"] = _balancer(rotor.at_speed(service))
     if planes is not None or not rotor.of(AbstractBodies):
@@ -67,7 +91,8 @@ def balance(
     if as_json:
         answer.print_json(found)
         return
-    answer.print_table([("speed", f"{service:.6g} rad/s, {rpm(service):.6g} rpm")])
+    speeds = [("speed", f"{service:.6g} rad/s, {rpm(service):.6g} rpm, {origin}")]
+    answer.print_table([*speeds, *answer.assumed(rotor)])
     if "planes" in found:
         _print_planes(found["planes"], grade)
     if "balancer" in found:
@@ -89,25 +114,88 @@ def _planes(rotor: Scene, text: str | None) -> np.ndarray:
 
 
 def _corrections(rotor: Scene, planes: np.ndarray, speed: float, grade: float) -> dict[str, Any]:
-    moments, mass = first_moments(rotor), float(total_mass(rotor))
+    moments = first_moments(rotor)
     corrections = rigid_correction(*moments, planes)
     left = rigid_residual(*moments, planes, corrections)
-    residual = rigid_correction(*left, planes)
-    before, after = (float(jnp.sum(jnp.abs(one))) for one in (corrections, residual))
-    graded = [balance_grade(value, mass, speed) for value in (before, after)]
+    state = _State.of(rotor, speed)
+    before = state.described(*moments)
     return {
-        "mass": mass,
+        "mass": state.mass,
+        "centre": state.centre,
         "unbalance": complex(moments.unbalance),
         "product": complex(moments.product),
         "corrections": [
-            {"plane": plane, "moment": abs(one), "angle": math.atan2(one.imag, one.real)}
+            {"plane": plane, "moment": abs(one), "angle": _angle(one)}
             for plane, one in zip(planes.tolist(), np.asarray(corrections).tolist(), strict=True)
         ],
-        "before": {"unbalance": before, "grade": float(graded[0].value)},
-        "residual": {"unbalance": after, "grade": float(graded[1].value)},
-        "standard": float(graded[0].standard),
-        "permissible": float(permissible_unbalance(grade, mass, speed)),
+        "bearings": state.bearings.tolist() if state.held else None,
+        "before": before,
+        "residual": state.described(*left, before),
+        "grade": grade,
+        "permissible": state.permissible(grade),
     }
+
+
+class _State(NamedTuple):
+    """What the grade of a rotor depends on besides its unbalance."""
+
+    mass: float
+    centre: float
+    bearings: np.ndarray
+    speed: float
+
+    @classmethod
+    def of(cls, rotor: Scene, speed: float) -> "_State":
+        stations = np.asarray(bearing_stations(rotor))[[0, -1]] if _held(rotor) else np.zeros(0)
+        return cls(float(total_mass(rotor)), float(centre_of_mass(rotor)), stations, speed)
+
+    @property
+    def held(self) -> bool:
+        """Whether there are two bearings."""
+        return self.bearings.size > 0
+
+    def described(self, unbalance: Any, product: Any, whole: Any = None) -> dict[str, Any]:
+        """Static unbalance, couple, unbalance at the bearings [kg m] and grade; rounding as zero."""
+        couple = abs(complex(product - unbalance * self.centre))
+        found: dict[str, Any] = {"static": abs(complex(unbalance)), "couple": couple}
+        if self.held:
+            loads = np.abs(np.asarray(rigid_correction(unbalance, product, self.bearings)))
+            found["bearings"] = loads.tolist()
+            place = (self.mass, self.centre, self.bearings, self.speed)
+            graded = bearing_grade(unbalance, product, *place)
+        else:
+            graded = balance_grade(unbalance, self.mass, self.speed)
+        found |= {"grade": float(graded.value), "standard": float(graded.standard)}
+        if whole is None:
+            return found
+        most = max(whole["static"], *whole.get("bearings", [0.0]))
+        small = lambda now, once: 0.0 if now < _ROUNDING * once else now
+        found["static"] = small(found["static"], most)
+        found["couple"] = small(found["couple"], whole["couple"] + most * abs(self.centre))
+        found["grade"] = small(found["grade"], whole["grade"])
+        if self.held:
+            found["bearings"] = [small(one, most) for one in found["bearings"]]
+        return found
+
+    def permissible(self, grade: float) -> dict[str, Any]:
+        """What a grade permits [kg m], in all and at each bearing."""
+        total = permissible_unbalance(grade, self.mass, self.speed)
+        found: dict[str, Any] = {"static": float(total)}
+        if self.held:
+            shares = allocated_unbalance(total, self.centre, self.bearings)
+            found["bearings"] = np.asarray(shares).tolist()
+        return found
+
+
+def _held(rotor: Scene) -> bool:
+    return bearing_stations(rotor).size > 1
+
+
+def _angle(moment: complex) -> float:
+    """Angle [rad], without what rounding leaves of zero."""
+    size = abs(moment)
+    parts = (0.0 if abs(part) < _ROUNDING * size else part for part in (moment.imag, moment.real))
+    return math.atan2(*parts)
 
 
 def _print_planes(found: dict[str, Any], grade: float) -> None:
@@ -120,16 +208,18 @@ def _print_planes(found: dict[str, Any], grade: float) -> None:
         for one in found["corrections"]
     ]
     answer.print_table(rows, ("add at [m]", "[g mm]", "angle [deg]"), numbers=[0, 1, 2])
-    before, after = found["before"], found["residual"]
-    size = lambda one: f"{1e6 * one['unbalance']:.4g} g mm, G {one['grade']:.3g}"
-    answer.print_table(
-        [
-            ("rotor", f"{found['mass']:.6g} kg"),
-            ("before", f"{size(before)}, meets G {found['standard']:g}"),
-            ("after", size(after)),
-            (f"permissible at G {grade:g}", f"{1e6 * found['permissible']:.4g} g mm"),
-        ]
-    )
+    states = [found[key] for key in ("before", "residual", "permissible")]
+    size = lambda value, factor=1e6: f"{factor * value:.4g}"
+    rows = [
+        ("static [g mm]", *(size(one["static"]) for one in states)),
+        ("couple [g mm^2]", *(size(one["couple"], 1e9) for one in states[:2]), ""),
+    ]
+    for i, at in enumerate(found["bearings"] or ()):
+        name = f"bearing at {at:.6g} m [g mm]"
+        rows.append((name, *(size(one["bearings"][i]) for one in states)))
+    rows.append(("grade G [mm/s]", *(f"{one['grade']:.3g}" for one in states[:2]), f"{grade:g}"))
+    heads = (f"rotor of {found['mass']:.6g} kg", "before", "after", "permitted")
+    answer.print_table(rows, heads, numbers=[1, 2, 3])
 
 
 # === ball balancer
@@ -143,11 +233,10 @@ def _balancer(rotor: Scene) -> dict[str, Any]:
     ]
     reaches = float(balancer.balance_margin(groups)) >= 0
     position = balancer.nearest_balanced(groups, spread) if reaches else spread
-    contact = next(iter(rotor.of(BallContact)), None)
+    rows = [row for row in rotor.of(AbstractBodies) if float(row.masses.sum()) > 0]
     pitch = None
-    if contact is not None:
-        radii = [row.race_radius for row in rotor.of(AbstractBodies) if float(row.masses.sum()) > 0]
-        pitch = jnp.stack([balancer.pitch(contact.ball_radius, radius) for radius in radii])
+    if all(row.ball_radius is not None for row in rows):
+        pitch = jnp.stack([balancer.pitch(row.ball_radius, row.race_radius) for row in rows])
     growth = float(balancer.growth_rate(groups, balancer.second_harmonics(position)))
     critical = float(groups.critical_speed * scales.rate)
     return {
@@ -186,17 +275,22 @@ def _print_balancer(found: dict[str, Any]) -> None:
     answer.print_table(rows)
 
 
-def _highest(spin: AbstractSpin) -> float:
-    """Highest speed of service [rad/s] that the spin names."""
-    speeds = [abs(float(spin.speed))]
-    if isinstance(spin, SpeedProfile):
-        speeds.append(float(jnp.max(jnp.abs(spin.speeds))))
-    if isinstance(spin, Drive):
-        parts = [0.0 if part is None else part for part in (spin.slope, spin.drag)]
-        steady = abs(float(steady_speed(spin.torque, *parts)))
-        speeds += [steady] if math.isfinite(steady) else []
-    if not max(speeds):
+def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
+    """Speed of service [rad/s], and where it is from."""
+    spin = rotor.spin
+    if text is not None:
+        speed, origin = quantity(text, "rad/s", "--speed"), "as given"
+        if not speed > 0:
+            raise ValueError(f"--speed must be above 0, but is {speed:g} rad/s.")
+    elif isinstance(spin, Drive):
+        polar = float(spin.inertia(assemble(rotor).blocks.polar))
+        speed, origin = abs(settled(spin, polar).speed), "steady speed of the drive"
+    elif isinstance(spin, SpeedProfile):
+        speed, origin = float(jnp.max(jnp.abs(spin.speeds))), "highest of the profile"
+    else:
+        speed, origin = abs(float(spin.speed)), "that of the scene"
+    if not speed:
         raise ValueError(
             "The rotor does not turn; add the speed of service, as in --speed 3000rpm."
         )
-    return max(speeds)
+    return speed, origin

@@ -1,5 +1,6 @@
 """Options that several commands share, and what they mean."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,14 +9,17 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..analysis import critical_speeds
+from ..analysis import critical_speeds, settled
 from ..files import START, load, many, swept_values
 from ..scene import Scene
+from ..spin import Drive
 from ..start import AbstractStart, AtRest, Whirl
+from ..system import assemble
 from ..units import quantity
 
 
 MOST = 10_000_000  # of any count: a greater one is a slip
+REVOLUTIONS = 50  # of a run at constant speed
 
 SceneName = Annotated[
     str,
@@ -31,6 +35,11 @@ Settings = Annotated[
         help="Change a parameter, as in `--set spin.speed=6000rpm`; may be repeated. "
         "`jaxrotor show SCENE` lists the paths.",
     ),
+]
+Row = Annotated[int | None, typer.Option(help="Row of `turbine-variants`, 1 to 30.")]
+Layout = Annotated[
+    str | None,
+    typer.Option(help="Layout assumed of that row: chain or example31. [default: chain]"),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and nothing else.")]
 Radius = Annotated[
@@ -92,7 +101,11 @@ High = Annotated[
 ]
 Duration = Annotated[
     str | None,
-    typer.Option(metavar="TIME", help="Length of the run. [default: to the end of spin.times]"),
+    typer.Option(
+        metavar="TIME",
+        help="Length of the run. [default: to the end of spin.times; of a drive, until its own torque "
+        "has brought it within 0.1 % of its steady speed; else 50 revolutions]",
+    ),
 ]
 Samples = Annotated[int, typer.Option(min=2, max=MOST, help="How many samples of --duration.")]
 Times = Annotated[
@@ -107,8 +120,18 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of a
 
 
 def scene_with(name: str, settings: Sequence[str] | None) -> Scene:
-    """The scene of a name or path, with the parameters of `--set` changed."""
-    scene, values = load(name), {}
+    """`scene_of`, with what is assumed of it noted on stderr."""
+    scene = scene_of(name, settings)
+    if scene.assumption:
+        typer.echo(f"Note: {scene.assumption}.", err=True)
+    return scene
+
+
+def scene_of(
+    name: str, settings: Sequence[str] | None, row: int | None = None, layout: str | None = None
+) -> Scene:
+    """The scene of a name or path, or of its row, with the parameters of `--set` changed."""
+    scene, values = load(name, row, layout), {}
     for path, text in assignments("--set", settings, "spin.speed=6000rpm").items():
         values[path] = quantity(text, scene.unit(path), f"--set {path}")
     return scene.replace(values)
@@ -191,16 +214,42 @@ def instants(scene: Scene, duration: str | None, samples: int, times: str | None
     if times is not None:
         if duration is not None:
             raise ValueError("--times says how long a run is; leave out --duration.")
-        return many(listed(times), "s", "--times")
-    if duration is not None:
-        stop = quantity(duration, "s", "--duration")
-    elif scene.spin.kinks is not None:
-        stop = float(scene.spin.kinks[-1])
-    else:
-        raise ValueError("How long to run is not known; add --duration, as in --duration 2s.")
+        values = many(listed(times), "s", "--times")
+        for before, after in itertools.pairwise(values.tolist()):
+            if not before < after:
+                raise ValueError(f"--times must ascend, but has {before:g} s and then {after:g} s.")
+        return values
+    stop = _length(scene) if duration is None else quantity(duration, "s", "--duration")
     if not stop > 0:
         raise ValueError(f"--duration must be above 0, but is {stop:g} s.")
     return np.linspace(0.0, stop, samples)
+
+
+def _length(scene: Scene) -> float:
+    """How long a run is that nobody has said the length of [s]; see `Duration`."""
+    spin = scene.spin
+    if spin.kinks is not None:
+        return float(spin.kinks[-1])
+    if isinstance(spin, Drive):
+        found = settled(spin, float(spin.inertia(assemble(scene).blocks.polar)))
+        if found.time > 0:
+            return found.time
+    speed = abs(float(spin.speed))
+    if not speed:
+        raise ValueError("How long to run is not known; add --duration, as in --duration 2s.")
+    return REVOLUTIONS * 2 * math.pi / speed
+
+
+def moving_station(scene: Scene) -> float | None:
+    """The station [m] that `Scene.stations` suggests, else the next one that can move, else None."""
+    line = assemble(scene).line
+    placed = [getattr(effect, "at", None) for effect in scene.effects]
+    stations = [at for at in placed if at is not None]
+    for at in (*scene.stations(), *stations, scene.shaft.length):
+        known = scene.shaft.reason_against(float(at)) is None
+        if known and np.abs(np.asarray(line.row(at))).max(initial=0.0) > 1e-9:
+            return float(at)
+    return None
 
 
 def listed(text: str) -> str | list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 import xarray as xr
 
-from ..dataset import versions
+from ..dataset import assumed, versions
 from ..files import dumps
 from ..scene import Scene
 
@@ -78,7 +78,7 @@ def written_to(out: Path | None, names: Sequence[str]) -> list[str]:
 
 def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Scene) -> xr.Dataset:
     """Dataset of variables and coordinates, with the scene and the versions that made it."""
-    about = {"title": title, "scene": dumps(scene), "versions": versions()}
+    about = {"title": title, "scene": dumps(scene), **assumed(scene), "versions": versions()}
     return xr.Dataset(*parts, about)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from ..analysis import steady_state
-from ..dataset import dataset
+from ..dataset import assumed, dataset
 from ..effects import AbstractBodies
 from ..reactions import Reactions, reactions as reactions_of
 from ..run_up import run_up as run
@@ -18,14 +18,16 @@ from . import answer
 from .options import (
     AsJson,
     Duration,
+    Layout,
     Out,
     Overwrite,
+    Row,
     Samples,
     SceneName,
     Settings,
     Times,
     instants,
-    scene_with,
+    scene_of,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
 
@@ -36,6 +38,8 @@ _FILES = ("reactions.zarr", "reactions.png", "vectors.png", "hodograph.png")
 def reactions(
     scene: SceneName,
     settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
     duration: Duration = None,
     samples: Samples = 2001,
     times: Times = None,
@@ -49,13 +53,13 @@ def reactions(
     """Reactions of bearings and stops: at rest, and above that at first, at last and at most.
 
     At constant speed and without --duration or --times, one revolution of the steady state, else a
-    run from rest. With --out, DIR/reactions.zarr and pictures: magnitudes in time, vectors when
-    they are largest, and their paths.
+    run from rest. With --out, DIR/reactions.zarr and three pictures: reactions.png of the magnitudes in
+    time, vectors.png of the vectors when they are largest, hodograph.png of the paths of their tips.
 
-    jaxrotor reactions turbine-run-up --duration 0.5s --out run
+    jaxrotor reactions turbine-run-up --out run
     jaxrotor reactions two-discs --set spin.speed=3000rpm
     """
-    rotor = scene_with(scene, settings)
+    rotor = scene_of(scene, settings, row, layout)
     with draft_or_none(out, _FILES, overwrite) as folder:
         found = reactions_of(_motion(rotor, duration, samples, times))
         if not found.names:
@@ -65,12 +69,14 @@ def reactions(
             _draw(found, folder, rotating)
     bearings, written = _bearings(found), written_to(out, _FILES)
     if as_json:
-        answer.print_json({"scene": scene, "bearings": bearings, "written": written})
+        answer.print_json(
+            {"scene": scene, **assumed(rotor), "bearings": bearings, "written": written}
+        )
         return
     heads = ("bearing", "at rest", "first", "last", "most", "at [s]", "")
     rows = [
         (
-            one["name"] if unit == "N" else "",
+            rotor.where(one["name"]) if unit == "N" else "",
             *(f"{one[part][key]:.6g}" for key in ("static", "first", "last", "most")),
             f"{one[part]['time']:.5g}",
             unit,
@@ -80,7 +86,7 @@ def reactions(
         if one[part] is not None
     ]
     answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    answer.print_table(answer.written(written))
+    answer.print_table([*answer.assumed(rotor), *answer.written(written)])
 
 
 def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None):

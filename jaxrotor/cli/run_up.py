@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..dataset import dataset
+from ..dataset import assumed, dataset
 from ..files import study
 from ..run_up import Launch, RunUp, run_up as run
 from . import answer
@@ -15,27 +15,33 @@ from .options import (
     AsJson,
     At,
     Duration,
+    Layout,
     Overwrite,
     Radius,
     Rate,
+    Row,
     Samples,
     SceneName,
     Settings,
     Times,
     instants,
+    moving_station,
     optional,
-    scene_with,
+    scene_of,
     start_with,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
 
 
+_STILL = "a rigid shaft in two pins cannot move; see `jaxrotor reactions`"
 _FILES = ("run-up.zarr", "run-up.png", "speed.png", "balls.png", "film.gif")
 
 
 def run_up(
     scene: SceneName,
     settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
     duration: Duration = None,
     samples: Samples = 2001,
     times: Times = None,
@@ -54,38 +60,40 @@ def run_up(
     """Run through a change of speed, whatever the spin: peak, speeds, contact and balls.
 
     With --out, DIR/run-up.zarr, pictures of amplitude and speed, and of balls where there are any.
+    Without --at the motion is that of the first station of a contact or an effect that can move; where
+    none can, as on a rigid shaft in two pins, the picture of the amplitude is left out.
 
-    jaxrotor run-up turbine-run-up --duration 0.5s --out run
+    jaxrotor run-up turbine-run-up --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
     """
-    rotor, table = scene_with(scene, settings), study(scene)
+    rotor, table = scene_of(scene, settings, row, layout), study(scene)
     instant = instants(rotor, duration, samples, times)
     start = Launch(start_with(table, start_radius, start_rate, start_angle))
     if film and out is None:
         raise ValueError("--film needs a folder to write into; add --out.")
-    station = optional(at, "m", "--at")
+    station, moves = optional(at, "m", "--at"), moving_station(rotor)
+    station = moves if station is None else station
     with draft_or_none(out, _FILES, overwrite) as folder:
         motion = run(rotor, instant, start=start, at=station)
         if folder is not None:
             write_dataset(dataset(motion), folder / "run-up.zarr")
-            _draw(motion, folder, film)
-    summary = _summary(motion)
+            _draw(motion, folder, film, moves is not None)
+    summary = _summary(motion, moves is not None)
     answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
     if as_json:
-        answer.print_json({"scene": scene, **summary, "written": written})
+        answer.print_json({"scene": scene, **assumed(rotor), **summary, "written": written})
         return
     typer.echo(f"{motion}")
-    answer.print_table([*_rows(summary), *answer.written(written)])
+    answer.print_table([*_rows(summary), *answer.assumed(rotor), *answer.written(written)])
 
 
 def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     peak, first, last = summary["peak"], *summary["speed"]
-    still = "nothing moves at that station"
     at = f"{peak['radius']:.6g} m at {peak['time']:.6g} s and {peak['speed']:.6g} rad/s"
     rows = [
         ("speed", f"{first:.6g} to {last:.6g} rad/s"),
-        ("peak", at if peak["radius"] > 0 else still),
+        ("peak", at if summary["moves"] else _STILL),
     ]
     if summary["stopped"] is not None:
         rows.append(("stopped", f"at {summary['stopped']:.6g} s"))
@@ -99,18 +107,19 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _draw(motion: RunUp, folder: Path, film: bool) -> None:
+def _draw(motion: RunUp, folder: Path, film: bool, moves: bool) -> None:
     from .. import plot
 
-    draw(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
+    if moves:
+        draw(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
     draw(folder / "speed.png", lambda axes: plot.speed(motion, axes), 170, 100, rows=2)
     if motion.balls:
         draw(folder / "balls.png", lambda axes: plot.balls(motion, axes), 170, 110, rows=2)
-    if film:
+    if film and (moves or motion.balls):
         plot.animate(motion, folder / "film.gif")
 
 
-def _summary(motion: RunUp) -> dict[str, Any]:
+def _summary(motion: RunUp, moves: bool) -> dict[str, Any]:
     """What the samples say of the first station."""
     radius, speed = np.abs(np.asarray(motion.displacement)[:, 0]), np.asarray(motion.speed)
     top, stopped = int(np.argmax(radius)), float(motion.stopped)
@@ -118,7 +127,9 @@ def _summary(motion: RunUp) -> dict[str, Any]:
     forces = [] if force is None else np.abs(np.asarray(force)).T  # (k, T)
     left = np.abs(np.asarray(motion.imbalance)) if motion.balls else None
     return {
+        "moves": moves,
         "station": motion.stations[0],
+        "duration": float(motion.time[-1] - motion.time[0]),
         "speed": (speed[0], speed[-1]),
         "revolutions": float(motion.angle[-1] - motion.angle[0]) / (2 * np.pi),
         "peak": {"radius": radius[top], "time": motion.time[top], "speed": speed[top]},

@@ -6,12 +6,13 @@ import numpy as np
 import typer
 
 from ..analysis import onset_speed
+from ..dataset import assumed
 from ..files import dumps, shipped, source, title
 from ..scene import Scene
 from ..system import assemble
 from . import answer
 from .linear import described_onset, described_roots
-from .options import AsJson, SceneName, Settings, scene_with
+from .options import AsJson, Layout, Row, SceneName, Settings, scene_of
 
 
 _SHOWN = 3  # whirl frequencies of each kind
@@ -29,6 +30,8 @@ def scenes(as_json: AsJson = False) -> None:
 def show(
     scene: SceneName,
     settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
     toml: Annotated[
         bool, typer.Option("--toml", help="Print the scene file itself, to start one's own from.")
     ] = False,
@@ -44,9 +47,10 @@ def show(
     jaxrotor show limiter-rotor --set disc.mass=3kg --set "limiters.0.gap=5 mm"
     ```
     """
-    rotor = scene_with(scene, settings)
+    rotor, name = scene_of(scene, settings, row, layout), title(scene, row, layout)
     if toml:
-        typer.echo(dumps(rotor, title(scene)) if settings else source(scene), nl=False)
+        as_it_is = not settings and row is None
+        typer.echo(source(scene) if as_it_is else dumps(rotor, name), nl=False)
         return
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     axes, found = described_roots(rotor)
@@ -64,7 +68,8 @@ def show(
         answer.print_json(
             {
                 "scene": scene,
-                "title": title(scene),
+                "title": name,
+                **assumed(rotor),
                 "parameters": table,
                 "coordinates": coordinates,
                 "whirl_frequencies": whirl,
@@ -76,6 +81,7 @@ def show(
     rows = [(path, _text(value), unit) for path, (value, unit) in parameters.items()]
     answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
     summary = [
+        *answer.assumed(rotor),
         ("coordinates", f"{coordinates}, complex x + iy"),
         ("whirl at standstill", f"{_text(still)} rad/s"),
         ("forward, at speed", f"{_text(forward)} rad/s"),

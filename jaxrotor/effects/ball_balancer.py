@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative, positive
+from ..quantities import Scalar, known, nonnegative, positive
 from ..shafts.line import AbstractLine
 from .base import AbstractBetween, AbstractBodies, AbstractLinear
 
@@ -19,7 +19,8 @@ class BallBalancer(AbstractBodies, AbstractLinear):
 
     `rolling` k: 7/5 of a ball, 3/2 of a roller, 1 of a pendulum. `in_use` of the `places` hold a ball,
     all by default: rows of different numbers can then be mapped over. Their mass is carried
-    by the shaft. Source: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Omega.. of a run-up is ours.
+    by the shaft. `ball_radius` counts where balls touch (`BallContact`); `race_radius` is of the circle
+    of their centres. Source: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Omega.. is ours.
     """
 
     kind: ClassVar[str] = "ball_balancer"
@@ -31,12 +32,19 @@ class BallBalancer(AbstractBodies, AbstractLinear):
     drag_coefficient: Scalar = nonnegative("drag_coefficient [kg/s]")
     rolling: Scalar = positive("rolling [1]", default=1.4)
     in_use: Scalar = nonnegative("in_use [1]", default=None)
+    ball_radius: Scalar = positive("ball_radius [m]", default=None)
     places: int = eqx.field(default=2, static=True)
 
     def __check_init__(self):
         if isinstance(self.places, bool) or not isinstance(self.places, int) or self.places < 1:
             raise ValueError(
                 f"`places` must be a whole number of at least 1, but is {self.places!r}."
+            )
+        ball, race = self.ball_radius, self.race_radius
+        if ball is not None and known(ball) and known(race) and ball >= race:
+            raise ValueError(
+                f"`ball_radius [m]` must be below `race_radius [m]`, {float(race):g}, but is "
+                f"{float(ball):g}."
             )
 
     @property
@@ -57,24 +65,29 @@ class BallBalancer(AbstractBodies, AbstractLinear):
 class BallContact(AbstractBetween):
     """Balls of a row touch: `N = k g + d g.` while `g > 0` and `N > 0`, `g = 2 r - R |gap angle|`.
 
-    Between all pairs along the race; `ball_radius` r. Without it balls pass through one another, as in
-    Filimonikhin, Goncharov (2011). Source: ours, after the normal force of a limiter.
+    Between all pairs along a race of radius R, `ball_radius` r of its balls; in every race. Without it
+    balls pass through one another, as in Filimonikhin, Goncharov (2011). Source: ours, after the normal
+    force of a limiter.
     """
 
     kind: ClassVar[str] = "ball_contact"
     plural: ClassVar[str] = "ball_contacts"
 
-    ball_radius: Scalar = positive("ball_radius [m]")
     stiffness: Scalar = nonnegative("stiffness [N/m]")
     damping: Scalar = nonnegative("damping [N s/m]", default=0.0)
 
-    def between(self, angle, rate, present, race):
+    def between(self, angle, rate, race):
+        if race.ball_radius is None:
+            raise ValueError(
+                "Balls that touch have a size; give every BallBalancer its `ball_radius [m]`."
+            )
+        radius, present = race.race_radius, 1.0 * (race.masses > 0)
         ahead = angle[None] - angle[:, None]
         ahead = jnp.arctan2(jnp.sin(ahead), jnp.cos(ahead))  # from -pi to pi
         side = jnp.where(ahead >= 0, 1.0, -1.0)
-        pitch = 2 * jnp.arcsin(self.ball_radius / race)
-        depth = race * (pitch - jnp.abs(ahead))
-        closing = -race * side * (rate[None] - rate[:, None])
+        pitch = 2 * jnp.arcsin(race.ball_radius / radius)
+        depth = radius * (pitch - jnp.abs(ahead))
+        closing = -radius * side * (rate[None] - rate[:, None])
         force = self.stiffness * depth + self.damping * closing
         pairs = present[None] * present[:, None] * (1 - jnp.eye(angle.size))
         return -jnp.sum(pairs * side * jnp.where((depth > 0) & (force > 0), force, 0.0), axis=1)

@@ -7,6 +7,7 @@ on one or more of them, written against the rows and columns of `AbstractLine`.
 import abc
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks, Load
@@ -15,6 +16,7 @@ from ..shafts.line import AbstractLine
 
 
 Plane = Float[Array, " 2"]  # a vector (x, y) of the plane of whirl
+Branch = Float[Array, " c"]  # of every condition of a law, 1 where it holds, else 0
 
 
 class AbstractEffect(eqx.Module):
@@ -41,7 +43,11 @@ class AbstractLoad(AbstractEffect):
 
 
 class AbstractLaw(eqx.Module):
-    """Force on the shaft at one station as a function of its displacement and velocity there."""
+    """Force on the shaft at one station as a function of its displacement and velocity there.
+
+    A law with jumps or kinks also says which smooth branch holds, so that steps can end where it
+    changes: `c` conditions, each 1 or 0. A smooth law has none.
+    """
 
     @abc.abstractmethod
     def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
@@ -50,6 +56,28 @@ class AbstractLaw(eqx.Module):
     @abc.abstractmethod
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         """Torque on the shaft about its axis [N m], positive with positive spin."""
+
+    @property
+    def kinked(self) -> bool:
+        """Whether the force has jumps or kinks."""
+        return False
+
+    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+        """The conditions as they stand."""
+        del displacement, velocity, speed
+        return jnp.zeros(0)
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        """Force [N] by the formula of a branch, whether or not it holds."""
+        del branch
+        return self(displacement, velocity, speed)
+
+    def margins(
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> Branch:
+        """Smooth, positive while a condition stays as the branch has it; infinite if no matter."""
+        del branch, displacement, velocity, speed
+        return jnp.zeros(0)
 
 
 class AbstractContact(AbstractEffect):
@@ -73,6 +101,7 @@ class AbstractBodies(AbstractEffect):
     race_radius: eqx.AbstractVar[Scalar]  # R [m]
     rolling: eqx.AbstractVar[Scalar]  # k = 1 + J / (m radius^2) of a body [1]
     places: eqx.AbstractVar[int]  # for bodies, b
+    ball_radius: eqx.AbstractVar[Scalar | None]  # of a body [m], where bodies touch
 
     @property
     @abc.abstractmethod
@@ -92,10 +121,9 @@ class AbstractBetween(AbstractEffect):
         self,
         angle: Float[Array, " b"],
         rate: Float[Array, " b"],
-        present: Float[Array, " b"],
-        race: Scalar,
+        race: AbstractBodies,
     ) -> Float[Array, " b"]:
-        """Force along the race [N] on every body from angles, rates, which are there, and its radius."""
+        """Force along the race [N] on every body of it from angles [rad] and rates [rad/s]."""
 
     @abc.abstractmethod
     def duration(self, mass: Scalar) -> Scalar:

@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..quantities import Scalar, nonnegative, positive, real
-from .base import AbstractContact, AbstractLaw, Plane
+from .base import AbstractContact, AbstractLaw, Branch, Plane
 
 
 class Limiter(AbstractContact):
@@ -39,14 +39,68 @@ class Limiter(AbstractContact):
 
 
 class ViscoelasticStop(AbstractLaw):
-    """The law of a `Limiter`, its direction worked out once."""
+    """The law of a `Limiter`, its direction worked out once.
+
+    Conditions of a branch: inside the stop, pressed, slipping forward (1/2 at no slip).
+    """
 
     cos: Scalar
     sin: Scalar
     limiter: Limiter
 
     def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        normal, tangential = self._forces(displacement, velocity, speed)
+        return self._directed(*self._forces(displacement, velocity, speed))
+
+    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        return -self.limiter.rim_radius * self._forces(displacement, velocity, speed)[1]
+
+    @property
+    def kinked(self) -> bool:
+        return self.limiter.blend is None or self.limiter.slip is None
+
+    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+        depth, closing, slipping = self._local(displacement, velocity, speed)
+        pressed = self._pressure(depth, closing) > 0
+        return jnp.stack([depth > 0, pressed, 0.5 + 0.5 * jnp.sign(slipping)])
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        depth, closing, slipping = self._local(displacement, velocity, speed)
+        stop, (inside, pressed, forward) = self.limiter, branch
+        if stop.blend is None:
+            normal = inside * pressed * self._pressure(depth, closing)
+        else:
+            normal = self._normal(depth, closing)
+        direction = 2 * forward - 1 if stop.slip is None else self._direction(slipping)
+        return self._directed(normal, stop.friction * normal * direction)
+
+    def margins(
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> Branch:
+        depth, closing, slipping = self._local(displacement, velocity, speed)
+        stop, (inside, pressed, _) = self.limiter, branch > 0
+        sharp, kink = stop.blend is None, stop.slip is None
+        # Outside, depth decides alone; inside, pressure leaves and returns, and friction reverses.
+        matters = jnp.stack([sharp & ~inside, sharp & inside, kink & inside & pressed])
+        margins = jnp.stack([depth, self._pressure(depth, closing), slipping])
+        return jnp.where(matters, (2 * branch - 1) * margins, jnp.inf)
+
+    def _local(
+        self, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> tuple[Scalar, Scalar, Scalar]:
+        """Depth inside the stop [m] and its rate [m/s], slip of the rim [m/s]."""
+        stop = self.limiter
+        outward = self.cos * displacement[0] + self.sin * displacement[1]
+        closing = self.cos * velocity[0] + self.sin * velocity[1]
+        slipping = speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
+        return outward - stop.gap, closing, slipping
+
+    def _forces(self, displacement: Plane, velocity: Plane, speed: Scalar) -> tuple[Scalar, Scalar]:
+        """Normal force of the stop, and friction against the slip of the rim [N]."""
+        depth, closing, slipping = self._local(displacement, velocity, speed)
+        normal = self._normal(depth, closing)
+        return normal, self.limiter.friction * normal * self._direction(slipping)
+
+    def _directed(self, normal: Scalar, tangential: Scalar) -> Plane:
         return jnp.stack(
             [
                 self.sin * tangential - self.cos * normal,
@@ -54,24 +108,16 @@ class ViscoelasticStop(AbstractLaw):
             ]
         )
 
-    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
-        return -self.limiter.rim_radius * self._forces(displacement, velocity, speed)[1]
-
-    def _forces(self, displacement: Plane, velocity: Plane, speed: Scalar) -> tuple[Scalar, Scalar]:
-        """Normal force of the stop, and friction against the slip of the rim [N]."""
-        stop = self.limiter
-        outward = self.cos * displacement[0] + self.sin * displacement[1]
-        closing = self.cos * velocity[0] + self.sin * velocity[1]
-        normal = self._normal(outward - stop.gap, closing)
-        slipping = speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
-        return normal, stop.friction * normal * self._direction(slipping)
+    def _pressure(self, depth: Scalar, rate: Scalar) -> Scalar:
+        """Of the sharp law, where it acts [N]."""
+        return self.limiter.stiffness * depth + self.limiter.damping * rate
 
     def _normal(self, depth: Scalar, rate: Scalar) -> Scalar:
         stop = self.limiter
         inside = depth > 0
         depth = jnp.where(inside, depth, 0.0)
         if stop.blend is None:
-            force = stop.stiffness * depth + stop.damping * rate
+            force = self._pressure(depth, rate)
             return jnp.where(inside & (force > 0), force, 0.0)
         u = jnp.minimum(depth / stop.blend, 1.0)
         elastic = stop.stiffness * (depth + stop.blend * (_onset(u) - u))

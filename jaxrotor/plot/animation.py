@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ..effects import AbstractBodies
 from . import colours, labels, page
 from .balancer import Rows
+from .orbit import draw_limiters, limiters_at
 from .record import signal
 
 
@@ -69,8 +70,12 @@ def _draw_orbit(ax: Axes, run: Any, station: int, before: int, now: int) -> None
     z = signal(run, "displacement", station)
     reach = np.abs(z).max(initial=0.0)
     factor, unit = labels.length(reach)
-    path, reach = factor * z, 1.1 * factor * reach or 1.0
-    ax.plot(path.real, path.imag, color="0.85", lw=0.4, label="all of it")
+    path, radius = factor * z, factor * reach
+    gaps = [factor * float(stop.gap) for stop in limiters_at(run, station)]
+    near = [gap for gap in gaps if gap < 3 * radius]  # those farther off would shrink the orbit
+    reach = 1.1 * max(radius, *near, 0.0) or 1.0
+    ax.plot(path.real, path.imag, color="0.85", lw=0.4, label="whole path")
+    draw_limiters(ax, run, station, radius, factor)
     recent = path[before : now + 1]
     ax.plot(recent.real, recent.imag, color=colours.BLUE, lw=0.8, label="shaft")
     ax.plot(path[now].real, path[now].imag, "o", color=colours.BLUE, ms=5.0)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from ..analysis import first_moments
-from ..effects import AbstractBodies, BallContact
+from ..effects import AbstractBodies
 from . import colours, page
 from .record import sample
 
@@ -45,7 +45,6 @@ class Rows(NamedTuple):
         races = run.scene.of(AbstractBodies)
         if not races:
             raise ValueError("This plot takes a run with balls; give the scene a `BallBalancer`.")
-        contact = next(iter(run.scene.of(BallContact)), None)
         rows = []
         for i, (race, found) in enumerate(zip(races, run.balls, strict=True)):
             there = np.asarray(race.masses) > 0
@@ -53,7 +52,7 @@ class Rows(NamedTuple):
             name = f"row {i + 1}, {count} ball{'s' if count != 1 else ''}"
             angle, mass = np.asarray(found.angle)[:, there], np.asarray(race.masses)[there]
             steel = np.cbrt(3 * mass / (4 * np.pi * STEEL))
-            size = steel if contact is None else np.full(count, float(contact.ball_radius))
+            size = steel if race.ball_radius is None else np.full(count, float(race.ball_radius))
             tint = _TINTS[i % len(_TINTS)]
             rows.append(Row(name, tint, angle, mass, size, float(race.race_radius)))
         rotor = complex(first_moments(run.scene).unbalance)
@@ -73,7 +72,7 @@ class Rows(NamedTuple):
                 there = 1e3 * row.radius * np.array([np.cos(angle), np.sin(angle)])
                 ax.add_patch(Circle(tuple(there), 1e3 * size, **style))
             arrows.append((row.name, row.colour, row.moment[now]))
-        arrows.append(("left", colours.RED, self.left[now]))
+        arrows.append(("remaining", colours.RED, self.left[now]))
         style = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.009, "zorder": 3}
         for name, colour, moment in arrows:
             tip = 1e3 * radius * moment / unit
@@ -130,7 +129,7 @@ def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
     """Races and balls to scale at the sample next to a time, in the axes of the rotor.
 
     Arrows are imbalances, of the rotor, of each row and what is left of all; their scale is noted
-    in the picture. Balls without a `BallContact` are drawn as if of steel.
+    in the picture. Balls without a `ball_radius` are drawn as if of steel.
 
     Args:
         run: a `RunUp` of a scene with balls.
@@ -146,6 +145,7 @@ def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
 
 def _broken(degrees: Float[np.ndarray, "T b"]) -> Float[np.ndarray, "T b"]:
     """Angles from 0 to 360 with a gap where they go round."""
-    wrapped = degrees % 360
-    wrapped[1:][np.abs(np.diff(wrapped, axis=0)) > 180] = np.nan
+    turns = np.floor(degrees / 360)
+    wrapped = degrees - 360 * turns
+    wrapped[1:][np.diff(turns, axis=0) != 0] = np.nan
     return wrapped

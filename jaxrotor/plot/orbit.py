@@ -42,7 +42,7 @@ def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         color=colours.RED,
         label="once a revolution",
     )
-    _draw_limiters(ax, response, station, np.abs(path).max(initial=0.0))
+    draw_limiters(ax, response, station, np.abs(path).max(initial=0.0), 1e3)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x displacement [mm]")
     ax.set_ylabel("y displacement [mm]")
@@ -50,14 +50,16 @@ def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_limiters(ax: Axes, response: Any, station: int, radius: float) -> None:
-    """A tangent at each limiter's gap and angle; `radius` [mm] scales those without a gap."""
+def limiters_at(response: Any, station: int) -> list[Limiter]:
+    """Limiters of the scene at a station of the response."""
     at = float(np.asarray(response.stations)[station])
-    limiters = [
-        stop for stop in response.scene.of(Limiter) if np.isclose(float(stop.at), at, rtol=1e-9)
-    ]
-    for number, stop in enumerate(limiters):
-        gap, outward = 1e3 * float(stop.gap), np.exp(1j * float(stop.angle))
+    return [s for s in response.scene.of(Limiter) if np.isclose(float(s.at), at, rtol=1e-9)]
+
+
+def draw_limiters(ax: Axes, response: Any, station: int, radius: float, factor: float) -> None:
+    """A tangent at each limiter's gap and angle, in `factor` of m; `radius` scales those without a gap."""
+    for number, stop in enumerate(limiters_at(response, station)):
+        gap, outward = factor * float(stop.gap), np.exp(1j * float(stop.angle))
         half = 0.25 * max(gap, 0.5 * radius)
         ends = outward * (gap + half * np.array([-1j, 1j]))
         ax.plot(

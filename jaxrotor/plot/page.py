@@ -132,6 +132,22 @@ def legend(ax: Axes, columns: int) -> None:
             handle.set_markersize(8.0)
 
 
+def assumption(ax: Axes, result: Any) -> None:
+    """What is assumed of a result's scene, in grey along the right side; nothing where nothing is."""
+    note = getattr(getattr(result, "scene", None), "assumption", "")
+    if note:
+        style = {
+            "rotation": 270,
+            "va": "center",
+            "ha": "left",
+            "fontsize": TEXT - 1,
+            "color": "0.4",
+        }
+        ax.annotate(
+            note, (1.0, 0.5), (3.0, 0.0), "axes fraction", textcoords="offset points", **style
+        )
+
+
 def zero(ax: Axes) -> None:
     """A thin line at zero, behind the data."""
     ax.axhline(0.0, color="0.6", linewidth=0.6, zorder=0.5)

@@ -1,5 +1,6 @@
 """Reactions: forces of bearings on the rotor, in time, at an instant, and their paths."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +11,14 @@ from . import colours, page
 from .record import sample
 
 
+_FINE = 40  # points a revolution that a path is drawn with
+_DASHES = ("-", (0, (5, 4)), (0, (1, 3)))  # of curves that lie on each other
+
+
 class _Bearing(NamedTuple):
     """What is drawn of one bearing, in the unit on paper."""
 
-    name: str
+    name: str | None  # None: there is nothing to see
     colour: str
     path: Complex[np.ndarray, " T"]
     static: complex
@@ -30,9 +35,11 @@ def reactions(result: Any, ax: Axes | None = None, *, moment: bool = False) -> A
     bearings, what = _bearings(result, moment, False)
     ax = page.single(ax, 170, 70)
     time = np.asarray(result.time)
+    dashes = _dashes([np.abs(one.path) for one in bearings])
     for one in bearings:
         many = time.size > page.RASTER
-        ax.plot(time, np.abs(one.path), color=one.colour, lw=1.0, label=one.name, rasterized=many)
+        style = {"color": one.colour, "lw": 1.0, "ls": next(dashes), "rasterized": many}
+        ax.plot(time, np.abs(one.path), label=one.name, **style)
         if one.static:
             label = f"{one.name} at rest"
             ax.axhline(abs(one.static), color=one.colour, lw=0.8, ls="--", label=label)
@@ -40,7 +47,8 @@ def reactions(result: Any, ax: Axes | None = None, *, moment: bool = False) -> A
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("time [s]")
     ax.set_ylabel(what)
-    page.legend(ax, columns=4)
+    page.assumption(ax, result)
+    page.legend(ax, columns=_columns(ax, 84))
     return ax
 
 
@@ -69,7 +77,7 @@ def reaction_vectors(
         style = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.008}
         ax.quiver(0, 0, tip.real, tip.imag, color=one.colour, label=one.name, **style)
     reach = 1.15 * max(*(abs(one.path[now]) for one in bearings), 1e-12)
-    _finish(ax, what, rotating)
+    _finish(ax, what, rotating, result)
     ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     ax.text(0.03, 0.03, f"{result.time[now]:.4g} s", transform=ax.transAxes, fontsize=page.TEXT)
     return ax
@@ -80,6 +88,9 @@ def hodograph(
 ) -> Axes:
     """Path of the tip of every reaction; a ring where it begins, a dot where it ends.
 
+    Fewer than 20 samples a revolution would draw chords: then the path between them is that of the
+    dynamic part straight in the axes of the shaft, and the picture says so.
+
     Args:
         result: `Reactions`.
         ax: Axes to draw in; a new figure if None.
@@ -88,13 +99,23 @@ def hodograph(
     """
     bearings, what = _bearings(result, moment, rotating)
     ax = page.single(ax, 85, 85)
+    angle = np.asarray(result.angle)
+    widest = np.abs(np.diff(angle)).max(initial=0.0)
+    coarse = not rotating and widest > 2 * np.pi / 20
+    dashes = _dashes([one.path for one in bearings if one.name is not None])
     for one in bearings:
-        x, y = np.real(one.path), np.imag(one.path)
-        many = x.size > page.RASTER
-        ax.plot(x, y, color=one.colour, lw=0.8, label=one.name, rasterized=many)
+        if one.name is None:
+            continue
+        path: Any = _between(one, angle, widest) if coarse else one.path
+        many = path.size > page.RASTER
+        style = {"color": one.colour, "lw": 0.8, "ls": next(dashes), "rasterized": many}
+        ax.plot(path.real, path.imag, label=one.name, **style)
         for end, fill in ((0, "white"), (-1, one.colour)):
-            ax.plot(x[end], y[end], "o", color=one.colour, ms=4.0, mfc=fill)
-    _finish(ax, what, rotating)
+            ax.plot(path[end].real, path[end].imag, "o", color=one.colour, ms=4.0, mfc=fill)
+    if coarse:
+        note = f"{2 * np.pi / widest:.2g} samples a revolution, interpolated"
+        ax.text(0.03, 0.03, note, transform=ax.transAxes, fontsize=page.TEXT - 1, color="0.4")
+    _finish(ax, what, rotating, result)
     ax.set_aspect("equal", adjustable="datalim")
     return ax
 
@@ -110,21 +131,49 @@ def _bearings(result: Any, moment: bool, rotating: bool) -> tuple[list[_Bearing]
     if rotating:
         values = values * np.exp(-1j * np.asarray(result.angle))[:, None]
     many = len(colours.CYCLE)
-    bearings = [
-        _Bearing(name, colours.CYCLE[i % many], scale * values[:, i], complex(scale * static[i]))
-        for i, name in enumerate(result.names)
-    ]
+    scene, top = getattr(result, "scene", None), np.abs(values).max(initial=0.0)
+    bearings = []
+    for i, name in enumerate(result.names):
+        label = name if scene is None else scene.where(name)
+        label = label if np.abs(values[:, i]).max(initial=0.0) > 1e-12 * top else None
+        paths = scale * values[:, i], complex(scale * static[i])
+        bearings.append(_Bearing(label, colours.CYCLE[i % many], *paths))
     if not bearings:
         raise ValueError("The scene has no supports, constraints or contacts to react.")
     unit = f"{prefix}N m" if moment else f"{prefix}N"
     return bearings, f"{'moment' if moment else 'reaction'} [{unit}]"
 
 
-def _finish(ax: Axes, what: str, rotating: bool) -> None:
+def _columns(ax: Axes, letters: int) -> int:
+    """How many entries of the legend are side by side in a line of that many letters."""
+    longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
+    return max(1, min(4, letters // (longest + 5)))
+
+
+def _dashes(curves: list[np.ndarray]) -> Iterator[Any]:
+    """Line styles that let a curve be seen through others that lie on it."""
+    for i, curve in enumerate(curves):
+        reach = 1e-3 * np.abs(curve).max(initial=0.0)
+        below = sum(bool(np.allclose(curve, other, rtol=0, atol=reach)) for other in curves[:i])
+        yield _DASHES[min(below, len(_DASHES) - 1)]
+
+
+def _between(one: _Bearing, angle: np.ndarray, widest: float) -> Complex[np.ndarray, " P"]:
+    """A path with points between its samples: the dynamic part straight in the axes of the shaft."""
+    dynamic = (one.path - one.static) * np.exp(-1j * angle)
+    parts = int(np.ceil(_FINE * widest / (2 * np.pi)))
+    samples = np.arange(angle.size)
+    places = np.linspace(0, angle.size - 1, (angle.size - 1) * parts + 1)
+    turn = np.exp(1j * np.interp(places, samples, angle))
+    return one.static + turn * np.interp(places, samples, dynamic)
+
+
+def _finish(ax: Axes, what: str, rotating: bool, result: Any) -> None:
     where = ", axes of the shaft" if rotating else ""
     name, _, unit = what.rpartition(" [")
     ax.set_xlabel(f"x {name}{where} [{unit}")
     ax.set_ylabel(f"y {name}{where} [{unit}")
     page.zero(ax)
     ax.axvline(0.0, color="0.6", linewidth=0.6, zorder=0.5)
-    page.legend(ax, columns=2)
+    page.assumption(ax, result)
+    page.legend(ax, columns=_columns(ax, 36))

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..analysis import critical_speeds
 from . import colours, labels, page
 from .record import signal
 
@@ -23,6 +24,7 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     _draw_speed(upper, run)
     lower.plot(np.asarray(run.time), np.asarray(run.acceleration), color=colours.ORANGE, lw=1.2)
     page.zero(lower)
+    page.assumption(lower, run)
     lower.margins(x=0)
     lower.set_ylabel("acceleration [rad/s$^2$]")
     lower.set_xlabel("time [s]")
@@ -50,15 +52,38 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
 def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     """Amplitude `|z|` at one station against the speed of rotation at the same time.
 
+    Red where a limiter is touched; grey lines at forward critical speeds of the linear rotor.
+
     Args:
         run: a `RunUp`, with `displacement` [m] and `speed` [rad/s].
         station: which of the run's stations.
         ax: Axes to draw in; a new figure if None.
     """
     ax = page.single(ax, 170, 60)
-    _draw_amplitude(ax, np.asarray(run.speed), run, station)
+    speed = np.asarray(run.speed)
+    _draw_amplitude(ax, speed, run, station)
+    if run.contact_force is not None:
+        amplitude = np.abs(signal(run, "displacement", station))
+        touching = (np.abs(np.asarray(run.contact_force)) > 0).any(axis=1)
+        factor = labels.length(amplitude.max(initial=0.0))[0]
+        touched = np.where(touching, factor * amplitude, np.nan)
+        ax.plot(speed, touched, color=colours.RED, lw=1.2, label="contact")
+    for number, critical in enumerate(_critical(run.scene)):
+        if speed.min() < critical < speed.max():
+            label = None if number else "critical speed"
+            ax.axvline(critical, color="0.6", lw=0.8, ls="--", label=label, zorder=0.5)
+    if ax.get_legend_handles_labels()[1]:
+        page.legend(ax, columns=3)
     ax.set_xlabel("speed of rotation [rad/s]")
     return ax
+
+
+def _critical(scene: Any) -> list[float]:
+    """First forward critical speeds [rad/s]; none where the rotor has none to compute."""
+    try:
+        return np.asarray(critical_speeds(scene, 3).forward).tolist()
+    except ValueError:
+        return []
 
 
 def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
@@ -66,6 +91,7 @@ def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
     factor, unit = labels.length(amplitude.max(initial=0.0))
     many = amplitude.size > page.RASTER
     ax.plot(x, factor * amplitude, color=colours.BLUE, lw=0.8, rasterized=many)
+    page.assumption(ax, run)
     ax.margins(x=0)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel(f"amplitude [{unit}]")

@@ -17,7 +17,7 @@ from numpy.polynomial import legendre
 
 from ..quantities import Scalar
 from .greens import AbstractKernel, HeldKernel
-from .line import AbstractLine, PerLength
+from .line import AbstractLine, PerLength, strain_energy
 
 
 # Whether displacement and slope are held, at every end of spans.
@@ -66,6 +66,14 @@ class SpectralLine(AbstractLine):
     @property
     def bending_stiffness(self) -> Float[Array, "n n"]:
         return self.stiffness
+
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        return self.bending_energy
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        return strain_energy(self, self.kernel.rigidity)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(self._shapes, at)

@@ -34,6 +34,10 @@ class AbstractKernel(eqx.Module):
     def slope_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
         """Slope at `x` by a unit couple at `s` [1/(N m)]."""
 
+    @abc.abstractmethod
+    def rigidity(self, x: Array | Scalar) -> Array:
+        """Bending stiffness `EI` at `x` [N m^2]."""
+
 
 class CantileverKernel(AbstractKernel):
     """Clamped at 0 and free, of `sections` uniform one by one: a sum of polynomials over them.
@@ -61,6 +65,9 @@ class CantileverKernel(AbstractKernel):
 
     def slope_by_couple(self, x, s):
         return (self.bending * self._reach(x, s)[2]).sum(-1)
+
+    def rigidity(self, x):
+        return 1 / self.bending[jnp.searchsorted(self.starts, x, side="right") - 1]
 
     def _reach(self, x, s) -> tuple[Array, Array, Array]:
         """From the start of every section to `x`, to `s`, and the stretch of it below both."""
@@ -116,6 +123,9 @@ class HeldKernel(AbstractKernel):
 
     def slope_by_couple(self, x, s):
         return self.beam.slope_by_couple(x, s) - self._reacted(x, s, True, True)
+
+    def rigidity(self, x):
+        return self.beam.rigidity(x)
 
     def rigid(self, number: int, x: Array) -> Array:
         """Displacement at `x` by a unit motion of the auxiliary constraint `number`."""

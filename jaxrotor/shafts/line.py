@@ -1,14 +1,20 @@
 """What every shaft model offers: its elastic line in `n` coordinates, as linear forms."""
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar, known
 from .influence import Influence
 
+
+POINTS = 20  # Gauss points a span: the product of two polynomials of 24 nodes and a cubic
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or a value for each span
 
@@ -38,6 +44,16 @@ class AbstractLine(eqx.Module):
     @abc.abstractmethod
     def bending_stiffness(self) -> Float[Array, "n n"]:
         """The part of `stiffness` in proportion to `EI`: all but that of shear."""
+
+    @property
+    @abc.abstractmethod
+    def strain_energy(self) -> Float[Array, "n n"]:
+        """Twice the strain energy as a quadratic form: `stiffness` as forces on the coordinates."""
+
+    @property
+    @abc.abstractmethod
+    def bending_energy(self) -> Float[Array, "n n"]:
+        """The same of `bending_stiffness`."""
 
     @property
     def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
@@ -71,6 +87,20 @@ class AbstractLine(eqx.Module):
     @abc.abstractmethod
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         """`Int column(s) per_length(s) ds`: a force per length."""
+
+
+def gauss_points(breaks: Float[Array, " breaks"]) -> tuple[Array, Array]:
+    """Stations and weights (spans, g) of an integral along a shaft."""
+    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    half = jnp.diff(breaks)[:, None] / 2
+    return breaks[:-1, None] + half * (1 + points), half * weights
+
+
+def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]:
+    """`Int EI z''^2 dx` as a quadratic form of the coordinates."""
+    x, weights = (part.ravel() for part in gauss_points(line.breaks))
+    bent = jax.vmap(jax.jacfwd(line.slope_row))(x)
+    return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
 
 
 class AbstractShaft(eqx.Module):

@@ -33,6 +33,14 @@ class MasslessLine(AbstractLine):
     def bending_stiffness(self) -> Float[Array, "n n"]:
         return self.stiffness
 
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        return self.bending_stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         unit = jnp.eye(self.elasticity.shape[0])
         if not self.elastic_ends:

@@ -29,6 +29,14 @@ class RigidLine(AbstractLine):
     def bending_stiffness(self) -> Float[Array, "n n"]:
         return self.stiffness
 
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        return self.bending_stiffness
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self.motions @ jnp.stack([jnp.ones_like(at), at])
 

@@ -46,7 +46,17 @@ class ShearLine(AbstractLine):
 
     @property
     def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self._bent(self._bending_energy)
+        return self._bent(self.bending_energy)
+
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
+        return self.bending_energy + self._integral(self.shear, angle, angle)
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        curvature = self._at_gauss(1, 1) / self.ends[-1]
+        return self._integral(self.bending, curvature, curvature)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 0)
@@ -76,16 +86,10 @@ class ShearLine(AbstractLine):
 
     def _bent(self, force: Array) -> Array:
         """Coordinates under forces of Galerkin's equations; motions without bending held softly."""
-        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
-        energy = self._bending_energy + self._integral(self.shear, angle, angle)
+        energy = self.strain_energy
         if (rigid := self._rigid) is not None:
             energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
         return jnp.linalg.solve(energy, force)
-
-    @property
-    def _bending_energy(self) -> Float[Array, "n n"]:
-        curvature = self._at_gauss(1, 1) / self.ends[-1]
-        return self._integral(self.bending, curvature, curvature)
 
     def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
         """`Int per_length left right dx` of forms at the Gauss points (spans, g, n)."""

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..quantities import Scalar
 from .greens import CantileverKernel
-from .line import AbstractLine, PerLength
+from .line import AbstractLine, PerLength, strain_energy
 
 
 class TrapezoidLine(AbstractLine):
@@ -37,6 +37,14 @@ class TrapezoidLine(AbstractLine):
     @property
     def bending_stiffness(self) -> Float[Array, "n n"]:
         return self.stiffness
+
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        return self.bending_energy
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        return strain_energy(self, self.kernel.rigidity)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._hermite(at)[0]

@@ -2,16 +2,13 @@
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..quantities import Scalar
-from .line import AbstractLine, PerLength
-
-
-_POINTS = 20  # Gauss points a span: the product of two polynomials of 24 nodes and a cubic
+from .line import AbstractLine, PerLength, gauss_points
 
 
 class VirtualLine(AbstractLine):
@@ -19,14 +16,15 @@ class VirtualLine(AbstractLine):
 
     Effects written for a line then give, in place of the equations of motion, the resultant of their
     forces (`shapes = 1, x`), the equations of Galerkin (`shapes = row`) or a reaction (`Influence`).
-    The shaft's own stresses are left out: they do no work on rigid motions and, by Betti's theorem, on
-    influence lines.
+    Stresses of the shaft itself count in Galerkin's equations alone: they do no work on rigid motions
+    and, by Betti's theorem, on influence lines.
     """
 
     line: AbstractLine
     shapes: Callable[[Scalar], Float[Array, " r"]]
     slopes: Callable[[Scalar], Float[Array, " r"]]
-    anisotropy: None = None
+    anisotropy: Scalar | None = None
+    strained: bool = eqx.field(default=False, static=True)  # whether stresses of the shaft count
 
     @classmethod
     def resultant(cls, line: AbstractLine, about: Scalar | float = 0.0) -> "VirtualLine":
@@ -38,15 +36,33 @@ class VirtualLine(AbstractLine):
     @classmethod
     def galerkin(cls, line: AbstractLine) -> "VirtualLine":
         """Work on the coordinates themselves."""
-        return cls(line=line, shapes=line.row, slopes=line.slope_row)
+        return cls(
+            line=line,
+            shapes=line.row,
+            slopes=line.slope_row,
+            anisotropy=line.anisotropy,
+            strained=True,
+        )
 
     @property
     def stiffness(self) -> Float[Array, "r n"]:
-        return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
+        return self.strain_energy
 
     @property
     def bending_stiffness(self) -> Float[Array, "r n"]:
-        return self.stiffness
+        return self.bending_energy
+
+    @property
+    def strain_energy(self) -> Float[Array, "r n"]:
+        return self.line.strain_energy if self.strained else self._none
+
+    @property
+    def bending_energy(self) -> Float[Array, "r n"]:
+        return self.line.bending_energy if self.strained else self._none
+
+    @property
+    def _none(self) -> Float[Array, "r n"]:
+        return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self.line.row(at)
@@ -78,8 +94,5 @@ class VirtualLine(AbstractLine):
         return self.line.breaks
 
     def _quadrature(self, per_length: PerLength) -> tuple[Array, Array]:
-        points, weights = np.polynomial.legendre.leggauss(_POINTS)
-        start, half = self.breaks[:-1], jnp.diff(self.breaks) / 2
-        x = start[:, None] + half[:, None] * (1 + points)
-        weights = jnp.reshape(per_length, (-1, 1)) * half[:, None] * weights
-        return x.ravel(), weights.ravel()
+        x, weights = gauss_points(self.breaks)
+        return x.ravel(), (jnp.reshape(per_length, (-1, 1)) * weights).ravel()

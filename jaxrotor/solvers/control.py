@@ -11,12 +11,27 @@ RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute in metres of q and dq/dtheta
 
 
 def step_control(
-    solver: dfx.AbstractSolver, rtol: float = RTOL, atol: float = ATOL, dtmax: Any = None
+    solver: dfx.AbstractSolver,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    dtmax: Any = None,
+    dtmin: float | None = None,
 ) -> dfx.AbstractStepSizeController | None:
-    """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else None."""
-    if isinstance(solver, dfx.AbstractAdaptiveSolver):
-        return dfx.PIDController(rtol=rtol, atol=atol, pcoeff=0.3, icoeff=0.4, dtmax=dtmax)
-    return None
+    """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else None.
+
+    A run that would need steps below `dtmin` [s] ends and has failed.
+    """
+    if not isinstance(solver, dfx.AbstractAdaptiveSolver):
+        return None
+    return dfx.PIDController(
+        rtol=rtol,
+        atol=atol,
+        pcoeff=0.3,
+        icoeff=0.4,
+        dtmax=dtmax,
+        dtmin=dtmin,
+        force_dtmin=dtmin is None,
+    )
 
 
 def tuned(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:

@@ -57,6 +57,7 @@ from .polynomial import (
     zero_approximation as zero_approximation,
 )
 from .relative import whirl_spectrum as whirl_spectrum
+from .settling import Settling as Settling, settling_time as settling_time
 from .slow import slow_motion as slow_motion, slow_rates as slow_rates
 from .synchronous import (
     SynchronousState as SynchronousState,

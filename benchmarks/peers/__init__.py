@@ -1,0 +1,1 @@
+"""Methods that `against_peers.py` compares: one module a tool."""

@@ -1,0 +1,88 @@
+"""Crossings: where within a step a margin first falls through zero, by cubics of Hermite."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..quantities import Scalar
+
+
+class Crossing(eqx.Module):
+    """Margins of all conditions at an instant and their rates; a margin is infinite if no matter."""
+
+    margin: Float[Array, " c"]
+    rate: Float[Array, " c"]  # [1 / rad]
+
+
+class Cubic(NamedTuple):
+    """`c0 + c1 u + c2 u^2 + c3 u^3`: a margin over the share `u` of a span."""
+
+    c0: Array
+    c1: Array
+    c2: Array
+    c3: Array
+
+    @classmethod
+    def of(cls, begin: Crossing, end: Crossing, span: Scalar) -> "Cubic":
+        """By values and rates at both ends; constant where it is no matter."""
+        matters = jnp.isfinite(begin.margin) & jnp.isfinite(end.margin)
+        m0, m1 = (jnp.where(matters, one.margin, 1.0) for one in (begin, end))
+        r0, r1 = (jnp.where(matters, one.rate, 0.0) * span for one in (begin, end))
+        return cls(m0, r0, 3 * (m1 - m0) - 2 * r0 - r1, 2 * (m0 - m1) + r0 + r1)
+
+    def __call__(self, u: Array | float) -> Array:
+        return self.c0 + u * (self.c1 + u * (self.c2 + u * self.c3))
+
+    def slope(self, u: Array) -> Array:
+        return self.c1 + u * (2 * self.c2 + u * 3 * self.c3)
+
+    def extrema(self) -> tuple[Array, Array]:
+        """Where it is greatest and where least between 0 and 1; 0 where there is none."""
+        square = self.c2**2 - 3 * self.c1 * self.c3
+        turns = square > 0
+        root = jnp.sqrt(jnp.where(turns, square, 1.0))
+        q = self.c2 + jnp.where(self.c2 < 0, -root, root)  # no difference of near equals
+        far, near = _ratio(-q, 3 * self.c3), _ratio(-self.c1, q)
+        clip = lambda u: jnp.clip(jnp.where(turns, u, 0.0), 0.0, 1.0)
+        up = self.c2 < 0  # then `far` is the minimum
+        return clip(jnp.where(up, near, far)), clip(jnp.where(up, far, near))
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    return jnp.where(b == 0, 0.0, a / jnp.where(b == 0, 1.0, b))
+
+
+def leaves(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
+    """Which margins descend through zero within the span."""
+    cubic = Cubic.of(begin, end, span)
+    top, bottom = cubic.extrema()
+    end_falls = (cubic(1.0) < 0) & (cubic(1.0) < jnp.maximum(cubic.c0, cubic(top)))
+    return end_falls | ((cubic(bottom) < 0) & (cubic(bottom) < cubic.c0))
+
+
+def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
+    """Share of the span at which a margin first descends through zero, 2 if none does.
+
+    A cubic is monotone from 0 to one extremum, to the other, to 1.
+    """
+    cubic = Cubic.of(begin, end, span)
+    low, high = cubic.extrema()
+    low, high = jnp.minimum(low, high), jnp.maximum(low, high)
+    nodes = (jnp.zeros_like(low), low, high, jnp.ones_like(low))
+    a, b = jnp.full_like(low, 2.0), jnp.full_like(low, 2.0)
+    for begin_, end_ in ((nodes[2], nodes[3]), (nodes[1], nodes[2]), (nodes[0], nodes[1])):
+        falls = (cubic(end_) < 0) & (cubic(end_) < cubic(begin_))
+        a, b = jnp.where(falls, begin_, a), jnp.where(falls, end_, b)
+    leaving, start = a < 2, a
+    for _ in range(3):
+        middle = (a + b) / 2
+        above = cubic(middle) > 0
+        a, b = jnp.where(above, middle, a), jnp.where(above, b, middle)
+    u = (a + b) / 2
+    for _ in range(4):
+        rate = cubic.slope(u)
+        u = jnp.clip(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+    u = jnp.where(cubic(start) <= 0, start, u)  # just begun, and ends at once
+    return jnp.min(jnp.where(leaving, u, 2.0), initial=2.0)

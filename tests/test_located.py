@@ -1,0 +1,261 @@
+"""Located steps: order through impacts, several crossings in a step, grazing, derivatives."""
+
+import functools
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from systems import LENGTH, TIME, limiter_rotor
+
+import jaxrotor as jr
+from jaxrotor.motion import Motion
+from jaxrotor.solvers.located import LocatedStep
+
+
+TURN = 2 * np.pi
+RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)  # leads to the backward rub
+
+
+class Switched:
+    """The rotor in numpy, its contact switched by events of scipy: three stops, sharp law."""
+
+    def __init__(self, scene):
+        motion = Motion(jr.assemble(scene), jnp.abs(scene.spin.speed))
+        a = np.asarray(motion.matrix())
+        self.A = np.block([[a.real, -a.imag], [a.imag, a.real]])
+        self.n, self.rate = a.shape[0] // 2, float(motion.rate)
+        self.row, self.column = np.asarray(motion.rows)[0], np.asarray(motion.columns)[:, 0]
+        self.load = np.zeros(2 * self.n, complex)
+        if motion.unbalance is not None:
+            self.load[self.n :] = np.asarray(motion.unbalance).T @ [1, 1j]
+        self.stops, self.speed = scene.of(jr.Limiter), float(scene.spin.speed)
+
+    def local(self, y):
+        """Of every stop: depth [m], elastic and viscous force [N], slip [m/s]."""
+        w = y[: 2 * self.n] + 1j * y[2 * self.n :]
+        z, v = self.row @ w[: self.n], self.rate * (self.row @ w[self.n :])
+        turned = [(np.exp(-1j * float(s.angle)), s) for s in self.stops]
+        depth = [(z * t).real - float(s.gap) for t, s in turned]
+        push = [
+            float(s.stiffness) * d + float(s.damping) * (v * t).real
+            for d, (t, s) in zip(depth, turned, strict=True)
+        ]
+        slip = [self.speed * float(s.rim_radius) + (v * t).imag for t, s in turned]
+        return np.array([depth, push, slip])
+
+    def field(self, theta, y, touching, forward):
+        _, push, _ = self.local(y)
+        force = sum(
+            -push[i] * (1 + 1j * float(s.friction) * forward[i]) * np.exp(1j * float(s.angle))
+            for i, s in enumerate(self.stops)
+            if touching[i]
+        )
+        extra = self.load * np.exp(1j * theta)
+        extra[self.n :] += self.column * force
+        return self.A @ y + np.concatenate([extra.real, extra.imag])
+
+    def run(self, y, revolutions):
+        """State after some revolutions, and the number of changes of contact."""
+        theta, changes = 0.0, 0
+        depth, push, slip = self.local(y)
+        touching, forward = (depth > 0) & (push > 0), np.sign(slip)
+        while theta < TURN * revolutions - 1e-12:
+            events = []
+            for i in range(len(self.stops)):
+                kind, sign = (1, -1) if touching[i] else (0, 1)
+                events.append(self._event(kind, i, sign))
+                events.append(self._event(2, i, -forward[i]))
+            field = functools.partial(self.field, touching=touching.copy(), forward=forward.copy())
+            span, fine = (theta, TURN * revolutions), {"rtol": 3e-13, "atol": 1e-16}
+            found = solve_ivp(field, span, y, "DOP853", events=events, **fine)
+            theta, y = found.t[-1], found.y[:, -1]
+            hit = [k for k, times in enumerate(found.t_events) if times.size]
+            for k in hit:
+                if k % 2:
+                    forward[k // 2] *= -1
+                else:
+                    touching[k // 2] ^= True
+                    changes += 1
+        return y, changes
+
+    def _event(self, kind, stop, direction):
+        event = lambda theta, y: self.local(y)[kind, stop]
+        event.terminal, event.direction = True, direction
+        return event
+
+
+def prepared(scene, order, basis="modal"):
+    """Form, and `run(y, steps, revolutions)` of located steps whose length is traced."""
+    choice = jr.Exponential(order, basis, located=True)
+    system = jr.assemble(scene)
+    motion = Motion(system, jnp.abs(scene.spin.speed))
+    form = choice.form(system, motion, jnp.eye(system.n))
+
+    @jax.jit
+    def run(y, steps, revolutions=1):
+        step = LocatedStep.build(form, order, 2 * jnp.pi / steps)
+
+        def one(i, carry):
+            y, unresolved = carry
+            y, more = step.advance((i % steps) * step.tableau.h, y)
+            return y, unresolved + more
+
+        return jax.lax.fori_loop(0, steps * revolutions, one, (y, jnp.zeros((), int)))
+
+    return form, run
+
+
+def physical(form, y):
+    """`(q, dq/dtheta)` as `[re, im]` of a state at a whole revolution."""
+    q, velocity = form.decode(y)
+    w = np.concatenate([q, velocity / form.motion.rate])
+    return np.concatenate([w.real, w.imag])
+
+
+def off(form, y, truth):
+    return np.abs(physical(form, y) - truth).max() / np.abs(truth).max()
+
+
+@pytest.fixture(scope="module")
+def rub():
+    """The periodic backward rub of sheet 1, section 3.4, with a little eccentricity."""
+    scene = limiter_rotor(eps=1e-5 / LENGTH)
+    settled = jr.simulate(scene, 300, 512, solver=jr.Exponential(4), start=RUB, keep=1)
+    return scene, settled.end
+
+
+@pytest.fixture(scope="module")
+def truth(rub):
+    scene, end = rub
+    switched = Switched(scene)
+    w = np.concatenate([end.q, end.velocity / switched.rate])
+    once, some = switched.run(np.concatenate([w.real, w.imag]), 1)
+    last, more = switched.run(once, 3)
+    assert some >= 3 and some + more >= 10  # changes of contact
+    return {1: once, 4: last}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "least"), [(2, 1.8), (4, 3.0)])
+def test_order_through_impacts(rub, truth, order, least):
+    scene, end = rub
+    form, run = prepared(scene, order)
+    begin = form.encode(end.q, end.velocity)
+    steps, errors = np.array([32, 64, 128, 256, 512]), []
+    for count in steps:
+        y, unresolved = run(begin, int(count), 4)
+        assert unresolved == 0
+        errors.append(off(form, y, truth[4]))
+    errors = np.array(errors)
+    above = errors > 1e-10  # what scipy itself is good for
+    assert above.sum() >= 4
+    slope = np.polyfit(np.log(steps[above]), np.log(errors[above]), 1)[0]
+    assert -slope >= least
+    assert errors[-1] < {2: 2e-4, 4: 1e-8}[order]
+
+
+def test_lanes_together_are_lanes_alone(rub):
+    scene, end = rub
+    form, run = prepared(scene, 2)
+    begin = form.encode(end.q, end.velocity)
+    lanes = begin * (1 + 0.02 * jnp.linspace(-1, 1, 21)[:, None])  # more than a block, all striking
+    together, unresolved = jax.vmap(lambda y: run(y, 24))(lanes)
+    alone = jnp.stack([run(y, 24)[0] for y in lanes])
+    assert not unresolved.any()
+    assert np.allclose(together, alone, rtol=0, atol=1e-12 * np.abs(alone).max())
+
+
+def test_several_crossings_in_one_step(rub, truth):
+    """Eight steps in a revolution with three or more changes of contact: most of it is flight."""
+    scene, end = rub
+    form, run = prepared(scene, 4)
+    begin = form.encode(end.q, end.velocity)
+    for steps, most in ((8, 0.05), (12, 0.01)):
+        y, unresolved = run(begin, steps)
+        assert unresolved == 0 and off(form, y, truth[1]) < most
+
+
+LINE = {"at": LENGTH, "stiffness": 4e5, "damping": 30.0}
+
+
+def on_a_line(*stops, blend=None):
+    """A rotor at rest that is thrown along x at its stops; 0.05 s in 5 periods of 10 ms."""
+    linear = limiter_rotor(N=0.0, contact=False)
+    scene = jr.Scene(linear.shaft, *linear.effects, *stops, spin=linear.spin)
+    start = jr.Whirl(1e-3, rate=0.0)
+    how = {"start": start, "period": 0.01, "solver": jr.Exponential(4, located=True)}
+    return jr.simulate(scene, 5, 32, **how)
+
+
+def test_two_stops_at_once():
+    """Like stops at +a and -a act as one at 0: gap / cos a, 2 cos^2 a as stiff and damped."""
+    a, gap = 0.5, 3e-4
+    pair = on_a_line(*(jr.Limiter(angle=s * a, gap=gap, **LINE) for s in (1, -1)))
+    scaled = {"stiffness": 2 * np.cos(a) ** 2 * 4e5, "damping": 2 * np.cos(a) ** 2 * 30.0}
+    one = on_a_line(jr.Limiter(LENGTH, 0.0, gap / np.cos(a), **scaled))
+    assert pair.unresolved == 0 and (np.abs(pair.contact_force) > 0).all(axis=1).sum() > 3
+    close = {"rtol": 0, "atol": 1e-8 * 1e-3}
+    assert np.allclose(pair.displacement, one.displacement, **close)
+
+
+def test_grazing_is_a_touch_at_most():
+    """The free orbit's radius is the gap to within 1e-9 of it."""
+    rotor = limiter_rotor(N=5.0, eps=1e-3, eta_i=None)
+    linear = rotor.without("limiters")
+    circle = float(abs(jr.unbalance_response(linear, float(rotor.spin.speed)).forward[0, 0]))
+    free = jr.simulate(linear, 400, 64, keep=1).end
+    for share in (-1e-9, 0.0, 1e-9):
+        scene = rotor.replace({"limiters.gap": circle * (1 - share)})
+        run = jr.simulate(scene, 2, 64, start=free, solver=jr.Exponential(2, located=True))
+        assert np.abs(np.abs(run.displacement) - circle).max() < 1e-5 * circle
+
+
+def test_steps_that_cannot_be_located_are_counted():
+    """Friction that holds the rim against its slip reverses without end: stepped as it is."""
+    stop = jr.Limiter(angle=0.0, gap=0.0, friction=50.0, rim_radius=0.1, **LINE)
+    linear = limiter_rotor(N=1.0, contact=False, gravity=True)
+    scene = jr.Scene(linear.shaft, *linear.effects, stop, spin=linear.spin)
+    how = {"start": jr.Whirl(5e-3), "solver": jr.Exponential(2, located=True)}
+    run = jr.simulate(scene, 2, 64, **how)
+    assert run.unresolved > 0 and np.isfinite(run.displacement).all()
+
+
+def test_derivatives_through_impacts(rub):
+    """Forward mode against central differences, by eccentricity and stiffness of the stops."""
+    scene, end = rub
+    names = ("unbalance.eccentricity", "limiters.stiffness", "limiters.gap")
+    values = jnp.array([1e-5, 4.087e6, 0.0075 * LENGTH])
+
+    @jax.jit
+    def final(values):
+        changed = scene.put(dict(zip(names, [*values], strict=True)))
+        solver = jr.Exponential(2, "dense", located=True)
+        run = jr.simulate(changed, 1, 32, start=end, solver=solver, at=LENGTH)
+        return 1e3 * run.displacement[-1, 0].real
+
+    for i, value in enumerate(values):
+        along = jnp.zeros(3).at[i].set(value)
+        _, slope = jax.jvp(final, (values,), (along,))
+        differ = lambda h: (final(values + h * along) - final(values - h * along)) / (2 * h)  # noqa: B023
+        found = (4 * differ(2e-6) - differ(4e-6)) / 3
+        assert slope == pytest.approx(float(found), rel=1e-5)
+
+
+def test_reverse_mode_is_refused(rub):
+    scene, end = rub
+    how = {"solver": jr.Exponential(located=True), "adjoint": dfx.RecursiveCheckpointAdjoint()}
+    with pytest.raises(ValueError, match="forward mode alone"):
+        jr.simulate(scene, 1, 32, start=end, **how)
+
+
+def test_a_sweep_says_what_it_did_not_locate(rub):
+    scene, end = rub
+    over = {"unbalance.eccentricity": [0.0, 1e-5]}
+    how = {"start": end, "settle": 0, "keep": 30, "steps_per_revolution": 32}
+    found = jr.sweep(scene, over, solver=jr.Exponential(4, located=True), **how)
+    assert (found["unresolved"] == 0).all() and "located" in found.attrs["solver"]
+    fine = jr.sweep(scene, over, solver=jr.Exponential(4), **how | {"steps_per_revolution": 2048})
+    assert np.abs(found["whirl_rate"] - fine["whirl_rate"]).max() < 1e-4
