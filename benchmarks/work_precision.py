@@ -7,7 +7,7 @@ Limiter rotor: whirl rate of the settled backward rub over `--revolutions`. Turb
 bearing after 0.1 s of its run-down. Ball balancer: imbalance left at the end. Every method walks its
 settings from loose to tight; references are refined once more and their uncertainty drawn. jaxrotor
 and diffrax are timed by `jaxrotor.accuracy`; SciPy integrates a right-hand side of its own in numpy:
-of the rotor that of against_peers.py, of the others the equations of the published papers.
+of the rotor that of peers/by_scipy.py, of the others the equations of the published papers.
 """
 
 import argparse
@@ -21,6 +21,7 @@ import against_peers
 import diffrax as dfx
 import numpy as np
 import xarray as xr
+from peers import by_scipy, rotor
 from rich.console import Console
 from scipy.integrate import solve_ivp
 
@@ -122,28 +123,31 @@ class NumpyBalancer:
 
 def cases(args: argparse.Namespace) -> list[Case]:
     steps, tolerances = (STEPS, TOLERANCES) if not args.quick else ((64, 256), (1e-3, 1e-6))
-    exponential = [jr.Exponential(2), jr.Exponential(4)]
-    if any(field.name == "located" for field in dataclasses.fields(jr.Exponential)):
-        exponential += [jr.Exponential(order, located=True) for order in (2, 4)]
+    exponential = [jr.Exponential(order, located=by) for by in (False, True) for order in (2, 4)]
     explicit, implicit = (dfx.Tsit5(), dfx.Dopri8()), (dfx.Kvaerno3(), dfx.Kvaerno5())
+    if args.quick:  # every method is one more program to compile
+        exponential, explicit, implicit = exponential[::3], explicit[:1], implicit[:1]
     adaptive = methods.by_tolerance((*explicit, *implicit), tolerances)
     split = methods.by_tolerance((dfx.KenCarp4(),), tolerances)
     ours = methods.by_steps(exponential, steps)
     euler = methods.by_steps((dfx.ImplicitEuler(),), steps)
     substeps = methods.by_steps((dfx.ImplicitEuler(),), (1, 4) if args.quick else (1, 4, 16, 64))
-    rub, run = against_peers.settled(), args.revolutions
+    rub, run = rotor.settled(), args.revolutions
     balls = jr.Launch(
         balls=tuple(jr.Balls(np.array(row, float), np.zeros(len(row))) for row in BALLS)
     )
     end = 0.2 if args.quick else 1.0
-    rates = lambda method, rtol: float(against_peers.scipy_rates(method, rtol, run, [0.0])[0])
+
+    def rate(method: str, rtol: float) -> float:
+        return rotor.whirl_rate(by_scipy.orbits(rotor.arrays(), [0.0], method, rtol, run)[0])
+
     return [
         Case(
             "limiter rotor, backward rub",
-            against_peers.SCENE,
+            rotor.SCENE,
             measures.LongRun("whirl_rate", rub, settle=0, keep=run),
             (*ours, *methods.in_float32(ours[:1]), *euler, *split, *adaptive),
-            rates,
+            rate,
         ),
         Case(
             "turbine, run-down",
@@ -219,7 +223,7 @@ def main() -> None:
     args.revolutions = args.revolutions or (10 if args.quick else 60)
     args.repeats = 1 if args.quick else args.repeats
     chosen = [case for case in cases(args) if args.only in case.name]
-    fine = methods.Setting(jr.Exponential(4), 1024) if args.quick else None
+    fine = methods.Setting(jr.Exponential(4, located=True), 256 if args.quick else 1024)
     found = {}
     for case in chosen:
         long = isinstance(case.measure, measures.LongRun)
