@@ -13,7 +13,8 @@ import jax  # noqa: E402
 if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the environment
     jax.config.update("jax_enable_x64", True)
 
-from . import observe as observe  # noqa: E402
+from . import measures as measures, methods as methods, observe as observe  # noqa: E402
+from .accuracy import accuracy as accuracy  # noqa: E402
 from .analysis import (  # noqa: E402
     Boundary as Boundary,
     Campbell as Campbell,
@@ -37,6 +38,7 @@ from .analysis import (  # noqa: E402
     bearing_stations as bearing_stations,
     campbell as campbell,
     centre_of_mass as centre_of_mass,
+    chosen_nodes as chosen_nodes,
     correction_masses as correction_masses,
     critical_speeds as critical_speeds,
     first_moments as first_moments,
@@ -88,6 +90,7 @@ from .files import (  # noqa: E402
 )
 from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
+from .pilot import Pilot as Pilot  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
 from .riccati import (  # noqa: E402
     blow_up_time as blow_up_time,
@@ -110,7 +113,11 @@ from .shafts import (  # noqa: E402
     RigidShaft as RigidShaft,
     Step as Step,
 )
-from .simulate import Response as Response, simulate as simulate  # noqa: E402
+from .simulate import (  # noqa: E402
+    Response as Response,
+    chosen_steps as chosen_steps,
+    simulate as simulate,
+)
 from .solvers import Exponential as Exponential  # noqa: E402
 from .spin import (  # noqa: E402
     ConstantSpeed as ConstantSpeed,

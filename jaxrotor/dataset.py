@@ -8,6 +8,7 @@ import xarray as xr
 
 from .effects import AbstractBodies
 from .files import dumps
+from .pilot import Pilot
 from .reactions import Reactions
 from .run_up import RunUp
 from .scene import Scene
@@ -30,6 +31,7 @@ def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
             slope = _vector(("time", "station"), result.slope, "rad", "slope dz/dx")
             variables = {**variables, "slope": slope}
             about["steps_per_revolution"] = result.steps_per_revolution
+            about |= chosen(result.pilots)
         case RunUp():
             title, variables, own = "run-up", *_motion(result)
             variables |= _spin(result)
@@ -129,6 +131,11 @@ def _vector(dims: tuple[str, ...], values: Any, units: str, long_name: str) -> t
 
 def _about(units: str, long_name: str) -> dict[str, str]:
     return {"units": units, "long_name": long_name}
+
+
+def chosen(pilots: tuple[Pilot, ...]) -> dict[str, str]:
+    """Attributes that tell what was chosen by pilots."""
+    return {"chosen": "; ".join(map(str, pilots))} if pilots else {}
 
 
 def assumed(scene: Scene) -> dict[str, str]:

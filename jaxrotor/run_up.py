@@ -121,7 +121,7 @@ def run_up(
     Sources: Filimonikhin, Goncharov (2011); seed of `turbine-run-up`.
     """
     times = _checked_times(times)
-    chosen: Any = checked_solver(solver if solver is not None else _suited(scene))
+    chosen: Any = checked_solver(solver if solver is not None else suited(scene))
     if isinstance(chosen, Exponential):
         raise ValueError(
             "`solver` Exponential() is for constant speed; give a diffrax solver or none."
@@ -166,7 +166,7 @@ def _polar(scene: Scene) -> Scalar | None:
     return assemble(scene).blocks.polar
 
 
-def _suited(scene: Scene) -> dfx.AbstractSolver:
+def suited(scene: Scene) -> dfx.AbstractSolver:
     """Implicit where a flexible shaft has high modes."""
     size = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, scene).shape[0]
     return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()

@@ -87,6 +87,14 @@ class Scene(eqx.Module):
         """Scene that turns at a constant speed [rad/s], whatever its spin."""
         return eqx.tree_at(lambda scene: scene.spin, self, constant(speed))
 
+    def with_nodes(self, nodes: int, rule: str | None = None) -> "Scene":
+        """Scene whose shaft is computed with other `nodes`, and by another `rule`."""
+        if not hasattr(self.shaft, "nodes"):
+            raise ValueError(f"A {type(self.shaft).__name__} has no nodes; a FlexibleShaft has.")
+        other: dict[str, Any] = {"nodes": nodes} | ({} if rule is None else {"rule": rule})
+        shaft = dataclasses.replace(self.shaft, **other)
+        return Scene(shaft, *self.effects, spin=self.spin)
+
     def of(self, kind: type) -> tuple:
         """The effects that have a capability or are of a class."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))

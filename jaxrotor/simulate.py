@@ -1,7 +1,8 @@
 """Simulate: one trajectory of one scene."""
 
+import contextlib
 import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 import diffrax as dfx
 import equinox as eqx
@@ -10,8 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
+from .analysis import chosen_nodes
 from .march import March, Plan
 from .motion import Motion
+from .pilot import Pilot, refined
 from .quantities import Scalar, known
 from .scene import Scene
 from .solvers.basis import well_conditioned
@@ -19,6 +22,10 @@ from .solvers.exponential import Exponential
 from .spin import ConstantSpeed
 from .start import AbstractStart, AtRest, Continued
 from .system import assemble, port_groups
+
+
+PILOT = 20  # revolutions at the end of a run by which steps are chosen
+LADDER = (64, 128, 256, 512, 1024, 2048, 4096)  # steps a revolution that are tried
 
 
 class Response(eqx.Module):
@@ -38,21 +45,25 @@ class Response(eqx.Module):
     scene: Scene
     steps_per_revolution: int = eqx.field(static=True)
     solver: str = eqx.field(static=True)
+    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # what chose "auto" settings
 
     def __str__(self) -> str:
         turns = (self.time.size - 1) / self.steps_per_revolution
         where = ", ".join(f"{at:g}" for at in np.asarray(self.stations))
+        chosen = "".join(f"; chosen {pilot}" for pilot in self.pilots)
         return (
             f"Response of {turns:g} revolutions at {where} m: {self.steps_per_revolution} samples "
-            f"a revolution, {self.solver}"
+            f"a revolution, {self.solver}{chosen}"
         )
 
 
 def simulate(
     scene: Scene,
     revolutions: int,
-    steps_per_revolution: int = 256,
+    steps_per_revolution: int | Literal["auto"] = 256,
     *,
+    nodes: int | Literal["auto"] | None = None,
+    tolerance: float | int = 1e-3,
     solver: Exponential | dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     start: AbstractStart | None = None,
@@ -68,7 +79,10 @@ def simulate(
         scene: what moves, at constant speed.
         revolutions: length of the run in revolutions.
         steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
-            diffrax solvers without an error estimate. A scene without contact is exact at any.
+            diffrax solvers without an error estimate. A scene without contact is exact at any. "auto"
+            chooses them by a pilot, see `chosen_steps`.
+        nodes: of the shaft, by default its own; "auto" chooses them, see `chosen_nodes`.
+        tolerance: of "auto": of the motion over its largest displacement, of the roots.
         solver: `Exponential()` (default) or any diffrax solver, `diffrax.Kvaerno5()`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
             atol 1e-10 m.
@@ -87,6 +101,13 @@ def simulate(
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
     """
     keep = revolutions if keep is None else keep
+    scene, pilots = with_nodes(scene, nodes, tolerance)
+    if steps_per_revolution == "auto":
+        check_counts(revolutions=revolutions)
+        run = {"solver": solver, "controller": controller, "start": start, "at": at}
+        run |= {"period": period, "max_steps": max_steps}
+        pilots += (chosen_steps(scene, revolutions, tolerance, **run),)
+        steps_per_revolution = pilots[-1].setting
     check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
@@ -135,7 +156,68 @@ def simulate(
         scene=scene,
         steps_per_revolution=steps_per_revolution,
         solver=solver_name(plan.solver),
+        pilots=pilots,
     )
+
+
+def with_nodes(
+    scene: Scene, nodes: int | Literal["auto"] | None, tolerance: float | int
+) -> tuple[Scene, tuple[Pilot, ...]]:
+    """The scene with other nodes, and the pilot that chose them."""
+    if nodes is None:
+        return scene, ()
+    if nodes != "auto":
+        return scene.with_nodes(nodes), ()
+    pilot = chosen_nodes(scene, tolerance)
+    return scene.with_nodes(pilot.setting), (pilot,)
+
+
+def chosen_steps(
+    scene: Scene, revolutions: int, tolerance: float | int = 1e-3, **run: Any
+) -> Pilot:
+    """Steps a revolution at which half as many give the same end of a run.
+
+    The run goes to its last `PILOT` revolutions by the fewest steps of `LADDER` that stay finite; from
+    there it is repeated with twice the steps until two displacements in a row agree to `tolerance` of
+    the largest at all samples; if none do, `converged` is False and the most steps are taken. Nothing is
+    promised for longer: motions that part exponentially (chaos) may agree over so short a window.
+
+    Args:
+        scene: what moves.
+        revolutions: of the run.
+        tolerance: relative, of the displacement.
+        **run: `solver`, `start` and others of `simulate`.
+    """
+    if not all(known(leaf) for leaf in jax.tree.leaves(scene)):
+        raise ValueError(
+            'Steps "auto" are chosen by values, so not inside jax.jit or jax.grad; choose them before, '
+            "by `jaxrotor.chosen_steps`."
+        )
+    if isinstance(run.get("solver"), dfx.AbstractAdaptiveSolver):
+        raise ValueError(
+            f'Steps "auto" are for solvers of fixed steps; {solver_name(run["solver"])} chooses its own '
+            "by its tolerance, so give the number of samples."
+        )
+    window = min(PILOT, revolutions)
+    if revolutions > window:
+        run |= {"start": _end(scene, revolutions - window, run)}
+
+    def answer(steps: int) -> np.ndarray | None:
+        try:
+            seen = simulate(scene, window, steps, **run).displacement
+        except RuntimeError:  # not finite: too few steps
+            return None
+        return np.asarray(seen)[:: steps // LADDER[0]]
+
+    return refined("steps a revolution", answer, LADDER, tolerance)
+
+
+def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
+    """End of a run by the fewest steps that stay finite."""
+    for steps in LADDER[:-1]:
+        with contextlib.suppress(RuntimeError):
+            return simulate(scene, revolutions, steps, keep=1, **run).end
+    return simulate(scene, revolutions, LADDER[-1], keep=1, **run).end
 
 
 @eqx.filter_jit

@@ -14,27 +14,32 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from .chunks import chunk_size, cores, progress as bar, spread
-from .dataset import assumed, versions
+from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
 from .march import March, Outcome, Plan
 from .observe import AbstractObservable, Turn, Variable, everything
+from .pilot import Pilot
 from .quantities import quantity_units
 from .scene import Scene
 from .simulate import (
     check_constant,
     check_counts,
     checked_solver,
+    chosen_steps,
     revolution_rate,
     solver_name,
+    with_nodes,
 )
 from .solvers.basis import well_conditioned
+from .solvers.control import step_control
 from .solvers.exponential import Exponential
 from .solvers.ports import PortForm
 from .start import AbstractStart, AtRest
 from .system import port_groups
 
 
+PILOT_LANES = 4  # by which "auto" steps are chosen
 SEGMENT = 50  # revolutions between two looks at the progress bar
 STATUS = ("ok", "failed_or_not_finite", "at_rest_whirl_undefined")
 
@@ -47,7 +52,10 @@ def sweep(
     settle: int = 1000,
     keep: int = 300,
     observe: Sequence[AbstractObservable] | None = None,
-    steps_per_revolution: int = 256,
+    steps_per_revolution: int | Literal["auto"] = 256,
+    nodes: int | Literal["auto"] | None = None,
+    tolerance: float | int = 1e-3,
+    error_sample: int = 0,
     solver: Exponential | dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     at: float | Any | None = None,
@@ -67,7 +75,14 @@ def sweep(
         settle: revolutions before anything is observed (0 or more).
         keep: revolutions observed.
         observe: observables, by default `observe.everything()`, with contact where there is any.
-        steps_per_revolution: as in `simulate`.
+        steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
+            `PILOT_LANES` lanes, of those that converge.
+        nodes: as in `simulate`.
+        tolerance: as in `simulate`.
+        error_sample: lanes to run again with twice the steps (and a tenth of the tolerance of an
+            adaptive solver), spread over all. Of every number a lane has, the largest and the median
+            difference are its attributes `error` and `error_median`; all are in `<name>_error`, over
+            `error_lane`, the lane's number.
         solver: as in `simulate`.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
@@ -83,13 +98,24 @@ def sweep(
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
-    check_counts(
-        keep=keep, steps_per_revolution=steps_per_revolution, lanes_per_chunk=lanes_per_chunk
-    )
+    check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
+    if steps_per_revolution != "auto":
+        check_counts(steps_per_revolution=steps_per_revolution)
+    if isinstance(error_sample, bool) or not isinstance(error_sample, int) or error_sample < 0:
+        raise ValueError(
+            f"`error_sample` must be a whole number of at least 0, but is {error_sample!r}."
+        )
     if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
         raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
     check_constant(scene, "`sweep`")
     start = AtRest() if start is None else start
+    scene, pilots = with_nodes(scene, nodes, tolerance)
+    axes = _axes(scene, start, over, period)
+    if steps_per_revolution == "auto":
+        run = {"solver": solver, "controller": controller, "at": at, "period": period}
+        run |= {"max_steps": max_steps}
+        pilots += (_chosen_steps(scene, start, axes, settle + keep, tolerance, run),)
+        steps_per_revolution = pilots[-1].setting
     contacts = bool(scene.of(AbstractContact))
     if observe is None:
         observe = everything(contacts)
@@ -98,7 +124,6 @@ def sweep(
         if not isinstance(one, AbstractObservable):
             raise ValueError(f"`observe` must hold observables such as Section(), but has {one!r}.")
         one.check(steps_per_revolution, len(scene.of(AbstractContact)))
-    axes = _axes(scene, start, over, period)
     stations = scene.stations(at)
     if stations.size > 1:
         raise ValueError(f"A sweep observes one station, but `at` names {stations.size}.")
@@ -115,15 +140,24 @@ def sweep(
         contacts=any(one.needs_contact for one in observe),
         together=_port_groups(scene, axes),
     )
-    points = np.array(list(itertools.product(*axes.values()))).reshape(-1, len(axes))
-    size = chunk_size(len(points), lanes_per_chunk, workers := cores(workers))
-    chunks = [points[i : i + size] for i in range(0, len(points), size)]
+    points = _points(axes)
+    again = _spread_over(len(points), error_sample)
     context = _Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
-    total = len(chunks) * (settle + keep)
+    finer = dataclasses.replace(context, plan=_finer(plan))
+    workers = cores(workers)
+    chunks, size = _chunked(points, lanes_per_chunk, workers)
+    seconds, few = _chunked(points[again], lanes_per_chunk, workers)
+    total = (len(chunks) + len(seconds)) * (settle + keep)
     with bar(progress, total, f"{len(points)} lanes") as tick:
         run = lambda points, tick: _run_chunk(context, points, size, tick)
-        results = spread(run, chunks, workers, tick)
-    return _dataset(context, axes, results)
+        results = _joined(spread(run, chunks, workers, tick))
+        run = lambda points, tick: _run_chunk(finer, points, few, tick)
+        repeated = _joined(spread(run, seconds, workers, tick)) if seconds else None
+    found = _dataset(context, axes, results)
+    found.attrs |= chosen(pilots)
+    if repeated is not None:
+        _add_errors(found, context, again, results, repeated)
+    return found
 
 
 class _Context(eqx.Module):
@@ -141,6 +175,52 @@ class _Context(eqx.Module):
 
 
 # === before the run
+
+
+def _points(axes: Mapping[str, np.ndarray]) -> np.ndarray:
+    """All combinations, (lanes, paths)."""
+    return np.array(list(itertools.product(*axes.values()))).reshape(-1, len(axes))
+
+
+def _spread_over(lanes: int, count: int) -> np.ndarray:
+    """Numbers of some lanes, the first and the last among them."""
+    return np.unique(np.linspace(0, lanes - 1, min(count, lanes)).round().astype(int))
+
+
+def _finer(plan: Plan) -> Plan:
+    """Twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
+    control: Any = plan.controller
+    if control is None and isinstance(plan.solver, dfx.AbstractSolver):
+        control = step_control(plan.solver)
+    if isinstance(control, dfx.PIDController):
+        control = dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
+    return dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
+
+
+def _chunked(points: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:
+    """Chunks of lanes, and the size they are padded to."""
+    if not len(points):
+        return [], 0
+    size = chunk_size(len(points), most, workers)
+    return [points[i : i + size] for i in range(0, len(points), size)], size
+
+
+def _chosen_steps(
+    scene: Scene, start: AbstractStart, axes: Mapping[str, np.ndarray], revolutions, tolerance, run
+) -> Pilot:
+    """The most steps of a few lanes, of those that converge where any does."""
+    points = _points(axes)
+    pilots = []
+    for point in points[_spread_over(len(points), PILOT_LANES)]:
+        changed, begin = _placed(scene, start, dict(zip(axes, point, strict=True)))
+        pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
+    good = [pilot for pilot in pilots if pilot.converged]
+    most = max(good or pilots, key=lambda pilot: pilot.setting)
+    if len(good) == len(pilots):
+        return most
+    what = f"{most.what}, by {len(good)} of {len(pilots)} pilot lanes"
+    worst = max(pilot.difference for pilot in pilots)
+    return Pilot(what, most.setting, worst, most.tolerance, False)
 
 
 def _axes(
@@ -322,12 +402,41 @@ def _keep(observe, shared: March, own: March, y, carry, number, count: int, revo
 # === after the run
 
 
-def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: list) -> xr.Dataset:
-    carry, stored, good = jax.tree.map(lambda *parts: np.concatenate(parts), *results)
-    shape = tuple(len(values) for values in axes.values())
+def _joined(results: list) -> tuple:
+    """(carries, stored, good) of all lanes, from those of chunks."""
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *results)
+
+
+def _reported(context: _Context, results: tuple) -> dict[str, Variable]:
+    """Variables by name, lanes in front."""
     data: dict[str, Variable] = {}
-    for one, last, out in zip(context.observe, carry, stored, strict=True):
+    for one, last, out in zip(context.observe, *results[:2], strict=True):
         data |= one.report(last, out, context.keep)
+    return data
+
+
+def _add_errors(found: xr.Dataset, context: _Context, lanes, results: tuple, repeated: tuple):
+    """What twice the steps change in the numbers of some lanes."""
+    before, after = (_reported(context, one) for one in (results, repeated))
+    good = results[2][lanes] & repeated[2]
+    for name, one in before.items():
+        if one.dims not in ((), ("limiter",)) or name == "extrema_missed":
+            continue
+        off = np.abs(np.asarray(after[name].values) - np.asarray(one.values)[lanes])
+        off[~good] = np.nan
+        about = {"units": one.units, "long_name": f"change of {one.long_name} by twice the steps"}
+        found[f"{name}_error"] = (("error_lane", *one.dims), off, about)
+        known = off[np.isfinite(off)]
+        if known.size:
+            found[name].attrs["error"] = float(known.max())
+            found[name].attrs["error_median"] = float(np.median(known))
+    found.coords["error_lane"] = ("error_lane", lanes, {"long_name": "lane that was run again"})
+
+
+def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: tuple) -> xr.Dataset:
+    good = results[2]
+    shape = tuple(len(values) for values in axes.values())
+    data = _reported(context, results)
     coords: dict[str, Any] = {
         path: (path, values, {"units": _unit(context, path)}) for path, values in axes.items()
     }

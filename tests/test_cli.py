@@ -889,3 +889,32 @@ def test_ctrl_c(place):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and not out
     assert err == "Interrupted; nothing was written.\n" and everything_below(place) == []
+
+
+# === accuracy
+
+
+def test_accuracy_lists_every_setting_and_writes_data_and_pictures(place):
+    args = ["accuracy", "limiter-rotor", "--quantity", "root", "--method", "trapezoid"]
+    found = answered(*args, "--repeats", 1, "--out", "run")
+    names = ["accuracy.zarr", "convergence.png", "work-precision.png"]
+    assert sorted(path.name for path in (place / "run").iterdir()) == names
+    assert found["method"] == ["trapezoid"] * 4 and found["status"] == [0] * 4
+    assert found["relative_error"] == sorted(found["relative_error"], reverse=True)
+    assert found["reference_imag"] * TIME == pytest.approx(-1.45302933, abs=1e-8)  # sheet 3.2
+    with xr.open_zarr(place / "run" / "accuracy.zarr") as data:
+        assert data["error"].attrs["units"] == "rad/s"
+    assert "add --bearing" in refused(
+        "accuracy", "turbine-run-up", "--quantity", "reaction", "--duration", "0.1s"
+    )
+    assert "is none of the methods" in refused("accuracy", "limiter-rotor", "--method", "magic")
+
+
+def test_sweep_prints_its_errors_and_what_was_chosen(place):
+    args = ["sweep", "limiter-rotor", *SMALL[:-2], "--steps", "auto", "--error-sample", 2]
+    found = answered(*args)
+    assert found["steps_per_revolution"] == 128 and found["chosen"].startswith("128 steps")
+    assert set(found["errors"]["radius_max"]) == {"largest", "median", "units"}
+    shown = call(*args, "--overwrite").stdout
+    assert "error of radius_max" in shown and "2 lanes, with twice the steps" in shown
+    assert 'or "auto"' in refused("sweep", "limiter-rotor", "--steps", "many")

@@ -21,7 +21,7 @@ PACKAGE = Path(jaxrotor.__file__).parent
 
 # From the ground up; modules of one layer import each other only inside a package.
 LAYERS = [
-    ("quantities", "units"),
+    ("quantities", "units", "pilot"),
     ("materials", "blocks", "riccati"),
     ("shafts",),
     ("effects",),
@@ -38,6 +38,8 @@ LAYERS = [
     ("reactions",),
     ("observe", "dataset", "chunks"),
     ("sweep", "basins", "hysteresis"),
+    ("methods",),
+    ("measures",),
     ("plot", "accuracy", "design"),
     ("__init__",),
     ("cli",),

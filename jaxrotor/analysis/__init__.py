@@ -41,6 +41,7 @@ from .maps import (
     stability_map as stability_map,
 )
 from .modal import Modes as Modes, modes as modes, roots as roots
+from .nodes import chosen_nodes as chosen_nodes
 from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
 from .reduction import (
     Reduction as Reduction,

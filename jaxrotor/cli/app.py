@@ -5,6 +5,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from .accuracy import accuracy
 from .balance import balance
 from .campbell import campbell, critical
 from .linear import onset, roots
@@ -56,7 +57,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     scenes, show, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
-    reactions, sweep,
+    reactions, sweep, accuracy,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command()(_command)
@@ -83,6 +84,7 @@ def options(
     jaxrotor reactions turbine-run-up --out run
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor
+    jaxrotor accuracy limiter-rotor --quantity onset-speed --out run
     ```
 
     Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.

@@ -73,6 +73,20 @@ Period = Annotated[
     str | None,
     typer.Option(metavar="TIME", help="What to count as a revolution at zero speed."),
 ]
+Steps = Annotated[
+    str | None,
+    typer.Option(
+        metavar="COUNT",
+        help='Steps and samples a revolution, or "auto": by a pilot. [default: the scene\'s, or 256]',
+    ),
+]
+Nodes = Annotated[
+    str | None,
+    typer.Option(metavar="COUNT", help='Nodes of the shaft, or "auto". [default: the scene\'s]'),
+]
+Tolerance = Annotated[
+    float, typer.Option(help='Of "auto": change of the motion, and of the roots, that may remain.')
+]
 Low = Annotated[
     str | None, typer.Option("--from", metavar="SPEED", help="Where to begin. [default: 0]")
 ]
@@ -161,6 +175,17 @@ def start_with(
     if values and "radius" not in values:
         raise ValueError("A start off the axis needs a radius; add --start-radius.")
     return Whirl(**values) if values else AtRest()
+
+
+def count_or_auto(text: str | None, option: str) -> Any:
+    """A whole number from 1, "auto", or None."""
+    if text is None or text == "auto":
+        return text
+    if not text.isdecimal() or not 1 <= int(text) <= MOST:
+        raise ValueError(
+            f'{option} must be a whole number from 1 to {MOST}, or "auto", but is {text!r}.'
+        )
+    return int(text)
 
 
 def optional(text: str | None, unit: str, option: str) -> float | None:

@@ -18,12 +18,16 @@ from .options import (
     Angle,
     AsJson,
     At,
+    Nodes,
     Overwrite,
     Period,
     Radius,
     Rate,
     SceneName,
     Settings,
+    Steps,
+    Tolerance,
+    count_or_auto,
     optional,
     scene_with,
     start_with,
@@ -73,12 +77,9 @@ def simulate(
         int | None,
         typer.Option(min=1, max=MOST, help="Revolutions at the end to look at. [default: all]"),
     ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option(
-            min=1, max=MOST, help="Steps and samples a revolution. [default: the scene's, or 256]"
-        ),
-    ] = None,
+    steps: Steps = None,
+    nodes: Nodes = None,
+    tolerance: Tolerance = 1e-3,
     solver: Annotated[
         Solver, typer.Option(help="Exponential of order 2 or 4, or a diffrax solver.")
     ] = Solver.exponential2,
@@ -105,10 +106,12 @@ def simulate(
         "solver": _SOLVERS[solver](),
         "start": start_with(table, start_radius, start_rate, start_angle),
         "keep": keep,
+        "nodes": count_or_auto(nodes, "--nodes"),
+        "tolerance": tolerance,
         "at": optional(at, "m", "--at"),
         "period": optional(period, "s", "--period"),
     }
-    samples: int = steps or table.get("steps_per_revolution", 256)
+    samples = count_or_auto(steps, "--steps") or table.get("steps_per_revolution", 256)
     if out is None:
         response = run(rotor, revolutions, samples, **options)
     else:

@@ -21,13 +21,17 @@ from .options import (
     Angle,
     AsJson,
     At,
+    Nodes,
     Overwrite,
     Period,
     Radius,
     Rate,
     SceneName,
     Settings,
+    Steps,
+    Tolerance,
     assignments,
+    count_or_auto,
     optional,
     scene_with,
     start_with,
@@ -68,10 +72,15 @@ def sweep(
         int | None,
         typer.Option(min=1, max=MOST, help="Revolutions looked at. [default: the scene's, or 300]"),
     ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option(min=1, max=MOST, help="Steps a revolution. [default: the scene's, or 256]"),
-    ] = None,
+    steps: Steps = None,
+    nodes: Nodes = None,
+    tolerance: Tolerance = 1e-3,
+    error_sample: Annotated[
+        int,
+        typer.Option(
+            min=0, max=MOST, help="Lanes to run again with twice the steps; 0: no error estimate."
+        ),
+    ] = 0,
     order: Annotated[
         Order, typer.Option(help="Order of the exponential integrator.")
     ] = Order.second,
@@ -120,9 +129,10 @@ def sweep(
         if path in axes:
             raise ValueError(f"--set {path} has no effect: it is swept; sweep others with --over.")
     start = start_with(table, start_radius, start_rate, start_angle, list(axes))
-    counts: dict[str, int] = {
+    given = (settle, keep, count_or_auto(steps, "--steps"))
+    counts: dict[str, Any] = {
         name: table.get(name, default) if count is None else count
-        for (name, default), count in zip(_COUNTS.items(), (settle, keep, steps), strict=True)
+        for (name, default), count in zip(_COUNTS.items(), given, strict=True)
     }
     options: dict[str, Any] = {
         "observe": _observables(rotor, spectrum, counts["steps_per_revolution"]),
@@ -130,6 +140,9 @@ def sweep(
         "at": optional(at, "m", "--at"),
         "period": optional(period, "s", "--period"),
         "workers": workers,
+        "nodes": count_or_auto(nodes, "--nodes"),
+        "tolerance": tolerance,
+        "error_sample": error_sample,
     }
     out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep") if out is None else out
     with draft(out, _FILES, overwrite) as folder:
@@ -138,6 +151,7 @@ def sweep(
         seconds = time.perf_counter() - begun
         write_dataset(dataset, folder / "sweep.zarr")
         _draw(dataset, list(axes), folder)
+    counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
     written = written_to(out, _FILES)
     lanes = _lanes(dataset)
     good = dataset["radius_max"].values[dataset["status"].values != 1]
@@ -148,6 +162,7 @@ def sweep(
                 "scene": scene,
                 **counts,
                 **lanes,
+                **_errors(dataset),
                 "seconds": seconds,
                 "written": written,
                 "results": _results(dataset, list(axes)),
@@ -167,11 +182,11 @@ def _axes(scene: Scene, table: dict[str, Any], over: list[str] | None) -> dict[s
     return axes
 
 
-def _observables(scene: Scene, spectrum: bool, steps: int) -> tuple[AbstractObservable, ...]:
+def _observables(scene: Scene, spectrum: bool, steps: Any) -> tuple[AbstractObservable, ...]:
     found = everything(bool(scene.of(AbstractContact)))
     if spectrum:
         one = WhirlSpectrum()
-        if steps % one.samples:
+        if steps != "auto" and steps % one.samples:
             raise ValueError(
                 f"--spectrum needs --steps that are a multiple of {one.samples}, but they are {steps}."
             )
@@ -226,6 +241,21 @@ def _results(dataset: xr.Dataset, swept: list[str]) -> dict[str, Any]:
     return {"over": coordinates, **single}
 
 
+def _errors(dataset: xr.Dataset) -> dict[str, Any]:
+    """What twice the steps change, of the numbers that a sweep has an estimate for; what was chosen."""
+    named = {
+        str(name): {
+            "largest": array.attrs["error"],
+            "median": array.attrs["error_median"],
+            "units": array.attrs["units"],
+        }
+        for name, array in dataset.data_vars.items()
+        if "error" in array.attrs
+    }
+    found: dict[str, Any] = {"errors": named} if "error_lane" in dataset.coords else {}
+    return found | {key: value for key, value in dataset.attrs.items() if key == "chosen"}
+
+
 def _print(
     dataset: xr.Dataset,
     axes: dict[str, np.ndarray],
@@ -249,6 +279,13 @@ def _print(
     if lanes["index_min"] is not None:
         text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"
         rows.append(("precession index", text))
+    found = _errors(dataset)
+    rows += [("chosen", found["chosen"])] if "chosen" in found else []
+    for name, one in found.get("errors", {}).items():
+        text = f"{one['median']:.1e} (median), {one['largest']:.1e} (largest) {one['units']}"
+        rows.append((f"error of {name}", text))
+    if "errors" in found:
+        rows.append(("errors from", f"{dataset.sizes['error_lane']} lanes, with twice the steps"))
     rows.append(("time", f"{seconds:.1f} s"))
     rows += answer.written(written)
     answer.print_table(rows)

@@ -1,5 +1,6 @@
 """Plots: free functions that take a result and return its matplotlib Axes."""
 
+from .accuracy import convergence as convergence, work_precision as work_precision
 from .animation import animate as animate
 from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation

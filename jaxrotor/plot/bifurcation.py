@@ -54,6 +54,13 @@ def bifurcation(
     upper.set_ylabel(f"x displacement,\n{what} [mm]")
     lower.set_ylabel("precession index\n" r"mean of $\dot\psi/\Omega$ [1]")
     lower.set_xlabel(label)
+    about = dataset["index"].attrs
+    if "error" in about:
+        text = (
+            f"twice the steps: {about['error_median']:.0e} (median), {about['error']:.0e} (largest)"
+        )
+        style = {"fontsize": page.TEXT - 1, "color": "0.35", "ha": "right"}
+        lower.annotate(text, (0.99, 0.04), xycoords="axes fraction", **style)
     page.legend(upper, columns=3)
     return upper, lower
 

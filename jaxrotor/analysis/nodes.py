@@ -1,0 +1,33 @@
+"""Nodes: how many a flexible shaft needs."""
+
+import numpy as np
+
+from ..pilot import Pilot, refined
+from ..scene import Scene
+from .modal import roots
+
+
+SPECTRAL = (4, 6, 8, 10, 12, 16, 20)
+CELLS = (5, 10, 20, 40, 80)
+
+
+def chosen_nodes(scene: Scene, tolerance: float | int = 1e-6, count: int = 6) -> Pilot:
+    """Nodes a span at which the next fewer give the same slowest `count` roots.
+
+        |lambda_k(nodes) - lambda_k(fewer)| <= tolerance max_j |lambda_j|
+
+    `scene.with_nodes(chosen_nodes(scene).setting)` has them. A motion in contact stirs higher modes and
+    asks for a smaller tolerance, or for more roots.
+
+    Args:
+        scene: a rotor with a FlexibleShaft, at its own speed.
+        tolerance: relative.
+        count: how many roots.
+    """
+    rule = getattr(scene.shaft, "rule", "spectral")
+
+    def answer(nodes: int) -> np.ndarray | None:
+        found = np.asarray(roots(scene.with_nodes(nodes), count))
+        return found if found.size == count else None
+
+    return refined("nodes", answer, SPECTRAL if rule == "spectral" else CELLS, tolerance)

@@ -1,0 +1,233 @@
+"""Command `accuracy`: what a number costs in time, by every method."""
+
+import enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+import xarray as xr
+
+from .. import measures
+from ..accuracy import accuracy as run
+from ..files import study
+from ..methods import Method
+from ..run_up import Launch
+from . import answer
+from .options import (
+    MOST,
+    Angle,
+    AsJson,
+    At,
+    Duration,
+    Out,
+    Overwrite,
+    Radius,
+    Rate,
+    SceneName,
+    Settings,
+    Times,
+    instants,
+    optional,
+    scene_with,
+    start_with,
+)
+from .output import draft_or_none, draw, write_dataset, written_to
+
+
+_FILES = ("accuracy.zarr", "work-precision.png", "convergence.png")
+
+
+class Quantity(enum.StrEnum):
+    """Numbers to study."""
+
+    onset_speed = "onset-speed"
+    root = "root"
+    whirl_rate = "whirl-rate"
+    precession = "index"
+    peak_radius = "peak-radius"
+    peak_force = "peak-force"
+    duty = "duty"
+    reaction = "reaction"
+    final_speed = "final-speed"
+    final_displacement = "final-displacement"
+    final_imbalance = "final-imbalance"
+
+
+_LONG = {
+    Quantity.whirl_rate: "whirl_rate",
+    Quantity.precession: "index",
+    Quantity.peak_radius: "radius_max",
+    Quantity.peak_force: "peak_force",
+    Quantity.duty: "duty",
+}
+
+
+def accuracy(
+    scene: SceneName,
+    settings: Settings = None,
+    quantity: Annotated[
+        Quantity, typer.Option(help="What is computed by every method.")
+    ] = Quantity.onset_speed,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Keep the methods whose name has this in it, as in `--method Exponential`; may be "
+            "repeated. [default: all that suit the quantity]",
+        ),
+    ] = None,
+    number: Annotated[int, typer.Option(min=0, max=MOST, help="Which root, the slowest 0.")] = 0,
+    bearing: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose reaction, as `reactions` calls it.")
+    ] = None,
+    settle: Annotated[
+        int, typer.Option(min=0, max=MOST, help="Revolutions before the look.")
+    ] = 200,
+    keep: Annotated[int, typer.Option(min=1, max=MOST, help="Revolutions looked at.")] = 100,
+    duration: Duration = None,
+    samples: Annotated[
+        int, typer.Option(min=2, max=MOST, help="How many samples of --duration.")
+    ] = 101,
+    times: Times = None,
+    start_radius: Radius = None,
+    start_rate: Rate = None,
+    start_angle: Angle = None,
+    at: At = None,
+    lanes: Annotated[
+        int, typer.Option(min=1, max=MOST, help="Equal long motions timed as one program.")
+    ] = 1,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=1000, help="Timed runs, the fastest of which counts.")
+    ] = 3,
+    limit: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="Leave out finer settings once a run took longer."),
+    ] = 30.0,
+    out: Out = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Accuracy against cost: error to a converged reference, compile time, run time and memory.
+
+    With --out, DIR/accuracy.zarr, DIR/work-precision.png and DIR/convergence.png. A setting that fails
+    is listed with its reason.
+
+    ```
+    jaxrotor accuracy limiter-rotor --quantity onset-speed --out run
+    jaxrotor accuracy limiter-rotor --quantity whirl-rate --start-radius 12mm --start-rate=-441rad/s
+    jaxrotor accuracy turbine-run-up --quantity reaction --bearing constraints.0 --duration 0.5s
+    ```
+    """
+    rotor, table = scene_with(scene, settings), study(scene)
+    start = start_with(table, start_radius, start_rate, start_angle)
+    station = optional(at, "m", "--at")
+    if quantity is Quantity.onset_speed:
+        measure = measures.OnsetSpeed()
+    elif quantity is Quantity.root:
+        measure = measures.Root(number)
+    elif quantity in _LONG:
+        measure = measures.LongRun(_LONG[quantity], start, settle, keep, station)  # type: ignore
+    else:
+        when = instants(rotor, duration, samples, times)
+        measure = _of_run_up(quantity, when, bearing, Launch(start))
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        found = run(
+            rotor,
+            measure,
+            _named(measure.methods(), method),
+            lanes=lanes,
+            repeats=repeats,
+            limit=limit,
+        )
+        if folder is not None:
+            write_dataset(found, folder / "accuracy.zarr")
+            _draw(found, folder)
+    written = written_to(out, _FILES)
+    if as_json:
+        answer.print_json({"scene": scene, **_summary(found), "written": written})
+        return
+    _print(found, written)
+
+
+def _of_run_up(quantity: Quantity, when: np.ndarray, bearing: str | None, start: Launch) -> Any:
+    if quantity is Quantity.reaction:
+        if bearing is None:
+            raise ValueError(
+                "Whose reaction is not known; add --bearing, as in --bearing constraints.0 "
+                "(`jaxrotor reactions` lists them)."
+            )
+        return measures.Reaction(when, bearing, start=start)
+    return measures.FinalState(when, quantity.value.removeprefix("final-"), start)  # type: ignore
+
+
+def _named(methods: tuple[Method, ...], parts: list[str] | None) -> tuple[Method, ...]:
+    """Methods whose name has one of the parts in it."""
+    if not parts:
+        return methods
+    for part in parts:
+        if not any(part.lower() in one.name.lower() for one in methods):
+            names = ", ".join(one.name for one in methods)
+            raise ValueError(f"--method {part!r} is none of the methods, which are: {names}.")
+    return tuple(m for m in methods if any(part.lower() in m.name.lower() for part in parts))
+
+
+def _draw(found: xr.Dataset, folder: Path) -> None:
+    from .. import plot
+
+    draw(folder / "work-precision.png", lambda ax: plot.work_precision(found, ax), 150, 105)
+    draw(folder / "convergence.png", lambda ax: plot.convergence(found, ax), 150, 105)
+
+
+def _summary(found: xr.Dataset) -> dict[str, Any]:
+    names = ("method", "setting", *(str(name) for name in found.data_vars))
+    reference = {k: v for k, v in found.attrs.items() if k.startswith("reference")}
+    return reference | {name: found[name].values for name in names}
+
+
+def _print(found: xr.Dataset, written: list[str]) -> None:
+    heads = ("method", "setting", "value", "relative error", "compile", "run", "memory", "")
+    rows = []
+    for i in range(found.sizes["run"]):
+        one = {str(name): array.values[i] for name, array in found.variables.items()}
+        if one["status"] != 0:
+            rows.append((str(one["method"]), _short(one), "", "", "", "", "", str(one["reason"])))
+            continue
+        value = f"{one['value']:.9g}"
+        if "value_imag" in one:
+            value += f"{one['value_imag']:+.9g}j"
+        rows.append(
+            (
+                str(one["method"]),
+                _short(one),
+                value,
+                f"{one['relative_error']:.1e}",
+                f"{one['compile_time']:.2f} s",
+                f"{one['run_time']:.3g} s",
+                "" if np.isnan(one["memory"]) else f"{one['memory'] / 1e6:.3g} MB",
+                "",
+            )
+        )
+    answer.print_table(rows, heads, numbers=[2, 3, 4, 5, 6])
+    about = found.attrs
+    value = complex(about["reference"], about.get("reference_imag", 0.0))
+    text = f"{value.real:.12g}" + (f"{value.imag:+.12g}j" if value.imag else "")
+    rows = [
+        (found["value"].attrs["long_name"], f"{text} {found['value'].attrs['units']}"),
+        ("uncertainty", f"{about['reference_uncertainty']:.1e}"),
+        ("reference", about["reference_setting"]),
+    ]
+    if about["reference_reason"]:
+        rows.append(("failed", about["reference_reason"]))
+    if about["lanes"] > 1:
+        rows.append(
+            ("lanes", f"{about['lanes']}, up to {float(found['lane_rate'].max()):.4g} a second")
+        )
+    answer.print_table([*rows, *answer.written(written)])
+
+
+def _short(one: dict[str, Any]) -> str:
+    """What varies along a method."""
+    axis = str(one["axis"])
+    value = float(one[axis])
+    return f"rtol {value:g}" if axis == "tolerance" else f"{value:g} {axis}"

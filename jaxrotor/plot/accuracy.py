@@ -1,0 +1,140 @@
+"""Accuracy: error against time, and against steps or nodes."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from . import colours, page
+
+
+_AXES = {
+    "steps": "steps [1]",
+    "tolerance": "relative tolerance [1]",
+    "nodes": "nodes, or cells [1]",
+}
+_MARKERS = "osD^vPX<>"
+_FLOOR = 3.0  # errors this near to the reference's own, in units of it, tell no order
+
+
+def work_precision(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Relative error against the time of a run, one line a method, its settings loose to tight.
+
+    Settings that failed are left out and counted under the figure; below the dashed line the reference
+    itself is not known better.
+
+    Args:
+        dataset: result of `jaxrotor.accuracy`.
+        ax: Axes to draw in; a new figure if None.
+    """
+    ax = page.single(ax, 150, 105)
+    for style, line in _lines(dataset):
+        ax.plot(line["run_time"].values, _errors(line), label=line["method"].values[0], **style)
+    ax.set_xlabel(f"time of a run{_lanes(dataset)} [s]")
+    _finish(dataset, ax)
+    return ax
+
+
+def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None = None) -> Axes:
+    """Relative error against steps, nodes or tolerance, each method with its order.
+
+    The order is the slope of the line, fitted where the error is above that of the reference; of
+    spectral nodes, whose error falls exponentially, there is none.
+
+    Args:
+        dataset: result of `jaxrotor.accuracy`.
+        ax: Axes to draw in; a new figure if None.
+        axis: "steps", "nodes" or "tolerance", by default that of the first method.
+    """
+    axis = str(dataset["axis"].values[0]) if axis is None else axis
+    found = [(style, line) for style, line in _lines(dataset) if line["axis"].values[0] == axis]
+    if axis not in _AXES or not found:
+        there = ", ".join(dict.fromkeys(str(one) for one in dataset["axis"].values))
+        raise ValueError(f"`axis` must be one of the study's ({there}), but is {axis!r}.")
+    ax = page.single(ax, 150, 105)
+    for style, line in found:
+        x, y = line[axis].values, _errors(line)
+        order = None if line["rule"].values[0] == "spectral" else slope(x, y, _floor(dataset))
+        name = str(line["method"].values[0])
+        label = name if order is None else f"{name}: order {abs(order):.1f}"
+        ax.plot(x, y, label=label, **style)
+    if axis == "tolerance":
+        ax.invert_xaxis()
+    ax.set_xlabel(_AXES[axis])
+    _finish(dataset, ax, columns=2)
+    return ax
+
+
+def slope(x: Float[np.ndarray, " N"], error: np.ndarray, floor: float | int) -> float | None:
+    """Slope of log error over log x by least squares, of the errors well above `floor`."""
+    use = np.isfinite(error) & (error > _FLOOR * floor) & (error < 1)
+    if use.sum() < 2:
+        return None
+    return float(np.polyfit(np.log(x[use]), np.log(error[use]), 1)[0])
+
+
+def _lines(dataset: xr.Dataset) -> list[tuple[dict[str, Any], xr.Dataset]]:
+    """Style and runs of every method."""
+    names = list(dict.fromkeys(dataset["method"].values.tolist()))
+    found = []
+    for number, name in enumerate(names):
+        again = number // len(colours.CYCLE)
+        style = {
+            "color": colours.CYCLE[number % len(colours.CYCLE)],
+            "marker": _MARKERS[number % len(_MARKERS)],
+            "linestyle": ("-", "--", ":")[again % 3],
+            "linewidth": 1.2,
+            "markersize": 3.5,
+        }
+        found.append((style, dataset.isel(run=np.flatnonzero(dataset["method"].values == name))))
+    return found
+
+
+def _errors(line: xr.Dataset) -> np.ndarray:
+    """Relative errors; none of a failed run, and none too small for a logarithm."""
+    error = np.where(line["status"].values == 0, line["relative_error"].values, np.nan)
+    return np.maximum(error, np.finfo(float).eps)
+
+
+def _floor(dataset: xr.Dataset) -> float:
+    value = abs(complex(dataset.attrs["reference"], dataset.attrs.get("reference_imag", 0.0)))
+    return float(dataset.attrs["reference_uncertainty"]) / value if value else 0.0
+
+
+def _lanes(dataset: xr.Dataset) -> str:
+    lanes = int(dataset.attrs["lanes"])
+    return "" if lanes == 1 else f" of {lanes} lanes"
+
+
+def _finish(dataset: xr.Dataset, ax: Axes, columns: int = 3) -> None:
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    long_name = str(dataset["value"].attrs["long_name"])
+    ax.set_ylabel(f"relative error of the\n{long_name} [1]")
+    floor = _floor(dataset)
+    low, high = ax.get_ylim()
+    if low / 10 < floor < high:
+        ax.axhline(floor, color="0.5", linewidth=0.8, linestyle="--", zorder=0.5)
+        ax.annotate(
+            "uncertainty of the reference",
+            (0.99, floor),
+            xycoords=("axes fraction", "data"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="right",
+            fontsize=page.TEXT - 1,
+            color="0.35",
+            bbox={"color": "white", "pad": 0.5},
+            zorder=0.6,
+        )
+    failed = int((dataset["status"].values != 0).sum())
+    if failed:
+        text = f"{failed} of {dataset.sizes['run']} settings failed or were left out"
+        ax.annotate(
+            text, (0.01, 0.02), xycoords="axes fraction", fontsize=page.TEXT - 1, color="0.35"
+        )
+    ax.grid(which="major", color="0.9", linewidth=0.5)
+    ax.set_axisbelow(True)
+    page.legend(ax, columns)
