@@ -418,7 +418,7 @@ def _reported(context: _Context, results: tuple) -> dict[str, Variable]:
 def _add_errors(found: xr.Dataset, context: _Context, lanes, results: tuple, repeated: tuple):
     """What twice the steps change in the numbers of some lanes."""
     before, after = (_reported(context, one) for one in (results, repeated))
-    good = results[2][lanes] & repeated[2]
+    good = results[2].ok[lanes] & repeated[2].ok
     for name, one in before.items():
         if one.dims not in ((), ("limiter",)) or name == "extrema_missed":
             continue
