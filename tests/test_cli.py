@@ -781,7 +781,7 @@ def test_balance_with_balls(place):
         (["simulate", "limiter-rotor", "--keep", "200"], "must not exceed"),
         (["simulate", "limiter-rotor", "--at", "2 m"], "on the shaft"),
         (["simulate", "limiter-rotor", "--set", "spin.speed=0"], "`period`"),
-        (["run-up", "limiter-rotor"], "add --duration"),
+        (["run-up", "limiter-rotor", "--set", "spin.speed=0"], "add --duration"),
         (["run-up", "limiter-rotor", "--duration", "0"], "must be above 0"),
         (["run-up", "limiter-rotor", "--duration", "1s", "--film"], "add --out"),
         (["run-up", "limiter-rotor", "--duration", "1s", "--times", "0,1"], "leave out"),
