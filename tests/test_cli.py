@@ -403,7 +403,7 @@ def fake(monkeypatch):
     def replace(how):
         def run(scene, axes, **options):
             seen.calls.append((scene, axes, options))
-            return how(axes)
+            return how(axes).assign_attrs(steps_per_revolution=options["steps_per_revolution"])
 
         monkeypatch.setattr(module, "run", run)
         return seen
