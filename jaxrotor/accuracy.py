@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from .chunks import progress as bar
-from .dataset import versions
+from .dataset import assumed, versions
 from .files import dumps
 from .measures import FINE_NODES, AbstractMeasure
 from .methods import Method, Setting, name_of
@@ -109,6 +109,7 @@ def accuracy(
         "reference_setting": str(reference.finer()),
         "reference_reason": best.reason or coarse.reason,
         "scene": dumps(scene),
+        **assumed(scene),
         "versions": versions(),
     }
     return _dataset(measure, pairs, rows, best.value, about)

@@ -11,7 +11,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from .chunks import chunk_size, cores, progress as bar, spread
-from .dataset import versions
+from .dataset import assumed, versions
 from .effects.base import AbstractBodies
 from .files import dumps
 from .run_up import Balls, Integration, Launch, by_race, control, imbalance_of, integrate
@@ -153,6 +153,7 @@ def basins(
         {
             "title": "jaxrotor basins of a ball balancer",
             "scene": dumps(scene),
+            **assumed(scene),
             "duration": float(duration),
             "window": float(window),
             "within": float(within),

@@ -47,11 +47,36 @@ class AbstractMeasure(eqx.Module):
         """A setting whose answer is converged."""
 
 
-class OnsetSpeed(AbstractMeasure):
+class AbstractLinear(AbstractMeasure):
+    """A number of the linear rotor: only its nodes matter."""
+
+    many: ClassVar[bool] = False
+
+    def methods(self):
+        return linear()
+
+    def reference(self, scene):
+        if not hasattr(scene.shaft, "nodes"):
+            return Setting()
+        return Setting(nodes=FINE_NODES, rule="spectral")
+
+
+class AbstractRunUp(AbstractMeasure):
+    """A number of a `run_up`, seen at `times`."""
+
+    many: ClassVar[bool] = False
+
+    def methods(self):
+        return of_run_up()
+
+    def reference(self, scene):
+        return Setting(suited(scene), tolerance=FINE_TOLERANCE)
+
+
+class OnsetSpeed(AbstractLinear):
     """Speed where the straight rotor turns unstable, see `jaxrotor.onset_speed`."""
 
     within: tuple[Any, Any] | None = eqx.field(default=None, static=True)  # [rad/s]
-    many: ClassVar[bool] = False
 
     @property
     def about(self):
@@ -60,18 +85,11 @@ class OnsetSpeed(AbstractMeasure):
     def value(self, scene, setting, lanes=1):
         return float(onset_speed(scene, self.within).speed)
 
-    def methods(self):
-        return linear()
 
-    def reference(self, scene):
-        return _fine_nodes(scene)
-
-
-class Root(AbstractMeasure):
+class Root(AbstractLinear):
     """One of `jaxrotor.roots`, the slowest first."""
 
     number: int = eqx.field(default=0, static=True)
-    many: ClassVar[bool] = False
 
     @property
     def about(self):
@@ -79,12 +97,6 @@ class Root(AbstractMeasure):
 
     def value(self, scene, setting, lanes=1):
         return complex(roots(scene, self.number + 1)[self.number])
-
-    def methods(self):
-        return linear()
-
-    def reference(self, scene):
-        return _fine_nodes(scene)
 
 
 class LongRun(AbstractMeasure):
@@ -154,7 +166,7 @@ class LongRun(AbstractMeasure):
         return Setting(Exponential(4), FINE_STEPS)
 
 
-class Reaction(AbstractMeasure):
+class Reaction(AbstractRunUp):
     """Force of one bearing, constraint or stop in a `run_up`: the largest of its samples, or the last.
 
     Names are those of `jaxrotor.reactions`.
@@ -164,7 +176,6 @@ class Reaction(AbstractMeasure):
     name: str = eqx.field(static=True)
     which: Literal["largest", "last"] = eqx.field(default="largest", static=True)
     start: AbstractStart | Launch | None = None
-    many: ClassVar[bool] = False
 
     @property
     def about(self):
@@ -175,20 +186,13 @@ class Reaction(AbstractMeasure):
         force = np.abs(np.asarray(found.of(self.name)))
         return float(force.max() if self.which == "largest" else force[-1])
 
-    def methods(self):
-        return of_run_up()
 
-    def reference(self, scene):
-        return Setting(suited(scene), tolerance=FINE_TOLERANCE)
-
-
-class FinalState(AbstractMeasure):
+class FinalState(AbstractRunUp):
     """Where a `run_up` ends."""
 
     times: Any  # (T,) [s]
     name: Literal["speed", "angle", "displacement", "imbalance"] = eqx.field(static=True)
     start: AbstractStart | Launch | None = None
-    many: ClassVar[bool] = False
 
     @property
     def about(self):
@@ -202,19 +206,6 @@ class FinalState(AbstractMeasure):
     def value(self, scene, setting, lanes=1):
         last = np.asarray(getattr(_run(scene, self.times, self.start, setting), self.name))[-1]
         return complex(last.flat[0]) if np.iscomplexobj(last) else float(last)
-
-    def methods(self):
-        return of_run_up()
-
-    def reference(self, scene):
-        return Setting(suited(scene), tolerance=FINE_TOLERANCE)
-
-
-def _fine_nodes(scene: Scene) -> Setting:
-    """Many nodes, where a shaft has any."""
-    if not hasattr(scene.shaft, "nodes"):
-        return Setting()
-    return Setting(nodes=FINE_NODES, rule="spectral")
 
 
 def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> RunUp:

@@ -55,18 +55,14 @@ class Setting(eqx.Module):
         return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
 
     def applied(self, scene: Scene) -> Scene:
-        """The scene with the precision, the nodes and the rule of the setting."""
+        """The scene with the precision, the nodes and the rule of the setting; within `computed()`."""
         scene = self.cast(scene)
-        if self.nodes is None:
-            return scene
-        with self.computed():
-            return scene.with_nodes(self.nodes, self.rule)
+        return scene if self.nodes is None else scene.with_nodes(self.nodes, self.rule)
 
     def cast(self, tree: Any) -> Any:
-        """A scene or a start with its numbers in the precision of the setting."""
+        """A scene or a start with its numbers in the precision of the setting; within `computed()`."""
         change = lambda leaf: leaf.astype(jax.dtypes.canonicalize_dtype(leaf.dtype))
-        with self.computed():
-            return jax.tree.map(lambda leaf: change(leaf) if eqx.is_array(leaf) else leaf, tree)
+        return jax.tree.map(lambda leaf: change(leaf) if eqx.is_array(leaf) else leaf, tree)
 
     def computed(self) -> contextlib.AbstractContextManager:
         """Within it, and in this thread alone, jax computes in the precision of the setting."""

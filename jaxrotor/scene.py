@@ -93,7 +93,7 @@ class Scene(eqx.Module):
             raise ValueError(f"A {type(self.shaft).__name__} has no nodes; a FlexibleShaft has.")
         other: dict[str, Any] = {"nodes": nodes} | ({} if rule is None else {"rule": rule})
         shaft = dataclasses.replace(self.shaft, **other)
-        return Scene(shaft, *self.effects, spin=self.spin)
+        return Scene(shaft, *self.effects, spin=self.spin, assumption=self.assumption)
 
     def of(self, kind: type) -> tuple:
         """The effects that have a capability or are of a class."""

@@ -7,8 +7,7 @@ contact forces see the state only through a few ports, so a step needs one produ
 to the stage values of the ports, the forces, and one product back.
 """
 
-from collections.abc import Callable
-from typing import Any, ClassVar, Literal
+from typing import Literal
 
 import diffrax as dfx
 import equinox as eqx
@@ -21,7 +20,7 @@ from ..system import System
 from .basis import DenseBasis, ModalBasis
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading
-from .tableau import Tableau, tableau_of
+from .tableau import AbstractStep, Tableau, tableau_of
 
 
 class Exponential(eqx.Module):
@@ -65,20 +64,13 @@ class Exponential(eqx.Module):
         return ExponentialStep(tableau, field, field.reading, self.order)
 
 
-class ExponentialStep(dfx.AbstractSolver):
-    """A tableau as a diffrax solver, on a fixed grid of steps of `tableau.h`."""
+class ExponentialStep(AbstractStep):
+    """A step as if no force changed its law within."""
 
     tableau: Tableau
     field: PortField
     reading: Reading
     order_: int = eqx.field(static=True)
-
-    term_structure: ClassVar = dfx.ODETerm
-    interpolation_cls: ClassVar[Callable[..., Any]] = dfx.LocalLinearInterpolation
-
-    def order(self, terms) -> int:
-        del terms
-        return self.order_
 
     def init(self, terms, t0, t1, y0, args) -> None:
         del terms, t0, t1, y0, args
@@ -87,9 +79,6 @@ class ExponentialStep(dfx.AbstractSolver):
         del terms, t1, args, solver_state, made_jump
         y1 = self.advance(jnp.asarray(t0), y0)
         return y1, None, {"y0": y0, "y1": y1}, None, dfx.RESULTS.successful
-
-    def func(self, terms, t0, y0, args):
-        return terms.vf(t0, y0, args)
 
     def advance(self, theta: Scalar, y: Float[Array, " m2"]) -> Float[Array, " m2"]:
         """State after a step from `theta`."""

@@ -10,9 +10,6 @@ neither order nor derivatives feel how the instant was found:
     w <- w + B (f_before - f_after) dt
 """
 
-from collections.abc import Callable
-from typing import Any, ClassVar
-
 import diffrax as dfx
 import equinox as eqx
 import jax
@@ -26,7 +23,7 @@ from .basis import as_complex, as_real
 from .branches import BranchedPorts
 from .crossing import Crossing, first_end, leaves
 from .ports import PortForm
-from .tableau import Tableau, step_of, tableau_of
+from .tableau import AbstractStep, Tableau, step_of, tableau_of
 
 
 NEAR = 1e-2  # of a full step: how far from a crossing it may be split
@@ -47,8 +44,8 @@ class Split(eqx.Module):
     tries: Int[Array, ""]
 
 
-class LocatedStep(dfx.AbstractSolver):
-    """A tableau as a diffrax solver, split where a force changes its law.
+class LocatedStep(AbstractStep):
+    """A step split where a force changes its law.
 
     The state of the solver counts the steps that more than `TRIES` splits did not resolve.
     """
@@ -58,17 +55,10 @@ class LocatedStep(dfx.AbstractSolver):
     ports: BranchedPorts
     order_: int = eqx.field(static=True)
 
-    term_structure: ClassVar = dfx.ODETerm
-    interpolation_cls: ClassVar[Callable[..., Any]] = dfx.LocalLinearInterpolation
-
     @classmethod
     def build(cls, form: PortForm, order: int, h: Scalar) -> "LocatedStep":
         ports = BranchedPorts.build(form)
         return cls(tableau_of(order, form.basis, ports.contacts, h), form, ports, order)
-
-    def order(self, terms) -> int:
-        del terms
-        return self.order_
 
     def init(self, terms, t0, t1, y0, args) -> Int[Array, ""]:
         del terms, t0, t1, y0, args
@@ -78,9 +68,6 @@ class LocatedStep(dfx.AbstractSolver):
         del terms, t1, args, made_jump
         y1, unresolved = self.advance(jnp.asarray(t0), y0)
         return y1, None, {"y0": y0, "y1": y1}, solver_state + unresolved, dfx.RESULTS.successful
-
-    def func(self, terms, t0, y0, args):
-        return terms.vf(t0, y0, args)
 
     def advance(self, theta: Scalar, y: Array) -> tuple[Array, Int[Array, ""]]:
         """State after a full step from `theta`, and 1 if it is not resolved."""

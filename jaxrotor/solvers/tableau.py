@@ -4,7 +4,9 @@ Source: Cox, Matthews, J. Comput. Phys. 176 (2002), eqs. (22) (ETDRK2) and (26)-
 """
 
 from collections.abc import Callable
+from typing import Any, ClassVar
 
+import diffrax as dfx
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
@@ -46,6 +48,23 @@ class Tableau(eqx.Module):
                 stage = stage + gain @ found[earlier]
             found.append(forces(stage))
         return self.feed @ jnp.concatenate(found)
+
+
+class AbstractStep(dfx.AbstractSolver):
+    """A tableau as a diffrax solver, on a fixed grid of steps of `tableau.h`."""
+
+    tableau: eqx.AbstractVar[Tableau]
+    order_: eqx.AbstractVar[int]
+
+    term_structure: ClassVar = dfx.ODETerm
+    interpolation_cls: ClassVar[Callable[..., Any]] = dfx.LocalLinearInterpolation
+
+    def order(self, terms) -> int:
+        del terms
+        return self.order_
+
+    def func(self, terms, t0, y0, args):
+        return terms.vf(t0, y0, args)
 
 
 def tableau_of(order: int, basis: Basis, contacts: Contacts, h: Scalar) -> Tableau:
