@@ -183,7 +183,7 @@ class Drive(AbstractSpin):
         polar = polar if self.polar is None else self.polar
         if polar is None:
             raise ValueError("A drive turns an inertia; give `polar [kg m^2]`.")
-        if known(polar) and not polar > 0:
+        if known(polar) and not float(polar) > 0:
             raise ValueError(
                 f"A drive turns an inertia above zero, but that of the scene is {float(polar):g} kg m^2; "
                 "give discs a `polar`, or the drive itself."

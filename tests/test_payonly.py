@@ -179,6 +179,20 @@ def test_zero_strength_equals_absence_among_harmonic_motions(effect):
     assert np.max(np.abs(np.asarray(jr.roots(here, 6)) / expected - 1)) > 1e-4
 
 
+def test_accelerations_call_no_solver():
+    """Two programs of over a hundred lanes that call LAPACK wait for each other (jax 0.10, CPU)."""
+    scene, spin = jr.load("ball-balancer"), jr.Drive(10.0, 1.0, polar=0.1, feedback=True)
+    scene = jr.Scene(scene.shaft, *scene.effects, spin=spin)
+    field = Transient.of(scene, jnp.asarray(100.0), jnp.zeros(()))
+    n, one, balls = field.system.n, jnp.ones(1), jnp.ones(5)
+    y = Posture(jnp.ones((2, n)), jnp.ones((2, n)), one, one, balls, balls)
+    made = jax.make_jaxpr(lambda y: field(jnp.zeros(()), y))(y)
+    assert not {"lu", "triangular_solve", "custom_linear_solve", "eig"} & set(
+        primitives(made.jaxpr)
+    )
+    assert np.isfinite(np.asarray(field(jnp.zeros(()), y).speed)).all()
+
+
 @eqx.filter_jit
 def rates_with_bodies(scene, states, bodies):
     """Vector field of a scene whose bodies move, of shaft and bodies."""
