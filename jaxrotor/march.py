@@ -13,7 +13,7 @@ from .motion import Motion
 from .quantities import Scalar
 from .scene import Scene
 from .solvers.control import step_control, tuned
-from .solvers.exponential import Exponential, ExponentialStep
+from .solvers.exponential import Exponential, ExponentialStep, revolution
 from .solvers.form import AbstractForm, PhysicalForm
 from .solvers.located import LocatedStep
 from .solvers.ports import PortForm
@@ -33,6 +33,7 @@ class Plan(eqx.Module):
     contacts: bool = eqx.field(static=True)  # whether ports are read
     coordinates: bool = eqx.field(static=True)  # whether all coordinates are read
     together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    batch: bool = eqx.field(static=True, default=False)  # lanes under vmap are stepped as one
 
 
 class Orbit(eqx.Module):
@@ -106,7 +107,7 @@ class March(eqx.Module):
 
         def turn(carry, _):
             y, good = carry
-            end, _, ok = self._solve(y, sample=False)
+            end, _, ok = self._step(y, sample=False)
             return (end, good & ok), None
 
         (y, good), _ = self._scan(turn, (y, Outcome.good()), revolutions)
@@ -116,7 +117,7 @@ class March(eqx.Module):
         """One revolution: state at its end, stations at its S + 1 samples, outcome."""
         if self.step is None and isinstance(self.form, PortForm):
             return self._glide(self.form, y)
-        return self._solve(y, sample=True)
+        return self._step(y, sample=True)
 
     def _glide(self, form: PortForm, y: Array):
         """One revolution of a linear scene: exact hops from sample to sample."""
@@ -172,6 +173,18 @@ class March(eqx.Module):
         if not isinstance(self.plan.adjoint, dfx.ForwardMode):
             body = jax.checkpoint(body)
         return jax.lax.scan(body, carry, None, length=length)
+
+    def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
+        """One revolution, by plain steps or by diffrax."""
+        if not isinstance(self.step, ExponentialStep):
+            return self._solve(y, sample=sample)
+        plan, form = self.plan, self.form
+        assert isinstance(form, PortForm)
+        stations = form.stations if sample else None
+        y, samples = revolution(self.step, y, plan.steps, stations, batch=plan.batch)
+        if samples is not None:
+            samples = samples.reshape(plan.steps + 1, 2, 2, -1)
+        return y, samples, Outcome(_bounded(y), jnp.zeros((), int))
 
     def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution by diffrax."""

@@ -139,6 +139,7 @@ def sweep(
         coordinates=False,
         contacts=any(one.needs_contact for one in observe),
         together=_port_groups(scene, axes),
+        batch=True,
     )
     points = _points(axes)
     again = _spread_over(len(points), error_sample)

@@ -70,6 +70,7 @@ def plan_of(scene: jr.Scene, solver: jr.Exponential, steps: int) -> Plan:
         contacts=False,
         coordinates=False,
         together=port_groups(scene),
+        batch=True,
     )
 
 

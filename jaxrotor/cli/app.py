@@ -2,7 +2,9 @@
 
 from typing import Any
 
+import jax
 import typer
+from platformdirs import user_cache_dir
 from typer.core import TyperGroup
 
 from .accuracy import accuracy
@@ -93,5 +95,8 @@ def options(
 
 
 def main() -> None:
-    """Entry point of the program."""
+    """Entry point of the program; what it compiles is kept for the next time."""
+    if jax.config.jax_compilation_cache_dir is None:  # unless JAX_COMPILATION_CACHE_DIR says where
+        jax.config.update("jax_compilation_cache_dir", user_cache_dir("jaxrotor"))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     app(prog_name="jaxrotor")

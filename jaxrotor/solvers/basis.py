@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..quantities import Scalar
+from .lanes import product
 from .phi import phi_dense, phi_scalar
 
 
@@ -90,7 +91,7 @@ class Rotation(eqx.Module):
     real: Float[Array, " m"]
     imag: Float[Array, " m"]
 
-    def __call__(self, w: Float[Array, " m2"]) -> Float[Array, " m2"]:
+    def __call__(self, w: Float[Array, "m2 ..."]) -> Float[Array, "m2 ..."]:
         a, b = jnp.split(w, 2)
         return jnp.concatenate([self.real * a - self.imag * b, self.real * b + self.imag * a])
 
@@ -100,8 +101,8 @@ class Dense(eqx.Module):
 
     matrix: Float[Array, "m2 m2"]
 
-    def __call__(self, w: Float[Array, " m2"]) -> Float[Array, " m2"]:
-        return self.matrix @ w
+    def __call__(self, w: Float[Array, "m2 ..."]) -> Float[Array, "m2 ..."]:
+        return self.matrix @ w if w.ndim == 1 else product(self.matrix, w)
 
 
 def well_conditioned(vectors: Array | np.ndarray) -> bool:

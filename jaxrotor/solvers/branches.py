@@ -9,7 +9,7 @@ from ..motion import Motion
 from ..quantities import Scalar
 from ..system import Branches
 from .crossing import Crossing
-from .ports import Contacts, PortForm, Reading
+from .ports import Contacts, PortForm, Reading, phase_at
 
 
 class BranchedPorts(eqx.Module):
@@ -29,21 +29,23 @@ class BranchedPorts(eqx.Module):
         assert contacts is not None and motion.rows is not None and motion.columns is not None
         p = motion.rows.shape[0]
         see = jnp.concatenate([contacts.see, contacts.see[p:] @ form.basis.matrix()])
-        old, s = contacts.reading, contacts.reading.s
+        old = contacts.reading
         still, cos, sin = old.still, old.cos, old.sin
         if still is not None:
             still = _with_third(still, jnp.zeros((2, p)))
         if cos is not None and sin is not None:
             along, across = (part.reshape(2, 2, p)[:, 1] for part in (cos, sin))
-            cos, sin = _with_third(cos, s * across), _with_third(sin, -s * along)
-        reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin, s)
+            cos, sin = _with_third(cos, across), _with_third(sin, -along)
+        reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin)
         feed = motion.rate * motion.rows @ motion.columns
         return cls(motion, Contacts(see, contacts.drive, reading), feed)
 
     def read(self, w: Complex[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
         """The ports in a state."""
         seen = self.contacts.see @ w
-        return jnp.concatenate([seen.real, seen.imag]) + self.contacts.reading.steady(theta)
+        return jnp.concatenate([seen.real, seen.imag]) + self.contacts.reading.steady(
+            phase_at(theta)
+        )
 
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
         """The branches that hold."""

@@ -11,6 +11,7 @@ from typing import Literal
 
 import diffrax as dfx
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -18,6 +19,7 @@ from ..motion import Motion
 from ..quantities import Scalar
 from ..system import System
 from .basis import DenseBasis, ModalBasis
+from .lanes import each, together
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading
 from .tableau import AbstractStep, Tableau, tableau_of
@@ -61,7 +63,9 @@ class Exponential(eqx.Module):
         if self.located and kinked:
             return LocatedStep.build(form, self.order, h)
         tableau = tableau_of(self.order, form.basis, form.contacts, h)
-        return ExponentialStep(tableau, field, field.reading, self.order)
+        return ExponentialStep(
+            tableau=tableau, field=field, reading=field.reading, order_=self.order
+        )
 
 
 class ExponentialStep(AbstractStep):
@@ -82,5 +86,40 @@ class ExponentialStep(AbstractStep):
 
     def advance(self, theta: Scalar, y: Float[Array, " m2"]) -> Float[Array, " m2"]:
         """State after a step from `theta`."""
-        seen = self.tableau.seen(theta, y, self.reading.steady)
-        return self.tableau.advance(y) + self.tableau.fed(seen, self.field.forces)
+        phases = self.tableau.phases(theta)
+        return together(lambda step, y: step.of_lanes(phases, y), self, y, batch=False)
+
+    def of_lanes(self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"]) -> Array:
+        """States after a step, lanes last."""
+        seen = self.tableau.seen(phases, y, self.reading)
+        forces = lambda seen: each(PortField.forces, self.field, seen)
+        return self.tableau.advance(y) + self.tableau.fed(seen, forces)
+
+
+def revolution(
+    step: ExponentialStep,
+    y: Float[Array, " m2"],
+    steps: int,
+    stations: Reading | None,
+    *,
+    batch: bool = False,
+) -> tuple[Float[Array, " m2"], Float[Array, "T s4"] | None]:
+    """State after a revolution of so many steps, and the stations at its start and after each.
+
+    `batch`: under `jax.vmap` all lanes are stepped as one.
+    """
+
+    def turn(parts, y):
+        step, stations = parts
+        phases = step.tableau.phases(2 * jnp.pi / steps * jnp.arange(steps))
+
+        def one(y, phases):
+            seen = None if stations is None else stations.of_lanes(phases[0], y)
+            return step.of_lanes(phases, y), seen
+
+        y, samples = jax.lax.scan(one, y, phases)
+        if stations is None or samples is None:
+            return y, None
+        return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
+
+    return together(turn, (step, stations), y, batch=batch)

@@ -22,6 +22,7 @@ from ..system import Branches
 from .basis import as_complex, as_real
 from .branches import BranchedPorts
 from .crossing import Crossing, first_end, leaves
+from .lanes import one_lane
 from .ports import PortForm
 from .tableau import AbstractStep, Tableau, step_of, tableau_of
 
@@ -58,7 +59,8 @@ class LocatedStep(AbstractStep):
     @classmethod
     def build(cls, form: PortForm, order: int, h: Scalar) -> "LocatedStep":
         ports = BranchedPorts.build(form)
-        return cls(tableau_of(order, form.basis, ports.contacts, h), form, ports, order)
+        tableau = tableau_of(order, form.basis, ports.contacts, h)
+        return cls(tableau=tableau, form=form, ports=ports, order_=order)
 
     def init(self, terms, t0, t1, y0, args) -> Int[Array, ""]:
         del terms, t0, t1, y0, args
@@ -72,11 +74,14 @@ class LocatedStep(AbstractStep):
     def advance(self, theta: Scalar, y: Array) -> tuple[Array, Int[Array, ""]]:
         """State after a full step from `theta`, and 1 if it is not resolved."""
         h, ports = self.tableau.h, self.ports
-        seen = self.tableau.seen(theta, y, ports.contacts.reading.steady)
-        branches = ports.branches(seen[0])
-        fed = self.tableau.fed(seen, lambda stage: ports.forces(branches, stage))
-        y1, finish = self.tableau.advance(y) + fed, seen[-1] + as_real(ports.contacts.see) @ fed
-        begin, end = ports.crossing(branches, seen[0]), ports.crossing(branches, finish)
+        tableau, reading = one_lane((self.tableau, ports.contacts.reading))
+        seen = tableau.seen(self.tableau.phases(theta), y[:, None], reading)
+        now, then = seen[0][:, 0], seen[-1][:, 0]
+        branches = ports.branches(now)
+        force = lambda stage: ports.forces(branches, stage[:, 0])[:, None]
+        fed = tableau.fed(seen, force)[:, 0]
+        y1, finish = self.tableau.advance(y) + fed, then + as_real(ports.contacts.see) @ fed
+        begin, end = ports.crossing(branches, now), ports.crossing(branches, finish)
         whole = ~jnp.any(leaves(begin, end, h))
         split = Split(
             jnp.where(whole, y1, y),

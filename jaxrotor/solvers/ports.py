@@ -5,7 +5,7 @@ w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..motion import Motion
 from ..pencil import steady_response
@@ -13,30 +13,38 @@ from ..quantities import Scalar
 from ..system import System
 from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
 from .form import AbstractForm
+from .lanes import product
 
 
 class Reading(eqx.Module):
     """`[Re, Im]` of displacement and velocity of stations: linear in `y`, plus the steady response.
 
-    The parts of a load that no effect draws are None.
+    The parts of a load that no effect draws are None. Works with lanes last as well.
     """
 
     matrix: Float[Array, "s4 m2"]
     still: Float[Array, " s4"] | None
     cos: Float[Array, " s4"] | None
     sin: Float[Array, " s4"] | None
-    s: Scalar
 
-    def steady(self, theta: Scalar) -> Float[Array, " s4"] | float:
-        """What the stations do in the steady response."""
+    def steady(self, phase: Float[Array, "2"]) -> Float[Array, "s4 ..."] | float:
+        """What the stations do in the steady response, at the cosine and the sine of an angle."""
         steady = 0.0 if self.still is None else self.still
         if self.cos is not None and self.sin is not None:
-            phase = self.s * theta
-            steady = steady + jnp.cos(phase) * self.cos + jnp.sin(phase) * self.sin
+            steady = steady + phase[0] * self.cos + phase[1] * self.sin
         return steady
 
     def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
-        return self.matrix @ y + self.steady(theta)
+        return self.matrix @ y + self.steady(phase_at(theta))
+
+    def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
+        """The same of all lanes."""
+        return product(self.matrix, y) + self.steady(phase)
+
+
+def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
+    """Cosine and sine of angles of revolution."""
+    return jnp.stack([jnp.cos(theta), jnp.sin(theta)], axis=-1)
 
 
 class Contacts(eqx.Module):
@@ -137,9 +145,9 @@ def _reading(motion: Motion, see, basis, still, whirling) -> Reading:
     matrix = as_real(see @ basis.vectors)
     offset = None if still is None else _stack(see @ still)
     if whirling is None:
-        return Reading(matrix, offset, None, None, motion.s)
+        return Reading(matrix, offset, None, None)
     whirl = see @ whirling
-    return Reading(matrix, offset, _stack(whirl), _stack(1j * whirl), motion.s)
+    return Reading(matrix, offset, _stack(whirl), _stack(1j * motion.s * whirl))
 
 
 def _stack(z: Complex[Array, " a"]) -> Float[Array, " a2"]:

@@ -9,45 +9,52 @@ from typing import Any, ClassVar
 import diffrax as dfx
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..quantities import Scalar
 from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_real
-from .ports import Contacts
+from .lanes import product
+from .ports import Contacts, Reading, phase_at
 
 
 Basis = ModalBasis | DenseBasis
 
 
 class Tableau(eqx.Module):
-    """One exponential step of fixed size, in terms of the ports.
+    """One exponential step of fixed size, in terms of the ports; built for one lane, used for many.
 
     Stage `i`: `Y_i = look[c_i] y + steady(theta + c_i h) + Sum_j echo[i][j] f_j`, `f_i = f(Y_i)`;
     then `y <- advance(y) + feed (f_0, f_1, ..)`.
     """
 
     advance: Rotation | Dense
-    look: Float[Array, "c p4 m2"]  # one for every distinct stage time
+    look: Float[Array, "c_p4 m2"]  # one for every distinct stage time
     echo: tuple[dict[int, Float[Array, "p4 p2"]], ...]  # of stage i by earlier stage j
     feed: Float[Array, "m2 stages_p2"]
     h: Scalar
     times: tuple[float, ...] = eqx.field(static=True)  # distinct, in steps
     stages: tuple[int, ...] = eqx.field(static=True)  # which time each stage is at
 
-    def seen(self, theta: Scalar, y: Float[Array, " m2"], steady: Callable) -> list[Array]:
-        """Ports at the distinct times from `theta` on, as far as contact has not yet changed them."""
-        free = (self.look.reshape(-1, y.size) @ y).reshape(len(self.times), -1)
-        return [one + steady(theta + c * self.h) for one, c in zip(free, self.times, strict=True)]
+    def phases(self, theta: ArrayLike) -> Float[Array, "... c 2"]:
+        """Cosine and sine of the angles at the distinct times of steps from `theta` on."""
+        return phase_at(jnp.asarray(theta)[..., None] + jnp.asarray(self.times) * self.h)
 
-    def fed(self, seen: list[Array], forces: Callable) -> Float[Array, " m2"]:
+    def seen(
+        self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"], reading: Reading
+    ) -> list[Array]:
+        """Ports at the distinct times, as far as contact has not yet changed them."""
+        free = jnp.split(product(self.look, y), len(self.times))
+        return [one + reading.steady(phase) for one, phase in zip(free, phases, strict=True)]
+
+    def fed(self, seen: list[Array], forces: Callable) -> Float[Array, "m2 lanes"]:
         """What the forces of all stages add to the state by the end of the step."""
         found: list[Array] = []
         for time, echo in zip(self.stages, self.echo, strict=True):
             stage = seen[time]
             for earlier, gain in echo.items():
-                stage = stage + gain @ found[earlier]
+                stage = stage + product(gain, found[earlier])
             found.append(forces(stage))
-        return self.feed @ jnp.concatenate(found)
+        return product(self.feed, jnp.concatenate(found))
 
 
 class AbstractStep(dfx.AbstractSolver):
@@ -108,7 +115,7 @@ def _tableau(basis, see, h, flow, looks, stages, echo, feed) -> Tableau:
     """The complex coefficients as they act on `[re, im]`."""
     return Tableau(
         basis.step(flow),
-        jnp.stack([as_real(look) for look in looks.values()]),
+        jnp.concatenate([as_real(look) for look in looks.values()]),
         tuple({j: as_real(see @ part) for j, part in row.items()} for row in echo),
         jnp.concatenate([as_real(part) for part in feed], axis=1),
         h,

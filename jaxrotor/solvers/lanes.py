@@ -1,0 +1,72 @@
+"""Lanes: trajectories stepped together, their states and coefficients with lanes last.
+
+What all lanes share has one lane. Rows of lanes are what the vectors of a processor want, and what
+is summed column by column fuses with its neighbours: a small product by the matrix kernel costs
+more than its work.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+THIN = 8  # columns of a matrix that is summed by hand
+
+
+def one_lane(tree: Any) -> Any:
+    """Arrays of one trajectory as a lane of its own."""
+    return jax.tree.map(lambda leaf: leaf[..., None] if eqx.is_array(leaf) else leaf, tree)
+
+
+def product(matrix: Float[Array, "a b l"], x: Float[Array, "b lanes"]) -> Float[Array, "a lanes"]:
+    """`matrix @ x` in every lane."""
+    if matrix.shape[1] <= THIN:
+        columns = [matrix[:, k] * x[k] for k in range(matrix.shape[1])]
+        return sum(columns[1:], start=columns[0])
+    if matrix.shape[-1] == 1:
+        return matrix[..., 0] @ x
+    return jnp.sum(matrix * x, axis=1)
+
+
+def each(call: Callable, tree: Any, x: Float[Array, "a lanes"]) -> Float[Array, "b lanes"]:
+    """`call(tree, x)`, which knows of no lanes, in every lane."""
+    arrays, constant = eqx.partition(tree, eqx.is_array)
+    leaves, treedef = jax.tree.flatten(arrays)
+    axes = [None if leaf.shape[-1] == 1 else -1 for leaf in leaves]
+    leaves = [
+        leaf[..., 0] if axis is None else leaf for leaf, axis in zip(leaves, axes, strict=True)
+    ]
+    one = lambda leaves, x: call(eqx.combine(jax.tree.unflatten(treedef, leaves), constant), x)
+    return jax.vmap(one, in_axes=(axes, -1), out_axes=-1)(leaves, x)
+
+
+def together(call: Callable, tree: Any, y: Float[Array, " m"], *, batch: bool = True) -> Any:
+    """`call(tree, y)`, which has lanes last, for one trajectory; under `jax.vmap` for all at once.
+
+    `batch` False: derivatives in reverse mode, for which lanes stay apart.
+    """
+    arrays, constant = eqx.partition(tree, eqx.is_array)
+
+    def alone(arrays, y):
+        out = call(one_lane(eqx.combine(arrays, constant)), y[:, None])
+        return jax.tree.map(lambda leaf: leaf[..., 0], out)
+
+    if not batch:
+        return alone(arrays, y)
+    run = jax.custom_batching.custom_vmap(alone)
+
+    @run.def_vmap
+    def _(size, batched, arrays, y):
+        turned = lambda leaf, own: jnp.moveaxis(leaf, 0, -1) if own else leaf[..., None]
+        own, y_own = batched
+        arrays, y = jax.tree.map(turned, arrays, own), turned(y, y_own)
+        out = call(eqx.combine(arrays, constant), jnp.broadcast_to(y, (*y.shape[:-1], size)))
+        return jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), out), jax.tree.map(
+            lambda _: True, out
+        )
+
+    return run(arrays, y)
