@@ -30,6 +30,7 @@ def tip(response: jr.Response) -> np.ndarray:
 # === 1 and 2: the centre, and gradients
 
 
+@pytest.mark.hard("1.1 at rest in the centre: the whirl index is 0/0", outcome="flagged")
 def test_rest_in_the_centre_is_undefined_whirl_not_a_number_elsewhere():
     ds = jr.sweep(
         ROTOR,
@@ -49,12 +50,14 @@ def test_rest_in_the_centre_is_undefined_whirl_not_a_number_elsewhere():
         assert np.all(still[name].values == 0)
 
 
+@pytest.mark.hard("1.1 at rest in the centre it stays")
 def test_rest_in_the_centre_stays_there():
     r = jr.simulate(ROTOR, 3, 64)
     for part in (r.displacement, r.velocity, r.slope, r.contact_force):
         assert np.all(np.asarray(part) == 0)
 
 
+@pytest.mark.hard("1.2 gradients beside a contact that is not there")
 @pytest.mark.parametrize("path", ["limiters.gap", "limiters.stiffness", "unbalance.eccentricity"])
 def test_gradient_from_rest_in_the_centre_is_finite(path):
     def end(value):
@@ -79,6 +82,7 @@ def balance(scene: jr.Scene, z: complex) -> complex:
     return total
 
 
+@pytest.mark.hard("1.3 two and three stops at once")
 @pytest.mark.parametrize("count", [2, 3])
 def test_several_stops_at_once(count):
     """Pressed by weight between stops that all touch: the static balance of forces."""
@@ -104,6 +108,7 @@ def test_several_stops_at_once(count):
     assert stiffness * z[-1] == pytest.approx(weight + balance(scene, z[-1]), rel=1e-7)
 
 
+@pytest.mark.hard("1.3 grazing")
 def test_grazing():
     """A circular orbit whose radius is the gap to within 1e-9: no more than a touch."""
     linear = LINEAR.replace({"spin.speed": 300.0, "unbalance.eccentricity": 1e-4})
@@ -120,6 +125,7 @@ def test_grazing():
 # === 4: stiffness, gap, friction
 
 
+@pytest.mark.hard("1.4 stops of 10 to 1e7 of the shaft's stiffness")
 @pytest.mark.parametrize("kappa", [1e1, 1e3, 1e5, 1e7])
 def test_stops_from_soft_to_rigid(kappa):
     stiffness = kappa * 1649.336143 / LENGTH**3
@@ -133,6 +139,7 @@ def test_stops_from_soft_to_rigid(kappa):
         assert deepest < 3 * 10.0 * np.sqrt(2.47 / stiffness)
 
 
+@pytest.mark.hard("1.4 stops of 10 to 1e7 of the shaft's stiffness")
 def test_moderate_stiffness_against_an_implicit_solver():
     scene = ROTOR.replace({"limiters.stiffness": 30 * 1649.336143 / LENGTH**3})
     fine = jr.simulate(scene, 2, 2048, start=WHIRL, solver=jr.Exponential(4))
@@ -140,6 +147,7 @@ def test_moderate_stiffness_against_an_implicit_solver():
     assert abs(tip(fine)[::16] - tip(other)).max() < 1e-4 * abs(tip(fine)).max()
 
 
+@pytest.mark.hard("1.4 zero gap")
 def test_zero_gap_touches_always():
     r = jr.simulate(ROTOR.replace({"limiters.gap": 0.0}), 20, 512, start=WHIRL, keep=10)
     assert np.all(np.isfinite(tip(r)))
@@ -147,6 +155,7 @@ def test_zero_gap_touches_always():
     assert touching.mean() > 0.4
 
 
+@pytest.mark.hard("1.4 friction above 1 and rolling")
 @pytest.mark.parametrize("friction", [1.0, 3.0])
 @pytest.mark.parametrize("slip", [None, 1.0])
 def test_strong_friction_and_rolling(friction, slip):
@@ -161,6 +170,7 @@ def test_strong_friction_and_rolling(friction, slip):
 # === 5: speed and damping
 
 
+@pytest.mark.hard("1.5 zero speed without a period", outcome="refused")
 def test_zero_speed_needs_a_period():
     still = ROTOR.replace({"spin.speed": 0.0})
     with pytest.raises(ValueError, match="give `period`"):
@@ -171,6 +181,7 @@ def test_zero_speed_needs_a_period():
         jr.simulate(still, 1, period=-1.0)
 
 
+@pytest.mark.hard("1.5 zero speed")
 def test_zero_speed_against_the_matrix_exponential():
     still = LINEAR.replace({"spin.speed": 0.0})
     r = jr.simulate(still, 2, 16, start=jr.Whirl(1e-3, 50.0), period=0.1)
@@ -190,6 +201,7 @@ def test_zero_speed_against_the_matrix_exponential():
     assert float(r.time[-1]) == pytest.approx(0.2)
 
 
+@pytest.mark.hard("1.5 speed N = 100")
 def test_high_speed():
     fast = ROTOR.replace({"spin.speed": 100 / UNIT, "internal_damping.voigt_time": 0.0})
     fast = fast.replace({"unbalance.eccentricity": 1e-4})
@@ -198,6 +210,7 @@ def test_high_speed():
     assert tip(r)[-1] == pytest.approx(complex(want), rel=1e-4)
 
 
+@pytest.mark.hard("1.5 no internal damping")
 def test_without_internal_damping_forward_whirl_dies_out():
     scene = ROTOR.replace({"internal_damping.voigt_time": 0.0})
     r = jr.simulate(scene, 400, 256, start=jr.Whirl(1e-3), keep=1)
@@ -226,6 +239,7 @@ def merged(scene: jr.Scene, period: float = 0.02) -> float:
     return float(np.linalg.cond(np.linalg.eig(np.asarray(matrix))[1]))
 
 
+@pytest.mark.hard("1.5 double root of an over-damped pair")
 def test_near_a_double_root_the_basis_is_dense_and_right():
     scene, period = double_root(), 0.02
     rate = jnp.asarray(2 * jnp.pi / period)
@@ -247,6 +261,7 @@ def test_near_a_double_root_the_basis_is_dense_and_right():
         assert tip(r)[k] == pytest.approx(want, abs=1e-10 * 1e-3 + 1e-9 * abs(want))
 
 
+@pytest.mark.hard("1.5 double root of an over-damped pair")
 def test_dense_basis_equals_modal_where_both_serve():
     paths = [
         tip(jr.simulate(ROTOR, 4, 128, start=WHIRL, solver=jr.Exponential(4, basis)))
@@ -255,6 +270,7 @@ def test_dense_basis_equals_modal_where_both_serve():
     assert abs(paths[0] - paths[1]).max() < 1e-9 * abs(paths[0]).max()
 
 
+@pytest.mark.hard("1.5 undamped at its critical speed", outcome="refused")
 def test_undamped_resonance_is_refused():
     rest = [e for e in LINEAR.effects if isinstance(e, jr.Disc | jr.Unbalance)]
     shaft = jr.FlexibleShaft(LENGTH, 0.02)
@@ -274,6 +290,7 @@ def test_undamped_resonance_is_refused():
 # === 6: many nodes
 
 
+@pytest.mark.hard("1.6 16 and 20 nodes: no mode grows")
 @pytest.mark.parametrize("nodes", [16, 20])
 def test_many_nodes_have_no_growing_modes(nodes):
     shaft = jr.FlexibleShaft(LENGTH, 0.02, nodes=nodes)
@@ -294,6 +311,7 @@ def test_many_nodes_have_no_growing_modes(nodes):
 # === 7: long runs
 
 
+@pytest.mark.hard("1.7 a hundred thousand revolutions")
 def test_phase_of_unbalance_after_a_hundred_thousand_revolutions():
     values = {"spin.speed": 10 / UNIT, "unbalance.eccentricity": 1e-4}
     linear = LINEAR.replace(values)
@@ -306,6 +324,7 @@ def test_phase_of_unbalance_after_a_hundred_thousand_revolutions():
     assert tip(r)[-1] == pytest.approx(want, rel=1e-10)
 
 
+@pytest.mark.hard("1.7 a hundred thousand revolutions in contact")
 def test_period_one_contact_does_not_drift():
     """Pressed on a stop by its weight and shaken by unbalance: the same point every revolution."""
     stop = jr.Limiter(LENGTH, -np.pi / 2, 0.0, 5e4, 100.0, 0.1, rim_radius=0.1)
@@ -325,6 +344,7 @@ def test_period_one_contact_does_not_drift():
 # === precision
 
 
+@pytest.mark.hard("6.1 single precision")
 def test_single_precision_runs_and_says_so():
     """With JAX_ENABLE_X64=0: the onset to 1e-2, a short rub to 1e-2, the data set says float32."""
     code = """
@@ -361,6 +381,7 @@ print(ds.attrs["precision"])
 OVER = {"limiters.gap": [1e-3]}
 
 
+@pytest.mark.hard("6.2 bad input", outcome="refused")
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -411,11 +432,13 @@ def test_bad_input_gets_a_sentence(call, sentence):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.hard("6.2 bad input", outcome="refused")
 def test_a_whirl_does_not_start_where_the_shaft_is_held():
     with pytest.raises(RuntimeError, match="a station that is held fast"):
         jr.simulate(ROTOR, 1, at=[0.0], start=jr.Whirl(1e-3, 5.0))
 
 
+@pytest.mark.hard("6.2 bad input", outcome="refused")
 def test_bad_types_get_a_sentence():
     """In a process of its own: the tests' type checker would speak first."""
     code = """
@@ -453,6 +476,7 @@ for call in (
     assert [line.partition(" must ")[0] for line in said] == starts
 
 
+@pytest.mark.hard("6.3 one lane of a sweep overflows", outcome="flagged")
 def test_a_failing_lane_is_flagged_and_kept():
     """A growing rotor without stops overflows in its lane alone."""
     ds = jr.sweep(
@@ -467,6 +491,7 @@ def test_a_failing_lane_is_flagged_and_kept():
     assert np.isfinite(ds.radius_max[0])
 
 
+@pytest.mark.hard("6.4 a run overflows or takes too many steps", outcome="refused")
 def test_a_run_that_fails_says_so():
     with pytest.raises(RuntimeError, match="did not stay finite"):
         jr.simulate(LINEAR.replace({"spin.speed": 2000 / UNIT}), 200_000, 16, start=WHIRL, keep=1)
