@@ -246,11 +246,13 @@ def history(steps: int, stiffness: float, damping: float, order: int = 4) -> np.
 
 
 @pytest.mark.hard("1.8 energy of a passive rotor between stops")
-def test_passive_rotor_keeps_its_energy():
+def test_passive_rotor_keeps_its_energy(record_property):
     """No drift; what is left swings within 3e-4, the interpolant of 12 nodes (8: 1.2e-3)."""
     kept = history(1024, 5e4, 0.0)
     assert np.ptp(kept) < 5e-4 * kept[0]
-    assert kept[:64].mean() == pytest.approx(kept[-64:].mean(), rel=1e-4)
+    drift = abs(kept[-64:].mean() / kept[:64].mean() - 1)
+    record_property("measured", f"mean energy drifts by {drift:.0e}")
+    assert drift < 1e-4
     # coarse steps of low order do lose or gain: the rest above is not the steps'
     error = [
         abs(history(steps, 5e4, 0.0, 2)[-64:].mean() / kept[-64:].mean() - 1) for steps in (16, 64)

@@ -141,7 +141,7 @@ def truth(rub):
 @pytest.mark.hard("1.3 order of the steps through impacts")
 @pytest.mark.slow
 @pytest.mark.parametrize(("order", "least"), [(2, 1.8), (4, 3.0)])
-def test_order_through_impacts(rub, truth, order, least):
+def test_order_through_impacts(rub, truth, order, least, record_property):
     scene, end = rub
     form, run = prepared(scene, order)
     begin = form.encode(end.q, end.velocity)
@@ -154,6 +154,7 @@ def test_order_through_impacts(rub, truth, order, least):
     above = errors > 1e-10  # what scipy itself is good for
     assert above.sum() >= 4
     slope = np.polyfit(np.log(steps[above]), np.log(errors[above]), 1)[0]
+    record_property("measured", f"order {order}: slope {-slope:.2f}")
     assert -slope >= least
     assert errors[-1] < {2: 2e-4, 4: 1e-8}[order]
 
@@ -193,15 +194,16 @@ def on_a_line(*stops, blend=None):
 
 
 @pytest.mark.hard("1.3 two and three stops at once")
-def test_two_stops_at_once():
+def test_two_stops_at_once(record_property):
     """Like stops at +a and -a act as one at 0: gap / cos a, 2 cos^2 a as stiff and damped."""
     a, gap = 0.5, 3e-4
     pair = on_a_line(*(jr.Limiter(angle=s * a, gap=gap, **LINE) for s in (1, -1)))
     scaled = {"stiffness": 2 * np.cos(a) ** 2 * 4e5, "damping": 2 * np.cos(a) ** 2 * 30.0}
     one = on_a_line(jr.Limiter(LENGTH, 0.0, gap / np.cos(a), **scaled))
     assert pair.unresolved == 0 and (np.abs(pair.contact_force) > 0).all(axis=1).sum() > 3
-    close = {"rtol": 0, "atol": 1e-8 * 1e-3}
-    assert np.allclose(pair.displacement, one.displacement, **close)
+    error = np.abs(pair.displacement - one.displacement).max() / 1e-3
+    record_property("measured", f"{error:.0e} from the one stop they amount to")
+    assert error < 1e-8
 
 
 @pytest.mark.hard("1.3 grazing")
