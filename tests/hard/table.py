@@ -76,7 +76,7 @@ def text(tests):
     for test, (state, cases, measured) in sorted(tests.items()):
         for case, outcome in cases:
             rows.setdefault(case, []).append((test, state, outcome, measured))
-    page, sheet = [HEAD], None
+    page, sheet = [HEAD.rstrip()], None
     for case in sorted(rows, key=sheet_and_number):
         if sheet != (sheet := sheet_and_number(case)[0]):
             page.append(f"\n## {sheet}. {SHEETS[sheet]}\n")
