@@ -244,6 +244,7 @@ def test_response(place):
     assert critical["speed"] == pytest.approx(100.0)
     assert critical["amplitude"] == pytest.approx(eccentricity / (2 * ratio))
     assert critical["phase"] == pytest.approx(-np.pi / 2)
+    assert critical["growth"] == pytest.approx(-5.0) and shown["unstable_share"] == 0.0
     assert sorted(os.listdir("run")) == ["response.png", "response.zarr"]
     with xr.open_zarr("run/response.zarr") as data:
         assert {10.0, 300.0, critical["speed"]} <= set(data.speed.values)
@@ -261,6 +262,17 @@ def test_response_without_damping_is_unbounded():
     assert "unbounded" in call("response", "damped.toml", "--points", 42).stdout
     below = call("response", "damped.toml", "--to", 50, "--points", 42).stdout
     assert "none between these speeds" in below
+
+
+@pytest.mark.hard("2.1 finite response inside the unstable band")
+def test_response_says_where_it_is_unstable(place):
+    """Sheet, 3.8: +0.049703 of w_0 = 100 rad/s at p = 1, in a band from 0.906 to 1.081."""
+    run = ["response", "dual-stiffness-rigid", "--from", 99, "--to", 101, "--points", 5]
+    run += ["--set", "unbalance.eccentricity=1um"]
+    assert answered(*run, "--out", "run")["unstable_share"] == 1.0
+    with xr.open_zarr("run/response.zarr") as data:
+        assert float(data.growth.sel(speed=100.0)) == pytest.approx(4.9703, abs=5.1e-5)
+    assert "where nothing settles" in call(*run).stdout
 
 
 def test_response_of_a_balanced_rotor(place):
@@ -363,6 +375,7 @@ def test_simulate(place):
     assert "--overwrite" in refused(*run, "--out", "run")
 
 
+@pytest.mark.hard("1.1 at rest in the centre: the whirl index is 0/0", outcome="flagged")
 def test_simulate_at_rest_has_no_index(place):
     args = ["limiter-rotor", "--revolutions", 2, "--steps", 16, "--start-radius", 0]
     assert "undefined" in call("simulate", *args).stdout

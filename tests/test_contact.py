@@ -146,6 +146,7 @@ def test_release_of_a_blended_stop_is_twice_differentiable():
     assert normal(release - 1) == 0
 
 
+@pytest.mark.hard("1.4 sign of friction smoothed over a stated width")
 def test_smoothed_friction_sign_is_twice_differentiable():
     width, out = 2.0, np.exp(1j * np.pi / 3)
     limiter = stop(slip=width)
@@ -169,6 +170,7 @@ def test_smoothed_friction_sign_is_twice_differentiable():
         assert jumps[-1] < 0.6 * jumps[0] + 1e-6
 
 
+@pytest.mark.hard("1.2 gradients beside a contact that is not there")
 @pytest.mark.parametrize("blend", [None, 1e-4])
 @pytest.mark.parametrize("gap", [0.0, 7.5e-3])
 def test_law_is_safe_at_the_centre(gap, blend):
@@ -243,11 +245,14 @@ def history(steps: int, stiffness: float, damping: float, order: int = 4) -> np.
     return np.array([energy(np.asarray(z), np.asarray(v), stiffness) for z, v in pairs])
 
 
-def test_passive_rotor_keeps_its_energy():
+@pytest.mark.hard("1.8 energy of a passive rotor between stops")
+def test_passive_rotor_keeps_its_energy(record_property):
     """No drift; what is left swings within 3e-4, the interpolant of 12 nodes (8: 1.2e-3)."""
     kept = history(1024, 5e4, 0.0)
     assert np.ptp(kept) < 5e-4 * kept[0]
-    assert kept[:64].mean() == pytest.approx(kept[-64:].mean(), rel=1e-4)
+    drift = abs(kept[-64:].mean() / kept[:64].mean() - 1)
+    record_property("measured", f"mean energy drifts by {drift:.0e}")
+    assert drift < 1e-4
     # coarse steps of low order do lose or gain: the rest above is not the steps'
     error = [
         abs(history(steps, 5e4, 0.0, 2)[-64:].mean() / kept[-64:].mean() - 1) for steps in (16, 64)
@@ -256,6 +261,7 @@ def test_passive_rotor_keeps_its_energy():
     assert error[1] < error[0] / 4
 
 
+@pytest.mark.hard("1.8 energy of a passive rotor between stops")
 def test_damped_stops_only_take_energy():
     kept = history(1024, 5e4, 30.0)
     assert kept[-1] < 0.99 * kept[0]

@@ -110,6 +110,7 @@ def test_table_of_responses(name):
         assert not np.any(found.backward) and found.sidebands is None
 
 
+@pytest.mark.hard("2.8 weight in turning and fixed axes")
 def test_weight_response_in_closed_form():
     """Scheme 1 with damping, complex, so the phases too; and without any by K_xi, K_eta."""
     p = np.array([0.2, 0.7, 1.9])
@@ -139,6 +140,7 @@ PEAKS = {  # sheet, 3.8: speed and height of the largest twice-per-revolution re
 }
 
 
+@pytest.mark.hard("2.8 weight in turning and fixed axes")
 @pytest.mark.parametrize("name", PEAKS)
 def test_peak_of_the_twice_per_revolution_response(name):
     values, speed, height = PEAKS[name]
@@ -401,6 +403,7 @@ def test_gradients(turning):
             assert float(slopes[path]) == pytest.approx(found, rel=1e-8, abs=1e-9), (name, path)
 
 
+@pytest.mark.hard("2.1 response at an undamped critical speed", outcome="refused")
 def test_refusals():
     undamped = dual(1, mu=None, kappa=None, delta=0.0)
     for call in (

@@ -194,6 +194,7 @@ def test_discs_against_finite_elements(discs):
         )
 
 
+@pytest.mark.hard("1.6 no spurious mode grows")
 @pytest.mark.parametrize(("reach", "nodes"), [(0.65, 8), (0.65, 5), (0.6, 5), (0.03, 12)])
 def test_no_spurious_mode_grows(reach, nodes):
     """A disc near the end of the shaft, below its onset speed: every root is stable."""

@@ -138,6 +138,7 @@ def test_printed_coefficients():
     assert disc == pytest.approx(2.381400e-4, rel=1e-12)
 
 
+@pytest.mark.hard("3.11 a disc near the clamp, at the free end, at the pin")
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.75, 1.0])
 @pytest.mark.parametrize("pinned", [False, True])
 def test_reduced_mass_along_the_shaft(pinned, share):
@@ -270,10 +271,12 @@ def test_what_the_reduction_is_worth():
 # === 1, 4: inertia from a second frequency
 
 
-def test_inertia_from_frequency_gives_it_back():
+@pytest.mark.hard("3.8 inertia from the second frequency")
+def test_inertia_from_frequency_gives_it_back(record_property):
     for name, data in SETS.items():
         shaft, second = SHIPPED[name].shaft, AT_REST[name][1]
         found = float(jr.inertia_from_frequency(shaft, data["m"], second))
+        record_property("measured", f"{name}: {abs(found / data['I'] - 1):.0e}")
         assert found == pytest.approx(data["I"], rel=1e-9)
         scene = rotor(name, eta=0.0).put({"disc.diametral": jnp.asarray(found)})
         assert frequencies(scene).real[1] == pytest.approx(second, rel=1e-10)
@@ -282,6 +285,7 @@ def test_inertia_from_frequency_gives_it_back():
         assert slope == pytest.approx({"CAN": -2.66, "PIN": -2.69}[name], abs=0.02)
 
 
+@pytest.mark.hard("3.8 inertia from a frequency beyond the pole", outcome="refused")
 def test_inertia_from_frequency_refuses():
     shaft = SHIPPED["CAN"].shaft
     for frequency in (50.0, 150.0, 209.597):  # the zero at 105.17, the pole at 209.598
@@ -440,6 +444,8 @@ def test_roots_and_perturbation(name, polar, speed, published, first_order):
     assert np.asarray(found.valid).all()
 
 
+@pytest.mark.hard("3.1 the sign of hysteresis switches")
+@pytest.mark.hard("3.4 zero speed")
 @pytest.mark.parametrize("name", SETS)
 def test_roots_against_the_companion_form(name):
     """`[[0, 1], [M^-1 K (1 + i eta), M^-1 w G]]` of the sheet, at rest and far above everything."""
@@ -569,6 +575,7 @@ ONSET = {  # set, I0: first and second forward whirl, growth on either side
 }
 
 
+@pytest.mark.hard("3.2 exactly at a synchronous whirl")
 @pytest.mark.parametrize("case", ONSET, ids=str)
 def test_onset_of_unstable_whirl(case):
     """Where a whirl is synchronous; its damping turns into as much growth."""
@@ -592,6 +599,7 @@ def test_onset_of_unstable_whirl(case):
 # === 3.7: identities
 
 
+@pytest.mark.hard("3.13 negative speed")
 @pytest.mark.parametrize("name", SETS)
 def test_identities(name):
     data = SETS[name]
@@ -629,6 +637,8 @@ def test_limits_at_great_speed():
 # === 4: hard cases
 
 
+@pytest.mark.hard("3.1 the sign of hysteresis switches")
+@pytest.mark.hard("3.2 exactly at a synchronous whirl")
 def test_sign_exactly_at_a_synchronous_whirl():
     """Cases 1, 2: no oscillation, no NaN; either sign on either side, both finite at equality."""
     speed = float(jr.onset_speed(rotor("CAN")).speed)
@@ -638,6 +648,7 @@ def test_sign_exactly_at_a_synchronous_whirl():
         assert abs(abs(values[0].imag) - 1.334880550) < 1e-8
 
 
+@pytest.mark.hard("3.3 the first order and the exact root differ in sign")
 def test_between_the_undamped_and_the_damped_threshold():
     """Case 3: L and Lambda on either side of w: the first order has the other sign of damping."""
     scene = rotor("CAN", 92.6107, 4e-4)
@@ -648,11 +659,14 @@ def test_between_the_undamped_and_the_damped_threshold():
     assert one.imag > 0  # the exact root whirls faster than the shaft turns
 
 
+@pytest.mark.hard("3.4 zero speed")
+@pytest.mark.hard("3.5 backward whirl is always damped")
 def test_backward_whirl_is_always_damped():
     for speed in (0.0, 5.0, 400.0, 5e3):
         assert np.all(frequencies(rotor("CAN", speed))[2:].imag > 0)
 
 
+@pytest.mark.hard("3.6 the pole of the first-order formula", outcome="flagged")
 def test_first_order_says_where_it_ends():
     """Case 6: pole of (5) at I0 w = 0.6967 I lambda2 (CAN), 0.6580 (PIN); flagged well before."""
     for name, pole in (("CAN", 0.696656), ("PIN", 0.657965)):
@@ -709,6 +723,7 @@ def test_first_order_of_two_discs_and_loads():
     assert np.asarray(two.valid).all()
 
 
+@pytest.mark.hard("3.7 a flat disc has one forward critical speed")
 def test_no_second_forward_critical_speed_of_a_flat_disc():
     """Case 7: I0 >= I leaves one; at I0 = I it is sqrt(det / (m k22))."""
     data = CAN
@@ -723,6 +738,7 @@ def test_no_second_forward_critical_speed_of_a_flat_disc():
             )
 
 
+@pytest.mark.hard("3.9 decoupled modes cross, coupled ones veer")
 def test_decoupled_modes_cross_and_keep_their_identity():
     """Case 9: k12 = 0, k11 / m = k22 / I: a double root at rest; tilt splits, displacement stays."""
     k22 = CAN["k11"] / CAN["m"] * CAN["I"]
@@ -741,6 +757,7 @@ def test_decoupled_modes_cross_and_keep_their_identity():
     np.testing.assert_allclose(np.abs(slope), own / (4 * k22), rtol=1e-6)
 
 
+@pytest.mark.hard("3.9 decoupled modes cross, coupled ones veer")
 def test_veering_branches_do_not_cross():
     """k12 != 0: by frequency is by branch; lines of the diagram are those of `roots`."""
     speeds = np.linspace(0, 600, 25)
@@ -750,6 +767,7 @@ def test_veering_branches_do_not_cross():
     assert np.all(np.diff(np.abs(np.asarray(shown.frequencies)), axis=0).any(axis=0))
 
 
+@pytest.mark.hard("3.14 no loss")
 def test_no_loss_is_conservative_and_without_an_onset():
     for speed in (0.0, 240.8, 5e3):
         values = frequencies(rotor("CAN", speed, eta=0.0))
@@ -760,6 +778,7 @@ def test_no_loss_is_conservative_and_without_an_onset():
         jr.onset_speed(bare)
 
 
+@pytest.mark.hard("3.15 large loss")
 def test_large_loss():
     """Case 15: the first order errs by eta^2 / 8; the exact root is exact."""
     for eta in (0.1, 0.3):

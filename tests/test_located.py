@@ -138,9 +138,10 @@ def truth(rub):
     return {1: once, 4: last}
 
 
+@pytest.mark.hard("1.3 order of the steps through impacts")
 @pytest.mark.slow
 @pytest.mark.parametrize(("order", "least"), [(2, 1.8), (4, 3.0)])
-def test_order_through_impacts(rub, truth, order, least):
+def test_order_through_impacts(rub, truth, order, least, record_property):
     scene, end = rub
     form, run = prepared(scene, order)
     begin = form.encode(end.q, end.velocity)
@@ -153,6 +154,7 @@ def test_order_through_impacts(rub, truth, order, least):
     above = errors > 1e-10  # what scipy itself is good for
     assert above.sum() >= 4
     slope = np.polyfit(np.log(steps[above]), np.log(errors[above]), 1)[0]
+    record_property("measured", f"order {order}: slope {-slope:.2f}")
     assert -slope >= least
     assert errors[-1] < {2: 2e-4, 4: 1e-8}[order]
 
@@ -168,6 +170,7 @@ def test_lanes_together_are_lanes_alone(rub):
     assert np.allclose(together, alone, rtol=0, atol=1e-12 * np.abs(alone).max())
 
 
+@pytest.mark.hard("1.3 several impacts in one step")
 def test_several_crossings_in_one_step(rub, truth):
     """Eight steps in a revolution with three or more changes of contact: most of it is flight."""
     scene, end = rub
@@ -190,17 +193,20 @@ def on_a_line(*stops, blend=None):
     return jr.simulate(scene, 5, 32, **how)
 
 
-def test_two_stops_at_once():
+@pytest.mark.hard("1.3 two and three stops at once")
+def test_two_stops_at_once(record_property):
     """Like stops at +a and -a act as one at 0: gap / cos a, 2 cos^2 a as stiff and damped."""
     a, gap = 0.5, 3e-4
     pair = on_a_line(*(jr.Limiter(angle=s * a, gap=gap, **LINE) for s in (1, -1)))
     scaled = {"stiffness": 2 * np.cos(a) ** 2 * 4e5, "damping": 2 * np.cos(a) ** 2 * 30.0}
     one = on_a_line(jr.Limiter(LENGTH, 0.0, gap / np.cos(a), **scaled))
     assert pair.unresolved == 0 and (np.abs(pair.contact_force) > 0).all(axis=1).sum() > 3
-    close = {"rtol": 0, "atol": 1e-8 * 1e-3}
-    assert np.allclose(pair.displacement, one.displacement, **close)
+    error = np.abs(pair.displacement - one.displacement).max() / 1e-3
+    record_property("measured", f"{error:.0e} from the one stop they amount to")
+    assert error < 1e-8
 
 
+@pytest.mark.hard("1.3 grazing")
 def test_grazing_is_a_touch_at_most():
     """The free orbit's radius is the gap to within 1e-9 of it."""
     rotor = limiter_rotor(N=5.0, eps=1e-3, eta_i=None)
@@ -213,6 +219,7 @@ def test_grazing_is_a_touch_at_most():
         assert np.abs(np.abs(run.displacement) - circle).max() < 1e-5 * circle
 
 
+@pytest.mark.hard("1.3 more changes of contact than a step can locate", outcome="flagged")
 def test_steps_that_cannot_be_located_are_counted():
     """Friction that holds the rim against its slip reverses without end: stepped as it is."""
     stop = jr.Limiter(angle=0.0, gap=0.0, friction=50.0, rim_radius=0.1, **LINE)
@@ -223,6 +230,7 @@ def test_steps_that_cannot_be_located_are_counted():
     assert run.unresolved > 0 and np.isfinite(run.displacement).all()
 
 
+@pytest.mark.hard("1.2 gradients through impacts")
 def test_derivatives_through_impacts(rub):
     """Forward mode against central differences, by eccentricity and stiffness of the stops."""
     scene, end = rub

@@ -86,6 +86,7 @@ def worked():
 # === 3.1 to 3.3
 
 
+@pytest.mark.hard("4.11 squares of the offsets, with and without")
 def test_mass_and_inertia():
     linear = jr.mass_properties(jr.load("turbine-run-up"), A)
     exact = jr.mass_properties(rotor(exact=True), A)
@@ -109,6 +110,7 @@ def test_mass_and_inertia():
     printed([rest.real, rest.imag], [-0.0346290060, 0.0076297334], 10)
 
 
+@pytest.mark.hard("4.1 sign of the products of inertia")
 def test_inertia_of_discs_out_of_true_is_that_of_point_masses():
     scene = crooked()
     found = jr.mass_properties(scene, 0.2)
@@ -150,6 +152,8 @@ def test_reactions_of_the_table(worked):
     assert not np.any(found.moment) and not np.any(found.static)
 
 
+@pytest.mark.hard("4.2 ratio and angle of the reactions stay")
+@pytest.mark.hard("4.13 fixed axes turn by the angle, not by speed times time")
 def test_reactions_keep_ratio_and_angle(worked):
     _, found = worked
     first, second = found.rotating.T
@@ -273,6 +277,7 @@ def test_drives_without_slope_or_drag():
     printed(run.speed[1], 739.5723360472, 9)
 
 
+@pytest.mark.hard("4.9 a tilt that is not small")
 @pytest.mark.parametrize(
     ("tilt", "product", "digits"),
     [
@@ -391,12 +396,14 @@ def one_wheel(at, bearing=0.4, e=1e-3, tilt=None, **spin):
     return jr.Scene(shaft, disc, spin=spin)
 
 
+@pytest.mark.hard("4.1 sign of the products of inertia")
 def test_wheel_at_constant_speed_is_pulled_to_the_axis():
     """Case 1."""
     _, found = forces(one_wheel(0.3), [0.0, 0.1])
     np.testing.assert_allclose(found.rotating[0], [-50, -50], rtol=1e-12)
 
 
+@pytest.mark.hard("4.3 reactions at once on starting from rest")
 def test_starting_from_rest():
     """Case 3: reactions at once, a quarter turn from those to come."""
     run, found = forces(rotor(speed=0.0), [0.0, 1e3])
@@ -406,6 +413,7 @@ def test_starting_from_rest():
     np.testing.assert_allclose(np.abs(turned), np.pi / 2, rtol=1e-12)
 
 
+@pytest.mark.hard("4.4 coast-down never ends")
 def test_coast_down_never_ends():
     """Case 4."""
     run = jr.run_up(rotor(torque=0.0), [0.0, 100.0])
@@ -414,6 +422,7 @@ def test_coast_down_never_ends():
     assert 0.5 < run.speed[1] < 0.6  # as 1 / t
 
 
+@pytest.mark.hard("4.4 braked to a stop")
 def test_a_rotor_that_has_stopped_loads_no_bearing():
     """Case 4: without weight."""
     run, found = forces(rotor(torque=-100.0, stops=True), [0.0, 1.0, 1.4, 5.0])
@@ -423,6 +432,7 @@ def test_a_rotor_that_has_stopped_loads_no_bearing():
         jr.run_up(rotor(stops=True), [0.0, 1.0], solver=dfx.Euler())
 
 
+@pytest.mark.hard("4.5 no drag, no slope, no torque, D = 0, D^2 < 0")
 @pytest.mark.parametrize("name", ["torque", "slope", "drag"])
 def test_derivatives_where_the_formula_degenerates(name):
     """Case 5: D = 0."""
@@ -441,6 +451,7 @@ def test_derivatives_where_the_formula_degenerates(name):
     np.testing.assert_allclose(found, central, rtol=1e-6)
 
 
+@pytest.mark.hard("4.6 the angle as drag vanishes")
 def test_angle_with_little_drag():
     """Case 6."""
     (none, least), times = (rotor(drag=d) for d in (None, 1e-13)), [0.0, 0.5, 50.0]
@@ -451,6 +462,7 @@ def test_angle_with_little_drag():
     np.testing.assert_allclose(angle, [exact, exact], rtol=1e-9)
 
 
+@pytest.mark.hard("4.8 at the steady speed")
 @pytest.mark.parametrize("start", [STEADY, STEADY * (1 + 1e-9)])
 def test_start_at_the_steady_speed(start):
     """Case 8."""
@@ -460,12 +472,14 @@ def test_start_at_the_steady_speed(start):
     np.testing.assert_allclose(run.acceleration, expected, rtol=1e-4, atol=5e-9)
 
 
+@pytest.mark.hard("4.10 both bearings at one place", outcome="refused")
 def test_bearings_at_one_place_are_refused():
     """Case 10."""
     with pytest.raises(ValueError, match=r"Both constraints are at 0\.2 m; put the bearings apart"):
         one_wheel(0.3, bearing=0.2)
 
 
+@pytest.mark.hard("4.10 overhung wheels")
 @pytest.mark.parametrize("at", [0.0, 0.2, 0.3, 0.4, 0.9])
 def test_wheels_anywhere(at):
     """Case 10: an overhung wheel reverses the far bearing."""
@@ -474,6 +488,7 @@ def test_wheels_anywhere(at):
     np.testing.assert_allclose(found.rotating[0], [total * (1 - share), total * share], atol=1e-11)
 
 
+@pytest.mark.hard("4.12 balanced: no reaction, no NaN")
 def test_balanced_rotor_loads_no_bearing():
     """Case 12: nothing, and no NaN."""
     straight = jr.Scene(
@@ -493,6 +508,7 @@ def test_balanced_rotor_loads_no_bearing():
     assert np.all(np.isfinite(slope)) and np.any(slope)
 
 
+@pytest.mark.hard("4.15 the limit is of the steady speed")
 def test_stationary_limit_is_of_the_steady_speed(worked):
     """Case 15: at the end of the run it is 5 % less."""
     force = np.abs(worked[1].force)

@@ -80,11 +80,12 @@ def test_forward_bouncing_from_rest():
     assert 0.0110 < high < 0.0130
 
 
+@pytest.mark.hard("1.4 sign of friction smoothed over a stated width")
 @pytest.mark.parametrize(
     ("width", "rate", "low", "high"),
     [(0.03, -1.51285, 0.10731, 0.14298), (0.003, -1.5130, 0.1079, 0.1439)],
 )
-def test_three_attractors_coexist_without_unbalance(width, rate, low, high):
+def test_three_attractors_coexist_without_unbalance(width, rate, low, high, record_property):
     """Forward bouncing, backward rub and violent whip; the whip rolls, so its sign(V) is smoothed.
 
     Width of the smoothing, in rim speeds: 0.1 moves the whip's rate by 1.7e-3 and its radii by
@@ -105,6 +106,7 @@ def test_three_attractors_coexist_without_unbalance(width, rate, low, high):
     assert rub[0] == pytest.approx(-0.567622, abs=5e-5)
     assert rub[1:] == pytest.approx((0.0090533, 0.0145980), rel=1e-3)
     whip = settled(whirl(0.1, -18), 200)
+    record_property("measured", f"width {width} rim speeds: whirl rate {whip[0]:.4f} N")
     assert whip[0] == pytest.approx(rate, abs=2e-4)
     assert whip[1:] == pytest.approx((low, high), rel=1.5e-3)
 

@@ -188,6 +188,8 @@ def test_roots_against_the_descriptor_pencil_and_the_polynomial(scheme, case):
     assert max(correction(scheme, root, **case) for root in found) < 1e-9
 
 
+@pytest.mark.hard("2.8 turning and fixed axes")
+@pytest.mark.hard("2.9 static stiffness that is not symmetric")
 @pytest.mark.parametrize("scheme", [2, 3])
 def test_roots_against_integration_in_fixed_axes(scheme):
     """One revolution returns the shaft's axes to themselves: multipliers are `exp(lambda T)`."""
@@ -238,14 +240,18 @@ TO_NO_FRICTION = {
 }
 
 
+@pytest.mark.hard("2.5 friction of the shaft vanishes")
 @pytest.mark.parametrize("kappa", TO_NO_FRICTION)
-def test_friction_may_vanish(kappa):
+def test_friction_may_vanish(kappa, record_property):
     """Scheme 3, by number and by construction; the explicit form turns unstable below 1e-12."""
     found = roots(rotor(3, kappa=kappa, p=0.5))
-    assert found.real.max() == pytest.approx(TO_NO_FRICTION[kappa], abs=0.51e-13)
+    error = abs(found.real.max() - TO_NO_FRICTION[kappa])
+    record_property("measured", f"kappa = {kappa or 0:g}: {error:.0e}")
+    assert error < 0.51e-13
     assert found.size == (6 if kappa and kappa > 1e-8 else 4)
 
 
+@pytest.mark.hard("2.5 compliance of the supports vanishes")
 def test_compliance_may_vanish():
     rigid = roots(rotor(1, p=1.7)).real.max()
     shift = {1e-2: -2.137e-4, 1e-4: -2.107e-6, 1e-6: -2.107e-8}
@@ -295,6 +301,7 @@ RIGID = table(
 )
 
 
+@pytest.mark.hard("2.3 a formula for flutter where there is none")
 @pytest.mark.parametrize(("delta", "one", "two", "third", "whirl", "slow", "fast"), RIGID)
 def test_scheme_1_boundaries(delta, one, two, third, whirl, slow, fast):
     found = check_boundaries(rotor(1, delta=delta), (one, two), third, 8, high=4.0)
@@ -314,6 +321,7 @@ def test_scheme_1_boundaries(delta, one, two, third, whirl, slow, fast):
     )
 
 
+@pytest.mark.hard("2.4 the unstable band closes")
 @pytest.mark.parametrize("delta", [0.05, 0.1, 0.19, 0.2, 0.2009, 0.201, 0.201017])
 @pytest.mark.parametrize("kappa", [0.05, 0.16])
 def test_scheme_1_zone_in_closed_form(delta, kappa):
@@ -336,10 +344,12 @@ def top(scheme, low, high, **groups):
     return -best.fun
 
 
-def test_scheme_1_least_damping_without_a_zone():
+@pytest.mark.hard("2.4 the unstable band closes")
+def test_scheme_1_least_damping_without_a_zone(record_property):
     least = brentq(lambda delta: top(1, 0.9, 1.09, delta=delta), 0.19, 0.21, xtol=1e-13)
     assert least == pytest.approx(0.201017924010, abs=1e-9)
     one, two = (np.sqrt(1 + sign * MU) for sign in (-1, 1))
+    record_property("measured", f"least damping to {abs(least - two + one):.0e}")
     assert least == pytest.approx(two - one, abs=1e-9)
     assert boundaries(rotor(1, delta=0.201018), high=2.2)[0] == []
 
@@ -384,6 +394,8 @@ ELASTIC = table(
 )
 
 
+@pytest.mark.hard("2.2 no third boundary, or stability regained far above it")
+@pytest.mark.hard("2.9 static stiffness that is not symmetric")
 @pytest.mark.parametrize("row", ELASTIC, ids=lambda row: str(row[0]))
 def test_scheme_2_boundaries(row):
     alpha, slow, fast, one, two, third, whirl, ratio, p31, fourth = row
@@ -416,6 +428,7 @@ TIPS = {  # delta, kappa: alpha, p
 }
 
 
+@pytest.mark.hard("2.2 no third boundary, or stability regained far above it")
 @pytest.mark.parametrize("point", TIPS, ids=str)
 def test_scheme_2_tip_of_the_unstable_tongue(point):
     """Beyond it a rotor with both dampings is stable at every speed."""
@@ -720,6 +733,7 @@ BEST = {  # alpha: nu0
 }
 
 
+@pytest.mark.hard("2.14 the best anisotropy of the supports")
 @pytest.mark.parametrize("alpha", BEST)
 def test_zone_closes_at_the_right_support_anisotropy(alpha):
     """Issue, point 2: at nu0, without internal damping, no unstable band at any compliance.
@@ -842,6 +856,7 @@ def test_roots(scheme, p, nu, upper):
     same_set(found[found.imag > -1e-9], upper, 0.8e-9)
 
 
+@pytest.mark.hard("2.10 a compliance that counts two supports")
 def test_shipped_scenes_are_the_rotor_of_the_sheet():
     """alpha = 1, delta = 0.1, kappa = 0.16, mu = 0.2, nu = -0.3, in SI with a disc of 10 kg."""
     for scheme, p in ((1, 0.45), (2, 0.8), (3, 0.6)):
@@ -1036,6 +1051,7 @@ def test_derivative_of_the_third_boundary():
         np.testing.assert_allclose(slope, slopes, rtol=0, atol=0.51e-8)
 
 
+@pytest.mark.hard("2.7 critical speeds cross")
 def test_derivative_of_the_critical_speeds_through_their_crossing():
     """P_eta falls and P_xi rises by nu; at nu0 they are one, and get the mean of both."""
     speeds = lambda nu: jr.critical_speeds(put(bare(3), nu=nu)).forward / RATE
@@ -1047,6 +1063,7 @@ def test_derivative_of_the_critical_speeds_through_their_crossing():
     np.testing.assert_allclose(at_crossing, [(0.298720 - 0.065532) / 2] * 2, rtol=0, atol=1e-6)
 
 
+@pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_double_root_gets_the_mean_of_the_derivatives():
     """kappa = 0 at nu0: two slow roots are one, and the abscissa has a kink of slopes +-0.140196."""
     scene, p = bare(3, False), 0.784789
@@ -1062,6 +1079,7 @@ def test_double_root_gets_the_mean_of_the_derivatives():
         assert slope == pytest.approx(0.140196, abs=2e-3)
 
 
+@pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_derivative_grows_towards_an_exceptional_point():
     """kappa = 0, p = 0.75: the abscissa is flat between -0.46614 and 0.03830, left as square roots."""
     growth = lambda nu: jnp.max(_finite(jr.roots(put(bare(3, False), kappa=None, nu=nu, p=0.75))))
@@ -1075,6 +1093,7 @@ def test_derivative_grows_towards_an_exceptional_point():
         assert slope(edge + distance) == pytest.approx(size, abs=digit)
 
 
+@pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_friction_makes_the_abscissa_smooth_where_it_had_a_kink():
     """kappa = 0.16 at nu0: roots -0.049731 +- 0.003649i, slope -0.008465: not the least abscissa."""
     p = 0.784789
@@ -1085,11 +1104,14 @@ def test_friction_makes_the_abscissa_smooth_where_it_had_a_kink():
     assert jax.grad(growth)(NU0) == pytest.approx(-0.008465, abs=1e-6)
 
 
-def test_no_damping_at_all_is_marginal_beside_the_band():
+@pytest.mark.hard("2.6 no damping: marginal beside the band")
+def test_no_damping_at_all_is_marginal_beside_the_band(record_property):
     for scheme in (1, 2, 3):
         absent, zero = (rotor(scheme, kappa=x, delta=x, p=0.4) for x in (None, 0.0))
         same_set(roots(absent), roots(zero), 1e-13)
-        assert np.abs(roots(absent).real).max() < 1e-13
+        growth = np.abs(roots(absent).real).max()
+        record_property("measured", f"scheme {scheme}: |Re lambda| {growth:.0e}")
+        assert growth < 1e-13
         edges, flutter = boundaries(zero, 0.0, 4.0)
         np.testing.assert_allclose(
             edges, np.asarray(jr.critical_speeds(zero)[0]) / RATE, rtol=1e-10
@@ -1099,6 +1121,7 @@ def test_no_damping_at_all_is_marginal_beside_the_band():
     assert float(onset.speed) == pytest.approx(edges[0] * RATE, rel=1e-12)
 
 
+@pytest.mark.hard("2.6 internal friction alone")
 def test_internal_friction_alone():
     """Scheme 1: unstable from the first boundary on; scheme 2: the supports damp."""
     static, flutter = boundaries(rotor(1, delta=0.0), 0.3, 30.0)
@@ -1106,6 +1129,7 @@ def test_internal_friction_alone():
     assert third(2, delta=0.0)[0] == pytest.approx(1.1955152, abs=0.51e-7)
 
 
+@pytest.mark.hard("2.2 an onset where there is none", outcome="refused")
 def test_no_third_boundary_without_internal_friction():
     for scheme in (1, 2, 3):
         static, flutter = boundaries(rotor(scheme, kappa=0.0), 0.0, 200.0)
@@ -1116,6 +1140,7 @@ def test_no_third_boundary_without_internal_friction():
         jr.onset_speed(rotor(1), (95.0, 500.0), 100)
 
 
+@pytest.mark.hard("2.7 either axis may be the stiff one")
 def test_stiff_axis_may_be_either():
     """-mu turns the axes by a quarter: the same roots."""
     same_set(roots(rotor(1, mu=-0.2, p=1.3)), roots(rotor(1, p=1.3)), 1e-12)

@@ -4,9 +4,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
-from ..analysis import HarmonicResponse, critical_speeds, unbalance_response
+from ..analysis import HarmonicResponse, critical_speeds, growth_rate, unbalance_response
 from ..effects import AbstractContact
 from ..scene import Scene
 from . import answer
@@ -46,7 +47,8 @@ def response(
     """Steady response to unbalance: its peaks, and what it is at every critical speed.
 
     The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
-    gap, ask `simulate`. With --out, DIR/response.zarr and DIR/response.png.
+    gap, ask `simulate`. No motion settles on it where the rotor is unstable (growth above 0).
+    With --out, DIR/response.zarr and DIR/response.png.
 
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
     """
@@ -68,42 +70,59 @@ def response(
                 "--set unbalance.eccentricity=0.1mm."
             )
         peaks = _peaks(rotor, result, np.setdiff1d(inside, bounded))
+        growth = np.asarray(_growth(rotor, result.speeds))
         if folder is not None:
-            data = labelled(_variables(result), "jaxrotor unbalance response", rotor)
+            data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
             _draw(result, inside, folder)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     if as_json:
         found = {"station": result.stations[0], "without": contacts}
-        found |= {"peaks": peaks, "critical": critical, "written": written_to(out, _FILES)}
+        found |= {
+            "peaks": peaks,
+            "critical": critical,
+            "unstable_share": float(np.mean(growth > 0)),
+        }
+        found |= {"written": written_to(out, _FILES)}
         answer.print_json({"scene": scene, **found})
         return
     rows = [("peak", *_row(one)) for one in peaks]
     rows += [("critical speed", *_row(one)) for one in critical]
-    heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]")
+    heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]", "growth [1/s]")
     if rows:
-        answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
+        answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
     notes = [("without", ", ".join(contacts))] if contacts else []
     notes += [("peak", "none between these speeds")] if not rows else []
+    share = 100 * np.mean(growth > 0)
+    notes += (
+        [("unstable", f"at {share:.3g} % of the speeds, where nothing settles")] if share else []
+    )
     answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
 
 
-def _row(one: dict[str, Any]) -> tuple[str, str, str, str]:
-    speed = (f"{one['speed']:.7g}", f"{rpm(one['speed']):.6g}")
+def _row(one: dict[str, Any]) -> tuple[str, ...]:
+    speed, growth = (f"{one['speed']:.7g}", f"{rpm(one['speed']):.6g}"), f"{one['growth']:.4g}"
     if one["amplitude"] is None:
-        return (*speed, "unbounded", "-")
-    return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}")
+        return (*speed, "unbounded", "-", growth)
+    return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}", growth)
+
+
+def _growth(rotor: Scene, speeds: Any) -> Any:
+    """Largest growth rate [1/s] at each of the speeds."""
+    return jax.lax.map(lambda speed: growth_rate(rotor.at_speed(speed)), jax.numpy.asarray(speeds))
 
 
 def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
-    """Amplitude [m] and phase [rad] at a speed; None where they are unbounded."""
+    """Amplitude [m] and phase [rad] at a speed, None where unbounded, and growth rate [1/s]."""
+    growth = float(growth_rate(rotor.at_speed(speed)))
     try:
         found = unbalance_response(rotor, speed, station)
     except ValueError:
-        return {"speed": speed, "amplitude": None, "phase": None}
+        return {"speed": speed, "amplitude": None, "phase": None, "growth": growth}
     phase = float(np.angle(found.forward[0, 0]))
-    return {"speed": speed, "amplitude": float(found.major[0, 0]), "phase": phase}
+    amplitude = float(found.major[0, 0])
+    return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
 
 
 def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
@@ -124,7 +143,7 @@ def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> lis
     return found
 
 
-def _variables(result: HarmonicResponse) -> tuple[dict[str, Any], dict[str, Any]]:
+def _variables(result: HarmonicResponse, growth: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     dims, phase = ("speed", "station"), about("rad", "lead of the forward part over the rotation")
     major, minor = np.asarray(result.major), np.asarray(result.minor)
     return (
@@ -132,6 +151,7 @@ def _variables(result: HarmonicResponse) -> tuple[dict[str, Any], dict[str, Any]
             "amplitude": (dims, major, about("m", "larger half axis of the synchronous orbit")),
             "minor": (dims, minor, about("m", "smaller half axis, negative if backward")),
             "phase": (dims, np.angle(result.forward), phase),
+            "growth": ("speed", growth, about("1/s", "largest growth rate, positive unstable")),
         },
         {
             "speed": ("speed", np.asarray(result.speeds), about("rad/s", "spin speed")),
