@@ -56,6 +56,29 @@ def test_a_flexible_rotor_on_rigid_stops(record_property):
     assert worst < 1e-2  # blows in quick succession, of kinks that a step of order 4 cannot see
 
 
+@pytest.mark.slow
+@pytest.mark.hard("1.4 a stop too stiff for the steps")
+def test_automatic_steps_resolve_a_stiff_stop(record_property):
+    """64 steps, each 8 times what the stop answers in, make energy from nowhere; "auto" takes more."""
+    kappa = 1e6
+    scene = jeffcott(jr.Limiter(AT, 0.0, 1.0, kappa))
+    run = {"start": state(0.99, 0.5), "period": 64 * 8 / np.sqrt(1 + kappa)}
+
+    def gained(steps):
+        r = jr.simulate(scene, 1, steps, **run)
+        z, v = path(r)
+        energy = abs(v) ** 2 + abs(z) ** 2 + kappa * np.maximum(z.real - 1, 0) ** 2
+        return abs(energy[-1] / energy[0] - 1), r.pilots
+
+    (coarse, _), (fine, pilots) = gained(64), gained("auto")
+    record_property(
+        "measured", f"energy off by {coarse:.0e}; by {pilots[0].setting} steps {fine:.0e}"
+    )
+    assert coarse > 1.0
+    assert pilots[0].converged
+    assert fine < 1e-2
+
+
 def _depth(scene, z):
     """Into the nearest stop."""
     stops = scene.of(jr.Limiter)
