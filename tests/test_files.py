@@ -536,7 +536,11 @@ def study_of(text):
             "shaft.length must be in m and finite, but is a huge number.",
         ),
         ('"0.7 m"', "-1", "shaft: `length [m]` must be positive, but is -1."),
-        ('"7.5 mm"', '"-7.5 mm"', "limiters.0: `gap [m]` must not be negative, but is -0.0075."),
+        (
+            '"4.087e6 N/m"',
+            '"-4 N/m"',
+            "limiters.0: `stiffness [N/m]` must not be negative, but is -4.",
+        ),
         ("1500 rpm", "25 Hz", "spin.speed must be in rad/s, but is '25 Hz' (write rpm or rad/s)."),
         (
             "1500 rpm",

@@ -17,7 +17,8 @@ class Limiter(AbstractContact):
     `blend` [m] smooths the onset of the force over that penetration, and release likewise over
     `stiffness * blend`; `slip` [m/s] smooths the reversal of friction over that slip. Both are
     twice continuously differentiable, exact outside the stated width, and leave no force inside
-    the clearance. None is the published sharp law.
+    the clearance. None is the published sharp law. A negative gap is a preload: the stop, released,
+    would stand beyond the centre, and presses a rotor there by `-k gap`.
     Source: Azarov, Gouskov, Panovko (2023), eq. (8), with the sign of V corrected.
     """
 
@@ -26,7 +27,7 @@ class Limiter(AbstractContact):
 
     at: Scalar = nonnegative("at [m]")
     angle: Scalar = real("angle [rad]")
-    gap: Scalar = nonnegative("gap [m]")
+    gap: Scalar = real("gap [m]")
     stiffness: Scalar = nonnegative("stiffness [N/m]")
     damping: Scalar = nonnegative("damping [N s/m]", default=0.0)
     friction: Scalar = nonnegative("friction [1]", default=0.0)
