@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import jax
 
@@ -46,6 +47,21 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
             for future in futures:
                 future.cancel()
             raise
+
+
+def first_alone(call: Callable) -> Callable:
+    """`call`, but for its first time by one thread alone: what it compiles then serves all."""
+    lock, known = threading.Lock(), threading.Event()
+
+    def run(*args: Any) -> Any:
+        if known.is_set():
+            return call(*args)
+        with lock:
+            out = call(*args)
+            known.set()
+            return out
+
+    return run
 
 
 @contextlib.contextmanager

@@ -152,6 +152,7 @@ def run_up(
     launch = _whole(launch, counts)
     instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
     if known(good) and not bool(good):
+        launch.shaft.state(assemble(begun), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
             "`max_steps` or more `substeps`, look whether the drive runs away (`Drive(odd=True)` "

@@ -134,6 +134,7 @@ def simulate(
     )
     end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
     if known(good.ok) and not bool(good.ok):
+        start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."

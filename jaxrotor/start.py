@@ -42,13 +42,12 @@ class Whirl(AbstractStart):
         shape = jnp.linalg.solve(system.blocks.stiffness, system.line.column(at))
         there = system.line.row(at) @ shape
         held = jnp.abs(there) <= 1e-9 * jnp.max(jnp.abs(shape))
-        sentence = "A whirl cannot start at a station that is held fast; observe another with `at`."
-        if known(held):
-            if bool(held):
-                raise ValueError(sentence)
-        else:
-            there = eqx.error_if(there, held, sentence)
-        shape = shape / there
+        if known(held) and bool(held):
+            raise ValueError(
+                "A whirl cannot start at a station that is held fast; observe another with `at`."
+            )
+        # Not known yet: whoever finds that the motion is not finite asks again.
+        shape = shape / jnp.where(held, jnp.nan, there)
         q = self.radius * jnp.exp(1j * self.angle) * shape
         return q, 1j * self.rate * q
 

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from .chunks import chunk_size, cores, progress as bar, spread
+from .chunks import chunk_size, cores, first_alone, progress as bar, spread
 from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
@@ -36,7 +36,7 @@ from .solvers.control import step_control
 from .solvers.exponential import Exponential
 from .solvers.ports import PortForm
 from .start import AbstractStart, AtRest
-from .system import port_groups
+from .system import assemble, port_groups
 
 
 PILOT_LANES = 4  # by which "auto" steps are chosen
@@ -150,10 +150,13 @@ def sweep(
     seconds, few = _chunked(points[again], lanes_per_chunk, workers)
     total = (len(chunks) + len(seconds)) * (settle + keep)
     with bar(progress, total, f"{len(points)} lanes") as tick:
-        run = lambda points, tick: _run_chunk(context, points, size, tick)
+        stages = tuple(map(first_alone, (_prepare, _skip, _keep)))
+        run = lambda points, tick: _run_chunk(context, stages, points, size, tick)
         results = _joined(spread(run, chunks, workers, tick))
-        run = lambda points, tick: _run_chunk(finer, points, few, tick)
+        run = lambda points, tick: _run_chunk(finer, stages, points, few, tick)
         repeated = _joined(spread(run, seconds, workers, tick)) if seconds else None
+    if not results[2].ok.any():
+        start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
     found = _dataset(context, axes, results)
     found.attrs |= chosen(pilots)
     if repeated is not None:
@@ -227,7 +230,7 @@ def _chosen_steps(
 def _axes(
     scene: Scene, start: AbstractStart, over: Mapping[str, Any], period: float | None
 ) -> dict[str, np.ndarray]:
-    """Values by path, each of them tried on the scene."""
+    """Values by path, the least and the largest of them tried on the scene; what is allowed is a range."""
     if not over:
         raise ValueError(
             "`over` must name at least one parameter, such as {'spin.speed': speeds}; one trajectory "
@@ -238,7 +241,7 @@ def _axes(
         values = np.atleast_1d(np.asarray(values, float))
         if values.ndim != 1 or not values.size:
             raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
-        for value in values:
+        for value in {values.min(), values.max(), *values[values == 0]}:  # zero speed is special
             changed, _ = _placed(scene, start, {path: value})
             if path == "spin.speed":
                 revolution_rate(changed, period)
@@ -288,22 +291,25 @@ def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[in
 # === a chunk of lanes
 
 
-def _run_chunk(context: _Context, points: np.ndarray, size: int, tick):
-    """Observables of a chunk: (carries, stored, good), lanes in front."""
+def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick):
+    """Observables of a chunk by its three `stages`: (carries, stored, good), lanes in front."""
+    prepare, skip, keep = stages
     lanes = len(points)
     padded = np.concatenate([points, np.repeat(points[-1:], size - lanes, axis=0)])
-    shared, own, y = _prepare(context, padded)
+    shared, own, y = prepare(context, padded)
     good = Outcome.good(size)
     for revolutions in _segments(context.settle):
-        y, ok = _skip(shared, own, y, revolutions)
+        y, ok = skip(shared, own, y, revolutions)
         good = good & ok
         tick(revolutions)
     contacts = sum(len(group) for group in context.plan.together)
     begin = tuple(one.start(contacts) for one in context.observe)
-    carry = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), begin)
+    # By way of numpy: weak types, which a program does not return, would have it compiled twice.
+    lanes_of = lambda leaf: jax.device_put(np.broadcast_to(leaf, (size, *np.shape(leaf))))
+    carry = jax.tree.map(lanes_of, begin)
     stored, number = [], 0
     for revolutions in _segments(context.keep):
-        (y, carry, ok), out = _keep(
+        (y, carry, ok), out = keep(
             context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
         )
         good = good & ok
@@ -336,9 +342,11 @@ def _prepare(context: _Context, points: np.ndarray):
         march, y = _build_lanes(context, plan, points)
     arrays, constant = eqx.partition(march, eqx.is_array)
     equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
-    shared = jax.tree.map(lambda leaf, same: jnp.asarray(leaf[0]) if same else None, arrays, equal)
-    own = jax.tree.map(lambda leaf, same: None if same else jnp.asarray(leaf), arrays, equal)
-    return eqx.combine(shared, constant), own, jnp.asarray(y)
+    shared = jax.tree.map(
+        lambda leaf, same: jax.device_put(leaf[0]) if same else None, arrays, equal
+    )
+    own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
+    return eqx.combine(shared, constant), own, jax.device_put(y)
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
@@ -349,18 +357,27 @@ def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[Mar
     cpu = jax.local_devices(backend="cpu")[0]
     parts = (context.scene, plan, context.start, context.station, context.period)
     with jax.default_device(cpu):  # small matrices, one lane after the other
-        lanes = _build_all(*parts, context.paths, jnp.asarray(points))
-        shape = eqx.filter_eval_shape(_build, *parts, context.paths, jnp.asarray(points[0]))
-    constant = eqx.filter(shape, lambda leaf: not isinstance(leaf, jax.ShapeDtypeStruct))
+        lanes, constant = _build_all(*parts, context.paths, jnp.asarray(points))
     return eqx.combine(jax.device_get(lanes), constant)
 
 
-@eqx.filter_jit
-def _build_all(scene, plan, start, station, period, paths, points: Float[Array, "lanes d"]):
-    def one(point):
-        return eqx.filter(_build(scene, plan, start, station, period, paths, point), eqx.is_array)
+def _build_lane_by_lane(
+    scene, plan, start, station, period, paths, points: Float[Array, "lanes d"]
+):
+    constant = []
 
-    return jax.lax.map(one, points)
+    def one(point):
+        built = _build(scene, plan, start, station, period, paths, point)
+        arrays, rest = eqx.partition(built, eqx.is_array)
+        constant.append(rest)
+        return arrays
+
+    return jax.lax.map(one, points), constant[0]
+
+
+# Runs once for a chunk: to compile it well takes longer than all its runs.
+_QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
+_build_all = eqx.filter_jit(_build_lane_by_lane, **_QUICKLY)
 
 
 def _build(

@@ -96,7 +96,9 @@ def options(
 
 def main() -> None:
     """Entry point of the program; what it compiles is kept for the next time."""
-    if jax.config.jax_compilation_cache_dir is None:  # unless JAX_COMPILATION_CACHE_DIR says where
+    if (
+        jax.config.values["jax_compilation_cache_dir"] is None
+    ):  # unless JAX_COMPILATION_CACHE_DIR says where
         jax.config.update("jax_compilation_cache_dir", user_cache_dir("jaxrotor"))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     app(prog_name="jaxrotor")

@@ -415,7 +415,7 @@ OVER = {"limiters.gap": [1e-3]}
         (lambda: jr.sweep(ROTOR, {"start.radius": [0.0]}), "has no `radius`"),
         (lambda: jr.sweep(ROTOR, {}), "at least one parameter"),
         (lambda: jr.sweep(ROTOR, {"spin.speed": [0.0, 1.0]}), "give `period`"),
-        (lambda: jr.sweep(ROTOR, {"limiters.gap": [-1.0]}), "must not be negative"),
+        (lambda: jr.sweep(ROTOR, {"limiters.stiffness": [-1.0]}), "must not be negative"),
         (lambda: jr.sweep(ROTOR, {"limiters.gap": []}), "must be a list of numbers"),
         (lambda: jr.sweep(ROTOR, {"limiters.gap": [1e-3]}, settle=-1), "`settle` must be"),
         (lambda: jr.sweep(ROTOR, {"limiters.gap": [1e-3]}, keep=0), "`keep` must be"),
@@ -454,7 +454,7 @@ def test_bad_input_gets_a_sentence(call, sentence):
 
 @pytest.mark.hard("6.2 bad input", outcome="refused")
 def test_a_whirl_does_not_start_where_the_shaft_is_held():
-    with pytest.raises(RuntimeError, match="a station that is held fast"):
+    with pytest.raises(ValueError, match="a station that is held fast"):
         jr.simulate(ROTOR, 1, at=[0.0], start=jr.Whirl(1e-3, 5.0))
 
 
