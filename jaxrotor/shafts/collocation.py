@@ -10,6 +10,7 @@ import functools
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -238,8 +239,16 @@ def _to_legendre(degree: int, left: bool, right: bool) -> np.ndarray:
 def legendre_polynomials(degree: int, local: Array, derivative: int = 0) -> Array:
     """`P_k(2 local - 1)`, or its first derivative by `local`, k = 0..degree: (.., degree + 1)."""
     t = 2 * jnp.asarray(local) - 1
-    values, slopes = [jnp.ones_like(t), t], [jnp.zeros_like(t), jnp.ones_like(t)]
-    for k in range(1, degree):
-        values.append(((2 * k + 1) * t * values[k] - k * values[k - 1]) / (k + 1))
-        slopes.append(slopes[k - 1] + (2 * k + 1) * values[k])
-    return 2.0 * jnp.stack(slopes, axis=-1) if derivative else jnp.stack(values, axis=-1)
+    one = jnp.ones_like(t)
+
+    def up(carry, k):  # a loop: written out, it takes most of the time to compile a scene
+        (before, now), (slope_before, slope) = carry
+        value = ((2 * k + 1) * t * now - k * before) / (k + 1)
+        steeper = slope_before + (2 * k + 1) * now
+        return ((now, value), (slope, steeper)), (value, steeper)
+
+    begin = (one, t), (0 * one, one)
+    _, found = jax.lax.scan(up, begin, jnp.arange(1, degree, dtype=t.dtype))
+    first, rest = jnp.stack(begin[1 if derivative else 0]), found[1 if derivative else 0]
+    found = jnp.moveaxis(jnp.concatenate([first, rest]), 0, -1)
+    return 2.0 * found if derivative else found
