@@ -79,7 +79,7 @@ class ViscoelasticStop(AbstractLaw):
     ) -> Branch:
         depth, closing, slipping = self._local(displacement, velocity, speed)
         stop, (inside, pressed, _) = self.limiter, branch > 0
-        sharp, kink = stop.blend is None, stop.slip is None
+        sharp, kink = stop.blend is None, (stop.friction > 0) & (stop.slip is None)
         # Outside, depth decides alone; inside, pressure leaves and returns, and friction reverses.
         matters = jnp.stack([sharp & ~inside, sharp & inside, kink & inside & pressed])
         margins = jnp.stack([depth, self._pressure(depth, closing), slipping])
