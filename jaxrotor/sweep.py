@@ -364,7 +364,7 @@ def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[Mar
 def _build_lane_by_lane(
     scene, plan, start, station, period, paths, points: Float[Array, "lanes d"]
 ):
-    constant = []
+    constant = []  # what is no array and the same for every lane: known once a lane is traced
 
     def one(point):
         built = _build(scene, plan, start, station, period, paths, point)

@@ -374,3 +374,30 @@ def test_adaptive_solver_meets_scipy_on_a_smooth_motion():
     control = dfx.PIDController(rtol=1e-10, atol=1e-13)
     r = jr.simulate(smooth_scene(), 2, 32, solver=dfx.Tsit5(), start=start, controller=control)
     assert abs(complex(r.displacement[-1, 0]) - exact) < 1e-12
+
+
+# === as a solver of diffrax
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_step_is_a_diffrax_solver_too(order):
+    """One revolution of the rub by `diffeqsolve` is that of the library's own loop."""
+    steps, begun = 128, rub("right", 2).end
+    choice = jr.Exponential(order, "modal")
+    system = jr.assemble(RIGHT)
+    motion = Motion(system, jnp.abs(RIGHT.spin.speed))
+    form = choice.form(system, motion, jnp.eye(system.n))
+    found = dfx.diffeqsolve(
+        dfx.ODETerm(form.field),
+        choice.stepper(form, steps),
+        0.0,
+        2 * np.pi,
+        None,
+        form.encode(begun.q, begun.velocity),
+        stepsize_controller=dfx.StepTo(ts=jnp.linspace(0.0, 2 * jnp.pi, steps + 1)),
+    )
+    assert found.ys is not None
+    q, velocity = form.decode(found.ys[-1])
+    own = jr.simulate(RIGHT, 1, steps, solver=choice, start=begun).end
+    assert abs(q - own.q).max() < 1e-11 * abs(own.q).max()
+    assert abs(velocity - own.velocity).max() < 1e-9 * abs(own.velocity).max()

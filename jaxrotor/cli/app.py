@@ -1,5 +1,6 @@
 """App: the commands together, and what happens when one cannot go on."""
 
+import os
 from typing import Any
 
 import jax
@@ -96,9 +97,7 @@ def options(
 
 def main() -> None:
     """Entry point of the program; what it compiles is kept for the next time."""
-    if (
-        jax.config.values["jax_compilation_cache_dir"] is None
-    ):  # unless JAX_COMPILATION_CACHE_DIR says where
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         jax.config.update("jax_compilation_cache_dir", user_cache_dir("jaxrotor"))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     app(prog_name="jaxrotor")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..analysis import HarmonicResponse, critical_speeds, growth_rate, unbalance_response
@@ -70,20 +71,17 @@ def response(
                 "--set unbalance.eccentricity=0.1mm."
             )
         peaks = _peaks(rotor, result, np.setdiff1d(inside, bounded))
-        growth = np.asarray(_growth(rotor, result.speeds))
+        growth = _growth(rotor, result.speeds)
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
             _draw(result, inside, folder)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
+    unstable = float(np.mean(growth > 0))
     if as_json:
         found = {"station": result.stations[0], "without": contacts}
-        found |= {
-            "peaks": peaks,
-            "critical": critical,
-            "unstable_share": float(np.mean(growth > 0)),
-        }
+        found |= {"peaks": peaks, "critical": critical, "unstable_share": unstable}
         found |= {"written": written_to(out, _FILES)}
         answer.print_json({"scene": scene, **found})
         return
@@ -94,10 +92,10 @@ def response(
         answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
     notes = [("without", ", ".join(contacts))] if contacts else []
     notes += [("peak", "none between these speeds")] if not rows else []
-    share = 100 * np.mean(growth > 0)
-    notes += (
-        [("unstable", f"at {share:.3g} % of the speeds, where nothing settles")] if share else []
-    )
+    if unstable:
+        notes.append(
+            ("unstable", f"at {100 * unstable:.3g} % of the speeds, where nothing settles")
+        )
     answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
 
 
@@ -108,9 +106,10 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
     return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}", growth)
 
 
-def _growth(rotor: Scene, speeds: Any) -> Any:
+def _growth(rotor: Scene, speeds: Any) -> np.ndarray:
     """Largest growth rate [1/s] at each of the speeds."""
-    return jax.lax.map(lambda speed: growth_rate(rotor.at_speed(speed)), jax.numpy.asarray(speeds))
+    found = jax.lax.map(lambda speed: growth_rate(rotor.at_speed(speed)), jnp.asarray(speeds))
+    return np.asarray(found)
 
 
 def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
@@ -143,7 +142,9 @@ def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> lis
     return found
 
 
-def _variables(result: HarmonicResponse, growth: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def _variables(
+    result: HarmonicResponse, growth: np.ndarray
+) -> tuple[dict[str, Any], dict[str, Any]]:
     dims, phase = ("speed", "station"), about("rad", "lead of the forward part over the rotation")
     major, minor = np.asarray(result.major), np.asarray(result.minor)
     return (
