@@ -19,6 +19,7 @@ from pathlib import Path
 
 import against_peers
 import diffrax as dfx
+import jax
 import numpy as np
 import xarray as xr
 from peers import by_scipy, rotor
@@ -229,6 +230,7 @@ def main() -> None:
     for case in chosen:
         long = isinstance(case.measure, measures.LongRun)
         how = {"repeats": args.repeats, "limit": args.limit, "reference": fine if long else None}
+        jax.clear_caches()  # a hundred programs are more than the system maps
         study = jr.accuracy(case.scene, case.measure, case.methods, **how)
         found[case.name] = study = with_scipy(case, study, args)
         about = study.attrs

@@ -14,10 +14,12 @@ STATUS = (
     "not_finite",
     "at_rest_whirl_undefined",
     "solver_gave_up",
-    "start_undefined",
+    "start_or_steady_response_undefined",
     "steps_too_long_for_a_stop",
 )
-FAILED = tuple(map(STATUS.index, ("not_finite", "solver_gave_up", "start_undefined")))
+FAILED = tuple(
+    map(STATUS.index, ("not_finite", "solver_gave_up", "start_or_steady_response_undefined"))
+)
 
 
 class Outcome(eqx.Module):
@@ -57,7 +59,7 @@ def statuses(
 ) -> np.ndarray:
     """Numbers in `STATUS` of lanes, the first reason that holds."""
     reasons = {
-        "start_undefined": ~started,
+        "start_or_steady_response_undefined": ~started,
         "solver_gave_up": ~np.asarray(outcome.solved),
         "not_finite": ~np.asarray(outcome.finite),
         "steps_too_long_for_a_stop": too_long,
