@@ -7,11 +7,13 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Complex, Float, Int
+from jaxtyping import Array, Bool, Complex, Float
 
 from .motion import Motion
+from .outcome import Outcome
 from .quantities import Scalar
 from .scene import Scene
+from .solvers.basis import Dense, Rotation
 from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential, ExponentialStep, revolution
 from .solvers.form import AbstractForm, PhysicalForm
@@ -48,20 +50,6 @@ class Orbit(eqx.Module):
     s: Scalar  # sign of the spin
 
 
-class Outcome(eqx.Module):
-    """How some revolutions went; `a & b` is how both did."""
-
-    ok: Bool[Array, "*lanes"]  # every step succeeded, all finite
-    unresolved: Int[Array, "*lanes"]  # steps whose changes of contact were not located
-
-    @classmethod
-    def good(cls, *shape: int) -> "Outcome":
-        return cls(jnp.ones(shape, bool), jnp.zeros(shape, int))
-
-    def __and__(self, other: "Outcome") -> "Outcome":
-        return Outcome(self.ok & other.ok, self.unresolved + other.unresolved)
-
-
 class March(eqx.Module):
     """One scene's motion from revolution to revolution.
 
@@ -74,6 +62,7 @@ class March(eqx.Module):
     form: AbstractForm
     plan: Plan
     step: ExponentialStep | LocatedStep | None
+    free: Rotation | Dense | None  # a revolution of what is stepped, as it would be without contact
 
     @classmethod
     def build(cls, scene: Scene, plan: Plan, rate: Scalar, stations: Float[Array, " s"]) -> "March":
@@ -89,13 +78,31 @@ class March(eqx.Module):
             rows.append(motion.rows)
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
-            return cls(system, stations, PhysicalForm(motion, rows), plan, None)
+            return cls(system, stations, PhysicalForm(motion, rows), plan, None, None)
         form = plan.solver.form(system, motion, rows)
-        return cls(system, stations, form, plan, plan.solver.stepper(form, plan.steps))
+        step = plan.solver.stepper(form, plan.steps)
+        free = None if step is None else form.hop(1)
+        return cls(system, stations, form, plan, step, free)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
         return self.form.encode(*start.state(self.system, at))
+
+    @property
+    def bounce(self) -> Scalar:
+        """Force with which a stop answers a unit of force held over one step, the most of all ports.
+
+        `k d + c v`, with the stop's stiffness `k` and damping `c`, and the displacement `d` and
+        velocity `v` that the unit of force gives the port in a step `h`. Of a mass `m` on the stop
+        alone `k h^2 / (2 m) + c h / m`. Zero where nothing is stepped by `Exponential`.
+        """
+        if self.step is None:
+            return jnp.zeros(())
+        form = self.form
+        assert isinstance(form, PortForm) and form.contacts is not None
+        goes, moves = self.step.tableau.answer(form.contacts.reading)
+        ports = jnp.stack([port.hardness() for port in self.system.ports])  # (p, 2)
+        return jnp.max(ports[:, 0] * goes + ports[:, 1] * moves)
 
     def skip(self, y: Array, revolutions: int) -> tuple[Array, Outcome]:
         """State after whole revolutions, and how they went."""
@@ -125,7 +132,7 @@ class March(eqx.Module):
         hop = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(hop, y, grid[:-1])
         last = form.read(grid[-1], y)
-        done = Outcome(_bounded(y), jnp.zeros((), int))
+        done = self._outcome(y, y)
         return y, jnp.concatenate([samples, last[None]]), done
 
     def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
@@ -181,10 +188,10 @@ class March(eqx.Module):
         plan, form = self.plan, self.form
         assert isinstance(form, PortForm)
         stations = form.stations if sample else None
-        y, samples = revolution(self.step, y, plan.steps, stations, batch=plan.batch)
+        y1, samples = revolution(self.step, y, plan.steps, stations, batch=plan.batch)
         if samples is not None:
             samples = samples.reshape(plan.steps + 1, 2, 2, -1)
-        return y, samples, Outcome(_bounded(y), jnp.zeros((), int))
+        return y1, samples, self._outcome(y, y1)
 
     def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution by diffrax."""
@@ -223,9 +230,17 @@ class March(eqx.Module):
         )
         saved: Any = solution.ys
         y1 = saved[0][-1]
-        ok = (solution.result == dfx.RESULTS.successful) & _bounded(y1)
         unresolved: Any = solution.solver_state if located else jnp.zeros((), int)
-        return y1, saved[1] if sample else None, Outcome(ok, unresolved)
+        solved = solution.result == dfx.RESULTS.successful
+        return y1, saved[1] if sample else None, self._outcome(y, y1, solved, unresolved)
+
+    def _outcome(self, y: Array, y1: Array, solved: Any = True, unresolved: Any = 0) -> Outcome:
+        """How a revolution from `y` to `y1` went."""
+        touched = jnp.zeros((), bool)
+        if self.free is not None:  # samples may miss a short touch, but not what it leaves behind
+            left = jnp.max(jnp.abs(y1 - self.free(y)))
+            touched = left > jnp.finfo(y.dtype).eps ** 0.5 * jnp.max(jnp.abs(y1))
+        return Outcome(_bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
 
 
 def _bounded(y: Array) -> Bool[Array, ""]:

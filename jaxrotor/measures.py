@@ -10,6 +10,7 @@ import numpy as np
 from . import observe
 from .analysis import onset_speed, roots
 from .methods import ATOL, Method, Setting, linear, of_motion, of_run_up
+from .outcome import failed
 from .reactions import reactions
 from .run_up import Launch, RunUp, control, run_up, suited
 from .scene import Scene
@@ -152,7 +153,7 @@ class LongRun(AbstractMeasure):
             progress=False,
             max_steps=max(4096, 2 * steps),
         )
-        if (found["status"] == 1).any():
+        if failed(found["status"]).any():
             raise RuntimeError("not finite, or the solver could not meet its tolerance")
         first = found[self.name].isel({"spin.speed": 0}).values
         if self.name == "section":
@@ -163,7 +164,7 @@ class LongRun(AbstractMeasure):
         return of_motion()
 
     def reference(self, scene):
-        return Setting(Exponential(4), FINE_STEPS)
+        return Setting(Exponential(4, located=True), FINE_STEPS)
 
 
 class Reaction(AbstractRunUp):

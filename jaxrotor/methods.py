@@ -149,7 +149,7 @@ def linear() -> tuple[Method, ...]:
 
 def of_motion() -> tuple[Method, ...]:
     """For motions revolution by revolution."""
-    ours = by_steps((Exponential(2), Exponential(4)))
+    ours = by_steps((Exponential(2), Exponential(4), Exponential(4, located=True)))
     explicit, implicit = (dfx.Tsit5(), dfx.Dopri8()), (dfx.Kvaerno3(), dfx.Kvaerno5())
     adaptive = by_tolerance((*explicit, *implicit, dfx.KenCarp4()))
     return (*ours, *in_float32(ours[:1]), *by_steps((dfx.ImplicitEuler(),)), *adaptive)

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -14,6 +15,7 @@ from jaxtyping import Array, Complex, Float, Int
 from .analysis import chosen_nodes
 from .march import March, Plan
 from .motion import Motion
+from .outcome import LONGEST_BOUNCE, Outcome
 from .pilot import Pilot, refined
 from .quantities import Scalar, known
 from .scene import Scene
@@ -132,13 +134,14 @@ def simulate(
         coordinates=True,
         together=port_groups(scene),
     )
-    end, orbit, good = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
+    end, orbit, good, bounce = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
     if known(good.ok) and not bool(good.ok):
         start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
         )
+    _check_steps(good, bounce, steps_per_revolution)
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
     displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
@@ -237,7 +240,17 @@ def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
 
     (y, _, good), turns = march.collect(y, None, update, keep)
     orbit = jax.tree.map(_join, turns)
-    return march.form.decode(y), orbit, first & good
+    return march.form.decode(y), orbit, first & good, march.bounce
+
+
+def _check_steps(good: Outcome, bounce: Scalar, steps: int) -> None:
+    """Refuse a motion that touched a stop with steps that cannot follow the bounce."""
+    if known(bounce) and known(good.touched) and bool(good.touched) and bounce > LONGEST_BOUNCE:
+        enough = math.ceil(steps * math.sqrt(float(bounce) / LONGEST_BOUNCE))
+        raise RuntimeError(
+            "A stop was touched that is too stiff for the steps, so its bounce would gain energy: take "
+            f"{enough} `steps_per_revolution` at the least instead of {steps}, or a softer stop."
+        )
 
 
 def _join(turns: Array) -> Array:

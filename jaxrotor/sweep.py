@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -17,10 +17,11 @@ from .chunks import chunk_size, cores, first_alone, progress as bar, spread
 from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
-from .march import March, Outcome, Plan
+from .march import March, Plan
 from .observe import AbstractObservable, Turn, Variable, everything
+from .outcome import LONGEST_BOUNCE, STATUS, Outcome, statuses
 from .pilot import Pilot
-from .quantities import quantity_units
+from .quantities import Scalar, quantity_units
 from .scene import Scene
 from .simulate import (
     check_constant,
@@ -41,7 +42,6 @@ from .system import assemble, port_groups
 
 PILOT_LANES = 4  # by which "auto" steps are chosen
 SEGMENT = 50  # revolutions between two looks at the progress bar
-STATUS = ("ok", "failed_or_not_finite", "at_rest_whirl_undefined")
 
 
 def sweep(
@@ -155,7 +155,7 @@ def sweep(
         results = _joined(spread(run, chunks, workers, tick))
         run = lambda points, tick: _run_chunk(finer, stages, points, few, tick)
         repeated = _joined(spread(run, seconds, workers, tick)) if seconds else None
-    if not results[2].ok.any():
+    if not results.outcome.ok.any():
         start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
     found = _dataset(context, axes, results)
     found.attrs |= chosen(pilots)
@@ -176,6 +176,16 @@ class _Context(eqx.Module):
     observe: tuple[AbstractObservable, ...]
     settle: int = eqx.field(static=True)
     keep: int = eqx.field(static=True)
+
+
+class _Lanes(NamedTuple):
+    """What comes of lanes, all with the lanes in front."""
+
+    carries: tuple  # of the observables
+    stored: tuple  # by the observables of every kept revolution
+    outcome: Outcome
+    started: np.ndarray  # whether there is a state to start from
+    bounce: np.ndarray  # see `March.bounce`
 
 
 # === before the run
@@ -291,12 +301,13 @@ def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[in
 # === a chunk of lanes
 
 
-def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick):
-    """Observables of a chunk by its three `stages`: (carries, stored, good), lanes in front."""
+def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick) -> _Lanes:
+    """Observables of a chunk by its three `stages`."""
     prepare, skip, keep = stages
     lanes = len(points)
     padded = np.concatenate([points, np.repeat(points[-1:], size - lanes, axis=0)])
-    shared, own, y = prepare(context, padded)
+    shared, own, y, bounce = prepare(context, padded)
+    started = np.isfinite(y).all(axis=1)
     good = Outcome.good(size)
     for revolutions in _segments(context.settle):
         y, ok = skip(shared, own, y, revolutions)
@@ -317,9 +328,8 @@ def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick):
         stored.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], out))
         tick(revolutions)
     stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
-    carry = jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], carry)
-    good = jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], good)
-    return carry, stored, good
+    mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
+    return _Lanes(mine(carry), stored, mine(good), started[:lanes], bounce[:lanes])
 
 
 def _segments(revolutions: int) -> list[int]:
@@ -328,32 +338,35 @@ def _segments(revolutions: int) -> list[int]:
 
 
 def _prepare(context: _Context, points: np.ndarray):
-    """Marches of the lanes, split into what all share and what each has of its own, and states.
+    """Marches of the lanes, split into what all share and what each has of its own; states, bounces.
 
     Lanes are prepared one after the other: linear algebra batched over lanes is where XLA on the
     CPU has been seen to wait for ever (jax 0.10.2, two cores). Values tell what is shared.
     """
     plan = context.plan
     if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
-        march, y = _build_lanes(context, _with_basis(plan, plan.solver, "modal"), points)
+        march, *begun = _build_lanes(context, _with_basis(plan, plan.solver, "modal"), points)
         if isinstance(march.form, PortForm) and not well_conditioned(march.form.basis.vectors):
-            march, y = _build_lanes(context, _with_basis(plan, plan.solver, "dense"), points)
+            march, *begun = _build_lanes(context, _with_basis(plan, plan.solver, "dense"), points)
     else:
-        march, y = _build_lanes(context, plan, points)
+        march, *begun = _build_lanes(context, plan, points)
     arrays, constant = eqx.partition(march, eqx.is_array)
     equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
     shared = jax.tree.map(
         lambda leaf, same: jax.device_put(leaf[0]) if same else None, arrays, equal
     )
     own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
-    return eqx.combine(shared, constant), own, jax.device_put(y)
+    y, bounce = begun
+    return eqx.combine(shared, constant), own, jax.device_put(y), bounce
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
     return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
 
 
-def _build_lanes(context: _Context, plan: Plan, points: np.ndarray) -> tuple[March, np.ndarray]:
+def _build_lanes(
+    context: _Context, plan: Plan, points: np.ndarray
+) -> tuple[March, np.ndarray, np.ndarray]:
     cpu = jax.local_devices(backend="cpu")[0]
     parts = (context.scene, plan, context.start, context.station, context.period)
     with jax.default_device(cpu):  # small matrices, one lane after the other
@@ -382,8 +395,8 @@ _build_all = eqx.filter_jit(_build_lane_by_lane, **_QUICKLY)
 
 def _build(
     scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point
-) -> tuple[March, Array]:
-    """A lane's march and its state at the start."""
+) -> tuple[March, Array, Scalar]:
+    """A lane's march, its state at the start, and how hard its stops answer."""
     values = dict(zip(paths, point, strict=True))
     scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
     for path in values:
@@ -391,7 +404,7 @@ def _build(
             name = path.removeprefix("start.")
             start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
     march = March.build(scene, plan, revolution_rate(scene, period), station[None])
-    return march, march.begin(start, station)
+    return march, march.begin(start, station), march.bounce
 
 
 @eqx.filter_jit
@@ -420,23 +433,23 @@ def _keep(observe, shared: March, own: March, y, carry, number, count: int, revo
 # === after the run
 
 
-def _joined(results: list) -> tuple:
-    """(carries, stored, good) of all lanes, from those of chunks."""
+def _joined(results: list[_Lanes]) -> _Lanes:
+    """All lanes, from those of chunks."""
     return jax.tree.map(lambda *parts: np.concatenate(parts), *results)
 
 
-def _reported(context: _Context, results: tuple) -> dict[str, Variable]:
+def _reported(context: _Context, results: _Lanes) -> dict[str, Variable]:
     """Variables by name, lanes in front."""
     data: dict[str, Variable] = {}
-    for one, last, out in zip(context.observe, *results[:2], strict=True):
+    for one, last, out in zip(context.observe, results.carries, results.stored, strict=True):
         data |= one.report(last, out, context.keep)
     return data
 
 
-def _add_errors(found: xr.Dataset, context: _Context, lanes, results: tuple, repeated: tuple):
+def _add_errors(found: xr.Dataset, context: _Context, lanes, results: _Lanes, repeated: _Lanes):
     """What twice the steps change in the numbers of some lanes."""
     before, after = (_reported(context, one) for one in (results, repeated))
-    good = results[2].ok[lanes] & repeated[2].ok
+    good = results.outcome.ok[lanes] & repeated.outcome.ok
     for name, one in before.items():
         if one.dims not in ((), ("limiter",)) or name == "extrema_missed":
             continue
@@ -451,8 +464,8 @@ def _add_errors(found: xr.Dataset, context: _Context, lanes, results: tuple, rep
     found.coords["error_lane"] = ("error_lane", lanes, {"long_name": "lane that was run again"})
 
 
-def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: tuple) -> xr.Dataset:
-    good = results[2]
+def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: _Lanes) -> xr.Dataset:
+    good = results.outcome
     shape = tuple(len(values) for values in axes.values())
     data = _reported(context, results)
     coords: dict[str, Any] = {
@@ -462,7 +475,8 @@ def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: tuple) 
     for name in ("index", "whirl_rate"):
         if name in data:
             undefined |= np.isnan(data[name].values)
-    status = np.where(~good.ok, 1, np.where(undefined, 2, 0)).astype(np.int8)
+    too_long = np.asarray(good.touched) & (results.bounce > LONGEST_BOUNCE)
+    status = statuses(good, results.started, undefined, too_long)
     variables: dict[str, Any] = {}
     for name, one in data.items():
         attrs = {"units": one.units, "long_name": one.long_name}

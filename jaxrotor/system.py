@@ -58,6 +58,11 @@ class Port(eqx.Module):
         pairs = zip(self.laws, branches, strict=True)
         return tuple(jax.vmap(margins)(stack, branch) for stack, branch in pairs)
 
+    def hardness(self) -> Float[Array, "2"]:
+        """Stiffness [N/m] and damping [N s/m] of the law that has most of each."""
+        stacks = [jax.vmap(lambda law: law.hardness())(stack) for stack in self.laws]
+        return jnp.max(jnp.concatenate(stacks), axis=0)
+
     def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
         """Torque of all laws about the axis [N m]."""
         torques = [

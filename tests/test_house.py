@@ -22,7 +22,7 @@ PACKAGE = Path(jaxrotor.__file__).parent
 # From the ground up; modules of one layer import each other only inside a package.
 LAYERS = [
     ("quantities", "units", "pilot"),
-    ("materials", "blocks", "riccati"),
+    ("materials", "blocks", "riccati", "outcome"),
     ("shafts",),
     ("effects",),
     ("spin",),

@@ -721,6 +721,19 @@ def test_response_draws_the_parts_there_are():
     np.testing.assert_allclose(lines(upper)["twice a revolution, by weight"].get_ydata(), 6.0)
 
 
+def test_response_shades_where_nothing_settles():
+    result = resonance()
+    speeds = np.asarray(result.speeds)
+    upper, lower = plot.response(result, growth=speeds - 210.0)
+    for ax in (upper, lower):
+        (ground,) = ax.collections
+        reach = ground.get_paths()[0].get_extents()
+        assert (reach.x0, reach.x1) == (211.0, 300.0) and (reach.y0, reach.y1) == (0.0, 1.0)
+    assert "unstable" in [text.get_text() for text in upper.get_legend().get_texts()]
+    stable, _ = plot.response(result, growth=-np.ones_like(speeds))
+    assert not stable.collections
+
+
 def test_response_of_a_station_that_is_not_there():
     with pytest.raises(ValueError, match="`station` must be 0 to 1, but is 2."):
         plot.response(resonance(), station=2)

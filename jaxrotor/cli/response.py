@@ -75,7 +75,7 @@ def response(
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
-            _draw(result, inside, folder)
+            _draw(result, inside, growth, folder)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
@@ -161,10 +161,10 @@ def _variables(
     )
 
 
-def _draw(result: HarmonicResponse, critical: np.ndarray, folder: Path) -> None:
+def _draw(result: HarmonicResponse, critical: np.ndarray, growth: np.ndarray, folder: Path) -> None:
     from .. import plot
 
     def both(axes: Any) -> None:
-        plot.response(result, axes, critical=critical)
+        plot.response(result, axes, critical=critical, growth=growth)
 
     draw(folder / "response.png", both, 170, 110, rows=2)

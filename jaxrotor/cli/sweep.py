@@ -12,6 +12,7 @@ import xarray as xr
 from ..effects import AbstractContact
 from ..files import study
 from ..observe import AbstractObservable, WhirlSpectrum, everything
+from ..outcome import STATUS, failed
 from ..scene import Scene
 from ..solvers import Exponential
 from ..sweep import sweep as run
@@ -154,7 +155,7 @@ def sweep(
     counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
     written = written_to(out, _FILES)
     lanes = _lanes(dataset)
-    good = dataset["radius_max"].values[dataset["status"].values != 1]
+    good = dataset["radius_max"].values[~failed(dataset["status"])]
     answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
     if as_json:
         answer.print_json(
@@ -214,14 +215,16 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
 
 def _lanes(dataset: xr.Dataset) -> dict[str, Any]:
     """How many lanes do what, and the range of the index over those that whirl."""
-    index, failed = dataset["index"].values, dataset["status"].values == 1
-    whirls = np.isfinite(index) & ~failed
+    index, status = dataset["index"].values, dataset["status"].values
+    none = failed(status)
+    whirls = np.isfinite(index) & ~none
     return {
         "lanes": index.size,
         "forward": np.sum(whirls & (index > 0)),
         "backward": np.sum(whirls & (index < 0)),
-        "undefined": np.sum(~failed & ~(whirls & (index != 0))),
-        "failed": np.sum(failed),
+        "undefined": np.sum(~none & ~(whirls & (index != 0))),
+        "failed": np.sum(none),
+        "steps_too_long": np.sum(status == STATUS.index("steps_too_long_for_a_stop")),
         "index_min": index[whirls].min() if whirls.any() else None,
         "index_max": index[whirls].max() if whirls.any() else None,
     }
@@ -276,6 +279,11 @@ def _print(
         ("backward whirl", f"{lanes['backward']}"),
     ]
     rows += [(name, f"{lanes[name]}") for name in ("undefined", "failed") if lanes[name]]
+    if lanes["steps_too_long"]:
+        text = (
+            f"{lanes['steps_too_long']} lanes, whose stops answer within a step: give --steps more"
+        )
+        rows.append(("steps too long", text))
     if lanes["index_min"] is not None:
         text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"
         rows.append(("precession index", text))

@@ -56,6 +56,10 @@ class AbstractLaw(eqx.Module):
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         """Torque on the shaft about its axis [N m], positive with positive spin."""
 
+    @abc.abstractmethod
+    def hardness(self) -> Float[Array, "2"]:
+        """Stiffness [N/m] and damping [N s/m] in contact: steps must be short beside both."""
+
     @property
     @abc.abstractmethod
     def kinked(self) -> bool:

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from ..quantities import Scalar, nonnegative, positive, real
 from .base import AbstractContact, AbstractLaw, Branch, Plane
@@ -54,6 +55,9 @@ class ViscoelasticStop(AbstractLaw):
 
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         return -self.limiter.rim_radius * self._forces(displacement, velocity, speed)[1]
+
+    def hardness(self) -> Float[Array, "2"]:
+        return jnp.stack([self.limiter.stiffness, self.limiter.damping])
 
     @property
     def kinked(self) -> bool:

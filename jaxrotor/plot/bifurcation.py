@@ -7,6 +7,7 @@ import xarray as xr
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+from ..outcome import failed
 from . import colours, page
 from .labels import coordinate, only_swept
 
@@ -39,7 +40,7 @@ def bifurcation(
     values, label = coordinate(dataset, dim)
     index = dataset["index"].values
     if "status" in dataset:  # failed lanes show nothing
-        displacement[dataset["status"].values == 1] = np.nan
+        displacement[failed(dataset["status"])] = np.nan
 
     upper, lower = page.pair(axes, 170, 110)
     for whirl, colour, lanes in _directions(index):

@@ -26,6 +26,7 @@ def response(
     *,
     log: bool = False,
     critical: Iterable[Any] = (),
+    growth: Any = None,
 ) -> tuple[Axes, Axes]:
     """Amplitude of each part of a steady motion above, and its phase below, against speed.
 
@@ -40,6 +41,8 @@ def response(
         station: which of the result's stations.
         log: draw amplitudes on a logarithmic axis.
         critical: speeds [rad/s] to mark, as of `jaxrotor.critical_speeds(scene).forward`.
+        growth: (k,) growth rates at the speeds, as of `jaxrotor.growth_rate`: where they are positive
+            no motion settles on the response, and the ground is shaded.
 
     Returns:
         The upper and the lower Axes.
@@ -61,12 +64,17 @@ def response(
             name = None if number else "critical speed"
             style = {"color": colours.GREY, "linewidth": 0.8, "linestyle": "--", "zorder": 0.5}
             ax.axvline(speed, label=name, **style)
+    unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
+    for ax in (upper, lower) if unstable.any() else ():
+        ground = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}
+        whole = ax.get_xaxis_transform()
+        ax.fill_between(speeds, 0, 1, where=unstable, transform=whole, label="unstable", **ground)
     if log:
         upper.set_yscale("log")
     else:
         upper.set_ylim(bottom=0.0)
     lower.set_xlabel("frequency [rad/s]" if forced else "spin speed [rad/s]")
-    if marks or len(shown) > 1 or "twice" in shown:
+    if marks or len(shown) > 1 or "twice" in shown or unstable.any():
         page.legend(upper, columns=3)
     return upper, lower
 

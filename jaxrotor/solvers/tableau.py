@@ -56,6 +56,14 @@ class Tableau(eqx.Module):
             found.append(forces(stage))
         return product(self.feed, jnp.concatenate(found))
 
+    def answer(self, reading: Reading) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """How far [m] and how fast [m/s] every port goes in a step under a unit of force held there."""
+        p = reading.matrix.shape[0] // 4
+        fed = self.feed.reshape(self.feed.shape[0], -1, 2 * p).sum(1)  # all stages feel the same
+        plane = (reading.matrix @ fed).reshape(2, 2, p, 2, p)  # (Re Im, d v, port, Re Im, force)
+        own = jnp.linalg.norm(jnp.einsum("adpbp->dpab", plane), axis=(-2, -1)) / jnp.sqrt(2.0)
+        return own[0], own[1]
+
 
 class AbstractStep(dfx.AbstractSolver):
     """A tableau as a diffrax solver, on a fixed grid of steps of `tableau.h`."""

@@ -59,24 +59,41 @@ def test_a_flexible_rotor_on_rigid_stops(record_property):
 @pytest.mark.slow
 @pytest.mark.hard("1.4 a stop too stiff for the steps")
 def test_automatic_steps_resolve_a_stiff_stop(record_property):
-    """64 steps, each 8 times what the stop answers in, make energy from nowhere; "auto" takes more."""
+    """64 steps, each 8 times what the stop answers in, are refused; "auto" takes enough."""
     kappa = 1e6
     scene = jeffcott(jr.Limiter(AT, 0.0, 1.0, kappa))
     run = {"start": state(0.99, 0.5), "period": 64 * 8 / np.sqrt(1 + kappa)}
+    with pytest.raises(RuntimeError, match="too stiff for the steps, .* take 256 `steps_per_rev"):
+        jr.simulate(scene, 1, 64, **run)
+    r = jr.simulate(scene, 1, "auto", **run)
+    z, v = path(r)
+    energy = abs(v) ** 2 + abs(z) ** 2 + kappa * np.maximum(z.real - 1, 0) ** 2
+    off = abs(energy[-1] / energy[0] - 1)
+    record_property("measured", f"refused; energy by {r.pilots[0].setting} steps {off:.0e}")
+    assert r.pilots[0].converged
+    assert off < 1e-2
 
-    def gained(steps):
-        r = jr.simulate(scene, 1, steps, **run)
-        z, v = path(r)
-        energy = abs(v) ** 2 + abs(z) ** 2 + kappa * np.maximum(z.real - 1, 0) ** 2
-        return abs(energy[-1] / energy[0] - 1), r.pilots
 
-    (coarse, _), (fine, pilots) = gained(64), gained("auto")
-    record_property(
-        "measured", f"energy off by {coarse:.0e}; by {pilots[0].setting} steps {fine:.0e}"
+@pytest.mark.hard("1.4 a stop too stiff for the steps, in a sweep", outcome="flagged")
+def test_a_sweep_flags_lanes_whose_steps_are_too_long(record_property):
+    """`k h^2 / 2m + c h / m` beyond 2 at the lanes that touch; those that do not are right at any step."""
+    h, damping = 2 * np.pi / 64, 3.0
+    kappas = np.array([0.5, 0.9, 1.1, 30.0]) * 4 * (1 - damping * h / 2) / h**2
+    scene = jeffcott(jr.Limiter(AT, 0.0, 1.0, 1.0, damping))
+    over = {"limiters.stiffness": kappas, "start.radius": [0.5, 1.5]}
+    ds = jr.sweep(
+        scene,
+        over,
+        start=jr.Whirl(1.0),
+        observe=[jr.observe.Radius()],
+        settle=0,
+        keep=2,
+        steps_per_revolution=64,
+        period=2 * np.pi,
     )
-    assert coarse > 1.0
-    assert pilots[0].converged
-    assert fine < 1e-2
+    names = np.array(ds.status.attrs["flag_meanings"].split())[ds.status.values]
+    assert (names[:, 0] == "ok").all()
+    assert names[:, 1].tolist() == ["ok", "ok", *["steps_too_long_for_a_stop"] * 2]
 
 
 def _depth(scene, z):

@@ -1,0 +1,69 @@
+"""Outcome: how a run went, and in which words a data set says so of every lane."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int
+
+
+LONGEST_BOUNCE = 2.0  # of `March.bounce`: a longer step gives energy to a mass that bounces
+STATUS = (
+    "ok",
+    "not_finite",
+    "at_rest_whirl_undefined",
+    "solver_gave_up",
+    "start_or_steady_response_undefined",
+    "steps_too_long_for_a_stop",
+)
+FAILED = tuple(
+    map(STATUS.index, ("not_finite", "solver_gave_up", "start_or_steady_response_undefined"))
+)
+
+
+class Outcome(eqx.Module):
+    """How some revolutions went; `a & b` is how both did."""
+
+    finite: Bool[Array, "*lanes"]
+    solved: Bool[Array, "*lanes"]  # the solver met its tolerance in the steps it had
+    unresolved: Int[Array, "*lanes"]  # steps whose changes of contact were not located
+    touched: Bool[Array, "*lanes"]  # a stop was met, as far as steps of `Exponential` tell
+
+    @classmethod
+    def good(cls, *shape: int) -> "Outcome":
+        yes, no = jnp.ones(shape, bool), jnp.zeros(shape, bool)
+        return cls(yes, yes, jnp.zeros(shape, int), no)
+
+    @property
+    def ok(self) -> Bool[Array | np.ndarray, "*lanes"]:
+        """Whether there is a result."""
+        return self.finite & self.solved
+
+    def __and__(self, other: "Outcome") -> "Outcome":
+        return Outcome(
+            self.finite & other.finite,
+            self.solved & other.solved,
+            self.unresolved + other.unresolved,
+            self.touched | other.touched,
+        )
+
+
+def failed(status: Any) -> np.ndarray:
+    """Which lanes have no result, by the `status` of a data set."""
+    return np.isin(status, FAILED)
+
+
+def statuses(
+    outcome: Outcome, started: np.ndarray, undefined: np.ndarray, too_long: np.ndarray
+) -> np.ndarray:
+    """Numbers in `STATUS` of lanes, the first reason that holds."""
+    reasons = {
+        "start_or_steady_response_undefined": ~started,
+        "solver_gave_up": ~np.asarray(outcome.solved),
+        "not_finite": ~np.asarray(outcome.finite),
+        "steps_too_long_for_a_stop": too_long,
+        "at_rest_whirl_undefined": undefined,
+    }
+    numbers = [STATUS.index(name) for name in reasons]
+    return np.select(list(reasons.values()), numbers, 0).astype(np.int8)
