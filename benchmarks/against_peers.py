@@ -139,7 +139,8 @@ def modes_needed(target: float, window: int, log: Console) -> int:
 def methods(args: argparse.Namespace, modes: int) -> list[Method]:
     counts = sorted({1, CORES})
     wide, many = (args.lanes, args.revolutions), (args.lanes, args.peer_revolutions)
-    peers, alone = (args.peer_lanes, args.peer_revolutions), (2, args.peer_revolutions)
+    peers = args.peer_lanes, args.peer_revolutions
+    alone = min(8, args.peer_lanes) * CORES, args.peer_revolutions  # as many for every process
     call, rates = functools.partial, lambda *given: rates_of(functools.partial(*given))
     found = [
         Method(

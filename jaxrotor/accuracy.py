@@ -19,7 +19,7 @@ from .scene import Scene
 from .simulate import check_counts
 
 
-STATUS = ("ok", "failed_or_not_finite", "left_out")
+STATUS = ("ok", "failed", "left_out")
 
 
 class Row(NamedTuple):
@@ -62,7 +62,8 @@ def accuracy(
     Returns:
         Dataset along `run`, with `method`, `setting` and its parts as coordinates: `value`, `error`,
         `relative_error`; `compile_time`, by which the first run was longer than the fastest (zero
-        where an earlier one had compiled it), `run_time` of the public function [s], `memory` of the
+        where an earlier one had compiled it; that to load it where jax keeps a cache of programs, see
+        the attribute `compilation_cache`), `run_time` of the public function [s], `memory` of the
         largest program it compiled (NaN where none), `lane_rate` [1/s]. All on one thread of Python.
     """
     check_counts(lanes=lanes, repeats=repeats)
@@ -103,6 +104,7 @@ def accuracy(
         "lanes": lanes,
         "repeats": repeats,
         "device": str(jax.devices()[0]),
+        "compilation_cache": str(getattr(jax.config, "jax_compilation_cache_dir", None) or "none"),
         "reference": best.value.real,
         "reference_imag": best.value.imag,
         "reference_uncertainty": abs(best.value - coarse.value),

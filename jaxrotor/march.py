@@ -89,20 +89,21 @@ class March(eqx.Module):
         return self.form.encode(*start.state(self.system, at))
 
     @property
-    def bounce(self) -> Scalar:
-        """Force with which a stop answers a unit of force held over one step, the most of all ports.
+    def bounce(self) -> Float[Array, "2"]:
+        """Force with which a stop answers a unit of force held over one step, of the hardest port.
 
-        `k d + c v`, with the stop's stiffness `k` and damping `c`, and the displacement `d` and
+        `k d` and `c v`, with the stop's stiffness `k` and damping `c`, and the displacement `d` and
         velocity `v` that the unit of force gives the port in a step `h`. Of a mass `m` on the stop
-        alone `k h^2 / (2 m) + c h / m`. Zero where nothing is stepped by `Exponential`.
+        alone `k h^2 / (2 m)` and `c h / m`. Zero where nothing is stepped by `Exponential`.
         """
         if self.step is None:
-            return jnp.zeros(())
+            return jnp.zeros(2)
         form = self.form
         assert isinstance(form, PortForm) and form.contacts is not None
         goes, moves = self.step.tableau.answer(form.contacts.reading)
         ports = jnp.stack([port.hardness() for port in self.system.ports])  # (p, 2)
-        return jnp.max(ports[:, 0] * goes + ports[:, 1] * moves)
+        found = ports * jnp.stack([goes, moves], axis=1)
+        return found[jnp.argmax(found.sum(1))]
 
     def skip(self, y: Array, revolutions: int) -> tuple[Array, Outcome]:
         """State after whole revolutions, and how they went."""

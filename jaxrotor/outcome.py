@@ -1,5 +1,6 @@
 """Outcome: how a run went, and in which words a data set says so of every lane."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -8,11 +9,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 
-LONGEST_BOUNCE = 2.0  # of `March.bounce`: a longer step gives energy to a mass that bounces
+LONGEST_BOUNCE = {2: 2.0, 4: 0.5}  # by order: beyond it steps give energy to a bounce on average
 STATUS = (
     "ok",
     "not_finite",
-    "at_rest_whirl_undefined",
+    "whirl_undefined",
     "solver_gave_up",
     "start_or_steady_response_undefined",
     "steps_too_long_for_a_stop",
@@ -28,7 +29,7 @@ class Outcome(eqx.Module):
     finite: Bool[Array, "*lanes"]
     solved: Bool[Array, "*lanes"]  # the solver met its tolerance in the steps it had
     unresolved: Int[Array, "*lanes"]  # steps whose changes of contact were not located
-    touched: Bool[Array, "*lanes"]  # a stop was met, as far as steps of `Exponential` tell
+    touched: Bool[Array, "*lanes"]  # by more than the root of the precision, if `Exponential` steps
 
     @classmethod
     def good(cls, *shape: int) -> "Outcome":
@@ -49,21 +50,32 @@ class Outcome(eqx.Module):
         )
 
 
+def too_long(bounce: Any, order: int) -> Any:
+    """Whether a stop answers within a step, see `March.bounce` (.., 2)."""
+    return bounce.sum(-1) > LONGEST_BOUNCE[order]
+
+
+def steps_needed(bounce: Any, order: int, steps: int) -> int:
+    """Steps a revolution at which `elastic / r^2 + viscous / r` is at its limit, `r` times as many."""
+    (elastic, viscous), limit = map(float, bounce), LONGEST_BOUNCE[order]
+    return math.ceil(steps * (viscous + math.sqrt(viscous**2 + 4 * elastic * limit)) / (2 * limit))
+
+
 def failed(status: Any) -> np.ndarray:
     """Which lanes have no result, by the `status` of a data set."""
     return np.isin(status, FAILED)
 
 
 def statuses(
-    outcome: Outcome, started: np.ndarray, undefined: np.ndarray, too_long: np.ndarray
+    outcome: Outcome, started: np.ndarray, undefined: np.ndarray, overlong: np.ndarray
 ) -> np.ndarray:
     """Numbers in `STATUS` of lanes, the first reason that holds."""
     reasons = {
         "start_or_steady_response_undefined": ~started,
         "solver_gave_up": ~np.asarray(outcome.solved),
         "not_finite": ~np.asarray(outcome.finite),
-        "steps_too_long_for_a_stop": too_long,
-        "at_rest_whirl_undefined": undefined,
+        "steps_too_long_for_a_stop": overlong,
+        "whirl_undefined": undefined,
     }
     numbers = [STATUS.index(name) for name in reasons]
     return np.select(list(reasons.values()), numbers, 0).astype(np.int8)

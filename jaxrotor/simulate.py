@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import math
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -15,7 +14,7 @@ from jaxtyping import Array, Complex, Float, Int
 from .analysis import chosen_nodes
 from .march import March, Plan
 from .motion import Motion
-from .outcome import LONGEST_BOUNCE, Outcome
+from .outcome import Outcome, steps_needed, too_long
 from .pilot import Pilot, refined
 from .quantities import Scalar, known
 from .scene import Scene
@@ -98,7 +97,8 @@ def simulate(
         max_steps: steps an adaptive solver may take in one revolution.
 
     Returns:
-        A `Response`. A run that fails or overflows raises; when traced, it is not finite.
+        A `Response`. A run that fails or overflows raises; when traced, it is not finite. One that
+        touched a stop too stiff for its steps raises as well, unless traced.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
     """
@@ -141,7 +141,8 @@ def simulate(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
         )
-    _check_steps(good, bounce, steps_per_revolution)
+    if isinstance(plan.solver, Exponential):
+        _check_steps(good, bounce, plan.solver.order, steps_per_revolution)
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
     displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
@@ -209,7 +210,7 @@ def chosen_steps(
     def answer(steps: int) -> np.ndarray | None:
         try:
             seen = simulate(scene, window, steps, **run).displacement
-        except RuntimeError:  # not finite: too few steps
+        except RuntimeError:  # not finite, or energy from nowhere: too few steps
             return None
         return np.asarray(seen)[:: steps // LADDER[0]]
 
@@ -217,7 +218,7 @@ def chosen_steps(
 
 
 def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
-    """End of a run by the fewest steps that stay finite."""
+    """End of a run by the fewest steps that it may have."""
     for steps in LADDER[:-1]:
         with contextlib.suppress(RuntimeError):
             return simulate(scene, revolutions, steps, keep=1, **run).end
@@ -243,13 +244,13 @@ def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
     return march.form.decode(y), orbit, first & good, march.bounce
 
 
-def _check_steps(good: Outcome, bounce: Scalar, steps: int) -> None:
+def _check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
     """Refuse a motion that touched a stop with steps that cannot follow the bounce."""
-    if known(bounce) and known(good.touched) and bool(good.touched) and bounce > LONGEST_BOUNCE:
-        enough = math.ceil(steps * math.sqrt(float(bounce) / LONGEST_BOUNCE))
+    if known(bounce) and known(good.touched) and bool(good.touched) and too_long(bounce, order):
         raise RuntimeError(
             "A stop was touched that is too stiff for the steps, so its bounce would gain energy: take "
-            f"{enough} `steps_per_revolution` at the least instead of {steps}, or a softer stop."
+            f"{steps_needed(bounce, order, steps)} `steps_per_revolution` at the least instead of "
+            f"{steps}, or a softer stop."
         )
 
 

@@ -19,9 +19,9 @@ from .effects.base import AbstractContact
 from .files import dumps
 from .march import March, Plan
 from .observe import AbstractObservable, Turn, Variable, everything
-from .outcome import LONGEST_BOUNCE, STATUS, Outcome, statuses
+from .outcome import STATUS, Outcome, statuses, too_long
 from .pilot import Pilot
-from .quantities import Scalar, quantity_units
+from .quantities import quantity_units
 from .scene import Scene
 from .simulate import (
     check_constant,
@@ -185,7 +185,7 @@ class _Lanes(NamedTuple):
     stored: tuple  # by the observables of every kept revolution
     outcome: Outcome
     started: np.ndarray  # whether there is a state to start from
-    bounce: np.ndarray  # see `March.bounce`
+    bounce: np.ndarray  # (lanes, 2), see `March.bounce`
 
 
 # === before the run
@@ -224,15 +224,21 @@ def _chosen_steps(
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
     points = _points(axes)
-    pilots = []
+    pilots, failure = [], RuntimeError("no lanes")
     for point in points[_spread_over(len(points), PILOT_LANES)]:
         changed, begin = _placed(scene, start, dict(zip(axes, point, strict=True)))
-        pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
+        try:
+            pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
+        except (RuntimeError, ValueError) as error:  # a lane that fails; the others go on
+            failure = error
+    if not pilots:
+        raise failure
     good = [pilot for pilot in pilots if pilot.converged]
     most = max(good or pilots, key=lambda pilot: pilot.setting)
-    if len(good) == len(pilots):
+    tried = min(PILOT_LANES, len(points))
+    if len(good) == tried:
         return most
-    what = f"{most.what}, by {len(good)} of {len(pilots)} pilot lanes"
+    what = f"{most.what}, by {len(good)} of {tried} pilot lanes"
     worst = max(pilot.difference for pilot in pilots)
     return Pilot(what, most.setting, worst, most.tolerance, False)
 
@@ -307,7 +313,7 @@ def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick) -
     lanes = len(points)
     padded = np.concatenate([points, np.repeat(points[-1:], size - lanes, axis=0)])
     shared, own, y, bounce = prepare(context, padded)
-    started = np.isfinite(y).all(axis=1)
+    started = np.isfinite(y).reshape(size, -1).all(axis=1)
     good = Outcome.good(size)
     for revolutions in _segments(context.settle):
         y, ok = skip(shared, own, y, revolutions)
@@ -395,7 +401,7 @@ _build_all = eqx.filter_jit(_build_lane_by_lane, **_QUICKLY)
 
 def _build(
     scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point
-) -> tuple[March, Array, Scalar]:
+) -> tuple[March, Array, Float[Array, "2"]]:
     """A lane's march, its state at the start, and how hard its stops answer."""
     values = dict(zip(paths, point, strict=True))
     scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
@@ -475,8 +481,10 @@ def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: _Lanes)
     for name in ("index", "whirl_rate"):
         if name in data:
             undefined |= np.isnan(data[name].values)
-    too_long = np.asarray(good.touched) & (results.bounce > LONGEST_BOUNCE)
-    status = statuses(good, results.started, undefined, too_long)
+    overlong = np.zeros(len(good.ok), bool)
+    if isinstance(context.plan.solver, Exponential):
+        overlong = np.asarray(good.touched) & too_long(results.bounce, context.plan.solver.order)
+    status = statuses(good, results.started, undefined, overlong)
     variables: dict[str, Any] = {}
     for name, one in data.items():
         attrs = {"units": one.units, "long_name": one.long_name}

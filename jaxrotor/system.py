@@ -59,9 +59,11 @@ class Port(eqx.Module):
         return tuple(jax.vmap(margins)(stack, branch) for stack, branch in pairs)
 
     def hardness(self) -> Float[Array, "2"]:
-        """Stiffness [N/m] and damping [N s/m] of the law that has most of each."""
+        """Stiffness [N/m] and damping [N s/m] of all laws against a motion where that is most."""
         stacks = [jax.vmap(lambda law: law.hardness())(stack) for stack in self.laws]
-        return jnp.max(jnp.concatenate(stacks), axis=0)
+        stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
+        share = jnp.maximum(out @ out.T, 0.0) ** 2  # of law i in a motion toward law j
+        return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
 
     def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
         """Torque of all laws about the axis [N m]."""

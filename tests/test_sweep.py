@@ -84,6 +84,12 @@ def test_adaptive_solver_in_a_sweep():
     assert ds.attrs["solver"] == "Kvaerno5"
 
 
+def test_a_solver_that_gives_up_is_one_of_the_reasons():
+    over = {"unbalance.eccentricity": [1e-4]}
+    ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Kvaerno5(), max_steps=2, **SHORT)
+    assert ds.status.attrs["flag_meanings"].split()[ds.status.item()] == "solver_gave_up"
+
+
 def test_silent_unless_asked():
     over = {"unbalance.eccentricity": [0.0]}
     for progress in (None, True):

@@ -5,6 +5,7 @@ on one or more of them, written against the rows and columns of `AbstractLine`.
 """
 
 import abc
+from typing import NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -41,6 +42,14 @@ class AbstractLoad(AbstractEffect):
         """The load, given all linear blocks (weight needs the masses of others)."""
 
 
+class Hardness(NamedTuple):
+    """Stiffness and damping of a contact against a motion outward along a direction."""
+
+    stiffness: Scalar  # [N/m]
+    damping: Scalar  # [N s/m]
+    direction: Plane  # of unit length
+
+
 class AbstractLaw(eqx.Module):
     """Force on the shaft at one station as a function of its displacement and velocity there.
 
@@ -57,8 +66,8 @@ class AbstractLaw(eqx.Module):
         """Torque on the shaft about its axis [N m], positive with positive spin."""
 
     @abc.abstractmethod
-    def hardness(self) -> Float[Array, "2"]:
-        """Stiffness [N/m] and damping [N s/m] in contact: steps must be short beside both."""
+    def hardness(self) -> "Hardness":
+        """What a contact opposes to a push: steps must be short beside it."""
 
     @property
     @abc.abstractmethod

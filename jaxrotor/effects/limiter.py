@@ -3,10 +3,9 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..quantities import Scalar, nonnegative, positive, real
-from .base import AbstractContact, AbstractLaw, Branch, Plane
+from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
 
 class Limiter(AbstractContact):
@@ -56,8 +55,9 @@ class ViscoelasticStop(AbstractLaw):
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         return -self.limiter.rim_radius * self._forces(displacement, velocity, speed)[1]
 
-    def hardness(self) -> Float[Array, "2"]:
-        return jnp.stack([self.limiter.stiffness, self.limiter.damping])
+    def hardness(self) -> Hardness:
+        stop = self.limiter
+        return Hardness(stop.stiffness, stop.damping, jnp.stack([self.cos, self.sin]))
 
     @property
     def kinked(self) -> bool:

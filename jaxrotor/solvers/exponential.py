@@ -30,8 +30,8 @@ class Exponential(eqx.Module):
 
     `located=True` ends a step where a stop is met or left or its friction reverses, and so keeps
     the order through impacts; otherwise those steps are of first order. It takes several times the
-    time of a step and of compilation, pays from whirl rates of about 1e-4 on, and is
-    differentiable in forward mode.
+    time of a step and of compilation, pays where the state is wanted to better than 1e-4 or a whirl
+    rate to better than 1e-6, and is differentiable in forward mode.
 
     Modal coordinates take the fewest operations. They fail where eigenvectors merge (over-damped or
     defective pairs), and jax cannot differentiate eigenvectors; "auto" takes the dense

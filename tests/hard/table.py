@@ -22,7 +22,8 @@ HEAD = f"""# Hard cases
 
 Where rotor programs go wrong, and how this one fares there. *Right*: the numbers are those of a published
 table, of a closed form or of a program that shares no code with the library. *Refused in one sentence*: an
-error that says what was wrong and what to do. *Flagged*: a result that says it is none; the others go on.
+error that says what was wrong and what to do. *Flagged*: a result that says what is wrong
+with it, beside others that are right.
 
 The table is written by the tests themselves: `{COMMAND}`.
 """

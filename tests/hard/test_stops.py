@@ -63,7 +63,9 @@ def test_automatic_steps_resolve_a_stiff_stop(record_property):
     kappa = 1e6
     scene = jeffcott(jr.Limiter(AT, 0.0, 1.0, kappa))
     run = {"start": state(0.99, 0.5), "period": 64 * 8 / np.sqrt(1 + kappa)}
-    with pytest.raises(RuntimeError, match="too stiff for the steps, .* take 256 `steps_per_rev"):
+    with pytest.raises(
+        RuntimeError, match=r"too stiff for the steps, .* take (255|256|257) `steps_per_rev"
+    ):
         jr.simulate(scene, 1, 64, **run)
     r = jr.simulate(scene, 1, "auto", **run)
     z, v = path(r)
@@ -75,25 +77,43 @@ def test_automatic_steps_resolve_a_stiff_stop(record_property):
 
 
 @pytest.mark.hard("1.4 a stop too stiff for the steps, in a sweep", outcome="flagged")
-def test_a_sweep_flags_lanes_whose_steps_are_too_long(record_property):
-    """`k h^2 / 2m + c h / m` beyond 2 at the lanes that touch; those that do not are right at any step."""
-    h, damping = 2 * np.pi / 64, 3.0
-    kappas = np.array([0.5, 0.9, 1.1, 30.0]) * 4 * (1 - damping * h / 2) / h**2
-    scene = jeffcott(jr.Limiter(AT, 0.0, 1.0, 1.0, damping))
-    over = {"limiters.stiffness": kappas, "start.radius": [0.5, 1.5]}
+@pytest.mark.parametrize(("order", "limit"), [(2, 2.0), (4, 0.5)])
+def test_a_sweep_flags_lanes_whose_steps_are_too_long(order, limit, record_property):
+    """Released beyond an elastic stop, a mass bounces 30 times: below the limit its energy stays.
+
+    `k h^2 / 2 m` is 0.9 and 6 of the limit; a mass that does not touch is right at any step.
+    """
+    steps, gap, height = 64, 1.0, 1.5
+    kappas = np.array([0.9, 6.0]) * 2 * limit / (2 * np.pi / steps) ** 2
+    scene = jeffcott(jr.Limiter(AT, 0.0, gap, 1.0))
     ds = jr.sweep(
         scene,
-        over,
-        start=jr.Whirl(1.0),
+        {"limiters.stiffness": kappas, "start.radius": [0.5, height]},
+        start=jr.Whirl(1.0, angle=np.pi),
         observe=[jr.observe.Radius()],
-        settle=0,
-        keep=2,
-        steps_per_revolution=64,
+        settle=20,
+        keep=5,
+        steps_per_revolution=steps,
         period=2 * np.pi,
+        solver=jr.Exponential(order),
     )
     names = np.array(ds.status.attrs["flag_meanings"].split())[ds.status.values]
-    assert (names[:, 0] == "ok").all()
-    assert names[:, 1].tolist() == ["ok", "ok", *["steps_too_long_for_a_stop"] * 2]
+    assert names.tolist() == [["ok", "ok"], ["ok", "steps_too_long_for_a_stop"]]
+    free, bounced = ds.radius_max.values.T
+    np.testing.assert_allclose(free, 0.5, rtol=1e-9)
+    record_property("measured", f"order {order}: height {bounced / height}, flagged the second")
+    assert 0.6 * height < bounced[0] < 1.1 * height and bounced[1] > 2 * height
+
+
+@pytest.mark.hard("1.4 a ring of stops too stiff together")
+def test_stops_that_press_together_are_hard_together():
+    """64 stops around a shaft, each soft enough for the steps, are together 16 times as hard."""
+    angles = 2 * np.pi * np.arange(64) / 64
+    scene = jeffcott(*[jr.Limiter(AT, a, 0.0, 200.0) for a in angles])
+    with pytest.raises(RuntimeError, match="A stop was touched that is too stiff for the steps"):
+        jr.simulate(scene, 1, 64, start=state(0.5, 0.5j), period=2 * np.pi)
+    one = jeffcott(jr.Limiter(AT, 0.0, 0.0, 200.0))
+    jr.simulate(one, 1, 64, start=state(0.5, 0.5j), period=2 * np.pi)
 
 
 def _depth(scene, z):
