@@ -1,5 +1,6 @@
 """Course: what one start has seen on its way, and when it stops."""
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -27,7 +28,8 @@ class Course:
         self.gradients: list[float] = []  # of the augmented loss by free numbers
         self.excess: list[np.ndarray] = []
         self.first, self.best = u, (u, np.inf, np.full(constraints, np.nan))
-        self.merit = np.inf, np.inf
+        self.merit = np.inf, np.inf  # of the best: excess, loss
+        self.flattest = np.inf  # gradient of the best
         self.scale, self.largest, self.since, self.gap = 1.0, 0.0, 0, np.inf
         self.multipliers, self.penalties = np.zeros(constraints), np.ones(constraints)
         self.steepness = np.ones(constraints)
@@ -35,7 +37,8 @@ class Course:
     @property
     def weights(self) -> Weights:
         """Of the target as it is now."""
-        return Weights(np.asarray(self.scale), self.multipliers, self.penalties)
+        parts = self.scale, self.multipliers, self.penalties
+        return Weights(*(jnp.asarray(part, float) for part in parts))
 
     def measure(self, values: np.ndarray, slopes: np.ndarray) -> None:
         """Take the scales of loss and constraints from their slopes at the start."""
@@ -60,7 +63,7 @@ class Course:
         self.losses.append(loss)
         self.gradients.append(size)
         self.excess.append(excess)
-        self._keep(u, loss, excess)
+        self._keep(u, loss, excess, size)
         self.largest, self.since = max(self.largest, size), self.since + 1
         flat = max(self.tolerance * self.largest, 8 * np.finfo(float).eps * abs(loss))
         settled = ""
@@ -72,6 +75,8 @@ class Course:
             self.reason = settled
         elif settled or self.since >= INNER:
             self._update(settled, excess, pull)
+            if self.reason:
+                self._end(u, loss, excess)
 
     def _update(self, settled: str, excess: np.ndarray, pull: np.ndarray) -> None:
         """Multipliers `max(0, lambda + rho c)`, and larger penalties where constraints lag."""
@@ -79,17 +84,28 @@ class Course:
         gap = float(np.max(off))
         if settled and gap <= FEASIBLE * self.tolerance:
             self.reason = settled
-        lagging = off > LESS * self.gap
+        lagging = (off > LESS * self.gap) & bool(settled)
         self.multipliers = pull
         self.penalties = np.where(lagging, 10 * self.penalties, self.penalties)
         self.gap, self.since, self.fresh = gap, 0, True
 
-    def _keep(self, u: np.ndarray, loss: float, excess: np.ndarray) -> None:
-        """The iterate if it is the best: of those within all constraints the one of least loss."""
+    def _keep(self, u: np.ndarray, loss: float, excess: np.ndarray, size: float) -> None:
+        """The iterate if it is the best: of those within all constraints the one of least loss.
+
+        Of losses that differ by rounding, the one of least gradient.
+        """
         over = float(np.max(excess / self.steepness, initial=0.0))
-        merit = (0.0 if over <= FEASIBLE * self.tolerance else over), loss
-        if merit < self.merit:
-            self.best, self.merit = (u, loss, excess), merit
+        over = 0.0 if over <= FEASIBLE * self.tolerance else over
+        least, rounding = self.merit[1], 8 * np.finfo(float).eps * abs(loss)
+        same = over == self.merit[0] and abs(loss - least) <= rounding
+        if (size < self.flattest) if same else ((over, loss) < self.merit):
+            self.best, self.merit, self.flattest = (u, loss, excess), (over, loss), size
+
+    def _end(self, u: np.ndarray, loss: float, excess: np.ndarray) -> None:
+        """Where constraints have settled, in place of a best that is so by the excess it may have."""
+        worth = 2 * FEASIBLE * self.tolerance * float(self.multipliers @ self.steepness)
+        if self.merit[0] == 0 and loss - self.merit[1] <= worth + 1e-14 * abs(loss):
+            self.best = u, loss, excess
 
     def _loss(self, values: np.ndarray) -> float:
         own = values[: len(values) - self.count]

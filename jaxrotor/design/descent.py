@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -31,7 +31,7 @@ class AbstractDescent(eqx.Module):
     """An optimiser that looks at a target, with derivatives, once a step."""
 
     residuals: eqx.AbstractVar[bool]  # whether the target is a vector, its squares to be summed
-    restarts: eqx.AbstractVar[bool]  # whether a target that changed calls for a new state
+    restarts: eqx.AbstractClassVar[bool]  # whether a target that changed calls for a new state
 
     @property
     @abc.abstractmethod
@@ -48,9 +48,10 @@ class AbstractDescent(eqx.Module):
 class FirstOrder(AbstractDescent):
     """`u <- u + update(gradient)` of an optax gradient transformation."""
 
+    restarts: ClassVar[bool] = False
+
     transformation: Any
     residuals: bool = eqx.field(static=True, default=False)
-    restarts: bool = eqx.field(static=True, default=False)
 
     @property
     def name(self) -> str:
@@ -64,6 +65,7 @@ class FirstOrder(AbstractDescent):
         (value, seen), gradient = jax.value_and_grad(target, has_aux=True)(u)
         line = {"value": value, "grad": gradient, "value_fn": lambda u: target(u)[0]}
         update = optax.with_extra_args_support(self.transformation).update
+        change: Any
         change, state = update(gradient, state, u, **line)
         return Step(u, seen, u + change, state, jnp.max(jnp.abs(change)))
 
@@ -71,9 +73,10 @@ class FirstOrder(AbstractDescent):
 class Iterative(AbstractDescent):
     """A minimiser or least-squares solver of optimistix: BFGS, LevenbergMarquardt and their like."""
 
+    restarts: ClassVar[bool] = True
+
     solver: Any
     residuals: bool = eqx.field(static=True)
-    restarts: bool = eqx.field(static=True, default=True)
 
     @property
     def name(self) -> str:
@@ -110,9 +113,10 @@ def descent(optimiser: Any, residuals: bool, tolerance: float | int) -> Abstract
     """The optimiser asked for, or the one that suits: LevenbergMarquardt for residuals, else BFGS."""
     if optimiser is None:
         kind = optx.LevenbergMarquardt if residuals else optx.BFGS
-        return Iterative(kind(rtol=tolerance, atol=tolerance), residuals)
+        solver = kind(rtol=tolerance, atol=tolerance)
+        return Iterative(solver=solver, residuals=residuals)
     if isinstance(optimiser, optax.GradientTransformation):
-        return FirstOrder(optimiser)
+        return FirstOrder(transformation=optimiser)
     squares = isinstance(optimiser, optx.AbstractLeastSquaresSolver)
     if squares and not residuals:
         raise ValueError(
@@ -120,7 +124,7 @@ def descent(optimiser: Any, residuals: bool, tolerance: float | int) -> Abstract
             "number; let it return the vector of residuals, or take a minimiser such as optimistix.BFGS."
         )
     if isinstance(optimiser, BY_GRADIENTS):
-        return Iterative(optimiser, squares)
+        return Iterative(solver=optimiser, residuals=squares)
     raise ValueError(
         "`optimiser` must be an optax gradient transformation such as optax.adam(0.02), or a minimiser "
         "or least-squares solver of optimistix that goes by gradients, such as BFGS or "

@@ -51,11 +51,11 @@ def critical_gap(scene: Scene, order: int = 0) -> Scalar:
 
 
 def largest_growth(scene: Scene, speeds: Any, sharpness: Scalar | None = None) -> Scalar:
-    """`max_Omega max Re lambda` [1/s] over given speeds; `log( mean exp(r sharpness) ) / sharpness` of them.
+    """`max_Omega max Re lambda` [1/s] over given speeds, or a smooth mean, `log( mean exp(s r) ) / s`.
 
-    Without `sharpness` [s] it has kinks, where the largest moves to another speed or another root, and
-    at exceptional points the slope grows as `1 / sqrt(distance)`. At a kink the derivative is a mean of
-    both sides. It may be flat over whole ranges: without internal damping, away from bands of
+    Without the sharpness `s` [s] it has kinks, where the largest moves to another speed or another
+    root, and at exceptional points the slope grows as `1 / sqrt(distance)`. At a kink the derivative is
+    a mean of both sides. It may be flat over whole ranges: without internal damping, away from bands of
     instability, every root has the same decay. The smoothed one lies below the largest, and its minimum
     elsewhere. Least growth is not least anisotropy.
 
@@ -98,7 +98,7 @@ def anisotropy(scene: Scene, speeds: Any, at: Any = None) -> Scalar:
     station = scene.stations(at)[0]
     system = assemble(scene)
     blocks = scene.shaft.blocks(system.line)
-    for effect in scene.of((Support, InternalDamping)):
+    for effect in (*scene.of(Support), *scene.of(InternalDamping)):
         blocks = blocks + effect.blocks(system.line)
     if isotropic(blocks):
         raise ValueError(
@@ -245,7 +245,7 @@ def _reaction(scene: Scene, name: str, revolutions: int, run: dict[str, Any]) ->
 
 
 def balancing_time(scene: Scene, times: Any, **run: Any) -> Scalar:
-    """`Int |u| dt / |u(0)|` [s], `u` the imbalance of rotor and balls; `tau` where it falls as `exp(-t / tau)`.
+    """`Int |u| dt / |u(0)|` [s], `u` the imbalance of rotor and balls: `T` of one like `exp(-t / T)`.
 
     Smooth where the imbalance does not pass exactly through zero and balls do not collide. The time
     of `balancer.settling_time`, the first sample from which on all is still, is a step function of every

@@ -1,7 +1,7 @@
 """Tune: parameters of a scene by gradients of a loss."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -71,15 +71,15 @@ class Tuned(eqx.Module):
 def tune(
     loss: Callable[[Scene], Any],
     scene: Scene,
-    where: Mapping[str, tuple[float, float] | None],
+    where: Mapping[str, Any],
     *,
     optimiser: Any = None,
     steps: int = 300,
     starts: int = 1,
     seed: int = 0,
-    constraints: Constraints = (),
+    constraints: Sequence[Any] = (),
     tolerance: float | int = 1e-10,
-    mode: Literal["forward", "reverse"] = "forward",
+    mode: str = "forward",
     progress: bool | None = None,
 ) -> Tuned:
     """`min f(x)` subject to `c(x) <= 0` and `low < x < high`, `x` the parameters at some paths.
@@ -122,23 +122,23 @@ def tune(
         raise ValueError(f"`mode` must be 'forward' or 'reverse', but is {mode!r}.")
     if not 0 < tolerance < 1:
         raise ValueError(f"`tolerance` must be between 0 and 1, but is {tolerance!r}.")
-    constraints = _checked(constraints)
+    pairs = _checked(constraints)
     limits = bounds(scene, where)
-    for name, excess in constraints:
+    for name, excess in pairs:
         shape_of(excess, f"Constraint {name!r}", scene, limits)
     squares = bool(shape_of(loss, "`loss`", scene, limits))
     how = descent(optimiser, squares, tolerance)
     own = limits.numbers([np.ravel(scene.get(path))[0] for path in where])
     numbers = np.concatenate([own[None], limits.drawn(starts - 1, seed)])
-    courses = [Course(u, len(constraints), squares, tolerance, how.restarts) for u in numbers]
-    run = _Run(lookout(pieces(loss, constraints, scene, limits), mode == "reverse"), how, squares)
+    courses = [Course(u, len(pairs), squares, tolerance, how.restarts) for u in numbers]
+    run = _Run(lookout(pieces(loss, pairs, scene, limits), mode == "reverse"), how, squares)
     workers = cores(None)
-    size = starts if jax.default_backend() != "cpu" else 1
+    size = 1 if jax.default_backend() == "cpu" else starts
     chunks = [courses[i : i + size] for i in range(0, starts, size)]
-    _check_first([look for chunk in chunks for look in run.measure(chunk)], limits, constraints)
+    _check_first([look for chunk in chunks for look in run.measure(chunk)], limits, pairs)
     with bar(progress, starts * steps, "tuning") as tick:
         spread(lambda chunk, tick: run(chunk, steps, tick), chunks, workers, tick)
-    return _tuned(scene, limits, constraints, courses, how.name, seed)
+    return _tuned(scene, limits, pairs, courses, how.name, seed)
 
 
 class _Run:
@@ -154,24 +154,23 @@ class _Run:
 
         def begin(case):
             u, weights = case
-            return how.begin(target(weights), u)
+            return _strong(how.begin(target(weights), u))
 
         def step(case):
             u, state, weights, fresh = case
             if how.restarts:
                 again = how.begin(target(weights), u)
                 state = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), again, state)
-            return how.step(target(weights), u, state)
+            return _strong(how.step(target(weights), u, state))
 
-        # A chunk has one start on a CPU, where batched linear algebra of many lanes can hang.
-        each = jax.vmap if jax.default_backend() != "cpu" else lambda f: lambda x: jax.lax.map(f, x)
+        each = jax.vmap if jax.default_backend() != "cpu" else _alone
         self.begin, self.step = jax.jit(each(begin)), jax.jit(each(step))
 
     def measure(self, chunk: list[Course]) -> list[Look]:
         """What is seen at the start of every course."""
         u, state = self._begun(chunk)
         seen = self._stepped(chunk, u, state).seen
-        looks = [Look(*pair) for pair in zip(*jax.device_get(seen), strict=True)]
+        looks: Any = [Look(*pair) for pair in zip(*jax.device_get(seen), strict=True)]
         for course, look in zip(chunk, looks, strict=True):
             course.measure(*look)
         return looks
@@ -201,27 +200,36 @@ class _Run:
         return self.step((u, state, weights, jnp.asarray([course.fresh for course in chunk])))
 
 
+def _alone(call: Callable) -> Callable:
+    """`jax.vmap` for one lane, less its batching."""
+    lane = lambda case: call(jax.tree.map(lambda leaf: leaf[0], case))
+    return lambda case: jax.tree.map(lambda leaf: leaf[None], lane(case))
+
+
+def _strong(tree: Any) -> Any:
+    """Arrays less their weak types, for which a program would be compiled again."""
+    return jax.tree.map(lambda leaf: leaf.astype(leaf.dtype), tree)
+
+
 def _stacked(trees: list) -> Any:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *trees)
 
 
-def _checked(constraints: Any) -> Constraints:
+def _checked(constraints: Sequence[Any]) -> Constraints:
     """Pairs of names, each its own, and functions."""
-    pairs = tuple(
-        tuple(pair) if isinstance(pair, tuple | list) else (pair,) for pair in constraints
-    )
-    for pair in pairs:
-        if len(pair) != 2 or not isinstance(pair[0], str) or not callable(pair[1]):
+    for pair in constraints:
+        good = isinstance(pair, tuple | list) and len(pair) == 2
+        if not good or not isinstance(pair[0], str) or not callable(pair[1]):
             raise ValueError(
                 "Each of `constraints` must be a name and a function of a scene, such as "
                 f"('peak', lambda scene: ..), but one is {pair!r}."
             )
-    names = [name for name, _ in pairs]
+    names = [name for name, _ in constraints]
     if len(set(names)) < len(names):
         raise ValueError(
             f"Each of `constraints` must have a name of its own, but they are {names}."
         )
-    return pairs
+    return tuple((name, excess) for name, excess in constraints)
 
 
 def _check_first(looks: list[Look], limits: Bounds, constraints: Constraints) -> None:
@@ -261,7 +269,7 @@ def _tuned(
     values = dict(zip(limits.paths, limits.values(jnp.asarray(u)), strict=True))
     names = [name for name, _ in constraints]
     rows = lambda seen, width: np.reshape(seen, (len(seen), width))
-    parameters = jax.vmap(limits.values)
+    parameters: Any = jax.vmap(limits.values)
     numbers = [np.asarray(parameters(rows(one.numbers, len(u)))) for one in courses]
     over = [rows(one.excess, len(names)) for one in courses]
     history = History(
