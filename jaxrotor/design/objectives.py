@@ -6,20 +6,20 @@ speeds) - 1e-3 * objectives.onset_speed(scene)`. What is to grow gets a minus si
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .. import analysis
-from ..effects import AbstractBodies, InternalDamping, Support
+from ..effects import AbstractBodies, AbstractContact, InternalDamping, Support
 from ..pencil import Pencil, isotropic
 from ..quantities import Scalar
 from ..reactions import reactions
-from ..run_up import RunUp, run_up
+from ..run_up import run_up
 from ..scene import Scene
-from ..simulate import Response, simulate
+from ..simulate import simulate
 from ..system import assemble
 
 
@@ -50,7 +50,7 @@ def critical_gap(scene: Scene, order: int = 0) -> Scalar:
     return along[order] - across[order]
 
 
-def largest_growth(scene: Scene, speeds: Any, sharpness: Scalar | None = None) -> Scalar:
+def largest_growth(scene: Scene, speeds: Any, sharpness: float | int | None = None) -> Scalar:
     """`max_Omega max Re lambda` [1/s] over given speeds, or a smooth mean, `log( mean exp(s r) ) / s`.
 
     Without the sharpness `s` [s] it has kinks, where the largest moves to another speed or another
@@ -231,10 +231,9 @@ def reaction_rms(scene: Scene, name: str, revolutions: int, **run: Any) -> Scala
 
 
 def _contact(scene: Scene, revolutions: int, run: dict[str, Any]) -> Array:
-    response: Response = simulate(scene, revolutions, **run)
-    if response.contact_force is None:
+    if not scene.of(AbstractContact):
         raise ValueError("The scene has no contacts, so no contact force; give it a `Limiter`.")
-    return response.contact_force
+    return cast(Array, simulate(scene, revolutions, **run).contact_force)
 
 
 def _reaction(scene: Scene, name: str, revolutions: int, run: dict[str, Any]) -> Array:
@@ -256,8 +255,8 @@ def balancing_time(scene: Scene, times: Any, **run: Any) -> Scalar:
         times: ascending [s], of the samples; the run should end when balance is reached.
         **run: `start`, `controller` and others of `run_up`.
     """
-    done, sizes = _balls(scene, times, run)
-    return jnp.trapezoid(sizes, done.time) / sizes[0]
+    sizes = _imbalance(scene, times, run)
+    return jnp.trapezoid(sizes, jnp.asarray(times, float)) / sizes[0]
 
 
 def residual_imbalance(scene: Scene, times: Any, share: float = 0.25, **run: Any) -> Scalar:
@@ -266,18 +265,17 @@ def residual_imbalance(scene: Scene, times: Any, share: float = 0.25, **run: Any
     Smooth unless it is zero or balls collide; flat once all is balanced, within the tolerance of the
     run. Arguments as of `balancing_time`.
     """
-    done, sizes = _balls(scene, times, run)
+    sizes = _imbalance(scene, times, run)
     capacity = sum(jnp.sum(race.masses) * race.race_radius for race in scene.of(AbstractBodies))
     last = sizes[-max(1, round(share * sizes.size)) :]
     return jnp.sqrt(jnp.mean(last**2)) / capacity
 
 
-def _balls(scene: Scene, times: Any, run: dict[str, Any]) -> tuple[RunUp, Float[Array, " T"]]:
-    """A run and the size of its imbalance [kg m]."""
+def _imbalance(scene: Scene, times: Any, run: dict[str, Any]) -> Float[Array, " T"]:
+    """Size of the imbalance left [kg m]."""
     if not scene.of(AbstractBodies):
         raise ValueError("The scene has no balls to balance it; give it a `BallBalancer`.")
-    done = run_up(scene, times, **run)
-    return done, jnp.abs(done.imbalance)
+    return jnp.abs(run_up(scene, times, **run).imbalance)
 
 
 # === means

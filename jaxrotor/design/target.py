@@ -78,7 +78,7 @@ def augmented(look: Look, weights: Weights, squares: bool, residuals: bool) -> A
     own = look.values[: look.values.size - count]
     excess = look.values[look.values.size - count :] + weights.multipliers / weights.penalties
     penalty = jnp.sqrt(weights.penalties / 2) * jnp.maximum(excess, 0.0)
-    good = jnp.all(jnp.isfinite(look.values))
+    good = jnp.all(jnp.isfinite(look.values)) & jnp.all(jnp.isfinite(look.slopes))
     if residuals:
         return jnp.where(good, jnp.sqrt(weights.scale) * jnp.concatenate([own, penalty]), jnp.inf)
     total = (jnp.sum(own**2) if squares else own[0]) + jnp.sum(penalty**2)

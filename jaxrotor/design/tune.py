@@ -107,7 +107,8 @@ def tune(
             On an accelerator all are one program.
         seed: of these starts.
         constraints: pairs of a name and a function of a scene that must not be above zero.
-        tolerance: of a step in the free numbers `u`, and of the gradient over its largest.
+        tolerance: of a step in the free numbers `u`, and of the gradient over its largest. A loss that
+            is not zero at its least has no digits for steps below 1e-8; residuals have.
         mode: of derivatives; "forward" costs one motion a parameter, "reverse" suits many parameters
             and losses that run backward (of a motion, with a diffrax `adjoint` that does).
         progress: whether to show a progress bar; by default on a terminal.
