@@ -10,6 +10,7 @@ from .target import Weights
 INNER = 50  # steps between two updates of the multipliers, at most
 FIRST_PENALTY = 10.0  # in units of the slope of the loss over the square of that of the constraint
 LESS = 0.25  # share of its excess that a constraint must lose from update to update
+FLAT = 1e-12  # of a loss: a slope by free numbers this small is rounding
 FEASIBLE = 10.0  # times the tolerance: excess, by free numbers, that counts as none
 
 
@@ -65,9 +66,10 @@ class Course:
         self.excess.append(excess)
         self._keep(u, loss, excess, size)
         self.largest, self.since = max(self.largest, size), self.since + 1
-        flat = max(self.tolerance * self.largest, 8 * np.finfo(float).eps * abs(loss))
         settled = ""
-        if size <= flat:
+        if size <= FLAT * abs(loss):
+            settled = "gradient within rounding of the loss"
+        elif size <= self.tolerance * self.largest:
             settled = f"gradient below {self.tolerance:g} of its largest"
         elif ahead <= self.tolerance:
             settled = f"step below {self.tolerance:g}"

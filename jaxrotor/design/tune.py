@@ -14,7 +14,7 @@ from ..quantities import Scalar
 from ..scene import Scene
 from ..simulate import check_counts
 from .bounds import Bounds, bounds
-from .course import Course
+from .course import FLAT, Course
 from .descent import AbstractDescent, descent
 from .target import Constraints, Look, augmented, lookout, pieces, shape_of
 
@@ -248,7 +248,8 @@ def _check_first(looks: list[Look], limits: Bounds, constraints: Constraints) ->
                 f"{name} has no derivative by `{path}` at the scene's own values, the first start; begin "
                 "elsewhere, or take a loss that is smooth there."
             )
-    if not any(np.any(look.slopes[:count]) for look in looks):
+    own = ((look.values[:count, None], look.slopes[:count]) for look in looks)
+    if not any(np.any(np.abs(slopes) > FLAT * np.abs(values)) for values, slopes in own):
         where = " or ".join(f"`{path}`" for path in limits.paths)
         raise ValueError(
             f"The loss does not change with {where} at any start: it does not depend on them, or is flat "

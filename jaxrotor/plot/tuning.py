@@ -12,7 +12,7 @@ from .labels import parameter, words
 def tuning(result: Any, axes: Any = None) -> tuple[Axes, Axes]:
     """Loss above, parameters below, against steps; all starts in grey, the best one in colour.
 
-    Losses above zero are drawn by their logarithm. Of several parameters each is drawn over its range
+    Losses above zero that span two decades are drawn by their logarithm. Of several parameters each is drawn over its range
     in the picture, from 0 to 1, and named with that range. A dot marks the best; a cross ends a start
     that stopped for a loss that is not finite.
 
@@ -35,7 +35,7 @@ def tuning(result: Any, axes: Any = None) -> tuple[Axes, Axes]:
             last = np.flatnonzero(np.isfinite(loss[start]))[-1:]
             first.plot(last, loss[start][last], "x", color=colours.RED, markersize=4)
     first.plot(best, loss[result.start][best], "o", color=colours.BLUE, markersize=4)
-    if np.nanmin(loss) > 0:
+    if np.nanmin(loss) > 0 and np.nanmax(loss) > 100 * np.nanmin(loss):
         first.set_yscale("log")
     first.set_ylabel("loss")
     several = len(values) > 1
