@@ -12,9 +12,9 @@ from .labels import parameter, words
 def tuning(result: Any, axes: Any = None) -> tuple[Axes, Axes]:
     """Loss above, parameters below, against steps; all starts in grey, the best one in colour.
 
-    Losses above zero that span two decades are drawn by their logarithm. Of several parameters each is drawn over its range
-    in the picture, from 0 to 1, and named with that range. A dot marks the best; a cross ends a start
-    that stopped for a loss that is not finite.
+    Losses above zero that span two decades are drawn by their logarithm. Of several parameters each is
+    drawn over its range in the picture, from 0 to 1, and named with that range. A dot marks the best; a
+    cross ends a start that stopped for a loss that is not finite.
 
     Args:
         result: of `jaxrotor.tune`.
