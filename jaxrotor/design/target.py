@@ -40,6 +40,7 @@ def lookout(
     keeps a matrix of `k` by `n` where it would keep what a whole motion leaves behind.
     """
 
+    @jax.jit  # solvers look at a target several times before they step: traced once
     def look(u: Float[Array, " n"]) -> Look:
         twice = lambda u: (pieces(u),) * 2
         slopes, values = (jax.jacrev if reverse else jax.jacfwd)(twice, has_aux=True)(u)
