@@ -16,6 +16,7 @@ if "JAX_ENABLE_X64" not in os.environ:  # float32 is a choice, made in the envir
 from . import measures as measures, methods as methods, observe as observe  # noqa: E402
 from .accuracy import accuracy as accuracy  # noqa: E402
 from .analysis import (  # noqa: E402
+    AxisSpeeds as AxisSpeeds,
     Boundary as Boundary,
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
@@ -32,6 +33,7 @@ from .analysis import (  # noqa: E402
     StabilityMap as StabilityMap,
     WeightResponse as WeightResponse,
     allocated_unbalance as allocated_unbalance,
+    axis_speeds as axis_speeds,
     balance_grade as balance_grade,
     balancer as balancer,
     bearing_grade as bearing_grade,
@@ -67,6 +69,12 @@ from .analysis import (  # noqa: E402
 )
 from .basins import basins as basins  # noqa: E402
 from .dataset import dataset as dataset  # noqa: E402
+from .design import (  # noqa: E402
+    History as History,
+    Tuned as Tuned,
+    objectives as objectives,
+    tune as tune,
+)
 from .effects import (  # noqa: E402
     BallBalancer as BallBalancer,
     BallContact as BallContact,

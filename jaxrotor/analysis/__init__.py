@@ -18,8 +18,10 @@ from .balancing import (
     total_mass as total_mass,
 )
 from .campbell import (
+    AxisSpeeds as AxisSpeeds,
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
+    axis_speeds as axis_speeds,
     campbell as campbell,
     critical_speeds as critical_speeds,
 )

@@ -56,6 +56,13 @@ class CriticalSpeeds(NamedTuple):
     backward: Float[Array, " b"]
 
 
+class AxisSpeeds(NamedTuple):
+    """Critical speeds [rad/s] of an unequal rotor along its axis and across it, each ascending."""
+
+    along: Float[Array, " a"]
+    across: Float[Array, " b"]
+
+
 def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     """Roots `lambda(Omega)` as continuous branches: they keep their identity where they cross.
 
@@ -238,6 +245,53 @@ def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     vectors = jax.lax.map(last, jax.lax.stop_gradient(jnp.where(jnp.isfinite(speeds), speeds, 1.0)))
     with_, against = (jnp.sum(jnp.abs(v) ** 2, axis=1) for v in jnp.split(vectors, 2, axis=1))
     return speeds, jax.lax.stop_gradient(with_ - against)
+
+
+def axis_speeds(scene: Scene) -> AxisSpeeds:
+    """`det( K + U - Omega^2 (M - G) ) = 0` along the axis of angle 0, `det( K - U - .. ) = 0` across it.
+
+    `U` is what makes stiffness unequal, in axes that turn with the shaft. The speeds are those of
+    `critical_speeds`, but each keeps its axis where they cross, so they are smooth there.
+
+    Args:
+        scene: a rotor whose unequal parts turn with the shaft, their axes at angle 0; its own speed
+            does not matter.
+
+    Returns:
+        Ascending speeds [rad/s] along and across, infinite for none; not a number where an axis is not
+        at angle 0. Differentiable.
+
+    Source: Klochkov, eqs. (16), (17).
+    """
+    speeds = _axis_speeds(scene)
+    if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):
+        raise ValueError(
+            "Critical speeds along and across are those of one pair of axes, but an unequal part of this "
+            "rotor has its axis at another angle than 0."
+        )
+    return AxisSpeeds(*speeds)
+
+
+@eqx.filter_jit
+def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
+    system = assemble(scene)
+    check_moves(system)
+    blocks = system.blocks
+    if frame(blocks) != "rotating":
+        raise ValueError(
+            "Only axes that turn with the shaft part its critical speeds in two, but no part of this "
+            "rotor alone does; look at `critical_speeds`."
+        )
+    zero = jnp.zeros(system.line.stiffness.shape, complex)
+    part = lambda block: zero if block is None else block + 0j
+    inertia, unequal = (
+        part(blocks.inertia) - part(blocks.gyroscopic),
+        part(blocks.rotating_stiffness),
+    )
+    real = jnp.all(is_rounding(unequal.imag, jnp.max(jnp.abs(unequal))))
+    speeds = (_synchronous_of(part(blocks.stiffness) + s * unequal, inertia) for s in (1, -1))
+    along, across = (jnp.where(real, jnp.sort(one), jnp.nan) for one in speeds)
+    return along, across
 
 
 def _synchronous_of(stiffness: Array, inertia: Array) -> Float[Array, " c"]:

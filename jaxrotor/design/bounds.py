@@ -1,0 +1,149 @@
+"""Bounds: parameters of a scene as free numbers, by smooth transforms."""
+
+import itertools
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.special import logit
+from scipy.stats import qmc
+
+from ..scene import Scene
+
+
+DECADE = 10.0  # positive bounds further apart than this are bounds of the logarithm
+
+
+class Bounds(eqx.Module):
+    """`x = a + b s(u)` or, logarithmic, `log x = a + b s(u)`, with `s(u) = 1 / (1 + exp(-u))`.
+
+    `u` are the free numbers that an optimiser moves, one a path; a parameter without bounds is
+    `x = a + b u`. `n` parameters, as many as paths.
+    """
+
+    origin: Float[np.ndarray, " n"]  # a
+    span: Float[np.ndarray, " n"]  # b
+    free: np.ndarray  # (n,) whether there are no bounds
+    logarithmic: np.ndarray  # (n,) whether the logarithm has them
+    paths: tuple[str, ...] = eqx.field(static=True)
+    units: tuple[str, ...] = eqx.field(static=True)
+
+    def values(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Parameters of free numbers."""
+        raw = self.origin + self.span * jnp.where(self.free, u, jax.nn.sigmoid(u))
+        return jnp.where(self.logarithmic, jnp.exp(jnp.where(self.logarithmic, raw, 0.0)), raw)
+
+    def numbers(self, values: Any) -> Float[np.ndarray, " n"]:
+        """Free numbers of parameters."""
+        values = np.asarray(values, float)
+        raw = np.where(self.logarithmic, np.log(np.where(self.logarithmic, values, 1.0)), values)
+        share = (raw - self.origin) / self.span
+        return np.where(self.free, share, logit(np.where(self.free, 0.5, share)))
+
+    def placed(self, scene: Scene, u: Float[Array, " n"]) -> Scene:
+        """The scene with the parameters of free numbers."""
+        return scene.put(dict(zip(self.paths, self.values(u), strict=True)))
+
+    def drawn(self, count: int, seed: int) -> Float[np.ndarray, "count n"]:
+        """Free numbers of a Latin hypercube, even in `x` or its logarithm.
+
+        A parameter without bounds is drawn between zero and twice its own value.
+        """
+        cube = qmc.LatinHypercube(len(self.paths), rng=seed).random(count)
+        return np.where(self.free, 2 * cube - 1, logit(np.where(self.free, 0.5, cube)))
+
+
+def bounds(scene: Scene, where: Mapping[str, Any]) -> Bounds:
+    """Bounds of parameters by their paths: `(low, high)`, or None for none."""
+    if not where:
+        raise ValueError(
+            "`where` must name at least one parameter, such as {'limiters.stiffness': (1e5, 1e8)}."
+        )
+    own = {path: _own(scene, path) for path in where}
+    ends = {path: _ends(path, pair) for path, pair in where.items()}
+    for path, (low, high) in ends.items():
+        if np.isfinite(low):
+            _check_ends(scene, path, low, high)
+            if not low < own[path] < high:
+                raise ValueError(
+                    f"`{path}` of the scene must be between its bounds, {low:g} and {high:g}, since the "
+                    f"first start is there, but is {own[path]:g}; give the scene another with "
+                    "`scene.replace`, or other bounds."
+                )
+    _check_order(scene, {path: pair for path, pair in ends.items() if np.isfinite(pair[0])})
+    low, high = np.array(list(ends.values())).T
+    free = ~np.isfinite(low)
+    logarithmic = ~free & (low > 0) & (high > DECADE * low)
+    map_ = lambda x: np.where(logarithmic, np.log(np.where(logarithmic, x, 1.0)), x)
+    values = np.array(list(own.values()))
+    origin = np.where(free, values, map_(low))
+    span = np.where(free, np.where(values == 0, 1.0, np.abs(values)), map_(high) - map_(low))
+    units = tuple(scene.unit(path) for path in where)
+    return Bounds(origin, span, free, logarithmic, tuple(where), units)
+
+
+def _own(scene: Scene, path: str) -> float:
+    """Value of a parameter that the scene has, one number."""
+    head, _, rest = path.partition(".")
+    own = {"shaft": [scene.shaft], "spin": [scene.spin]}
+    parts = own.get(head, [e for e in scene.effects if head in (e.kind, e.plural)])
+    index, _, name = rest.partition(".")
+    if not index.isdigit():
+        index, name = "", rest
+    option = getattr(parts[0], name, None) if parts else None
+    if isinstance(option, bool | int | str):
+        raise ValueError(
+            f"`{path}` = {option!r} is a whole number or a choice, which no gradient tunes; compare "
+            "scenes instead."
+        )
+    value = np.asarray(scene.get(path))
+    if value.ndim > (len(parts) > 1 and not index):
+        raise ValueError(f"`{path}` is a table of numbers; only single numbers can be tuned.")
+    if np.ptp(value):
+        listed = ", ".join(f"{one:g}" for one in value)
+        raise ValueError(
+            f"`{path}` has several values ({listed}), but is to be one parameter; make them equal with "
+            f"`scene.replace`, or name each: `{head}.0.{name}`, .."
+        )
+    return float(np.ravel(value)[0])
+
+
+def _ends(path: str, pair: Any) -> tuple[float, float]:
+    """Low and high; infinite for none."""
+    if pair is None:
+        return -np.inf, np.inf
+    try:
+        low, high = map(float, pair)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+        raise ValueError(
+            f"`where['{path}']` must be a lower and a higher bound, or None for none, but is {pair!r}."
+        )
+    return low, high
+
+
+def _check_ends(scene: Scene, path: str, low: float, high: float) -> None:
+    """Refuse bounds that the parameter may not have."""
+    for end in (low, high):
+        try:
+            scene.replace({path: end})
+        except ValueError as error:
+            raise ValueError(
+                f"The bounds of `{path}` must be values it may have: {error}"
+            ) from None
+
+
+def _check_order(scene: Scene, ends: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse bounds within which a station passes another."""
+    lengths = {p: pair for p, pair in ends.items() if p.endswith(".at") or p.startswith("shaft.")}
+    for corner in itertools.product(*lengths.values()):
+        if scene.replace(dict(zip(lengths, corner, strict=True))).spans != scene.spans:
+            raise ValueError(
+                "The bounds let a station pass another, which no gradient crosses; give each order of "
+                "stations bounds of its own."
+            )

@@ -1,0 +1,121 @@
+"""Objectives of motion: forces of a window and balls, against central differences and by hand.
+
+Differences go through the same discretisation; a contact moves to no other step within them.
+"""
+
+import types
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import TIME, limiter_rotor
+
+import jaxrotor as jr
+from jaxrotor import objectives
+
+
+STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # sixth order
+
+
+def rubbing():
+    """Strikes a limiter within a revolution; stops softer and blended, so that few steps follow them."""
+    return limiter_rotor(eps=1e-3, nodes=4, blend=2e-3, slip=80.0, kappa=200.0)
+
+
+START = jr.Whirl(0.0072, -5.0 / TIME)
+WINDOW = {"start": START, "steps_per_revolution": 128, "solver": jr.Exponential(basis="dense")}
+
+
+def balls():
+    return jr.load("ball-balancer-light")
+
+
+RUN = {"solver": dfx.Dopri8(), "controller": dfx.PIDController(rtol=1e-11, atol=1e-14), "at": 0.14}
+TIMES = np.linspace(0.0, 0.06, 7)
+
+# objective: scene, function, parameters, step of the differences (relative)
+CASES = {
+    "contact_peak": (
+        rubbing,
+        lambda s: objectives.contact_peak(s, 1, **WINDOW),
+        ("limiters.stiffness", "limiters.gap"),
+        3e-6,
+    ),
+    "contact_rms": (
+        rubbing,
+        lambda s: objectives.contact_rms(s, 1, **WINDOW),
+        ("limiters.friction", "limiters.gap"),
+        3e-6,
+    ),
+    "reaction_peak": (
+        lambda: jr.load("two-discs").with_nodes(4),
+        lambda s: objectives.reaction_peak(s, "supports.1", 1, steps_per_revolution=32),
+        ("supports.stiffness",),
+        1e-4,
+    ),
+    "reaction_rms": (
+        lambda: jr.load("two-discs").with_nodes(4),
+        lambda s: objectives.reaction_rms(s, "supports.0", 1, steps_per_revolution=32),
+        ("supports.stiffness", "unbalance.eccentricity"),
+        1e-4,
+    ),
+    "balancing_time": (
+        balls,
+        lambda s: objectives.balancing_time(s, TIMES, **RUN),
+        ("support.angular_damping", "ball_balancers.0.drag_coefficient"),
+        1e-3,
+    ),
+    "residual_imbalance": (
+        balls,
+        lambda s: objectives.residual_imbalance(s, TIMES, **RUN),
+        ("support.angular_damping", "ball_balancers.0.drag_coefficient"),
+        1e-3,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_gradient_against_central_differences(name):
+    build, objective, paths, step = CASES[name]
+    scene = build()
+    own = jnp.array([jnp.ravel(scene.get(path))[0] for path in paths])
+    function = lambda values: objective(scene.put(dict(zip(paths, values, strict=True))))
+    value, exact = jax.jit(function), jax.jit(jax.jacfwd(function))(own)
+    for i in range(own.size):
+        h = step * abs(float(own[i]))
+        at = lambda k, i=i, h=h: float(value(own.at[i].add(k * h)))
+        expected = sum(w * (at(k) - at(-k)) for k, w in STENCIL.items()) / h
+        assert expected != 0
+        assert float(exact[i]) == pytest.approx(expected, rel=1e-5)
+
+
+FORCES = jnp.array([[0.0, 3.0 + 4.0j], [-1.0j, 0.0]])  # [N]
+
+
+def test_forces_of_a_window(monkeypatch):
+    seen = types.SimpleNamespace(contact_force=FORCES, of=lambda name: FORCES[:, int(name[-1])])
+    monkeypatch.setattr(objectives, "simulate", lambda *_, **__: seen)
+    monkeypatch.setattr(objectives, "reactions", lambda response: response)
+    scene = rubbing()
+    assert float(objectives.contact_peak(scene, 1)) == 5.0
+    mean = ((5.0**4 + 1.0) / 4) ** 0.25
+    assert float(objectives.contact_peak(scene, 1, power=4)) == pytest.approx(mean, rel=1e-14)
+    assert float(objectives.contact_rms(scene, 1)) == pytest.approx(13**0.5, rel=1e-14)
+    assert float(objectives.reaction_peak(scene, "supports.1", 1)) == 5.0
+    rms = float(objectives.reaction_rms(scene, "supports.0", 1))
+    assert rms == pytest.approx(0.5**0.5, rel=1e-14)
+
+
+def test_times_of_balls(monkeypatch):
+    """An imbalance like `exp(-t / T)` takes the time T; what is left at the end by the capacity."""
+    times = np.linspace(0.0, 30.0, 3001)
+    fake = lambda *_, **__: types.SimpleNamespace(imbalance=1j * 1e-3 * jnp.exp(-times / 2.0))
+    monkeypatch.setattr(objectives, "run_up", fake)
+    scene = balls()
+    assert float(objectives.balancing_time(scene, times)) == pytest.approx(2.0, rel=1e-5)
+    capacity = 0.06 * (2 * 0.025 + 3 * 0.020)
+    last = 1e-3 * np.exp(-times[-300:] / 2.0)
+    left = float(objectives.residual_imbalance(scene, times, 0.1))
+    assert left == pytest.approx(np.sqrt(np.mean(last**2)) / capacity, rel=1e-9)
