@@ -225,7 +225,7 @@ def main() -> None:
     args.revolutions = args.revolutions or (10 if args.quick else 60)
     args.repeats = 1 if args.quick else args.repeats
     chosen = [case for case in cases(args) if args.only in case.name]
-    fine = methods.Setting(jr.Exponential(4, located=True), 256 if args.quick else 1024)
+    fine = methods.Setting(jr.Exponential(4, located=True), 256 if args.quick else 2048)
     found = {}
     for case in chosen:
         long = isinstance(case.measure, measures.LongRun)
