@@ -96,7 +96,7 @@ def prepared(scene, order, basis="modal"):
 
     @jax.jit
     def run(y, steps, revolutions=1):
-        step = LocatedStep.build(form, order, 2 * jnp.pi / steps)
+        step = LocatedStep.build(form, order, 2 * jnp.pi / steps, batch=True)
 
         def one(i, carry):
             y, unresolved = carry
