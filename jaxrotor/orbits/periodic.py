@@ -29,7 +29,7 @@ from ..solvers.exponential import Exponential
 from ..start import AbstractStart, Continued
 from ..system import System, assemble, port_groups
 from .recurrence import recurrence
-from .shooting import Shooting, missed, shot
+from .shooting import Shooting, again, missed
 from .symmetry import SAME, changes, kept, order
 
 
@@ -184,7 +184,9 @@ def periodic(
         aim = _Aim(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
     finder = optx.Newton(tolerance, tolerance) if finder is None else finder
     settings = choose(solver, scene, aim.rate, aim.start), together, finder, tolerance
-    found = _find(scene, stations, aim, *settings, max_iterations)
+    traced = not all(map(known, jax.tree.leaves((system, aim))))
+    find = _COMPILED if traced else _COMPILED_QUICKLY
+    found = find(scene, system, stations, aim, *settings, max_iterations)
     if throw and known(found.converged) and not bool(found.converged):
         raise RuntimeError(
             f"No orbit was found near the guess: after {int(found.iterations)} iterations a period still "
@@ -199,7 +201,7 @@ def periodic(
         span=aim.span if revolutions else aim.rate * found.period,
         steps=2 * aim.steps,
     )
-    finer = _find(scene, stations, again, *settings, max_iterations)
+    finer = find(scene, system, stations, again, *settings, max_iterations)
     return dataclasses.replace(found, error=_changes(found, finer))
 
 
@@ -214,9 +216,9 @@ class _Aim(eqx.Module):
     steps: int = eqx.field(static=True)
 
 
-@eqx.filter_jit
 def _find(
     scene: Scene,
+    system: System,
     stations: Float[Array, " s"],
     aim: _Aim,
     solver: Exponential,
@@ -237,7 +239,7 @@ def _find(
         together=together,
     )
     shooting = Shooting.about(
-        assemble(scene, together),
+        system,
         plan,
         stations,
         aim.rate,
@@ -247,9 +249,16 @@ def _find(
         aim.revolutions,
     )
     root = optx.root_find(
-        missed, finder, shooting.first, args=shooting, max_steps=max_iterations, throw=False
+        missed,
+        finder,
+        shooting.first,
+        shooting,
+        has_aux=True,
+        max_steps=max_iterations,
+        throw=False,
     )
-    change, jacobian, (seen, outcome) = shot(shooting, root.value)
+    # The last trial is nearer to the root than the tolerance.
+    change, jacobian, seen, outcome = again(root.value, shooting, root.aux)
     residual = jnp.max(jnp.abs(change))
     converged = (root.result == optx.RESULTS.successful) & (residual < 10 * tolerance)
     x = jnp.where(converged, root.value, jnp.nan)
@@ -278,6 +287,12 @@ def _find(
         steps=aim.steps,
         solver=solver_name(solver),
     )
+
+
+_COMPILED = eqx.filter_jit(_find)
+# By far the most of a single orbit's time is compilation, and optimised code is hardly faster.
+_QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
+_COMPILED_QUICKLY = eqx.filter_jit(_find, **_QUICKLY)
 
 
 def _wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:

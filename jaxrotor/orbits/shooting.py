@@ -148,35 +148,59 @@ class Shooting(eqx.Module):
         return values[jnp.argsort(-jnp.abs(values))], trivial
 
 
+class Shot(NamedTuple):
+    """What there is to know of a trial."""
+
+    missed: Float[Array, " a"]
+    jacobian: Float[Array, "a a"]
+    seen: Seen
+    outcome: Outcome
+
+
 @eqx.filter_jit
-def shot(
-    shooting: Shooting, x: Float[Array, " a"]
-) -> tuple[Float[Array, " a"], Float[Array, "a a"], tuple[Seen, Outcome]]:
-    """What the unknowns miss, its Jacobian, and the motion on the way: one pass with all tangents."""
+def shoot(x: Float[Array, " a"], shooting: Shooting) -> Shot:
+    """A trial, by one pass with all tangents."""
     push = lambda tangent: jax.jvp(shooting.gap, (x,), (tangent,), has_aux=True)
-    return jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
+    missed, jacobian, more = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
+    return Shot(missed, jacobian, *more)
 
 
 @eqx.filter_custom_jvp
-def missed(x: Float[Array, " a"], shooting: Shooting) -> Float[Array, " a"]:
-    """What unknowns miss: linear in their changes once the Jacobian is known.
+def missed(x: Float[Array, " a"], shooting: Shooting) -> tuple[Float[Array, " a"], Shot]:
+    """What unknowns miss, linear in their changes once the Jacobian is known, and the trial.
 
-    Loops of as many turns as they need cannot be linearised, which root finders ask for.
+    Loops of as many turns as they need cannot be linearised, which root finders ask for. The trial
+    has no derivative, see `again`.
     """
-    return shooting.gap(x)[0]
+    shot = shoot(x, shooting)
+    return shot.missed, shot
 
 
 @missed.def_jvp
 def _missed_jvp(primals, tangents):
     (x, shooting), (along, change) = primals, tangents
-    if along is None:
-        value, moved = missed(x, shooting), 0.0
-    else:
-        value, jacobian, _ = shot(shooting, x)
-        moved = jacobian @ along
+    shot = shoot(x, shooting)
+    moved = jnp.zeros_like(x) if along is None else shot.jacobian @ along
     if jax.tree.leaves(change):
         moved = moved + eqx.filter_jvp(lambda s: s.gap(x)[0], (shooting,), (change,))[1]
-    return value, moved
+    return (shot.missed, shot), (moved, jax.tree.map(_no_tangent, shot))
+
+
+@eqx.filter_custom_jvp
+def again(x: Float[Array, " a"], shooting: Shooting, shot: Shot) -> Shot:
+    """A trial of these unknowns that is known already; repeated for its derivative alone."""
+    del x, shooting
+    return shot
+
+
+@again.def_jvp
+def _again_jvp(primals, tangents):
+    (x, shooting, shot), (along, change, _) = primals, tangents
+    return shot, eqx.filter_jvp(shoot, (x, shooting), (along, change))[1]
+
+
+def _no_tangent(leaf: Array) -> Array | None:
+    return jnp.zeros_like(leaf) if eqx.is_inexact_array(leaf) else None
 
 
 def _absent(part) -> bool:
