@@ -183,7 +183,8 @@ def periodic(
         start = _start(guess).state(system, stations[0])
         aim = _Aim(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
     finder = optx.Newton(tolerance, tolerance) if finder is None else finder
-    settings = choose(solver, scene, aim.rate, aim.start), together, finder, tolerance
+    chosen: Any = choose(solver, scene, aim.rate, aim.start)
+    settings = chosen, together, finder, tolerance
     traced = not all(map(known, jax.tree.leaves((system, aim))))
     find = _COMPILED if traced else _COMPILED_QUICKLY
     found = find(scene, system, stations, aim, *settings, max_iterations)
@@ -356,8 +357,9 @@ def _free(
                 "`periodic` found before as the guess, or `period` and `turn`."
             )
         count = order(scene, system)
-        turns = [2 * math.pi * k / count for k in range(count)] if turn is None else [float(turn)]
-        period, turn = recurrence(guess, _rate(scene, 1.0), turns)
+        given = [float(jnp.asarray(turn))] if turn is not None else None
+        turns = given or [2 * math.pi * k / count for k in range(count)]
+        period, turn = recurrence(guess, float(_rate(scene, 1.0)), turns)
     turn = jnp.asarray(0.0 if turn is None else turn, float)
     broken = changes(scene, system, turn)
     if known(broken) and float(jnp.max(jnp.abs(broken))) > SAME:
