@@ -119,7 +119,7 @@ def periodic(
     turn: ArrayLike | None = None,
     period: ArrayLike | None = None,
     steps_per_revolution: int = 256,
-    solver: Exponential | None = None,
+    solver: Exponential | dfx.AbstractSolver | None = None,
     tolerance: float = 1e-10,
     finder: Any = None,
     max_iterations: int = 20,
@@ -167,7 +167,7 @@ def periodic(
     check_constant(scene, "`periodic`")
     stations, together = scene.stations(at), port_groups(scene)
     system = eqx.filter_jit(assemble)(scene, together)
-    _check_solver(solver, system)
+    solver = _checked(solver, system)
     if revolutions is None and turn is None and period is None:
         revolutions = _revolutions(scene, system, guess)
     if revolutions is None:
@@ -419,7 +419,7 @@ def _refusal(scene: Scene, system: System, turn: Scalar) -> str:
     )
 
 
-def _check_solver(solver: Any, system: System) -> None:
+def _checked(solver: Any, system: System) -> Exponential:
     if not isinstance(solver, Exponential):
         raise ValueError(f"`solver` of an orbit must be Exponential(..), but is {solver!r}.")
     if not solver.located and any(law.kinked for port in system.ports for law in port.laws):
@@ -427,3 +427,4 @@ def _check_solver(solver: Any, system: System) -> None:
             "The multipliers of a motion against sharp stops take located steps; give "
             "Exponential(.., located=True), or stops with `blend` and `slip`."
         )
+    return solver
