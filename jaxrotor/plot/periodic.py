@@ -51,13 +51,13 @@ def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, 
             right.plot(part.real, part.imag, "o", color=colour, markersize=4.0, label=name)
     if result.trivial is not None:
         right.plot(
-            [float(result.trivial)], [0.0], "D", color=colours.DARK, mfc="none", label="time"
+            [float(result.trivial)], [0.0], "D", color=colours.DARK, mfc="none", label="in time"
         )
     right.set_xlabel("Re multiplier [1]")
     right.set_ylabel("Im multiplier [1]")
-    for ax, columns in ((left, 4), (right, 4)):
+    for ax in (left, right):
         ax.set_aspect("equal", adjustable="datalim")
-        page.legend(ax, columns=columns)
+        page.legend(ax, columns=2)
     page.assumption(right, result)
     return left, right
 
