@@ -174,7 +174,7 @@ def _real(own: Complex[Array, "n n"], other: Complex[Array, "n n"]) -> Float[Arr
 def multipliers_of(matrix: Float[Array, "m m"]) -> Complex[Array, " m"]:
     """Eigenvalues of a monodromy matrix, in no order, zero where they are rounding; differentiable."""
     values = jnp.linalg.eigvals(matrix)
-    return jnp.where(jnp.abs(values) > LEAST * jnp.max(jnp.abs(values)), values, 0.0)
+    return jnp.where(jnp.abs(values) <= LEAST * jnp.max(jnp.abs(values)), 0.0, values)
 
 
 @multipliers_of.defjvp

@@ -144,7 +144,7 @@ def periodic(
             whole turns do not matter. By default as the guess comes back.
         period: [s] near that of an orbit of a scene without unbalance; by default as the guess
             comes back.
-        steps_per_revolution: of the shaft. Four times the steps a stop takes to bounce give 6 digits.
+        steps_per_revolution: of the shaft; a short period takes 16 steps at least.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
         tolerance: of the root, of the largest of the state.
         finder: root finder of optimistix, by default its Newton; `optimistix.Dogleg` and
