@@ -358,14 +358,16 @@ def _free(
             )
         count = order(scene, system)
         given = [float(jnp.asarray(turn))] if turn is not None else None
-        turns = given or [2 * math.pi * k / count for k in range(count)]
-        period, turn = recurrence(guess, float(_rate(scene, 1.0)), turns)
+        allowed = given or [2 * math.pi * k / count for k in range(count)]
+        period, turn = recurrence(guess, float(_rate(scene, 1.0)), allowed)
     turn = jnp.asarray(0.0 if turn is None else turn, float)
     broken = changes(scene, system, turn)
     if known(broken) and float(jnp.max(jnp.abs(broken))) > SAME:
         raise ValueError(_refusal(scene, system, turn))
     rate = _rate(scene, period)
-    steps = _steps(guess, rate, period, steps_per_revolution)
+    orbit = isinstance(guess, PeriodicOrbit)
+    turns = _turns(guess.scene, guess.period) if orbit else _turns(scene, period)
+    steps = max(LEAST, math.ceil(steps_per_revolution * turns * (1 - 1e-9)))
     start = _start(guess).state(system, stations[0])
     return _Aim(start, rate, rate * jnp.asarray(period), kept(turn, broken), None, steps)
 
@@ -377,17 +379,15 @@ def _rate(scene: Scene, period: Any) -> Scalar:
     return jnp.asarray(2 * jnp.pi / period) if at_rest else jnp.abs(speed)
 
 
-def _steps(guess: Any, rate: Scalar, period: Any, steps_per_revolution: int) -> int:
-    """In a period, at least as long as those of a revolution."""
-    if isinstance(guess, PeriodicOrbit):
-        rate, period = _rate(guess.scene, guess.period), guess.period
-    if not (known(rate) and known(period)):
+def _turns(scene: Scene, period: Any) -> float:
+    """Revolutions in a period, 1 at rest; of known values also inside jax.jit."""
+    speed = scene.spin.speed
+    if not (known(speed) and known(period)):
         raise ValueError(
             "Steps are counted by the period of the guess, which is being traced here; give an orbit of "
             "known values as the guess."
         )
-    turns = float(rate) * float(period) / (2 * math.pi)
-    return max(LEAST, math.ceil(steps_per_revolution * turns * (1 - 1e-9)))
+    return abs(float(speed)) * float(period) / (2 * math.pi) or 1.0
 
 
 def _start(guess: Any) -> AbstractStart:

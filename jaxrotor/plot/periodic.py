@@ -47,8 +47,14 @@ def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, 
         (outside, colours.RED, "repels"),
     ):
         if chosen.any():
-            part = values[chosen]
-            right.plot(part.real, part.imag, "o", color=colour, markersize=4.0, label=name)
+            right.plot(
+                np.real(values[chosen]),
+                np.imag(values[chosen]),
+                "o",
+                color=colour,
+                markersize=4.0,
+                label=name,
+            )
     if result.trivial is not None:
         right.plot(
             [float(result.trivial)], [0.0], "D", color=colours.DARK, mfc="none", label="in time"
