@@ -98,6 +98,11 @@ from .files import (  # noqa: E402
 )
 from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
+from .orbits import (  # noqa: E402
+    OrbitError as OrbitError,
+    PeriodicOrbit as PeriodicOrbit,
+    periodic as periodic,
+)
 from .pilot import Pilot as Pilot  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
 from .riccati import (  # noqa: E402

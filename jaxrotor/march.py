@@ -7,7 +7,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from .motion import Motion
 from .outcome import Outcome
@@ -54,7 +54,7 @@ class March(eqx.Module):
     """One scene's motion from revolution to revolution.
 
     Time restarts at zero with every revolution, so the phase of the unbalance is exact however
-    long the run.
+    long the run. A scene with contact and without unbalance may march by another `span` of angle.
     """
 
     system: System
@@ -62,12 +62,25 @@ class March(eqx.Module):
     form: AbstractForm
     plan: Plan
     step: ExponentialStep | LocatedStep | None
-    free: Rotation | Dense | None  # a revolution of what is stepped, as it would be without contact
+    free: Rotation | Dense | None  # `span` of what is stepped, as it would be without contact
+    span: Scalar  # [rad] of what counts as a revolution
 
     @classmethod
     def build(cls, scene: Scene, plan: Plan, rate: Scalar, stations: Float[Array, " s"]) -> "March":
         """Assemble a scene for a plan; `rate` is 2 pi over the length of a revolution."""
-        system = assemble(scene, plan.together)
+        return cls.of(assemble(scene, plan.together), plan, rate, stations)
+
+    @classmethod
+    def of(
+        cls,
+        system: System,
+        plan: Plan,
+        rate: Scalar,
+        stations: Float[Array, " s"],
+        span: ArrayLike = 2 * jnp.pi,
+    ) -> "March":
+        """The same of a system already assembled."""
+        span = jnp.asarray(span)
         motion = Motion(system, rate)
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:
@@ -78,11 +91,11 @@ class March(eqx.Module):
             rows.append(motion.rows)
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
-            return cls(system, stations, PhysicalForm(motion, rows), plan, None, None)
+            return cls(system, stations, PhysicalForm(motion, rows), plan, None, None, span)
         form = plan.solver.form(system, motion, rows)
-        step = plan.solver.stepper(form, plan.steps)
-        free = None if step is None else form.hop(1)
-        return cls(system, stations, form, plan, step, free)
+        step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
+        free = None if step is None else form.hop(span)
+        return cls(system, stations, form, plan, step, free, span)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
@@ -129,7 +142,7 @@ class March(eqx.Module):
 
     def _glide(self, form: PortForm, y: Array):
         """One revolution of a linear scene: exact hops from sample to sample."""
-        advance, grid = form.hop(self.plan.steps), self._grid()
+        advance, grid = form.hop(self.span / self.plan.steps), self._grid()
         hop = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(hop, y, grid[:-1])
         last = form.read(grid[-1], y)
@@ -175,7 +188,7 @@ class March(eqx.Module):
         )
 
     def _grid(self) -> Float[Array, " T"]:
-        return jnp.linspace(0.0, 2 * jnp.pi, self.plan.steps + 1)
+        return jnp.linspace(0.0, self.span, self.plan.steps + 1)
 
     def _scan(self, body: Callable, carry: Any, length: int) -> Any:
         if not isinstance(self.plan.adjoint, dfx.ForwardMode):
@@ -183,8 +196,10 @@ class March(eqx.Module):
         return jax.lax.scan(body, carry, None, length=length)
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
-        """One revolution, by plain steps or by diffrax."""
-        if not isinstance(self.step, ExponentialStep):
+        """One revolution, by plain steps, by located ones or by diffrax."""
+        if isinstance(self.step, LocatedStep):
+            return self._locate(self.step, y, sample=sample)
+        if self.step is None:
             return self._solve(y, sample=sample)
         plan, form = self.plan, self.form
         assert isinstance(form, PortForm)
@@ -194,16 +209,27 @@ class March(eqx.Module):
             samples = samples.reshape(plan.steps + 1, 2, 2, -1)
         return y1, samples, self._outcome(y, y1)
 
+    def _locate(self, step: LocatedStep, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
+        """One revolution by located steps."""
+        grid = self._grid()
+
+        def one(carry, theta):
+            y, unresolved = carry
+            y1, more = step.advance(theta, y)
+            return (y1, unresolved + more), self.form.read(theta, y) if sample else None
+
+        (y1, unresolved), samples = jax.lax.scan(one, (y, jnp.zeros((), int)), grid[:-1])
+        if samples is not None:
+            samples = jnp.concatenate([samples, self.form.read(grid[-1], y1)[None]])
+        return y1, samples, self._outcome(y, y1, unresolved=unresolved)
+
     def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution by diffrax."""
         plan, grid = self.plan, self._grid()
         read = lambda theta, y, args: self.form.read(theta, y)
-        if isinstance(plan.solver, dfx.AbstractSolver):
-            solver = tuned(plan.solver)
-            controller = plan.controller or step_control(plan.solver)
-        else:
-            solver, controller = self.step, None
-            assert solver is not None, "a linear scene is not stepped"
+        assert isinstance(plan.solver, dfx.AbstractSolver), "a linear scene is not stepped"
+        solver = tuned(plan.solver)
+        controller = plan.controller or step_control(plan.solver)
         if controller is None:  # a fixed grid: every step is a sample
             controller, max_steps, dt0 = dfx.StepTo(ts=grid), plan.steps, None
             path = dfx.SubSaveAt(t0=True, steps=True, fn=read)
@@ -215,7 +241,6 @@ class March(eqx.Module):
             motion: Any = self.form.motion
             terms = dfx.MultiTerm(dfx.ODETerm(motion.contact), dfx.ODETerm(motion.linear))
         end = dfx.SubSaveAt(t1=True)
-        located = isinstance(solver, LocatedStep)
         solution = dfx.diffeqsolve(
             terms,
             solver,
@@ -223,7 +248,7 @@ class March(eqx.Module):
             t1=grid[-1],
             dt0=dt0,
             y0=y,
-            saveat=dfx.SaveAt(subs=[end, path] if sample else [end], solver_state=located),
+            saveat=dfx.SaveAt(subs=[end, path] if sample else [end]),
             stepsize_controller=controller,
             adjoint=plan.adjoint,
             max_steps=max_steps,
@@ -231,9 +256,8 @@ class March(eqx.Module):
         )
         saved: Any = solution.ys
         y1 = saved[0][-1]
-        unresolved: Any = solution.solver_state if located else jnp.zeros((), int)
         solved = solution.result == dfx.RESULTS.successful
-        return y1, saved[1] if sample else None, self._outcome(y, y1, solved, unresolved)
+        return y1, saved[1] if sample else None, self._outcome(y, y1, solved)
 
     def _outcome(self, y: Array, y1: Array, solved: Any = True, unresolved: Any = 0) -> Outcome:
         """How a revolution from `y` to `y1` went."""

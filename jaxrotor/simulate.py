@@ -240,7 +240,7 @@ def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
         )
 
     (y, _, good), turns = march.collect(y, None, update, keep)
-    orbit = jax.tree.map(_join, turns)
+    orbit = jax.tree.map(joined, turns)
     return march.form.decode(y), orbit, first & good, march.bounce
 
 
@@ -254,7 +254,7 @@ def _check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
         )
 
 
-def _join(turns: Array) -> Array:
+def joined(turns: Array) -> Array:
     """(revolutions, S + 1, ...) -> (revolutions S + 1, ...): neighbours share a sample."""
     flat = turns[:, :-1].reshape(-1, *turns.shape[2:])
     return jnp.concatenate([flat, turns[-1:, -1]])

@@ -34,6 +34,7 @@ LAYERS = [
     ("start", "solvers", "analysis"),
     ("march",),
     ("simulate", "files"),
+    ("orbits",),
     ("run_up",),
     ("reactions",),
     ("observe", "dataset", "chunks"),

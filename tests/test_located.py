@@ -1,13 +1,11 @@
 """Located steps: order through impacts, several crossings in a step, grazing, derivatives."""
 
-import functools
-
 import diffrax as dfx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from switched import Switched
 from systems import LENGTH, TIME, limiter_rotor
 
 import jaxrotor as jr
@@ -15,76 +13,7 @@ from jaxrotor.motion import Motion
 from jaxrotor.solvers.located import LocatedStep
 
 
-TURN = 2 * np.pi
 RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)  # leads to the backward rub
-
-
-class Switched:
-    """The rotor in numpy, its contact switched by events of scipy: three stops, sharp law."""
-
-    def __init__(self, scene):
-        motion = Motion(jr.assemble(scene), jnp.abs(scene.spin.speed))
-        a = np.asarray(motion.matrix())
-        self.A = np.block([[a.real, -a.imag], [a.imag, a.real]])
-        self.n, self.rate = a.shape[0] // 2, float(motion.rate)
-        self.row, self.column = np.asarray(motion.rows)[0], np.asarray(motion.columns)[:, 0]
-        self.load = np.zeros(2 * self.n, complex)
-        if motion.unbalance is not None:
-            self.load[self.n :] = np.asarray(motion.unbalance).T @ [1, 1j]
-        self.stops, self.speed = scene.of(jr.Limiter), float(scene.spin.speed)
-
-    def local(self, y):
-        """Of every stop: depth [m], elastic and viscous force [N], slip [m/s]."""
-        w = y[: 2 * self.n] + 1j * y[2 * self.n :]
-        z, v = self.row @ w[: self.n], self.rate * (self.row @ w[self.n :])
-        turned = [(np.exp(-1j * float(s.angle)), s) for s in self.stops]
-        depth = [(z * t).real - float(s.gap) for t, s in turned]
-        push = [
-            float(s.stiffness) * d + float(s.damping) * (v * t).real
-            for d, (t, s) in zip(depth, turned, strict=True)
-        ]
-        slip = [self.speed * float(s.rim_radius) + (v * t).imag for t, s in turned]
-        return np.array([depth, push, slip])
-
-    def field(self, theta, y, touching, forward):
-        _, push, _ = self.local(y)
-        force = sum(
-            -push[i] * (1 + 1j * float(s.friction) * forward[i]) * np.exp(1j * float(s.angle))
-            for i, s in enumerate(self.stops)
-            if touching[i]
-        )
-        extra = self.load * np.exp(1j * theta)
-        extra[self.n :] += self.column * force
-        return self.A @ y + np.concatenate([extra.real, extra.imag])
-
-    def run(self, y, revolutions):
-        """State after some revolutions, and the number of changes of contact."""
-        theta, changes = 0.0, 0
-        depth, push, slip = self.local(y)
-        touching, forward = (depth > 0) & (push > 0), np.sign(slip)
-        while theta < TURN * revolutions - 1e-12:
-            events = []
-            for i in range(len(self.stops)):
-                kind, sign = (1, -1) if touching[i] else (0, 1)
-                events.append(self._event(kind, i, sign))
-                events.append(self._event(2, i, -forward[i]))
-            field = functools.partial(self.field, touching=touching.copy(), forward=forward.copy())
-            span, fine = (theta, TURN * revolutions), {"rtol": 3e-13, "atol": 1e-16}
-            found = solve_ivp(field, span, y, "DOP853", events=events, **fine)
-            theta, y = found.t[-1], found.y[:, -1]
-            hit = [k for k, times in enumerate(found.t_events) if times.size]
-            for k in hit:
-                if k % 2:
-                    forward[k // 2] *= -1
-                else:
-                    touching[k // 2] ^= True
-                    changes += 1
-        return y, changes
-
-    def _event(self, kind, stop, direction):
-        event = lambda theta, y: self.local(y)[kind, stop]
-        event.terminal, event.direction = True, direction
-        return event
 
 
 def prepared(scene, order, basis="modal"):
@@ -96,7 +25,7 @@ def prepared(scene, order, basis="modal"):
 
     @jax.jit
     def run(y, steps, revolutions=1):
-        step = LocatedStep.build(form, order, 2 * jnp.pi / steps)
+        step = LocatedStep.build(form, order, 2 * jnp.pi / steps, batch=True)
 
         def one(i, carry):
             y, unresolved = carry

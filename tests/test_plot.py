@@ -234,6 +234,31 @@ def test_orbit_takes_one_simulation():
         plot.orbit(many)
 
 
+# === periodic orbit
+
+
+def test_periodic_orbit_goes_on_by_its_turn():
+    z = 0.01 * np.exp(1j * np.linspace(0.0, -2 * np.pi / 3, 65))
+    result = types.SimpleNamespace(
+        displacement=z[:, None],
+        turn=-2 * np.pi / 3,
+        multipliers=np.array([-1.2 + 0.1j, -1.2 - 0.1j, 0.5]),
+        trivial=1.0,
+        stations=np.array([0.7]),
+        scene=rotor(jr.Limiter(at=0.7, angle=0.0, gap=0.0075, stiffness=1e6)),
+    )
+    left, right = plot.periodic(result)
+    drawn = lines(left)
+    np.testing.assert_allclose(drawn["one period"].get_xdata(), 1e3 * z.real)
+    greys = [line for line in left.lines if to_hex(line.get_color()).upper() == colours.GREY]
+    assert len(greys) == 2  # and then it is closed
+    np.testing.assert_allclose(greys[1].get_xdata()[-1], 10.0)
+    drawn = lines(right)
+    np.testing.assert_allclose(drawn["repels"].get_xdata(), [-1.2, -1.2])
+    np.testing.assert_allclose(drawn["attracts"].get_xdata(), [0.5])
+    np.testing.assert_allclose(drawn["in time"].get_xdata(), [1.0])
+
+
 # === history
 
 

@@ -16,7 +16,7 @@ from .modal import natural_roots
 
 STAGES = 7
 LONGEST_STEP = 3.0  # of the first mode [rad]; the error of its multiplier is 3e-8 a step there
-LEAST = 1e-8  # of the largest multiplier of half a revolution: its square is rounding
+LEAST = 1e-8  # of the largest multiplier: what is below, squared of half a revolution, is rounding
 
 
 def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
@@ -95,7 +95,7 @@ def half_revolution(system: System, steps: int) -> tuple[Complex[Array, " m"], S
     turning = speed != 0
     time = jnp.where(turning, jnp.pi / jnp.abs(jnp.where(turning, speed, 1.0)), jnp.pi / first)
     resolved = first * time <= LONGEST_STEP * steps
-    values = _eigenvalues(_monodromy(system, time / steps, steps))
+    values = multipliers_of(_monodromy(system, time / steps, steps))
     return jnp.where(resolved, values, jnp.nan), time
 
 
@@ -171,16 +171,17 @@ def _real(own: Complex[Array, "n n"], other: Complex[Array, "n n"]) -> Float[Arr
 
 
 @jax.custom_jvp
-def _eigenvalues(matrix: Float[Array, "m m"]) -> Complex[Array, " m"]:
+def multipliers_of(matrix: Float[Array, "m m"]) -> Complex[Array, " m"]:
+    """Eigenvalues of a monodromy matrix, in no order, zero where they are rounding; differentiable."""
     values = jnp.linalg.eigvals(matrix)
-    return jnp.where(jnp.abs(values) > LEAST * jnp.max(jnp.abs(values)), values, 0.0)
+    return jnp.where(jnp.abs(values) <= LEAST * jnp.max(jnp.abs(values)), 0.0, values)
 
 
-@_eigenvalues.defjvp
-def _eigenvalues_jvp(primals, tangents):
+@multipliers_of.defjvp
+def _multipliers_jvp(primals, tangents):
     """By the vectors of each alone: the zeros share theirs, which would spoil all others."""
     (matrix,), (tangent,) = primals, tangents
-    values = _eigenvalues(matrix)
+    values = multipliers_of(matrix)
     zero, one = jnp.zeros(matrix.shape, complex), jnp.eye(matrix.shape[0], dtype=complex)
     changes = root_changes(
         values, Pencil(zero, one, zero - matrix), Pencil(zero, zero, -tangent + zero)

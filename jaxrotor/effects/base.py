@@ -90,9 +90,13 @@ class AbstractLaw(eqx.Module):
 
 
 class AbstractContact(AbstractEffect):
-    """Acts at a station through a nonlinear law of displacement and velocity."""
+    """Acts at a station through a nonlinear law of displacement and velocity.
+
+    Its law turned by an angle is that of the same contact with the angle added to its own.
+    """
 
     at: eqx.AbstractVar[Scalar]
+    angle: eqx.AbstractVar[Scalar]  # that it faces [rad]
 
     @abc.abstractmethod
     def law(self) -> AbstractLaw:

@@ -12,6 +12,7 @@ from .modes3d import modes3d as modes3d
 from .onset import onset as onset
 from .orbit import orbit as orbit
 from .page import write as write
+from .periodic import periodic as periodic
 from .reactions import (
     hodograph as hodograph,
     reaction_vectors as reaction_vectors,

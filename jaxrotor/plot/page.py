@@ -83,7 +83,7 @@ def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
     figure, axes = plt.subplots(
         rows,
         columns,
-        sharex=True,
+        sharex="col",
         squeeze=False,
         figsize=inches(width, height),
         dpi=_DPI,

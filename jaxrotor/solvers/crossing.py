@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -56,7 +57,7 @@ def _ratio(a: Array, b: Array) -> Array:
 
 def leaves(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
     """Which margins descend through zero within the span."""
-    cubic = Cubic.of(begin, end, span)
+    cubic = jax.lax.stop_gradient(Cubic.of(begin, end, span))
     top, bottom = cubic.extrema()
     end_falls = (cubic(1.0) < 0) & (cubic(1.0) < jnp.maximum(cubic.c0, cubic(top)))
     return end_falls | ((cubic(bottom) < 0) & (cubic(bottom) < cubic.c0))
@@ -65,24 +66,28 @@ def leaves(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
 def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     """Share of the span at which a margin first descends through zero, 2 if none does.
 
-    A cubic is monotone from 0 to one extremum, to the other, to 1.
+    A cubic is monotone from 0 to one extremum, to the other, to 1. The derivative of the share is
+    that of the root, however it was found.
     """
     cubic = Cubic.of(begin, end, span)
-    low, high = cubic.extrema()
+    found = jax.lax.stop_gradient(cubic)
+    low, high = found.extrema()
     low, high = jnp.minimum(low, high), jnp.maximum(low, high)
     nodes = (jnp.zeros_like(low), low, high, jnp.ones_like(low))
     a, b = jnp.full_like(low, 2.0), jnp.full_like(low, 2.0)
     for begin_, end_ in ((nodes[2], nodes[3]), (nodes[1], nodes[2]), (nodes[0], nodes[1])):
-        falls = (cubic(end_) < 0) & (cubic(end_) < cubic(begin_))
+        falls = (found(end_) < 0) & (found(end_) < found(begin_))
         a, b = jnp.where(falls, begin_, a), jnp.where(falls, end_, b)
     leaving, start = a < 2, a
     for _ in range(3):
         middle = (a + b) / 2
-        above = cubic(middle) > 0
+        above = found(middle) > 0
         a, b = jnp.where(above, middle, a), jnp.where(above, b, middle)
     u = (a + b) / 2
-    for _ in range(4):
-        rate = cubic.slope(u)
-        u = jnp.clip(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
-    u = jnp.where(cubic(start) <= 0, start, u)  # just begun, and ends at once
+    for _ in range(3):
+        rate = found.slope(u)
+        u = jnp.clip(u - found(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+    rate = found.slope(u)
+    u = jnp.clip(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+    u = jnp.where(found(start) <= 0, start, u)  # just begun, and ends at once
     return jnp.min(jnp.where(leaving, u, 2.0), initial=2.0)

@@ -13,7 +13,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..motion import Motion
 from ..quantities import Scalar
@@ -53,15 +53,20 @@ class Exponential(eqx.Module):
         build = DenseBasis.build if self.basis == "dense" else ModalBasis.build
         return PortForm.build(system, motion, rows, build(motion.matrix()))
 
-    def stepper(self, form: PortForm, steps: int) -> "ExponentialStep | LocatedStep | None":
-        """One step of `steps` in a revolution, or None where no contact needs stepping."""
+    def stepper(
+        self, form: PortForm, steps: int, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
+    ) -> "ExponentialStep | LocatedStep | None":
+        """One of `steps` in an angle [rad] of revolution, or None where no contact needs stepping.
+
+        `batch`: of lanes under `jax.vmap`, those whose steps are split run together.
+        """
         field = form.field
         if form.contacts is None or field.reading is None:
             return None
-        h = jnp.asarray(2 * jnp.pi / steps)
+        h = jnp.asarray(span) / steps
         kinked = any(law.kinked for port in form.motion.ports for law in port.laws)
         if self.located and kinked:
-            return LocatedStep.build(form, self.order, h)
+            return LocatedStep.build(form, self.order, h, batch=batch)
         tableau = tableau_of(self.order, form.basis, form.contacts, h)
         return ExponentialStep(
             tableau=tableau, field=field, reading=field.reading, order_=self.order
@@ -104,14 +109,14 @@ def revolution(
     *,
     batch: bool = False,
 ) -> tuple[Float[Array, " m2"], Float[Array, "T s4"] | None]:
-    """State after a revolution of so many steps, and the stations at its start and after each.
+    """State after so many steps from angle 0, and the stations at the start and after each.
 
     `batch`: under `jax.vmap` all lanes are stepped as one.
     """
 
     def turn(parts, y):
         step, stations = parts
-        phases = step.tableau.phases(2 * jnp.pi / steps * jnp.arange(steps))
+        phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
 
         def one(y, phases):
             seen = None if stations is None else stations.of_lanes(phases[0], y)

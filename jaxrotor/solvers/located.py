@@ -48,19 +48,22 @@ class Split(eqx.Module):
 class LocatedStep(AbstractStep):
     """A step split where a force changes its law.
 
-    The state of the solver counts the steps that more than `TRIES` splits did not resolve.
+    The state of the solver counts the steps that more than `TRIES` splits did not resolve. `batch`:
+    of lanes under `jax.vmap`, those that are split run together; otherwise one lane runs with all
+    its tangents, which is what a Jacobian takes.
     """
 
     tableau: Tableau
     form: PortForm
     ports: BranchedPorts
     order_: int = eqx.field(static=True)
+    batch: bool = eqx.field(static=True)
 
     @classmethod
-    def build(cls, form: PortForm, order: int, h: Scalar) -> "LocatedStep":
+    def build(cls, form: PortForm, order: int, h: Scalar, *, batch: bool = False) -> "LocatedStep":
         ports = BranchedPorts.build(form)
         tableau = tableau_of(order, form.basis, ports.contacts, h)
-        return cls(tableau=tableau, form=form, ports=ports, order_=order)
+        return cls(tableau=tableau, form=form, ports=ports, order_=order, batch=batch)
 
     def init(self, terms, t0, t1, y0, args) -> Int[Array, ""]:
         del terms, t0, t1, y0, args
@@ -150,6 +153,8 @@ class LocatedStep(AbstractStep):
 
 def _finish(step: LocatedStep, split: Split) -> Split:
     """Attempts until nothing is left; of many lanes, blocks of those that still go on."""
+    if not step.batch:
+        return jax.lax.while_loop(lambda s: s.left > 0, lambda s: step.attempt(s), split)
     arrays, constant = eqx.partition(step, eqx.is_array)
     leaves, treedef = jax.tree.flatten(arrays)
     attempt = lambda leaves, split: eqx.combine(

@@ -5,8 +5,10 @@
 Source: Hochbruck, Ostermann, Acta Numerica 19 (2010), eqs. (2.10), (2.11).
 """
 
+import functools
 import math
 
+import jax
 import jax.numpy as jnp
 from jax.scipy.linalg import expm
 from jaxtyping import Array, Complex
@@ -16,6 +18,7 @@ NEAR = 0.5  # within, the series; beyond, the recurrence loses three digits at m
 TERMS = 14  # of the series: the remainder is below 0.5^14 / 15! < 1e-16
 
 
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def phi_scalar(z: Complex[Array, " m"], count: int) -> list[Complex[Array, " m"]]:
     """`phi_0 .. phi_count` of every eigenvalue, to rounding."""
     small = jnp.abs(z) < NEAR
@@ -30,6 +33,14 @@ def phi_scalar(z: Complex[Array, " m"], count: int) -> list[Complex[Array, " m"]
         values[k] = jnp.where(small, series, values[k])
         series = series * near + 1 / math.factorial(k - 1)
     return values
+
+
+@phi_scalar.defjvp
+def _phi_scalar_jvp(count, primals, tangents):
+    """`d phi_k / dz = phi_k - k phi_(k+1)`."""
+    values = phi_scalar(*primals, count + 1)
+    rates = [values[k] - k * values[k + 1] for k in range(count + 1)]
+    return values[:-1], [rate * tangents[0] for rate in rates]
 
 
 def phi_dense(

@@ -123,10 +123,10 @@ class PortForm(AbstractForm):
     def read(self, theta, y):
         return self.stations(theta, y).reshape(2, 2, -1)
 
-    def hop(self, steps: int) -> Rotation | Dense:
-        """Advance by a step of a revolution without contact."""
+    def hop(self, span: Scalar) -> Rotation | Dense:
+        """Advance by an angle of revolution without contact."""
         nothing = jnp.zeros((self.steady.size, 0), complex)
-        flow, _ = self.basis.flow(jnp.asarray(2 * jnp.pi / steps), nothing, 0)
+        flow, _ = self.basis.flow(span, nothing, 0)
         return self.basis.step(flow)
 
     def fly(self, y: Array, revolutions: int) -> Array:

@@ -1,0 +1,69 @@
+"""Symmetry: the turns that leave a scene as it is, and the motions that know of no instant.
+
+scene turned by phi = scene:  k_i = k_j, .., angle_i + phi = angle_j for contacts i, j
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..effects.base import AbstractContact
+from ..quantities import Scalar
+from ..scene import Scene
+from ..system import System
+
+
+SAME = 1e-9  # relative difference of parts that are taken for equal
+
+
+def changes(scene: Scene, system: System, turn: Scalar) -> Float[Array, " d"]:
+    """What a turn and a shift in time change of a scene, relative; zeros where it stays as it is.
+
+    Differentiable: a parameter that breaks the symmetry has a derivative here that is not zero.
+    """
+    load, parts = system.load, [jnp.zeros(1)]
+    if load.unbalance is not None:
+        parts.append(_relative(jnp.abs(load.unbalance)))
+    if load.constant is not None:
+        parts.append(_relative(jnp.abs((jnp.exp(1j * turn) - 1) * load.constant), load.constant))
+    stacks: dict = {}
+    for contact in scene.of(AbstractContact):
+        stacks.setdefault(jax.tree.structure(contact), []).append(contact)
+    for alike in stacks.values():
+        angle = jnp.stack([contact.angle for contact in alike])
+        facing = [eqx.tree_at(lambda c: c.angle, contact, jnp.zeros(())) for contact in alike]
+        tables = [jnp.stack(leaves) for leaves in zip(*map(jax.tree.leaves, facing), strict=True)]
+        differs = [_relative(table[:, None] - table, table) for table in tables]
+        ahead = angle[:, None] + turn - angle
+        differs.append(ahead - 2 * jnp.pi * jnp.round(ahead / (2 * jnp.pi)))
+        apart = sum(jnp.abs(part) for part in differs)
+        place = jnp.arange(angle.size), jnp.argmin(jax.lax.stop_gradient(apart), axis=1)
+        parts += [part[place] for part in differs]
+    return jnp.concatenate(parts)
+
+
+def _relative(part: Array, whole: Array | None = None) -> Array:
+    """A part over the largest of the whole, which is not differentiated; by 1 where that is 0."""
+    scale = jax.lax.stop_gradient(jnp.max(jnp.abs(part if whole is None else whole), initial=0.0))
+    return part / jnp.where(scale > 0, scale, 1.0)
+
+
+def order(scene: Scene, system: System) -> int:
+    """The `N` of the smallest turn, `2 pi / N`, that leaves a scene of known values as it is."""
+    for count in range(len(scene.of(AbstractContact)), 1, -1):
+        if float(jnp.max(jnp.abs(changes(scene, system, jnp.asarray(2 * jnp.pi / count))))) < SAME:
+            return count
+    return 1
+
+
+@jax.custom_jvp
+def kept(turn: Scalar, changes: Float[Array, " d"]) -> Scalar:
+    """The turn, not a number where it changes the scene; so its derivative by what would."""
+    return jnp.where(jnp.max(jnp.abs(changes)) < SAME, turn, jnp.nan)
+
+
+@kept.defjvp
+def _kept_jvp(primals, tangents):
+    turn, by = tangents
+    return kept(*primals), jnp.where(jnp.all(by == 0), turn, jnp.nan)
