@@ -220,7 +220,7 @@ def main() -> None:
     parser.add_argument("--scipy-limit", type=float, default=60.0, help="[s] of a run of SciPy")
     parser.add_argument("--only", default="", help="the case whose name has this in it")
     parser.add_argument("--figure", type=Path, default=Path("docs/work_precision.png"))
-    parser.add_argument("--json", type=Path, default=Path("docs/work_precision.json"))
+    parser.add_argument("--json", type=Path, help="file for all numbers")
     args, out = parser.parse_args(), Console(highlight=False, width=130)
     args.revolutions = args.revolutions or (10 if args.quick else 60)
     args.repeats = 1 if args.quick else args.repeats
@@ -242,8 +242,7 @@ def main() -> None:
                 f"{one['relative_error']:9.1e} {one['compile_time']:7.2f} {one['run_time']:9.4f}"
             )
             out.print(f"{one['method']:26} {one['setting']:40} {numbers} {one['reason']}")
-    for path in (args.figure, args.json):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    args.figure.parent.mkdir(parents=True, exist_ok=True)
 
     def draw(axes):
         for (name, study), ax in zip(found.items(), np.atleast_1d(axes), strict=True):
@@ -252,8 +251,10 @@ def main() -> None:
             ax.annotate(name, (0.99, 0.98), xycoords="axes fraction", ha="right", va="top")
 
     plot.write(args.figure, draw, 150, 105 * len(found), rows=len(found))
-    data = {name: study.to_dict() for name, study in found.items()}
-    args.json.write_text(json.dumps({"machine": against_peers.machine(), "cases": data}, indent=1))
+    if args.json:
+        data = {name: study.to_dict() for name, study in found.items()}
+        whole = {"machine": against_peers.machine(), "cases": data}
+        args.json.write_text(json.dumps(whole, indent=1))
 
 
 if __name__ == "__main__":
