@@ -264,7 +264,8 @@ class March(eqx.Module):
         touched = jnp.zeros((), bool)
         if self.free is not None:  # samples may miss a short touch, but not what it leaves behind
             left = jnp.max(jnp.abs(y1 - self.free(y)))
-            touched = left > jnp.finfo(y.dtype).eps ** 0.5 * jnp.max(jnp.abs(y1))
+            about = jnp.finfo(y.dtype)  # of a state that has died out nothing can be said
+            touched = left > about.eps**0.5 * jnp.max(jnp.abs(y1)) + about.tiny**0.5
         return Outcome(_bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
 
 

@@ -5,7 +5,6 @@ from typing import Any, ClassVar, Literal
 
 import diffrax as dfx
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from . import observe
@@ -215,9 +214,7 @@ def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> RunUp:
     solver = suited(scene) if setting.solver is None else setting.solver
     how: dict[str, Any] = {}
     if setting.tolerance is not None:
-        # As arrays, so that all tolerances share one compiled program.
-        rtol, atol = jnp.asarray([1.0, ATOL]) * setting.tolerance
-        options = {"rtol": rtol, "atol": atol}
+        options = {"rtol": setting.tolerance, "atol": ATOL * setting.tolerance}
         how["controller"] = control(solver, scene, **options)
     elif setting.steps is not None:
         share = np.arange(setting.steps) / setting.steps

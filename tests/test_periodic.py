@@ -131,7 +131,10 @@ NAMES = ("limiters.stiffness", "limiters.friction", "spin.speed")
 
 @pytest.mark.slow
 def test_derivatives_against_differences(rub):
-    """Of whirl rate, radius and largest multiplier, by the implicit function theorem."""
+    """Of whirl rate, rms radius and largest multiplier, by the implicit function theorem.
+
+    Single samples, and their largest, depend on where on the orbit it begins, which is free.
+    """
     scene, orbit = rub
     values = jnp.stack([jnp.ravel(scene.get(name))[0] for name in NAMES])
 
@@ -141,7 +144,7 @@ def test_derivatives_against_differences(rub):
         return jnp.stack(
             [
                 near.whirl_rate,
-                1e2 * jnp.max(jnp.abs(near.displacement)),
+                1e2 * jnp.sqrt(jnp.mean(jnp.abs(near.displacement[:-1]) ** 2)),
                 jnp.abs(near.multipliers[0]),
             ]
         )
