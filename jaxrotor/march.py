@@ -23,6 +23,10 @@ from .start import AbstractStart
 from .system import System, assemble
 
 
+# For `jax.jit`: a program that runs once or twice is slower to compile well than to run.
+QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
+
+
 class Plan(eqx.Module):
     """What is decided before anything is traced: solver, steps, and which contacts share a port."""
 

@@ -17,7 +17,7 @@ from .chunks import chunk_size, cores, first_alone, progress as bar, spread
 from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
-from .march import March, Plan
+from .march import QUICKLY, March, Plan
 from .observe import AbstractObservable, Turn, Variable, everything
 from .outcome import STATUS, Outcome, statuses, too_long
 from .pilot import Pilot
@@ -224,18 +224,18 @@ def _chosen_steps(
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
     points = _points(axes)
-    pilots, failure = [], RuntimeError("no lanes")
+    pilots, failures = [], []
     for point in points[_spread_over(len(points), PILOT_LANES)]:
         changed, begin = _placed(scene, start, dict(zip(axes, point, strict=True)))
         try:
             pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
         except (RuntimeError, ValueError) as error:  # a lane that fails; the others go on
-            failure = error
+            failures.append(error)
     if not pilots:
-        raise failure
+        raise failures[-1]
     good = [pilot for pilot in pilots if pilot.converged]
     most = max(good or pilots, key=lambda pilot: pilot.setting)
-    tried = min(PILOT_LANES, len(points))
+    tried = len(pilots) + len(failures)
     if len(good) == tried:
         return most
     what = f"{most.what}, by {len(good)} of {tried} pilot lanes"
@@ -395,8 +395,7 @@ def _build_lane_by_lane(
 
 
 # Runs once for a chunk: to compile it well takes longer than all its runs.
-_QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
-_build_all = eqx.filter_jit(_build_lane_by_lane, **_QUICKLY)
+_build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
 
 
 def _build(

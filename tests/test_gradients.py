@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differences import central
 from systems import LENGTH, TIME, leaf_values, limiter_rotor
 
 import jaxrotor as jr
@@ -64,9 +65,6 @@ def forward(function, values):
     return {path: float(push(values, still | {path: jnp.ones(())})) for path in values}
 
 
-STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # sixth order
-
-
 def scale_of(value):
     return abs(float(value)) if abs(value) > 1e-12 else 1.0
 
@@ -83,7 +81,7 @@ def agree(function, exact, values, change, most=0.02):
         slope = abs(exact[path]) * scale
         h = scale * (min(most, change / slope) if slope else 1e-4)
         at = lambda k, p=path, v=value, h=h: float(function(values | {p: v + k * h}))
-        found = sum(w * (at(k) - at(-k)) for k, w in STENCIL.items()) / h
+        found = central(at, h)
         if not abs(exact[path] - found) <= RTOL * abs(found):
             wrong[path] = (exact[path], found)
     assert not wrong

@@ -217,9 +217,7 @@ def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """Critical speeds (infinite for none) and how far they whirl forward, in no order."""
     system = assemble(scene)
     check_moves(system)
-    blocks = system.blocks
-    zero = jnp.zeros(system.line.stiffness.shape, complex)
-    part = lambda block: zero if block is None else block + 0j
+    blocks, zero, part = system.blocks, _zero(system), _filled(system)
     stiffness, inertia = part(blocks.stiffness), part(blocks.inertia)
     ahead, behind = (inertia + sense * part(blocks.gyroscopic) for sense in (-1, 1))
     if isotropic(blocks):
@@ -282,16 +280,23 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
             "Only axes that turn with the shaft part its critical speeds in two, but no part of this "
             "rotor alone does; look at `critical_speeds`."
         )
-    zero = jnp.zeros(system.line.stiffness.shape, complex)
-    part = lambda block: zero if block is None else block + 0j
-    inertia, unequal = (
-        part(blocks.inertia) - part(blocks.gyroscopic),
-        part(blocks.rotating_stiffness),
-    )
+    part = _filled(system)
+    inertia = part(blocks.inertia) - part(blocks.gyroscopic)
+    unequal = part(blocks.rotating_stiffness)
     real = jnp.all(is_rounding(unequal.imag, jnp.max(jnp.abs(unequal))))
     speeds = (_synchronous_of(part(blocks.stiffness) + s * unequal, inertia) for s in (1, -1))
     along, across = (jnp.where(real, jnp.sort(one), jnp.nan) for one in speeds)
     return along, across
+
+
+def _zero(system: System) -> Complex[Array, "n n"]:
+    return jnp.zeros(system.line.stiffness.shape, complex)
+
+
+def _filled(system: System) -> Callable[[Array | None], Array]:
+    """Blocks as complex matrices, those that nothing draws as zeros."""
+    zero = _zero(system)
+    return lambda block: zero if block is None else block + 0j
 
 
 def _synchronous_of(stiffness: Array, inertia: Array) -> Float[Array, " c"]:

@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
-from ..march import Plan
+from ..march import QUICKLY, Plan
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..simulate import (
@@ -292,8 +292,7 @@ def _find(
 
 _COMPILED = eqx.filter_jit(_find)
 # By far the most of a single orbit's time is compilation, and optimised code is hardly faster.
-_QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
-_COMPILED_QUICKLY = eqx.filter_jit(_find, **_QUICKLY)
+_COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
 
 
 def _wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
