@@ -99,8 +99,10 @@ from .files import (  # noqa: E402
 from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .orbits import (  # noqa: E402
+    Lyapunov as Lyapunov,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
+    lyapunov as lyapunov,
     periodic as periodic,
 )
 from .pilot import Pilot as Pilot  # noqa: E402

@@ -13,6 +13,9 @@ import jax
 from .simulate import check_counts
 
 
+SEGMENT = 50  # revolutions between two looks at the progress bar
+
+
 def cores(workers: int | None) -> int:
     """Chunks to run at once: those asked for, else one a core (one on an accelerator)."""
     if workers is not None:
@@ -47,6 +50,12 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
             for future in futures:
                 future.cancel()
             raise
+
+
+def segments(revolutions: int) -> list[int]:
+    """Revolutions in parts, to look at the progress bar in between."""
+    whole, rest = divmod(revolutions, SEGMENT)
+    return [SEGMENT] * whole + [rest] * (rest > 0)
 
 
 def first_alone(call: Callable) -> Callable:

@@ -142,7 +142,7 @@ def simulate(
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
         )
     if isinstance(plan.solver, Exponential):
-        _check_steps(good, bounce, plan.solver.order, steps_per_revolution)
+        check_steps(good, bounce, plan.solver.order, steps_per_revolution)
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
     displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
@@ -244,7 +244,7 @@ def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
     return march.form.decode(y), orbit, first & good, march.bounce
 
 
-def _check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
+def check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
     """Refuse a motion that touched a stop with steps that cannot follow the bounce."""
     if known(bounce) and known(good.touched) and bool(good.touched) and too_long(bounce, order):
         raise RuntimeError(

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from .chunks import chunk_size, cores, first_alone, progress as bar, spread
+from .chunks import chunk_size, cores, first_alone, progress as bar, segments, spread
 from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
@@ -41,7 +41,6 @@ from .system import assemble, port_groups
 
 
 PILOT_LANES = 4  # by which "auto" steps are chosen
-SEGMENT = 50  # revolutions between two looks at the progress bar
 
 
 def sweep(
@@ -315,7 +314,7 @@ def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick) -
     shared, own, y, bounce = prepare(context, padded)
     started = np.isfinite(y).reshape(size, -1).all(axis=1)
     good = Outcome.good(size)
-    for revolutions in _segments(context.settle):
+    for revolutions in segments(context.settle):
         y, ok = skip(shared, own, y, revolutions)
         good = good & ok
         tick(revolutions)
@@ -325,7 +324,7 @@ def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick) -
     lanes_of = lambda leaf: jax.device_put(np.broadcast_to(leaf, (size, *np.shape(leaf))))
     carry = jax.tree.map(lanes_of, begin)
     stored, number = [], 0
-    for revolutions in _segments(context.keep):
+    for revolutions in segments(context.keep):
         (y, carry, ok), out = keep(
             context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
         )
@@ -336,11 +335,6 @@ def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick) -
     stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
     mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
     return _Lanes(mine(carry), stored, mine(good), started[:lanes], bounce[:lanes])
-
-
-def _segments(revolutions: int) -> list[int]:
-    whole, rest = divmod(revolutions, SEGMENT)
-    return [SEGMENT] * whole + [rest] * (rest > 0)
 
 
 def _prepare(context: _Context, points: np.ndarray):

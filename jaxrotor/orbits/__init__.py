@@ -1,3 +1,4 @@
 """Orbits: periodic motions through contact, found as such instead of waited for."""
 
+from .lyapunov import Lyapunov as Lyapunov, lyapunov as lyapunov
 from .periodic import OrbitError as OrbitError, PeriodicOrbit as PeriodicOrbit, periodic as periodic

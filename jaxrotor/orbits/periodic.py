@@ -29,7 +29,7 @@ from ..solvers.exponential import Exponential
 from ..start import AbstractStart, Continued
 from ..system import System, assemble, port_groups
 from .recurrence import recurrence
-from .shooting import Shooting, again, missed
+from .shooting import Shooting, again, differentiable, missed
 from .symmetry import SAME, changes, kept, order
 
 
@@ -167,7 +167,7 @@ def periodic(
     check_constant(scene, "`periodic`")
     stations, together = scene.stations(at), port_groups(scene)
     system = eqx.filter_jit(assemble)(scene, together)
-    solver = _checked(solver, system)
+    solver = differentiable(solver, system)
     if revolutions is None and turn is None and period is None:
         revolutions = _revolutions(scene, system, guess)
     if revolutions is None:
@@ -180,7 +180,7 @@ def periodic(
                 "scenes without unbalance."
             )
         rate, whole = revolution_rate(scene, None), jnp.asarray(2 * jnp.pi)
-        start = _start(guess).state(system, stations[0])
+        start = start_of(guess).state(system, stations[0])
         aim = _Aim(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
     finder = optx.Newton(tolerance, tolerance) if finder is None else finder
     chosen: Any = choose(solver, scene, aim.rate, aim.start)
@@ -348,7 +348,7 @@ def _free(
         period = guess.period if period is None else period
     elif period is None:
         if not isinstance(guess, Response):
-            how = {"solver": solver, "start": _start(guess), "at": stations}
+            how = {"solver": solver, "start": start_of(guess), "at": stations}
             guess = simulate(scene, SEARCH, steps_per_revolution, **how)
         if not all(map(known, jax.tree.leaves((system, guess)))):
             raise ValueError(
@@ -367,7 +367,7 @@ def _free(
     orbit = isinstance(guess, PeriodicOrbit)
     turns = _turns(guess.scene, guess.period) if orbit else _turns(scene, period)
     steps = max(LEAST, math.ceil(steps_per_revolution * turns * (1 - 1e-9)))
-    start = _start(guess).state(system, stations[0])
+    start = start_of(guess).state(system, stations[0])
     return _Aim(start, rate, rate * jnp.asarray(period), kept(turn, broken), None, steps)
 
 
@@ -389,7 +389,7 @@ def _turns(scene: Scene, period: Any) -> float:
     return abs(float(speed)) * float(period) / (2 * math.pi) or 1.0
 
 
-def _start(guess: Any) -> AbstractStart:
+def start_of(guess: Any) -> AbstractStart:
     """State that a guess stands for."""
     if isinstance(guess, Response):
         return guess.end
@@ -416,14 +416,3 @@ def _refusal(scene: Scene, system: System, turn: Scalar) -> str:
         f"`turn` must leave the scene as it is, but one of {degrees:g} degrees does not: stops that are "
         f"equal but for their angles, and weight, allow {same}."
     )
-
-
-def _checked(solver: Any, system: System) -> Exponential:
-    if not isinstance(solver, Exponential):
-        raise ValueError(f"`solver` of an orbit must be Exponential(..), but is {solver!r}.")
-    if not solver.located and any(law.kinked for port in system.ports for law in port.laws):
-        raise ValueError(
-            "The multipliers of a motion against sharp stops take located steps; give "
-            "Exponential(.., located=True), or stops with `blend` and `slip`."
-        )
-    return solver

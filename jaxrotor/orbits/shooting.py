@@ -5,7 +5,7 @@
 `R` turns the plane of whirl; `f` is the direction of motion in the guess.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ from ..march import March, Orbit, Outcome, Plan
 from ..motion import Motion
 from ..pencil import steady_response
 from ..quantities import Scalar
+from ..solvers.exponential import Exponential
 from ..system import System
 
 
@@ -146,6 +147,18 @@ class Shooting(eqx.Module):
             jacobian = (mirror @ jacobian @ mirror)[1:, 1:]
         values = multipliers_of(jacobian)
         return values[jnp.argsort(-jnp.abs(values))], trivial
+
+
+def differentiable(solver: Any, system: System) -> Exponential:
+    """The solver, refused where its steps do not know the jumps of their own derivative."""
+    if not isinstance(solver, Exponential):
+        raise ValueError(f"`solver` of an orbit must be Exponential(..), but is {solver!r}.")
+    if not solver.located and any(law.kinked for port in system.ports for law in port.laws):
+        raise ValueError(
+            "Derivatives of a motion against sharp stops take located steps; give "
+            "Exponential(.., located=True), or stops with `blend` and `slip`."
+        )
+    return solver
 
 
 class Shot(NamedTuple):

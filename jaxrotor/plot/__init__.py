@@ -7,6 +7,7 @@ from .bifurcation import bifurcation as bifurcation
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
 from .history import history as history
+from .lyapunov import lyapunov as lyapunov
 from .mode_shapes import mode_shapes as mode_shapes
 from .modes3d import modes3d as modes3d
 from .onset import onset as onset

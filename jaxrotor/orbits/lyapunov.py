@@ -1,0 +1,228 @@
+"""Lyapunov: how fast neighbouring motions part."""
+
+from collections.abc import Callable
+from typing import Any
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..chunks import progress as bar, segments
+from ..march import March, Plan
+from ..outcome import Outcome
+from ..scene import Scene
+from ..simulate import (
+    check_constant,
+    check_counts,
+    check_steps,
+    choose,
+    revolution_rate,
+    solver_name,
+)
+from ..solvers.exponential import Exponential
+from ..start import AbstractStart, AtRest, Continued
+from ..system import assemble, port_groups
+from .periodic import start_of
+from .shooting import differentiable
+
+
+BLOCKS = 10  # of the run, whose means tell the error
+
+
+class Lyapunov(eqx.Module):
+    """Mean exponential rates at which `e` independent small disturbances grow."""
+
+    exponents: Float[Array | np.ndarray, " e"]  # [1/s], largest first
+    error: Float[Array | np.ndarray, " e"]  # standard error, see `lyapunov` [1/s]
+    growth: Float[Array | np.ndarray, "R e"]  # in every revolution [1/s]
+    unresolved: Int[Array, ""]  # steps whose changes of contact were not located
+    end: AbstractStart  # state to go on from
+    period: float = eqx.field(static=True)  # of a revolution [s]
+    scene: Scene
+    steps: int = eqx.field(static=True)  # in a revolution
+    solver: str = eqx.field(static=True)
+
+    @property
+    def running(self) -> Float[np.ndarray, "R e"]:
+        """Mean growth from the first revolution to every other [1/s]."""
+        growth = np.asarray(self.growth)
+        return np.cumsum(growth, axis=0) / np.arange(1, len(growth) + 1)[:, None]
+
+    def __str__(self) -> str:
+        pairs = zip(np.asarray(self.exponents), np.asarray(self.error), strict=True)
+        rates = ", ".join(f"{rate:.5g} +- {error:.2g}" for rate, error in pairs)
+        return (
+            f"Lyapunov exponents {rates} 1/s over {len(self.growth)} revolutions of {self.steps} "
+            f"steps, {self.solver}"
+        )
+
+
+def lyapunov(
+    scene: Scene,
+    start: Any = None,
+    revolutions: int = 1000,
+    *,
+    count: int = 1,
+    settle: int = 200,
+    steps_per_revolution: int = 64,
+    solver: Exponential | dfx.AbstractSolver | None = None,
+    period: float | None = None,
+    seed: int = 0,
+    progress: bool | None = None,
+) -> Lyapunov:
+    """Largest Lyapunov exponents `lim ln |dz(t)| / t` of a motion, and of its volumes.
+
+    Small disturbances follow the derivative of every step, jumps at changes of contact included, and
+    are made orthonormal after every revolution; the exponents are the mean logarithms of what
+    that takes. Positive: chaos. Zero: a motion along itself, of a scene without unbalance or a motion
+    of two periods. Of a scene without contact they are the real parts of the roots.
+
+    Args:
+        scene: what moves, at constant speed. Runs of other values of the same scene reuse the program.
+        start: state to begin with, end of a `Response` or an orbit; by default `AtRest()`.
+        revolutions: over which the growth is averaged.
+        count: of exponents, up to four a coordinate.
+        settle: revolutions before, the last half of which turns the disturbances into their directions.
+        steps_per_revolution: of the shaft.
+        solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
+        period: length [s] of a "revolution" at zero speed.
+        seed: of the first disturbances.
+        progress: whether to show a progress bar; by default on a terminal.
+
+    Returns:
+        A `Lyapunov`, not differentiable. Means have a smooth weight, so those of periodic and
+        quasi-periodic motion converge fast; `error` is the standard deviation of the means of 10 blocks
+        over the root of 10, right for chaos where a block forgets the one before.
+
+    Source: Benettin, Galgani, Giorgilli, Strelcyn (1980), Meccanica 15, 9-30; jumps: Mueller (1995),
+    Chaos, Solitons and Fractals 5, 1671-1681; weights: Das, Saiki, Sander, Yorke (2017), Nonlinearity
+    30, eq. (2).
+    """
+    solver = Exponential(4, located=True) if solver is None else solver
+    check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
+    if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
+        raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+    if revolutions < 2 * BLOCKS:
+        raise ValueError(
+            f"`revolutions` must be at least {2 * BLOCKS} to tell an error, but is {revolutions}."
+        )
+    check_constant(scene, "`lyapunov`")
+    start = AtRest() if start is None else start_of(start)
+    together = port_groups(scene)
+    system = eqx.filter_jit(assemble)(scene, together)
+    if count > 4 * system.n:
+        raise ValueError(
+            f"`count` must be at most {4 * system.n}, four a coordinate, but is {count}."
+        )
+    rate = revolution_rate(scene, period)
+    chosen: Any = choose(differentiable(solver, system), scene, rate, start)
+    plan = Plan(
+        chosen,
+        None,
+        dfx.ForwardMode(),
+        steps_per_revolution,
+        steps_per_revolution,
+        slopes=False,
+        contacts=False,
+        coordinates=False,
+        together=together,
+    )
+    station = scene.stations(None)
+    march = eqx.filter_jit(March.of)(system, plan, rate, station[:1])
+    y = march.begin(start, station[0])
+    aligned = settle - settle // 2
+    with bar(progress, settle + revolutions, f"{count} exponents") as tick:
+        y, good = _skip(march, y, settle - aligned)
+        tick(settle - aligned)
+        frame = random_frame(y.size, count, seed)
+        growths = []
+        for turns in segments(aligned) + segments(revolutions):
+            y, frame, growth, ok = _follow(march, y, frame, turns)
+            good = good & ok
+            growths.append(np.asarray(growth))
+            tick(turns)
+    if not bool(good.ok):
+        raise RuntimeError(
+            "The motion did not stay finite: take more `steps_per_revolution`, or look at "
+            "`jaxrotor.roots` for growth."
+        )
+    check_steps(good, march.bounce, chosen.order, steps_per_revolution)
+    length = 2 * np.pi / float(rate)
+    growth = np.concatenate(growths)[aligned:] / length
+    exponents, error = mean_and_error(growth)
+    return Lyapunov(
+        exponents,
+        error,
+        growth,
+        good.unresolved,
+        Continued(*march.form.decode(y)),
+        length,
+        scene,
+        steps_per_revolution,
+        solver_name(chosen),
+    )
+
+
+def random_frame(size: int, count: int, seed: int) -> Float[Array, "m e"]:
+    """Orthonormal disturbances of a state of `size` numbers."""
+    drawn = np.random.default_rng(seed).standard_normal((size, count))
+    return jnp.asarray(np.linalg.qr(drawn)[0])
+
+
+def parted(
+    turn: Callable[[Array], tuple[Array, Any]], y: Array, frame: Float[Array, "m e"]
+) -> tuple[Array, Float[Array, "m e"], Float[Array, " e"], Any]:
+    """State after a turn of any map, its disturbances made orthonormal, their growth, and the rest."""
+    push = lambda tangent: jax.jvp(turn, (y,), (tangent.reshape(y.shape),), has_aux=True)
+    y, moved, more = jax.vmap(push, in_axes=-1, out_axes=(None, -1, None))(frame)
+    moved = moved.reshape(frame.shape)
+    if frame.shape[1] == 1:
+        size = jnp.linalg.norm(moved, axis=0)
+        return y, moved / size, jnp.log(size), more
+    frame, triangle = jnp.linalg.qr(moved)
+    return y, frame, jnp.log(jnp.abs(jnp.diagonal(triangle))), more
+
+
+def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean over turns, and its standard error by the means of blocks.
+
+    The weight of a turn rises and falls smoothly over the first and the last quarter: what comes and
+    goes with the phase of a periodic motion then cancels, and not by 1 / turns alone.
+    """
+    length = len(growth) // BLOCKS
+    blocks = growth[len(growth) - BLOCKS * length :].reshape(BLOCKS, length, -1)
+    means = np.einsum("t,bte->be", _taper(length), blocks)
+    return _taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
+
+
+def _taper(length: int) -> Float[np.ndarray, " R"]:
+    """Weights that rise from 0 and fall to it with all derivatives, of sum 1."""
+    t = (np.arange(length) + 0.5) / length
+    ramp = np.minimum(1.0, 4 * np.minimum(t, 1 - t))
+    falls = np.divide(1.0, 1 - ramp, out=np.full(length, np.inf), where=ramp < 1)
+    weight = 1 / (1 + np.exp(np.minimum(1 / ramp - falls, 700.0)))
+    return weight / weight.sum()
+
+
+@eqx.filter_jit
+def _skip(march: March, y: Array, revolutions: int):
+    return march.skip(y, revolutions)
+
+
+@eqx.filter_jit
+def _follow(march: March, y: Array, frame: Float[Array, "m e"], revolutions: int):
+    """Some revolutions with their disturbances."""
+    turn = lambda y: march.skip(y, 1)
+
+    def one(carry, _):
+        y, frame, good = carry
+        y, frame, growth, ok = parted(turn, y, frame)
+        return (y, frame, good & ok), growth
+
+    (y, frame, good), growth = jax.lax.scan(
+        one, (y, frame, Outcome.good()), None, length=revolutions
+    )
+    return y, frame, growth, good

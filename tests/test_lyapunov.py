@@ -1,0 +1,116 @@
+"""Lyapunov exponents: against Lorenz's attractor, roots of a linear rotor, and an orbit's multipliers."""
+
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import LENGTH, TIME, limiter_rotor
+
+import jaxrotor as jr
+import jaxrotor.plot
+from jaxrotor.orbits.lyapunov import mean_and_error, parted, random_frame
+
+
+def lorenz(y):
+    """Half a time unit by the classical Runge-Kutta method; outcome of nothing."""
+
+    def field(y):
+        x, y, z = y
+        return jnp.stack([10 * (y - x), x * (28 - z) - y, x * y - 8 / 3 * z])
+
+    def step(y, _):
+        h = 0.005
+        a = field(y)
+        b = field(y + h / 2 * a)
+        c = field(y + h / 2 * b)
+        d = field(y + h * c)
+        return y + h / 6 * (a + 2 * b + 2 * c + d), None
+
+    return jax.lax.scan(step, y, None, length=100)[0], ()
+
+
+def test_lorenz():
+    """Sprott (2003), Chaos and Time-Series Analysis: 0.9056, 0, -14.5723; their sum is exact."""
+
+    @jax.jit
+    def run(y, frame):
+        def one(carry, _):
+            y, frame, growth, _ = parted(lorenz, *carry)
+            return (y, frame), growth
+
+        return jax.lax.scan(one, (y, frame), None, length=20000)[1]
+
+    growth = np.asarray(run(jnp.array([1.0, 2.0, 20.0]), random_frame(3, 3, 0))) * 2
+    exponents, error = mean_and_error(growth[200:])
+    assert error[0] < 3e-3
+    assert abs(exponents[0] - 0.9056) < 3 * error[0] + 5e-5
+    assert abs(exponents[1]) < 1e-3
+    assert exponents.sum() == pytest.approx(-(10 + 1 + 8 / 3), abs=1e-4)
+
+
+def test_linear_rotor_parts_by_its_roots():
+    """Section 3.2: first roots at N = 15, one that grows and one that decays, of two directions each."""
+    scene = limiter_rotor(contact=False)
+    found = jr.lyapunov(scene, revolutions=200, settle=400, count=4, steps_per_revolution=16)
+    expected = np.repeat([0.00912266, -0.23335496], 2) / TIME
+    assert found.exponents == pytest.approx(expected, rel=1e-6)
+    assert found.running[-1] == pytest.approx(found.exponents)
+    assert "Lyapunov exponents 0.40283" in str(found)
+
+
+@pytest.mark.slow
+def test_backward_rub_has_an_exponent_of_zero_and_those_of_its_multipliers():
+    """The motion along itself neither grows nor decays; the next are ln |multiplier| / period."""
+    scene = limiter_rotor(nodes=4)
+    start = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
+    settled = jr.simulate(scene, 200, 128, solver=jr.Exponential(4), start=start, keep=4)
+    found = jr.lyapunov(scene, settled, 1000, count=3, settle=100)
+    assert found.unresolved == 0
+    assert found.error[0] * TIME < 1e-4 and abs(found.exponents[0]) < 3 * found.error[0]
+    orbit = jr.periodic(scene, settled, steps_per_revolution=128)
+    expected = np.log(np.abs(orbit.multipliers[:2])) / float(orbit.period)
+    assert np.abs(found.exponents[1:] - expected).max() < 4 * found.error[1:].max() < 0.06
+
+
+@pytest.mark.slow
+def test_forward_bouncing_is_chaos():
+    """Section 3.4: forward bouncing is not periodic, and neighbours part."""
+    scene = limiter_rotor(nodes=4)
+    start = jr.Whirl(0.01 * LENGTH, rate=1.7 / TIME)
+    found = jr.lyapunov(scene, start, 2000, settle=300)
+    assert found.exponents[0] > 4 * found.error[0] > 0
+    left, right = np.asarray(found.growth)[:1000], np.asarray(found.growth)[1000:]
+    (first, off), (second, too) = mean_and_error(left), mean_and_error(right)
+    assert abs(first[0] - second[0]) < 4 * np.hypot(off, too)[0]
+
+
+def test_picture():
+    growth = np.random.default_rng(0).normal([0.5, -2.0], 1.0, (400, 2))
+    result = SimpleNamespace(
+        running=np.cumsum(growth, axis=0) / np.arange(1, 401)[:, None],
+        exponents=np.array([0.5, -2.0]),
+        error=np.array([0.05, 0.05]),
+        scene=limiter_rotor(),
+    )
+    ax = jr.plot.lyapunov(result)
+    assert ax.get_xlabel() == "revolutions [1]"
+    assert ax.get_ylabel() == "mean growth of a disturbance [1/s]"
+    assert len(ax.get_lines()) == 3  # two exponents and zero
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"revolutions": 10}, "`revolutions` must be at least 20 to tell an error, but is 10"),
+        ({"count": 1000}, "`count` must be at most 16, four a coordinate, but is 1000"),
+        ({"count": 0}, "`count` must be a whole number of at least 1, but is 0"),
+        ({"settle": -1}, "`settle` must be a whole number of at least 0, but is -1"),
+        ({"solver": jr.Exponential(4)}, "sharp stops take located steps"),
+        ({"start": "rest"}, "`guess` must be a response"),
+    ],
+)
+def test_refusals(changed, words):
+    with pytest.raises(ValueError, match=words):
+        jr.lyapunov(limiter_rotor(nodes=4), **changed)
