@@ -1,6 +1,6 @@
 """Escape of the chaotic forward motion: 1e5 trajectories of the limiter rotor as one streamed sweep.
 
-    python benchmarks/escape.py --picture docs/escape.png      # some 20 minutes on two idle cores
+    python benchmarks/escape.py --picture docs/escape.png      # some minutes on two idle cores
     python benchmarks/escape.py --angles 64 --revolutions 500
 
 Every eccentricity has an ensemble of starts that whirl forward, at angles around the circle. Prints the
@@ -22,6 +22,7 @@ from jaxrotor.observe import Reversal
 SCENE = jr.load("limiter-rotor")
 START = jr.Whirl(7e-3, rate=75.0)
 PATH = "unbalance.eccentricity"
+ENDS = ("", "_low", "_high")
 AFTER = 100  # revolutions: the starts are forgotten
 
 
@@ -40,13 +41,13 @@ def main() -> None:
     parser.add_argument("--values", type=int, default=25, help="eccentricities, 0.5 to 1 mm")
     parser.add_argument("--revolutions", type=int, default=1000, help="of every start")
     parser.add_argument("--steps", type=int, default=64, help="in a revolution")
-    parser.add_argument("--check", type=int, default=256, help="starts of each in the comparison")
+    parser.add_argument("--check", type=int, default=1024, help="starts of each in the comparison")
     parser.add_argument("--picture", type=Path, help="file for the figure")
     given = parser.parse_args()
     values = np.linspace(0.5e-3, 1.0e-3, given.values)
     found, seconds = ensemble(values, given.angles, given.revolutions, given.steps, True)
     print("eccentricity [mm]   rate [1/1000 revolutions]   95 % bounds   still there at the end")
-    table = (found[name].values for name in ("rate", "rate_low", "rate_high"))
+    table = (found[f"rate{end}"].values for end in ENDS)
     for row in zip(values, *table, found["survival"].values[:, -1], strict=True):
         e, rate, low, high, last = np.array(row) * [1e3, 1e3, 1e3, 1e3, 1]
         print(f"{e:17.3f}   {rate:25.3f}   {low:.3f} .. {high:.3f}   {last:.3f}")
@@ -56,10 +57,8 @@ def main() -> None:
     few = values[:: max(1, given.values // 5)]
     for steps in (given.steps, 2 * given.steps, 4 * given.steps):
         rates = ensemble(few, given.check, given.revolutions, steps, False)[0]
-        text = ", ".join(
-            f"{1e3 * r:.2f} ({1e3 * low:.2f} .. {1e3 * high:.2f})"
-            for r, low, high in zip(*(rates[f"rate{end}"].values for end in ("", "_low", "_high")))
-        )
+        bounds = zip(*(rates[f"rate{end}"].values for end in ENDS), strict=True)
+        text = ", ".join(f"{1e3 * r:.2f} ({1e3 * a:.2f} .. {1e3 * b:.2f})" for r, a, b in bounds)
         print(f"{steps:4d} steps: {text}")
     print(f"jax {jax.__version__}, {jax.devices()[0]}")
     if given.picture:

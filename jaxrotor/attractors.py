@@ -13,15 +13,16 @@ from scipy.spatial import KDTree
 from .outcome import failed
 
 
-FEATURES = ("whirl_rate", "radius_min", "radius_max")
+FEATURES = ("whirl_rate", "radius_rms")
 
 
 def attractors(
     dataset: xr.Dataset,
     features: Sequence[str] = FEATURES,
     *,
-    within: float = 0.05,
+    within: float = 0.1,
     apart: float | None = None,
+    like: xr.Dataset | None = None,
 ) -> xr.Dataset:
     """The data set with a number of the `attractor` of every lane, the commonest 0.
 
@@ -35,6 +36,7 @@ def attractors(
         features: names of variables.
         within: distance of neighbours, of the range of every feature.
         apart: farthest that an attractor moves to the next value; by default four times `within`.
+        like: an earlier answer, of another sweep, whose numbers are kept for the attractors it knows.
 
     Returns:
         The data set with `attractor`, -1 where a lane failed; its attribute `means` lists the features of
@@ -69,9 +71,14 @@ def attractors(
     good = ~failed(status.transpose(*order).values).ravel()
     spread = np.ptp(table[good], axis=0) if good.any() else np.ones(len(features))
     scaled = (table / np.where(spread > 0, spread, 1.0)).reshape(cells, -1, len(features))
-    label = _numbered(scaled, good.reshape(cells, -1), _serpentine(shape), within, apart).ravel()
-    count = label.max(initial=-1) + 1
-    means = [table[label == number].mean(axis=0).tolist() for number in range(count)]
+    before = [] if like is None else _means(like, features)
+    known = [np.array(mean) / np.where(spread > 0, spread, 1.0) for mean in before]
+    label = _numbered(scaled, good.reshape(cells, -1), _serpentine(shape), within, apart, known)
+    label = label.ravel()
+    means = [
+        table[label == number].mean(axis=0).tolist() if (label == number).any() else before[number]
+        for number in range(max(label.max(initial=-1) + 1, len(before)))
+    ]
     about = {"long_name": "attractor", "features": list(features), "means": means, "within": within}
     sizes = [dataset.sizes[d] for d in order]
     found = xr.DataArray(label.reshape(sizes), dims=order, attrs=about)
@@ -84,10 +91,13 @@ def _numbered(
     path: list[int],
     within: float,
     apart: float,
+    known: list[np.ndarray],
 ) -> Int[np.ndarray, "c l"]:
-    """Numbers of the lanes of every cell, cells taken along a path of neighbours."""
-    label = np.full(points.shape[:2], -1)
-    known: list[np.ndarray] = []  # mean of every attractor where it was last seen
+    """Numbers of the lanes of every cell, cells taken along a path of neighbours.
+
+    `known` is the mean of every attractor where it was last seen.
+    """
+    label, first = np.full(points.shape[:2], -1), len(known)
     for cell in path:
         lanes = np.flatnonzero(good[cell])
         if not lanes.size:
@@ -109,10 +119,16 @@ def _numbered(
             known[names[number]] = mean
         label[cell, lanes] = names[cluster]
     sizes = np.bincount(label[label >= 0], minlength=len(known))
-    rank = np.empty(len(known) + 1, int)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(known))
-    rank[-1] = -1
+    rank = np.append(np.arange(len(known)), -1)
+    rank[first + np.argsort(-sizes[first:], kind="stable")] = np.arange(first, len(known))
     return rank[label]
+
+
+def _means(like: xr.Dataset, features: Sequence[str]) -> list[list[float]]:
+    """Of the attractors that another data set knows."""
+    if "attractor" not in like or like["attractor"].attrs["features"] != list(features):
+        raise ValueError("`like` must be an answer of `attractors` by the same `features`.")
+    return like["attractor"].attrs["means"]
 
 
 def _clusters(points: Float[np.ndarray, "l f"], within: float) -> Int[np.ndarray, " l"]:

@@ -48,6 +48,16 @@ def test_failed_lanes_are_in_none():
     assert found[1] == -1 and found[0] == found[2] and found[3] != found[0]
 
 
+def test_numbers_of_another_sweep_are_kept():
+    """The rare one of a first sweep is the commonest of the next, and a new one is added behind."""
+    first = made({"rate": [1.0, 1.0, 2.0]}, start__angle=np.arange(3.0))
+    first = jr.attractors(first, ["rate"])
+    then = made({"rate": [2.01, 0.5, 2.0, 2.02]}, start__angle=np.arange(4.0))
+    found = jr.attractors(then, ["rate"], like=first)["attractor"]
+    assert found.values.tolist() == [1, 2, 1, 1]
+    assert found.attrs["means"][0] == [1.0] and found.attrs["means"][2] == [0.5]
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -55,6 +65,7 @@ def test_failed_lanes_are_in_none():
         ({"features": ["colour"]}, "The dataset has no `colour`; choose `features` of rate"),
         ({"features": ["rate"], "within": 0.0}, "`within` must be above 0"),
         ({"features": ["rate"], "apart": 0.01}, "`apart` not below it"),
+        ({"features": ["rate"], "like": made({}, start__angle=[0.0])}, "`like` must be an answer"),
     ],
 )
 def test_refusals(given, words):
@@ -89,3 +100,14 @@ def test_picture(starts):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("start radius [mm]", "start rate [rad/s]")
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert len(names) == 3 and any("-0.568" in name for name in names)
+
+
+def test_diagram_is_coloured_by_attractor(starts):
+    """Over each other at one value: a start is no parameter."""
+    dataset = starts.rename({"start.rate": "limiters.stiffness"})
+    upper, lower = jr.plot.bifurcation(
+        jr.attractors(dataset, ["whirl_rate", "radius_max"], apart=2.0)
+    )
+    names = [text.get_text() for text in upper.get_legend().get_texts()]
+    assert all(name.startswith("whirl rate") for name in names)
+    assert sum(line.get_xdata().size for line in lower.get_lines()[:-1]) == 9
