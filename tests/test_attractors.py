@@ -53,7 +53,7 @@ def test_numbers_of_another_sweep_are_kept():
     first = made({"rate": [1.0, 1.0, 2.0]}, start__angle=np.arange(3.0))
     first = jr.attractors(first, ["rate"])
     then = made({"rate": [2.01, 0.5, 2.0, 2.02]}, start__angle=np.arange(4.0))
-    found = jr.attractors(then, ["rate"], like=first)["attractor"]
+    found = jr.attractors(then, ["rate"], within=0.05, like=first)["attractor"]
     assert found.values.tolist() == [1, 2, 1, 1]
     assert found.attrs["means"][0] == [1.0] and found.attrs["means"][2] == [0.5]
 
