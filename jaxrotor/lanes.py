@@ -220,8 +220,3 @@ def _keep(observe, shared: March, own: March, y, carry, number, count: int, revo
 def _decode(shared: March, own: March, y: Array):
     """Coordinates and velocities of every lane."""
     return jax.vmap(lambda own, y: eqx.combine(own, shared).form.decode(y))(own, y)
-
-
-def joined(results: list[Lanes]) -> Lanes:
-    """All lanes, from those of chunks."""
-    return jax.tree.map(lambda *parts: np.concatenate(parts), *results)

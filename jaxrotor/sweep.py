@@ -2,8 +2,11 @@
 
 import dataclasses
 import itertools
+import math
+import os
+import threading
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -12,14 +15,15 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .chunks import chunk_size, cores, progress as bar, spread
+from .chunks import cores, progress as bar, spread
 from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
-from .lanes import Context, Lanes, Stages, joined, run_chunk, run_rows
+from .grid import Block, Gathered, block_shape, blocks
+from .lanes import Context, Lanes, Stages, run_chunk, run_rows
 from .march import Plan
 from .observe import AbstractObservable, Variable, everything
-from .outcome import STATUS, statuses, too_long
+from .outcome import STATUS, failed, statuses, too_long
 from .pilot import Pilot
 from .quantities import quantity_units
 from .scene import Scene
@@ -35,9 +39,11 @@ from .simulate import (
 from .solvers.control import step_control
 from .solvers.exponential import Exponential
 from .start import AbstractStart, AtRest
+from .store import Store
 from .system import assemble, port_groups
 
 
+NO_ERROR = ("status", "extrema_missed", "unresolved")
 BRANCHES = ("up", "down")  # of a sweep that carries states along
 PILOT_LANES = 4  # by which "auto" steps are chosen
 
@@ -55,6 +61,7 @@ def sweep(
     tolerance: float | int = 1e-3,
     error_sample: int = 0,
     carry: str | None = None,
+    store: str | os.PathLike[str] | None = None,
     solver: Exponential | dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     at: float | Any | None = None,
@@ -84,6 +91,8 @@ def sweep(
             `error_lane`, the lane's number.
         carry: path of `over` whose values, ascending, are taken one after the other, up and then down,
             every lane going on from the state it has; the data set is over `branch` ("up", "down") too.
+        store: folder that chunks of lanes are written to, in Zarr format, as soon as they are done. A
+            sweep that was stopped goes on when it is called again; that of another sweep is refused.
         solver: as in `simulate`.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
@@ -95,7 +104,8 @@ def sweep(
 
     Returns:
         Dataset over the swept paths, not differentiable. `status` says of every lane whether it
-        succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings.
+        succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings. That of a
+        `store` is read from the folder where it is looked at.
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
@@ -144,40 +154,104 @@ def sweep(
         together=_port_groups(scene, axes),
         batch=True,
     )
-    points = _points(axes)
-    if carry is not None:  # a lane is a row of points, up and down again
-        row = points.reshape(len(axes[carry]), -1, len(axes)).swapaxes(0, 1)
-        points = np.concatenate([row, row[:, ::-1]], axis=1)
-    again = _spread_over(len(points), error_sample)
     context = Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
-    finer = dataclasses.replace(context, plan=_finer(plan))
+    job = _Job(context, axes, carry, Stages.fresh())
+    about = _provenance(context) | chosen(pilots) | ({} if carry is None else {"carry": carry})
     workers = cores(workers)
-    chunks, size = _chunked(points, lanes_per_chunk, workers)
-    seconds, few = _chunked(points[again], lanes_per_chunk, workers)
-    rows = 1 if carry is None else points.shape[1]
-    total = (len(chunks) * rows + len(seconds)) * (settle + keep)
-    with bar(progress, total, f"{len(points)} lanes") as tick:
-        stages = Stages.fresh()
-        way = run_chunk if carry is None else run_rows
-        run = lambda points, tick: way(context, stages, points, size, tick)
-        results = joined(spread(run, chunks, workers, tick))
-        run = lambda points, tick: run_chunk(finer, stages, points, few, tick)
-        repeated = joined(spread(run, seconds, workers, tick)) if seconds else None
-    if not results.outcome.ok.any():
-        start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
-    if carry is not None:
-        axes, results = (
-            {"branch": np.array(BRANCHES), **axes},
-            _by_branch(results, len(axes[carry])),
-        )
-    found = _dataset(context, axes, results)
-    found.attrs |= chosen(pilots) | ({} if carry is None else {"carry": carry})
-    if repeated is not None:
-        _add_errors(found, context, again, results, repeated)
-    return found
+    sink, todo, size = _placed_in(store, job, about, lanes_per_chunk, workers)
+    again = _spread_over(job.lanes, error_sample)
+    seconds, few = _again(again, lanes_per_chunk, workers)
+    total = (len(todo) * job.rows + len(seconds)) * (settle + keep)
+    lock = threading.Lock()
+
+    def fill(block: Block, tick) -> None:
+        part = job.run(block, size, tick)
+        with lock:
+            sink.put(block, part)
+
+    with bar(progress, total, f"{job.lanes} lanes") as tick:
+        spread(fill, todo, workers, tick)
+        found = sink.finished()
+        if failed(found["status"]).all():
+            start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
+        if seconds and "error_lane" not in found.coords:
+            finer = dataclasses.replace(context, plan=_finer(plan))
+            repeat = lambda lanes, tick: job.repeat(finer, lanes, few, tick)
+            parts = spread(repeat, seconds, workers, tick)
+            repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
+            sink.add(*_errors(found, repeated))
+    return sink.finished()
+
+
+class _Job(NamedTuple):
+    """The lanes of a sweep."""
+
+    context: Context
+    axes: dict[str, np.ndarray]  # values by path; one that states are carried along is first
+    carry: str | None
+    stages: Stages
+
+    @property
+    def free(self) -> dict[str, int]:
+        """Number of values of every path that lanes are spread over."""
+        return {path: len(values) for path, values in self.axes.items() if path != self.carry}
+
+    @property
+    def lanes(self) -> int:
+        return math.prod(self.free.values())
+
+    @property
+    def rows(self) -> int:
+        """Points that a lane goes through."""
+        return 1 if self.carry is None else 2 * len(self.axes[self.carry])
+
+    @property
+    def dims(self) -> dict[str, np.ndarray]:
+        """Values by dimension of the data set."""
+        return self.axes if self.carry is None else {"branch": np.array(BRANCHES), **self.axes}
+
+    def run(self, block: Block, size: int, tick) -> xr.Dataset:
+        """A block of lanes, in a program for `size` of them."""
+        axes = {path: v[block.get(path, slice(None))] for path, v in self.axes.items()}
+        points = _points(axes)
+        if self.carry is None:
+            return _dataset(
+                self.context, axes, run_chunk(self.context, self.stages, points, size, tick)
+            )
+        count = len(axes[self.carry])
+        row = points.reshape(count, -1, len(axes)).swapaxes(0, 1)
+        there_and_back = np.concatenate([row, row[:, ::-1]], axis=1)
+        lanes = run_rows(self.context, self.stages, there_and_back, size, tick)
+        return _dataset(self.context, {**self.dims, **axes}, _by_branch(lanes, count))
+
+    def repeat(self, finer: Context, lanes: np.ndarray, size: int, tick) -> xr.Dataset:
+        """Some lanes again, by their numbers."""
+        found = run_chunk(finer, self.stages, _points(self.axes)[lanes], size, tick)
+        return _dataset(finer, {"error_lane": lanes}, found)
 
 
 # === before the run
+
+
+def _placed_in(
+    store: Any, job: _Job, about: dict[str, Any], most: int, workers: int
+) -> tuple[Gathered | Store, list[Block], int]:
+    """Where results go, which blocks are still to be computed, and how large they are."""
+    free = job.free
+    block = dict(zip(free, block_shape(list(free.values()), most, workers), strict=True))
+    coords = _coords(job.context, job.dims)
+    place = (coords, about, block)
+    sink = Gathered(*place) if store is None else Store(store, *place)
+    shape = [sink.block[path] for path in free]
+    return sink, sink.pending(blocks(free, shape)), math.prod(shape)
+
+
+def _again(lanes: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:
+    """Chunks of lanes to run again, and the size they are padded to."""
+    if not lanes.size:
+        return [], 0
+    (size,) = block_shape([lanes.size], most, workers)
+    return [lanes[i : i + size] for i in range(0, lanes.size, size)], size
 
 
 def _carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -> dict[str, Any]:
@@ -220,14 +294,6 @@ def _finer(plan: Plan) -> Plan:
     if isinstance(control, dfx.PIDController):
         control = dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
     return dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
-
-
-def _chunked(points: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:
-    """Chunks of lanes, and the size they are padded to."""
-    if not len(points):
-        return [], 0
-    size = chunk_size(len(points), most, workers)
-    return [points[i : i + size] for i in range(0, len(points), size)], size
 
 
 def _chosen_steps(
@@ -337,32 +403,33 @@ def _reported(context: Context, results: Lanes) -> dict[str, Variable]:
     return data
 
 
-def _add_errors(found: xr.Dataset, context: Context, lanes, results: Lanes, repeated: Lanes):
-    """What twice the steps change in the numbers of some lanes."""
-    before, after = (_reported(context, one) for one in (results, repeated))
-    good = results.outcome.ok[lanes] & repeated.outcome.ok
-    for name, one in before.items():
-        if one.dims not in ((), ("limiter",)) or name == "extrema_missed":
+def _errors(
+    found: xr.Dataset, repeated: xr.Dataset
+) -> tuple[xr.Dataset, dict[str, dict[str, float]]]:
+    """What twice the steps change in the numbers of some lanes, and what of it to say beside all."""
+    lanes = repeated["error_lane"].values
+    of = lambda values: values.reshape(-1, *values.shape[found["status"].ndim :])[lanes]
+    good = ~failed(of(found["status"].values)) & ~failed(repeated["status"].values)
+    variables, about = {}, {}
+    for name, one in repeated.data_vars.items():
+        if one.dims[1:] not in ((), ("limiter",)) or name in NO_ERROR:
             continue
-        off = np.abs(np.asarray(after[name].values) - np.asarray(one.values)[lanes])
+        off = np.abs(one.values - of(found[name].values))
         off[~good] = np.nan
-        about = {"units": one.units, "long_name": f"change of {one.long_name} by twice the steps"}
-        found[f"{name}_error"] = (("error_lane", *one.dims), off, about)
+        long_name = f"change of {one.attrs['long_name']} by twice the steps"
+        attrs = {"units": one.attrs["units"], "long_name": long_name}
+        variables[f"{name}_error"] = (one.dims, off, attrs)
         known = off[np.isfinite(off)]
         if known.size:
-            found[name].attrs["error"] = float(known.max())
-            found[name].attrs["error_median"] = float(np.median(known))
-    found.coords["error_lane"] = ("error_lane", lanes, {"long_name": "lane that was run again"})
+            about[name] = {"error": float(known.max()), "error_median": float(np.median(known))}
+    return xr.Dataset(variables, {"error_lane": repeated["error_lane"]}), about
 
 
 def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -> xr.Dataset:
     good = results.outcome
     shape = tuple(len(values) for values in axes.values())
     data = _reported(context, results)
-    coords: dict[str, Any] = {
-        path: (path, values, {} if path == "branch" else {"units": _unit(context, path)})
-        for path, values in axes.items()
-    }
+    coords = _coords(context, axes)
     undefined = np.zeros(len(good.ok), bool)
     for name in ("index", "whirl_rate"):
         if name in data:
@@ -395,6 +462,16 @@ def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -
         about = {"units": "1", "long_name": "steps whose changes of contact were not located"}
         variables["unresolved"] = (tuple(axes), good.unresolved.reshape(shape), about)
     return xr.Dataset(variables, coords, _provenance(context))
+
+
+def _coords(context: Context, axes: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Values of the dimensions, each with its unit."""
+    about = {"branch": {}, "error_lane": {"long_name": "lane that was run again"}}
+    units = lambda path: {"units": _unit(context, path)}
+    return {
+        dim: (dim, values, about[dim] if dim in about else units(dim))
+        for dim, values in axes.items()
+    }
 
 
 def _unit(context: Context, path: str) -> str:
