@@ -416,7 +416,9 @@ def fake(monkeypatch):
     def replace(how):
         def run(scene, axes, **options):
             seen.calls.append((scene, axes, options))
-            return how(axes).assign_attrs(steps_per_revolution=options["steps_per_revolution"])
+            found = how(axes).assign_attrs(steps_per_revolution=options["steps_per_revolution"])
+            found.to_zarr(options["store"], zarr_format=2)
+            return found
 
         monkeypatch.setattr(module, "run", run)
         return seen
@@ -557,7 +559,7 @@ def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
     real = output.Path.rename
 
     def rename(self, target):
-        if self.name == "sweep.zarr" and self.parent.name.startswith(".draft-"):
+        if self.name == "bifurcation.png" and self.parent.name.startswith(".draft-"):
             raise OSError(5, "Input/output error")
         return real(self, target)
 

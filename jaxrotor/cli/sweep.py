@@ -1,7 +1,9 @@
 """Command `sweep`: long-run motion over a grid of parameters."""
 
+import contextlib
 import enum
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,10 +40,11 @@ from .options import (
     start_with,
     swept_axes,
 )
-from .output import draft, draw, write_dataset, written_to
+from .output import draft, draw, written_to
 
 
 _FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png")
+_PARTIAL = "sweep-partial.zarr"  # until it is whole
 _COUNTS = {"settle": 1000, "keep": 300, "steps_per_revolution": 256}  # where a scene says nothing
 
 
@@ -114,7 +117,8 @@ def sweep(
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
 
     Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
-    DIR/bifurcation.png. What to sweep, from which start and for how long stands in the scene's
+    DIR/bifurcation.png. Lanes are kept as they are done: the same command goes on where one was
+    interrupted. What to sweep, from which start and for how long stands in the scene's
     `[sweep]` table; options say otherwise.
 
     ```
@@ -146,12 +150,14 @@ def sweep(
         "error_sample": error_sample,
     }
     out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep") if out is None else out
+    partial = out / _PARTIAL
     with draft(out, _FILES, overwrite) as folder:
         begun = time.perf_counter()
-        dataset = run(rotor, axes, start=start, **counts, **options)
+        with _kept(partial):
+            dataset = run(rotor, axes, start=start, **counts, **options, store=partial).load()
         seconds = time.perf_counter() - begun
-        write_dataset(dataset, folder / "sweep.zarr")
         _draw(dataset, list(axes), folder)
+    partial.rename(out / "sweep.zarr")
     counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
     written = written_to(out, _FILES)
     lanes = _lanes(dataset)
@@ -171,6 +177,23 @@ def sweep(
         )
     else:
         _print(dataset, axes, counts, lanes, seconds, written)
+
+
+@contextlib.contextmanager
+def _kept(partial: Path) -> Iterator[None]:
+    """Say of a run that is interrupted what is kept of it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not partial.exists():
+            raise
+        done = xr.open_zarr(partial, chunks=None)["status"].values != STATUS.index("not_computed")
+        typer.echo(
+            f"Interrupted; {done.sum()} of {done.size} lanes are kept in {partial}, and the same command "
+            "goes on from there.",
+            err=True,
+        )
+        raise typer.Exit(130) from None
 
 
 def _axes(scene: Scene, table: dict[str, Any], over: list[str] | None) -> dict[str, np.ndarray]:
