@@ -1,8 +1,9 @@
-"""Pages of the site that are files of the repository: README, CONTRIBUTING, CHANGELOG, benchmarks."""
+"""Pages of the site that are files of the repository, and tables quoted from them: no copies."""
 
 import re
 from pathlib import Path
 
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, InclusionLevel
 
 
@@ -14,6 +15,7 @@ PAGES = {
     "benchmarks.md": "benchmarks/README.md",
 }
 LINK = re.compile(r"(\]\()(?:\.\./)?docs/")  # to a neighbour, once on the site
+QUOTE = re.compile(r'^\{\{ quote (?P<file>\S+) "(?P<start>.+)" \}\}$', re.MULTILINE)
 
 
 def on_files(files, config):
@@ -22,6 +24,19 @@ def on_files(files, config):
         text = LINK.sub(r"\1", (REPOSITORY / path).read_text("utf-8"))
         files.append(File.generated(config, place, content=text, inclusion=InclusionLevel.INCLUDED))
     return files
+
+
+def on_page_markdown(markdown, page, config, files):
+    """`{{ quote FILE "START" }}` becomes the lines of a file from START to the next empty one."""
+    return QUOTE.sub(_quoted, markdown)
+
+
+def _quoted(match):
+    text = (REPOSITORY / match["file"]).read_text("utf-8")
+    blocks = [block for block in text.split("\n\n") if block.startswith(match["start"])]
+    if len(blocks) != 1:
+        raise PluginError(f"{match[0]}: {len(blocks)} blocks of the file begin so, not one.")
+    return blocks[0]
 
 
 def on_serve(server, config, builder):
