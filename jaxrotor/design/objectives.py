@@ -215,7 +215,9 @@ def contact_work(scene: Scene, revolutions: int, **run: Any) -> Scalar:
         raise ValueError(f"Contacts must be at one station, but are at {sorted(at)} m.")
     _check_contact(scene)
     seen = simulate(scene, revolutions, **run)
-    power = jnp.real(jnp.conj(seen.velocity[:, 0]) * jnp.sum(cast(Array, seen.contact_force), axis=1))
+    power = jnp.real(
+        jnp.conj(seen.velocity[:, 0]) * jnp.sum(cast(Array, seen.contact_force), axis=1)
+    )
     share = (seen.time - seen.time[0]) / (seen.time[-1] - seen.time[0])
     return jnp.trapezoid(jnp.cos(0.5 * jnp.pi * share) ** 2 * power, seen.time)
 

@@ -66,7 +66,9 @@ def uncertainty(
     units = np.linalg.norm(slopes, axis=0)
     if not np.all(np.isfinite(slopes)) or not np.all(units > 0):
         wrong = list(values)[int(np.argmin(np.isfinite(units) & (units > 0)))]
-        raise ValueError(f"The residuals do not depend on `{wrong}`, or not smoothly; leave it out.")
+        raise ValueError(
+            f"The residuals do not depend on `{wrong}`, or not smoothly; leave it out."
+        )
     _, sizes, ways = np.linalg.svd(np.asarray(slopes / units), full_matrices=False)
     if sizes[-1] <= np.finfo(float).eps * left.size * sizes[0]:
         raise ValueError(

@@ -26,7 +26,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 import jaxrotor as jr
-from jaxrotor import objectives, plot
+from jaxrotor import objectives
 from jaxrotor.plot import colours, page
 
 
@@ -88,7 +88,10 @@ def medium(number: float = 15.0, quick: bool = False) -> jr.Tuned:
 
 def draw(tuned: jr.Tuned, quick: bool = False) -> Axes:
     """Onset speed over both dampers, lines of equal cost, and the way of the tuning."""
-    disc, bearing = np.linspace(1, 300, 9 if quick else 25), np.linspace(1, 1200, 9 if quick else 33)
+    disc, bearing = (
+        np.linspace(1, 300, 9 if quick else 25),
+        np.linspace(1, 1200, 9 if quick else 33),
+    )
     scene = rotor()
     one = lambda pair: onset(scene.put(dict(zip(WHERE, pair, strict=True))))
     pairs = jnp.asarray(np.stack(np.meshgrid(disc, bearing), -1).reshape(-1, 2))
@@ -104,7 +107,9 @@ def draw(tuned: jr.Tuned, quick: bool = False) -> Axes:
         ax.plot(disc, by_bearing, style, color=colours.ORANGE, linewidth=1.2)
     ways = [values[tuned.start] for values in tuned.history.values.values()]
     ax.plot(*ways, ".-", color=colours.DARK, linewidth=0.6, markersize=3)
-    ax.plot(*(float(jnp.ravel(value)[0]) for value in tuned.values.values()), "o", color=colours.RED)
+    ax.plot(
+        *(float(jnp.ravel(value)[0]) for value in tuned.values.values()), "o", color=colours.RED
+    )
     ax.set(
         xlim=(0, 300),
         ylim=(0, 1200),

@@ -23,7 +23,6 @@ import optimistix as optx
 from matplotlib.axes import Axes
 
 import jaxrotor as jr
-from jaxrotor import plot
 from jaxrotor.plot import colours, page
 
 
@@ -122,9 +121,13 @@ if __name__ == "__main__":
     tuned, known = identify(recorded[0])
     print(tuned)
     print(known)
-    print(f"squared distance from the truth {float(known.distance(TRUTH)):.2f}, 99 % below {QUANTILE}")
+    print(
+        f"squared distance from the truth {float(known.distance(TRUTH)):.2f}, 99 % below {QUANTILE}"
+    )
     others = scatter(recorded)
-    print(f"of {len(others)} records: {np.round(distances(known, others), 1)}, sum of chi-square of 48")
+    print(
+        f"of {len(others)} records: {np.round(distances(known, others), 1)}, sum of chi-square of 48"
+    )
     share = others.std(axis=0, ddof=1) / [float(one) for one in known.deviations.values()]
-    print(f"scatter over deviation: {np.round(share, 2)}, 0.67 .. 1.40 in 95 % of cases")
+    print(f"scatter over deviation: {np.round(share, 2)}, 0.65 .. 1.35 in 95 % of cases")
     draw(recorded[0], tuned, known, others)[0].figure.savefig("identification.png")
