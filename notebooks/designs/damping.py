@@ -1,8 +1,8 @@
 """Dampers at the disc and in the bearings for a required onset speed, at least cost.
 
-A disc `m` on a massless shaft of stiffness `k`, with damping `h` inside it, in two bearings of stiffness `k_b`.
-Above its onset speed internal damping feeds a forward whirl; damping at the disc `c_d` and in the bearings
-`c_b` raises that speed:
+A disc `m` on a massless shaft of stiffness `k`, with damping `h` inside it, in two bearings of stiffness
+`k_b`. Above its onset speed internal damping feeds a forward whirl; damping at the disc `c_d` and in the
+bearings `c_b` raises that speed:
 
     minimise  (10 c_d + 2 c_b) / (1000 N s/m)     a damper at the disc costs ten times one in a bearing
     such that Omega* >= 300 rad/s
@@ -11,14 +11,16 @@ By hand, for the whirl `exp(i w t)` on the boundary: shaft and bearings in serie
 
     D = m w^2 - i c_d w,   B = 2 k_b + 2 i c_b w,   D B / (B - D) = k + i h (w - Omega*),
 
-whose real part gives `w` and then the imaginary part `Omega*`. A bearing too strongly damped is a rigid one, so
-`Omega*` rises with `c_b` and falls again; the disc's damper always helps, but is dear.
+whose real part gives `w` and then the imaginary part `Omega*`. A bearing too strongly damped is a rigid
+one, so `Omega*` rises with `c_b` and falls again; the disc's damper always helps, but is dear.
 
-A second, smaller one: the least damping by the medium that makes the speed of the scene `limiter-rotor`,
-`N = 15`, its onset speed.
+A second, smaller one: the least damping by the medium that makes a given speed the onset speed of the
+scene `limiter-rotor`.
 
     python notebooks/designs/damping.py
 """
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -66,7 +68,8 @@ def dampers(required: float = REQUIRED, quick: bool = False) -> jr.Tuned:
         rotor(),
         WHERE,
         constraints=[("onset", lambda scene: (required - onset(scene)) / 100)],
-        steps=60 if quick else 200,
+        steps=80 if quick else 200,
+        tolerance=1e-7,
         progress=False,
     )
 
@@ -81,7 +84,8 @@ def medium(number: float = 15.0, quick: bool = False) -> jr.Tuned:
         jr.load("limiter-rotor"),
         {path: (1.0, 30.0)},
         constraints=[("onset", lambda scene: 1.0 - speed(scene) / required)],
-        steps=60 if quick else 200,
+        steps=80 if quick else 200,
+        tolerance=1e-7,
         progress=False,
     )
 
@@ -98,15 +102,19 @@ def draw(tuned: jr.Tuned, quick: bool = False) -> Axes:
     speeds = np.asarray(jax.jit(lambda pairs: jax.lax.map(one, pairs))(pairs))
     speeds = speeds.reshape(bearing.size, disc.size)
     ax = page.single(None, 110, 85)
-    lines = ax.contour(disc, bearing, speeds, levels=np.arange(100, 601, 50), colors="0.6")
-    ax.clabel(lines, fmt="%g rad/s", fontsize=7)
+    levels = [level for level in range(150, 601, 50) if level != REQUIRED]
+    lines = ax.contour(disc, bearing, speeds, levels=levels, colors="0.6", linewidths=0.8)
+    ax.clabel(lines, fmt="%g", fontsize=7)
     ax.contour(disc, bearing, speeds, levels=[REQUIRED], colors=colours.BLUE, linewidths=2)
     least = float(tuned.loss)
     for share, style in ((0.8, ":"), (1.0, "-"), (1.2, ":")):
         by_bearing = (1000 * share * least - 10 * disc) / 2
-        ax.plot(disc, by_bearing, style, color=colours.ORANGE, linewidth=1.2)
+        label = "equal cost: least, 20 % less, 20 % more" if share == 1 else None
+        ax.plot(disc, by_bearing, style, color=colours.ORANGE, linewidth=1.2, label=label)
     ways = [values[tuned.start] for values in tuned.history.values.values()]
-    ax.plot(*ways, ".-", color=colours.DARK, linewidth=0.6, markersize=3)
+    ax.plot(*ways, ".-", color=colours.DARK, linewidth=0.6, markersize=3, label="way of the tuning")
+    ax.plot([], [], color=colours.BLUE, linewidth=2, label="required onset speed, 300 rad/s")
+    ax.plot([], [], color="0.6", linewidth=0.8, label="others [rad/s]")
     ax.plot(
         *(float(jnp.ravel(value)[0]) for value in tuned.values.values()), "o", color=colours.RED
     )
@@ -116,14 +124,26 @@ def draw(tuned: jr.Tuned, quick: bool = False) -> Axes:
         xlabel="damping at the disc $c_d$ [N s/m]",
         ylabel="damping in each bearing $c_b$ [N s/m]",
     )
+    page.legend(ax, 2)
     return ax
 
 
+class Solution(NamedTuple):
+    """Dampers of the rotor in bearings, and the medium of the limiter rotor."""
+
+    dampers: jr.Tuned
+    medium: jr.Tuned
+
+
+def solve(quick: bool = False) -> Solution:
+    """Both."""
+    return Solution(dampers(quick=quick), medium(quick=quick))
+
+
 if __name__ == "__main__":
-    tuned = dampers()
-    print(tuned)
-    print(f"onset speed {float(onset(tuned.scene)):.6f} rad/s")
-    found = medium()
-    print(found)
-    plot_of = draw(tuned)
-    plot_of.figure.savefig("damping.png")
+    solution = solve()
+    print(
+        solution.dampers, f"onset speed {float(onset(solution.dampers.scene)):.6f} rad/s", sep="\n"
+    )
+    print(solution.medium)
+    draw(solution.dampers).figure.savefig("damping.png")

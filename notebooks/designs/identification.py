@@ -1,20 +1,24 @@
 """A limiter's stiffness, gap and friction from one noisy record of a rotor that strikes it.
 
-The rotor of the scene `limiter-rotor` is pulled 12 mm aside at full speed and let go. Both coordinates `z_i` of
-the disc are recorded 64 times a revolution for 20 revolutions, with noise of standard deviation `sigma = 50` um.
-Sought are the three numbers `p` that all stops share:
+The rotor of the scene `limiter-rotor` is pulled 12 mm aside at full speed, into the corner between two
+stops, and let go; it strikes the third. Both coordinates `z_i` of the disc are recorded 64 times a
+revolution for 20 revolutions, with noise of standard deviation `sigma = 50` um. Sought are the three
+numbers `p` that all stops share:
 
     minimise  sum |z_i(p) - z_i|^2 / sigma^2     by Levenberg-Marquardt,
     C = (J^T J)^-1,   J = d (z_i(p) / sigma) / d p,
 
 `C` being the covariance of what is found, to first order in the noise. If it is right,
-`(p - p_true)^T C^-1 (p - p_true)` is distributed as chi-square with three degrees of freedom: 99 % below 11.34.
+`(p - p_true)^T C^-1 (p - p_true)` is distributed as chi-square with three degrees of freedom: 99 % below
+11.34.
 
-The record comes of located steps of fourth order, four times as many as the plain ones of second order that fit
-it, so the model is not given its own errors as data.
+The record comes of located steps of fourth order, four times as many as the plain ones of second order
+that fit it, so the model is not given its own errors as data.
 
     python notebooks/designs/identification.py
 """
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -79,16 +83,17 @@ def scatter(recorded: np.ndarray) -> np.ndarray:
     return np.asarray(jax.jit(lambda all_: jax.lax.map(fit, all_))(jnp.asarray(recorded)))
 
 
-def draw(recorded, tuned: jr.Tuned, known: jr.Uncertainty, others: np.ndarray) -> tuple[Axes, Axes]:
+def draw(solution: "Solution") -> tuple[Axes, Axes]:
     """The record and what was fitted to it; what was found from every record, and the covariance."""
-    first, second = page.pair(None, 170, 80, beside=True)
+    recorded, tuned, known, others = solution
+    first, second = page.pair(None, 170, 85, beside=True)
+    dots = 1e3 * recorded
+    first.plot(dots.real, dots.imag, ".", color="0.5", markersize=2, label="recorded")
     seen = 1e3 * np.asarray(jr.simulate(tuned.scene, REVOLUTIONS, STEPS, start=PLUCK).displacement)
     first.plot(seen.real, seen.imag, color=colours.BLUE, linewidth=0.8, label="fitted")
-    dots = 1e3 * recorded
-    first.plot(dots.real, dots.imag, ".", color=colours.DARK, markersize=1.5, label="recorded")
     for stop in tuned.scene.of(jr.Limiter):
         turn, gap = np.exp(1j * float(stop.angle)), 1e3 * float(stop.gap)
-        wall = turn * (gap + 1j * np.array([-9.0, 9.0]))
+        wall = turn * (gap + 1j * np.array([-12.0, 12.0]))
         first.plot(wall.real, wall.imag, color="0.6", linewidth=1.5, zorder=0)
     first.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=(-11, 14), ylim=(-13, 13))
     page.legend(first, 2)
@@ -100,8 +105,8 @@ def draw(recorded, tuned: jr.Tuned, known: jr.Uncertainty, others: np.ndarray) -
     scale = np.array([[1e-6], [1.0]])
     ring = scale * (np.linalg.cholesky(part) @ circle)
     at = scale * np.array([[float(known.values[name])] for name in names])
-    second.plot(*(at + ring), color=colours.BLUE, linewidth=1.2, label="95 % by the first")
-    second.plot(*(scale * others[:, order].T), ".", color=colours.DARK, label="every record")
+    second.plot(*(at + ring), color=colours.BLUE, linewidth=1.2, label="95 %")
+    second.plot(*(scale * others[:, order].T), ".", color=colours.DARK, label="all records")
     second.plot(*at, "o", color=colours.BLUE, markersize=4)
     truth = [factor * TRUTH[name] for factor, name in zip((1e-6, 1.0), names, strict=True)]
     second.plot(*truth, "+", color=colours.RED, markersize=9, label="true")
@@ -116,18 +121,29 @@ def distances(known: jr.Uncertainty, others: np.ndarray) -> np.ndarray:
     return np.sum(off * np.linalg.solve(np.asarray(known.covariance), off), axis=0)
 
 
-if __name__ == "__main__":
-    recorded = records(16)
+class Solution(NamedTuple):
+    """Of the first record, and what every one gives."""
+
+    recorded: np.ndarray
+    tuned: jr.Tuned
+    known: jr.Uncertainty
+    others: np.ndarray
+
+
+def solve(quick: bool = False) -> Solution:
+    """One limiter from a record, and from 16 (`quick`: 4) alike but for their noise."""
+    recorded = records(4 if quick else 16)
     tuned, known = identify(recorded[0])
-    print(tuned)
-    print(known)
-    print(
-        f"squared distance from the truth {float(known.distance(TRUTH)):.2f}, 99 % below {QUANTILE}"
-    )
-    others = scatter(recorded)
-    print(
-        f"of {len(others)} records: {np.round(distances(known, others), 1)}, sum of chi-square of 48"
-    )
-    share = others.std(axis=0, ddof=1) / [float(one) for one in known.deviations.values()]
-    print(f"scatter over deviation: {np.round(share, 2)}, 0.65 .. 1.35 in 95 % of cases")
-    draw(recorded[0], tuned, known, others)[0].figure.savefig("identification.png")
+    return Solution(recorded[0], tuned, known, scatter(recorded))
+
+
+if __name__ == "__main__":
+    solution = solve()
+    print(solution.tuned, solution.known, sep="\n")
+    distance = float(solution.known.distance(TRUTH))
+    print(f"squared distance from the truth {distance:.2f}, 99 % below {QUANTILE}")
+    every = distances(solution.known, solution.others)
+    print(f"of {every.size} records {np.round(every, 1)}, in all {every.sum():.1f}")
+    share = solution.others.std(axis=0, ddof=1) / np.sqrt(np.diag(solution.known.covariance))
+    print(f"scatter over deviation {np.round(share, 2)}, 0.65 to 1.35 in 95 % of cases")
+    draw(solution)[0].figure.savefig("identification.png")

@@ -9,8 +9,9 @@ and a backward rub that bounces among `n` hard flat stops comes back the same if
 
     e* = (tan(pi / n) - f) / (tan(pi / n) + f),
 
-less than which it dies: 0.89 for three stops, 0.71 for six (f = 0.1, no loss in flight). Both are estimates:
-the rotor bends, is unbalanced, and is damped by other things too. The design goes by the motion itself:
+less than which it dies: 0.89 for three stops, 0.70 for six (f = 0.1, no loss in flight). Both are
+estimates: the rotor bends, is unbalanced, and is damped by other things too. The design goes by the
+motion itself:
 
     minimise  c / (100 N s/m) - gap / (1 mm)      over stiffness k, damping c and gap of the stops
     such that W = Int h(t) Re(conj(z.) F) dt <= -0.6 E     released into the violent whip,
@@ -18,19 +19,18 @@ the rotor bends, is unbalanced, and is damped by other things too. The design go
               radius <= 10 mm                              touching in forward whirl, most unbalanced.
 
 `W` is the work of the stops on the rotor over four revolutions after the release, weighed by
-`h = cos^2(pi t / 2 T)`, mean over angles and eccentricities, `E` the kinetic energy of the disc at release.
-The work of a short window is smooth where its end state is not: a bounce that comes a little later has done
-almost the same work, but leaves in another direction.
+`h = cos^2(pi t / 2 T)`, mean over angles and eccentricities; `E` is the kinetic energy of the disc at
+release. The work of a short window is smooth where its end state is not: a bounce that comes a little
+later has done almost the same work, but leaves in another direction.
 
 Friction is given. Turning all stops together changes nothing without weight (it shifts the phase of the
-unbalance, over which all is averaged), and their number is no gradient's business: it is compared. What is
-designed is verified by an ensemble of long motions, which the design has never seen.
+unbalance, over which all is averaged), and their number is no gradient's business: it is compared. What
+is designed is verified by an ensemble of long motions, which the design has never seen.
 
-What fails: the whirl index at the end of a long run. Over damping it is a sequence of jumps between forward and
-backward, and its derivative, exact for each motion, grows with every bounce and says nothing about its trend.
-The descent from the published stops fails too: so hard stops scatter the motion, and their damper alone, at any
-strength, leaves the radius. It starts from a guess by hand instead: softer stops, with twice the damping of the
-first estimate.
+What fails: the whirl index at the end of a long run. Where the rub survives it is nearly the same at any
+damping, and its derivative is noise (see `slopes`); then it jumps. Descent from the published stops
+fails too: stops as hard as that scatter the motion, so it is led to a corner of the bounds where nothing
+changes any more. It starts from a guess by hand, ten times softer, with more damping than `f k / w`.
 
     python notebooks/designs/limiters.py
 """
@@ -51,7 +51,7 @@ from jaxrotor.plot import colours
 PUBLISHED = jr.load("limiter-rotor")
 LENGTH, TIME = 0.7, 0.0226465597  # l [m] and T* [s] of its source
 MOST = 0.00143 * LENGTH  # eccentricity [m]
-STARTS = {  # radius [m] and rate [rad/s] of release; the names say what they become between published stops
+STARTS = {  # radius [m] and rate [rad/s] of release; named by what comes of it between published stops
     "at rest": (1e-3 * LENGTH, 0.0),
     "backward rub": (0.012 * LENGTH, -10.0 / TIME),
     "violent whip": (0.1 * LENGTH, -18.0 / TIME),
@@ -150,6 +150,14 @@ def index(scene: jr.Scene, revolutions: int = 200) -> jax.Array:
     run = jr.simulate(moved, revolutions, STEPS, start=start, keep=20)
     momentum = jnp.mean(jnp.imag(jnp.conj(run.displacement) * run.velocity))
     return momentum / (jnp.mean(jnp.abs(run.displacement) ** 2) * scene.spin.speed)
+
+
+def slopes(dampings=(100.0, 101.0)) -> list[tuple[float, float]]:
+    """The index at the published stops, but for their damping, and its derivative [1 / (N s/m)]."""
+    scene = rotor(3, blend=2e-4)
+    of = lambda c: index(scene.put({"limiters.damping": c}))
+    both = jax.jit(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))
+    return [tuple(map(float, both(jnp.asarray(c)))) for c in dampings]
 
 
 # === what verifies it
@@ -263,5 +271,6 @@ if __name__ == "__main__":
         print(name, summary(ends))
     for number, pair in solution.others.items():
         print(number, "stops", *(summary(ends) for ends in pair), sep="\n  ")
+    print("index after a long run, and its derivative", *slopes())
     draw(solution)[0, 0].figure.savefig("limiters.png", dpi=200)
     draw_objectives()[0].figure.savefig("limiters_objectives.png", dpi=200)
