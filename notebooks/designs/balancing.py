@@ -111,7 +111,7 @@ def by_gradient(orbits) -> tuple[np.ndarray, jr.Tuned]:
     return -size * np.exp(1j * phase), tuned
 
 
-def draw(solution: Solution) -> tuple[Axes, Axes]:
+def draw(solution: "Solution") -> tuple[Axes, Axes]:
     """Orbits of the second disc before and after, and the corrections in both planes."""
     first, second = page.pair(None, 170, 85, beside=True)
     added = {"as it is": np.zeros(2)} | solution.corrections

@@ -221,19 +221,25 @@ def solve(quick: bool = False) -> Solution:
 def draw(solution: Solution) -> np.ndarray:
     """Whirl index and largest radius of every motion against eccentricity, before and after."""
     figure, axes = plt.subplots(
-        2, 2, figsize=(6.7, 4.2), sharex=True, sharey="row", layout="constrained"
+        2, 2, figsize=(6.7, 4.4), sharex=True, sharey="row", layout="constrained"
     )
     tints = (colours.BLUE, colours.ORANGE, colours.RED)
     for column, ends in zip(axes.T, (solution.before, solution.after), strict=True):
         across = 1e3 * ends["unbalance.eccentricity"].values
         for name, tint, mark in zip(STARTS, tints, "o^s", strict=True):
             lanes = ends.sel(start=name).transpose("unbalance.eccentricity", "start.angle")
-            style = {"color": tint, "markersize": 2, "label": f"from {name}", "linestyle": ""}
+            style = {
+                "color": tint,
+                "markersize": 2,
+                "label": f"from {name}".replace("at ", ""),
+                "linestyle": "",
+            }
             column[0].plot(across, lanes["winding"], mark, **style)
             column[1].plot(across, 1e3 * lanes["radius_max"], mark, **style)
         column[0].axhline(0.0, color="0.6", linewidth=0.6)
+        column[1].axhline(1e3 * PEAK, color="0.6", linewidth=0.6)
         column[1].set(yscale="log", xlabel="eccentricity [mm]")
-    axes[0, 0].set(title="published stops", ylabel="whirl turns per revolution [1]")
+    axes[0, 0].set(title="published stops", ylabel="whirl [turns/rev]")
     axes[0, 1].set(title="designed stops")
     axes[1, 0].set_ylabel("largest radius [mm]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -256,7 +262,7 @@ def draw_objectives(quick: bool = False) -> np.ndarray:
     axes[0].set_ylabel("work of the stops over $E$ [1]")
     axes[0].legend(frameon=False)
     axes[1].plot(dampings, at(index), ".-", color=colours.RED, markersize=3, linewidth=0.6)
-    axes[1].set_ylabel("whirl index after 200 revolutions [1]")
+    axes[1].set_ylabel("whirl index, late [1]")
     for ax in axes:
         ax.axhline(0.0, color="0.6", linewidth=0.6)
         ax.set(xscale="log", xlabel="damping of the stops [N s/m]")
