@@ -113,7 +113,7 @@ def by_gradient(orbits) -> tuple[np.ndarray, jr.Tuned]:
 
 def draw(solution: "Solution") -> tuple[Axes, Axes]:
     """Orbits of the second disc before and after, and the corrections in both planes."""
-    first, second = page.pair(None, 170, 85, beside=True)
+    first, second = page.pair(None, 170, 105, beside=True)
     added = {"as it is": np.zeros(2)} | solution.corrections
     tints = (colours.DARK, colours.RED, colours.BLUE)
     for (name, masses), tint in zip(added.items(), tints, strict=True):

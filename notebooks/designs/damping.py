@@ -109,12 +109,12 @@ def draw(tuned: jr.Tuned, quick: bool = False) -> Axes:
     least = float(tuned.loss)
     for share, style in ((0.8, ":"), (1.0, "-"), (1.2, ":")):
         by_bearing = (1000 * share * least - 10 * disc) / 2
-        label = "equal cost: least, 20 % less, 20 % more" if share == 1 else None
+        label = "equal cost, 20 % apart" if share == 1 else None
         ax.plot(disc, by_bearing, style, color=colours.ORANGE, linewidth=1.2, label=label)
     ways = [values[tuned.start] for values in tuned.history.values.values()]
     ax.plot(*ways, ".-", color=colours.DARK, linewidth=0.6, markersize=3, label="way of the tuning")
-    ax.plot([], [], color=colours.BLUE, linewidth=2, label="required onset speed, 300 rad/s")
-    ax.plot([], [], color="0.6", linewidth=0.8, label="others [rad/s]")
+    ax.plot([], [], color=colours.BLUE, linewidth=2, label="300 rad/s, required")
+    ax.plot([], [], color="0.6", linewidth=0.8, label="onset speed [rad/s]")
     ax.plot(
         *(float(jnp.ravel(value)[0]) for value in tuned.values.values()), "o", color=colours.RED
     )

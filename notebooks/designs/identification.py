@@ -86,7 +86,7 @@ def scatter(recorded: np.ndarray) -> np.ndarray:
 def draw(solution: "Solution") -> tuple[Axes, Axes]:
     """The record and what was fitted to it; what was found from every record, and the covariance."""
     recorded, tuned, known, others = solution
-    first, second = page.pair(None, 170, 85, beside=True)
+    first, second = page.pair(None, 170, 95, beside=True)
     dots = 1e3 * recorded
     first.plot(dots.real, dots.imag, ".", color="0.5", markersize=2, label="recorded")
     seen = 1e3 * np.asarray(jr.simulate(tuned.scene, REVOLUTIONS, STEPS, start=PLUCK).displacement)
