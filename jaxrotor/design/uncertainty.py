@@ -16,8 +16,8 @@ from ..scene import Scene
 class Uncertainty(eqx.Module):
     """Covariance of `n` fitted parameters, in the order of `values`."""
 
-    values: dict[str, Scalar]  # SI
-    deviations: dict[str, Scalar]  # standard, SI
+    values: Mapping[str, Scalar]  # SI
+    deviations: Mapping[str, Scalar]  # standard, SI
     covariance: Float[Array, "n n"]
     noise: Scalar  # standard deviation of a residual
 
