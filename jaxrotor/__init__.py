@@ -73,8 +73,10 @@ from .dataset import dataset as dataset  # noqa: E402
 from .design import (  # noqa: E402
     History as History,
     Tuned as Tuned,
+    Uncertainty as Uncertainty,
     objectives as objectives,
     tune as tune,
+    uncertainty as uncertainty,
 )
 from .effects import (  # noqa: E402
     BallBalancer as BallBalancer,

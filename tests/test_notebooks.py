@@ -3,6 +3,7 @@
 import base64
 import json
 import math
+import os
 import re
 from pathlib import Path
 
@@ -114,6 +115,19 @@ FOUND = {
         "rms imbalance at 1.7, coming down": (0.0, 0.05),
         "rms imbalance at 1.6, coming down": (4.48, 0.1),
     },
+    "06_design": {
+        "nu0 at alpha 1 from -0.9": (-0.362049935181, 1e-9),
+        "nu0 at alpha 1 from 0.5": (-0.362049935181, 1e-9),
+        "whips that stay, before": (1.0, 1e-12),
+        "largest radius before [mm]": (0.1439 * 700, 0.1),
+        "backward after": (0.0, 1e-12),
+        "cost of the dampers": (1.7711834, 2e-5),
+        "onset speed [rad/s]": (300.0, 1e-3),
+        "left by gradient [um]": (0.0, 1.0),
+        "distance from the truth": (0.0, 11.345),
+        "gap [mm]": (7.5, 0.03),
+        "friction": (0.1, 1.4e-3),
+    },
 }
 
 
@@ -124,6 +138,7 @@ def executed(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param.stem)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("JAXROTOR_QUICK", "1")
+        patch.setenv("PYTHONPATH", str(request.param.parent), prepend=os.pathsep)
         patch.delenv("MPLBACKEND", raising=False)  # the kernel's own draws into the notebook
         resources = {"metadata": {"path": str(folder)}}
         NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()

@@ -46,6 +46,12 @@ CASES = {
         ("limiters.friction", "limiters.gap"),
         3e-6,
     ),
+    "contact_work": (
+        rubbing,
+        lambda s: objectives.contact_work(s, 1, **WINDOW),
+        ("limiters.damping", "limiters.gap"),
+        3e-6,
+    ),
     "reaction_peak": (
         lambda: jr.load("two-discs").with_nodes(4),
         lambda s: objectives.reaction_peak(s, "supports.1", 1, steps_per_revolution=32),
@@ -97,6 +103,33 @@ def test_forces_of_a_window(monkeypatch):
     assert float(objectives.reaction_peak(scene, "supports.1", 1)) == 5.0
     rms = float(objectives.reaction_rms(scene, "supports.0", 1))
     assert rms == pytest.approx(0.5**0.5, rel=1e-14)
+
+
+def test_work_of_a_window(monkeypatch):
+    """A constant power, weighed by a squared cosine, does the work of half of the window."""
+    time, power = np.linspace(2.0, 5.0, 301), 7.0
+    velocity = jnp.exp(3j * time)[:, None]
+    force = power * velocity * jnp.array([[0.25 + 2j, 0.75 - 2j]])  # their cross parts do no work
+    seen = types.SimpleNamespace(time=time, velocity=velocity, contact_force=force)
+    monkeypatch.setattr(objectives, "simulate", lambda *_, **__: seen)
+    assert float(objectives.contact_work(rubbing(), 1)) == pytest.approx(power * 3.0 / 2, rel=1e-12)
+    free, apart = limiter_rotor(contact=False), rubbing().replace({"limiters.0.at": 0.35})
+    with pytest.raises(ValueError, match="no contacts"):
+        objectives.contact_work(free, 1)
+    with pytest.raises(ValueError, match="at one station"):
+        objectives.contact_work(apart, 1)
+
+
+def test_numbers_of_a_rub(monkeypatch):
+    """A period's last sample is its first, so it does not count; derivatives: see `test_periodic`."""
+    orbit = types.SimpleNamespace(
+        whirl_rate=jnp.array(-0.5), displacement=jnp.array([[1.0], [2j], [-3.0], [1.0]])
+    )
+    monkeypatch.setattr(objectives, "periodic", lambda *_, **__: orbit)
+    seen = objectives.rub(rubbing(), orbit)
+    assert float(seen.whirl_rate) == -0.5
+    assert float(seen.radius) == pytest.approx((14 / 3) ** 0.5, rel=1e-14)
+    assert float(objectives.rub(rubbing(), orbit, None).radius) == 3.0
 
 
 def test_times_of_balls(monkeypatch):

@@ -12,6 +12,7 @@ from switched import TURN, Switched
 from systems import LENGTH, TIME, limiter_rotor
 
 import jaxrotor as jr
+from jaxrotor import objectives
 from jaxrotor.orbits.recurrence import recurrence
 from jaxrotor.orbits.symmetry import changes, kept, order
 
@@ -108,6 +109,15 @@ def test_locked_orbit_is_a_subharmonic():
     # and is a guess of its neighbours
     near = jr.periodic(scene.replace({"unbalance.eccentricity": 1.1e-3 * LENGTH}), orbit)
     assert near.revolutions == 2 and float(near.whirl_rate) == -0.5
+
+
+def test_numbers_to_tune_by(rub):
+    """Those of the orbit, found again; derivatives: see below."""
+    scene, orbit = rub
+    seen = objectives.rub(scene, orbit, steps_per_revolution=512)
+    assert float(seen.whirl_rate) == pytest.approx(float(orbit.whirl_rate), abs=1e-9)
+    radius = np.abs(orbit.displacement[:-1, 0])
+    assert float(seen.radius) == pytest.approx(np.sqrt(np.mean(radius**2)), rel=1e-7)
 
 
 def test_linear_orbit_is_the_steady_state():

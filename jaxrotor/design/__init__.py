@@ -2,3 +2,4 @@
 
 from . import objectives as objectives
 from .tune import History as History, Tuned as Tuned, tune as tune
+from .uncertainty import Uncertainty as Uncertainty, uncertainty as uncertainty

@@ -6,7 +6,7 @@ speeds) - 1e-3 * objectives.onset_speed(scene)`. What is to grow gets a minus si
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +14,9 @@ from jaxtyping import Array, Float
 
 from .. import analysis
 from ..effects import AbstractBodies, AbstractContact, InternalDamping, Support
+from ..orbits import periodic
 from ..pencil import Pencil, isotropic
-from ..quantities import Scalar
+from ..quantities import Scalar, known
 from ..reactions import reactions
 from ..run_up import run_up
 from ..scene import Scene
@@ -202,6 +203,26 @@ def contact_rms(scene: Scene, revolutions: int, **run: Any) -> Scalar:
     return jnp.sqrt(jnp.mean(squares))
 
 
+def contact_work(scene: Scene, revolutions: int, **run: Any) -> Scalar:
+    """`Int h Re(conj(z.) F) dt` [J] over a window, work of all contacts on the rotor.
+
+    Above zero they feed the motion, by friction; below they take from it. The weight
+    `h = cos^2(pi t / 2 T)` falls smoothly to zero at the end `T`, so what a stop stores and gives back
+    cancels, also where the end cuts a contact in two. Smoother than the state at the end: of two bounces
+    that part, the work is nearly the same. Contacts at one station; otherwise as of `contact_peak`.
+    """
+    at = {float(contact.at) for contact in scene.of(AbstractContact) if known(contact.at)}
+    if len(at) > 1:
+        raise ValueError(f"Contacts must be at one station, but are at {sorted(at)} m.")
+    _check_contact(scene)
+    seen = simulate(scene, revolutions, **run)
+    power = jnp.real(
+        jnp.conj(seen.velocity[:, 0]) * jnp.sum(cast(Array, seen.contact_force), axis=1)
+    )
+    share = (seen.time - seen.time[0]) / (seen.time[-1] - seen.time[0])
+    return jnp.trapezoid(jnp.cos(0.5 * jnp.pi * share) ** 2 * power, seen.time)
+
+
 def reaction_peak(
     scene: Scene,
     name: str,
@@ -230,14 +251,55 @@ def reaction_rms(scene: Scene, name: str, revolutions: int, **run: Any) -> Scala
     return jnp.sqrt(jnp.mean(_square(_reaction(scene, name, revolutions, run))))
 
 
-def _contact(scene: Scene, revolutions: int, run: dict[str, Any]) -> Array:
+def _check_contact(scene: Scene) -> None:
     if not scene.of(AbstractContact):
         raise ValueError("The scene has no contacts, so no contact force; give it a `Limiter`.")
+
+
+def _contact(scene: Scene, revolutions: int, run: dict[str, Any]) -> Array:
+    _check_contact(scene)
     return cast(Array, simulate(scene, revolutions, **run).contact_force)
 
 
 def _reaction(scene: Scene, name: str, revolutions: int, run: dict[str, Any]) -> Array:
     return reactions(simulate(scene, revolutions, **run)).of(name)
+
+
+# === periodic motion
+
+
+class Rub(NamedTuple):
+    """Of a periodic rub."""
+
+    whirl_rate: Scalar  # over the speed [1], backward negative
+    radius: Scalar  # mean by a power [m]
+
+
+def rub(
+    scene: Scene,
+    orbit: Any,
+    power: float | int | None = 2,
+    *,
+    at: Any = None,
+    **find: Any,
+) -> Rub:
+    """Whirl rate `turn / (Omega T)` and radius `mean(|z|^p)^(1/p)` of the periodic rub near a known one.
+
+    Smooth, by the implicit function theorem, as long as the orbit exists with the same order of contacts.
+    Where it only just touches a stop slopes are one-sided; where it is born or dies (a multiplier at 1)
+    they grow without bound, and beyond it is not a number: keep bounds inside. A rate that is locked to
+    the rotation is flat. The largest sample (`power=None`) has kinks.
+
+    Args:
+        scene: with contacts.
+        orbit: of `jaxrotor.periodic`, of a scene not far away.
+        power: of the mean over the samples.
+        at: station [m], by default the observed one of `simulate`.
+        **find: `steps_per_revolution`, `finder` and others of `periodic`.
+    """
+    _check_contact(scene)
+    found = periodic(scene, orbit, at=scene.stations(at)[0], **find)
+    return Rub(found.whirl_rate, peak(jnp.abs(found.displacement[:-1, 0]), power))
 
 
 # === balls

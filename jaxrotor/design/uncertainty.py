@@ -1,0 +1,81 @@
+"""Uncertainty: how well residuals settle the parameters that were fitted by them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..quantities import Scalar
+from ..scene import Scene
+
+
+class Uncertainty(eqx.Module):
+    """Covariance of `n` fitted parameters, in the order of `values`."""
+
+    values: Mapping[str, Scalar]  # SI
+    deviations: Mapping[str, Scalar]  # standard, SI
+    covariance: Float[Array, "n n"]
+    noise: Scalar  # standard deviation of a residual
+
+    def distance(self, values: Mapping[str, Any]) -> Scalar:
+        """`(x - x')^T C^-1 (x - x')` [1]: of true parameters `x'` it is distributed as chi-square of n."""
+        given = jnp.stack([jnp.asarray(values[path], float) for path in self.values])
+        scale = jnp.stack(list(self.deviations.values()))
+        off = (given - jnp.stack(list(self.values.values()))) / scale
+        return off @ jnp.linalg.solve(self.covariance / jnp.outer(scale, scale), off)
+
+    def __str__(self) -> str:
+        return "\n".join(
+            f"{path} = {float(value):.6g} +- {float(self.deviations[path]):.2g}"
+            for path, value in self.values.items()
+        )
+
+
+def uncertainty(
+    residuals: Callable[[Scene], Any],
+    scene: Scene,
+    paths: Sequence[str],
+    noise: float | None = None,
+) -> Uncertainty:
+    """`C = sigma^2 (J^T J)^-1`, `J = d residuals / d parameters` at what a fit has found.
+
+    Right to first order in the noise, for residuals that scatter independently and alike. The fit must
+    not have ended on a bound.
+
+    Args:
+        residuals: of a scene, at least as many as parameters; those that were fitted.
+        scene: where they are least, such as `tuned.scene`.
+        paths: of the parameters, such as `tuned.values`.
+        noise: standard deviation sigma of a residual; by default that of what the fit has left,
+            `sqrt(sum r^2 / (m - n))` of `m` residuals.
+
+    Source: Nocedal, Wright (2006), Numerical Optimization, section 10.2; Bard (1974), section 7.5.
+    """
+    values = {path: jnp.ravel(scene.get(path))[0] for path in paths}
+    own = jnp.stack(list(values.values()))
+    at = lambda x: jnp.ravel(residuals(scene.put(dict(zip(values, x, strict=True)))))
+    left, slopes = jax.jit(lambda x: (at(x), jax.jacfwd(at)(x)))(own)
+    if left.size <= own.size:
+        raise ValueError(
+            f"{left.size} residuals do not settle {own.size} parameters and their noise; take more."
+        )
+    units = np.linalg.norm(slopes, axis=0)
+    if not np.all(np.isfinite(slopes)) or not np.all(units > 0):
+        wrong = list(values)[int(np.argmin(np.isfinite(units) & (units > 0)))]
+        raise ValueError(
+            f"The residuals do not depend on `{wrong}`, or not smoothly; leave it out."
+        )
+    _, sizes, ways = np.linalg.svd(np.asarray(slopes / units), full_matrices=False)
+    if sizes[-1] <= np.finfo(float).eps * left.size * sizes[0]:
+        raise ValueError(
+            f"The residuals do not tell {', '.join(f'`{path}`' for path in values)} apart; leave one out."
+        )
+    sigma = jnp.sqrt(jnp.sum(left**2) / (left.size - own.size)) if noise is None else noise
+    spread = (ways.T / sizes) / units[:, None]
+    matrix = jnp.asarray(sigma) ** 2 * (spread @ spread.T)
+    deviations = dict(zip(values, jnp.sqrt(jnp.diag(matrix)), strict=True))
+    return Uncertainty(values, deviations, matrix, jnp.asarray(sigma, float))

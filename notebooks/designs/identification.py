@@ -1,0 +1,149 @@
+"""A limiter's stiffness, gap and friction from one noisy record of a rotor that strikes it.
+
+The rotor of the scene `limiter-rotor` is pulled 12 mm aside at full speed, into the corner between two
+stops, and let go; it strikes the third. Both coordinates `z_i` of the disc are recorded 64 times a
+revolution for 20 revolutions, with noise of standard deviation `sigma = 50` um. Sought are the three
+numbers `p` that all stops share:
+
+    minimise  sum |z_i(p) - z_i|^2 / sigma^2     by Levenberg-Marquardt,
+    C = (J^T J)^-1,   J = d (z_i(p) / sigma) / d p,
+
+`C` being the covariance of what is found, to first order in the noise. If it is right,
+`(p - p_true)^T C^-1 (p - p_true)` is distributed as chi-square with three degrees of freedom: 99 % below
+11.34.
+
+The record comes of located steps of fourth order, four times as many as the plain ones of second order
+that fit it, so the model is not given its own errors as data.
+
+    python notebooks/designs/identification.py
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from matplotlib.axes import Axes
+
+import jaxrotor as jr
+from jaxrotor.plot import colours, page
+
+
+TRUE = jr.load("limiter-rotor")
+PLUCK = jr.Whirl(12e-3)  # towards the corner between two stops
+REVOLUTIONS, STEPS, EVERY = 20, 256, 4  # of the fit; every so many samples are recorded
+SIGMA = 50e-6  # [m]
+WHERE = {
+    "limiters.stiffness": (5e5, 2e7),
+    "limiters.gap": (5e-3, 10e-3),
+    "limiters.friction": (0.01, 0.5),
+}
+GUESS = {"limiters.stiffness": 2e6, "limiters.gap": 7.2e-3, "limiters.friction": 0.2}
+TRUTH = {path: float(TRUE.get(path)[0]) for path in WHERE}
+QUANTILE = 11.345  # of chi-square with 3 degrees of freedom, 99 %
+
+
+def records(count: int) -> np.ndarray:
+    """What is recorded of the disc [m], complex, alike but for the noise: (count, samples)."""
+    fine = jr.Exponential(4, located=True)
+    run = jr.simulate(TRUE, REVOLUTIONS, 4 * STEPS, start=PLUCK, solver=fine)
+    clean = np.asarray(run.displacement[:: 4 * EVERY, 0])
+    noise = np.random.default_rng(0).normal(scale=SIGMA, size=(count, 2, clean.size))
+    return clean + noise[:, 0] + 1j * noise[:, 1]
+
+
+def model(scene: jr.Scene) -> jax.Array:
+    """What would be recorded without noise."""
+    return jr.simulate(scene, REVOLUTIONS, STEPS, start=PLUCK).displacement[::EVERY, 0]
+
+
+def residuals(scene: jr.Scene, recorded: np.ndarray) -> jax.Array:
+    """Real numbers of unit noise."""
+    off = (model(scene) - recorded) / SIGMA
+    return jnp.concatenate([off.real, off.imag])
+
+
+def identify(recorded: np.ndarray) -> tuple[jr.Tuned, jr.Uncertainty]:
+    """The limiter of a record, and how well it is known."""
+    of = lambda scene: residuals(scene, recorded)
+    tuned = jr.tune(of, TRUE.replace(GUESS), WHERE, steps=40, tolerance=1e-8, progress=False)
+    return tuned, jr.uncertainty(of, tuned.scene, list(WHERE), noise=1.0)
+
+
+def scatter(recorded: np.ndarray) -> np.ndarray:
+    """What every record gives, fitted from the truth on: (count, 3), in one program."""
+    own = jnp.asarray(list(TRUTH.values()))
+
+    def fit(one):
+        of = lambda x, _: residuals(TRUE.put(dict(zip(WHERE, own * x, strict=True))), one)
+        solver = optx.LevenbergMarquardt(1e-8, 1e-8)
+        return own * optx.least_squares(of, solver, jnp.ones(3), max_steps=30, throw=False).value
+
+    return np.asarray(jax.jit(lambda all_: jax.lax.map(fit, all_))(jnp.asarray(recorded)))
+
+
+def draw(solution: "Solution") -> tuple[Axes, Axes]:
+    """The record and what was fitted to it; what was found from every record, and the covariance."""
+    recorded, tuned, known, others = solution
+    first, second = page.pair(None, 170, 95, beside=True)
+    dots = 1e3 * recorded
+    first.plot(dots.real, dots.imag, ".", color="0.5", markersize=2, label="recorded")
+    seen = 1e3 * np.asarray(jr.simulate(tuned.scene, REVOLUTIONS, STEPS, start=PLUCK).displacement)
+    first.plot(seen.real, seen.imag, color=colours.BLUE, linewidth=0.8, label="fitted")
+    for stop in tuned.scene.of(jr.Limiter):
+        turn, gap = np.exp(1j * float(stop.angle)), 1e3 * float(stop.gap)
+        wall = turn * (gap + 1j * np.array([-12.0, 12.0]))
+        first.plot(wall.real, wall.imag, color="0.6", linewidth=1.5, zorder=0)
+    first.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=(-11, 14), ylim=(-13, 13))
+    page.legend(first, 2)
+    names = ("limiters.stiffness", "limiters.friction")
+    order = [list(WHERE).index(name) for name in names]
+    part = np.asarray(known.covariance)[np.ix_(order, order)]
+    around = np.exp(1j * np.linspace(0.0, 2 * np.pi, 181))
+    circle = np.sqrt(5.991) * np.stack([around.real, around.imag])  # chi-square of 2, 95 %
+    scale = np.array([[1e-6], [1.0]])
+    ring = scale * (np.linalg.cholesky(part) @ circle)
+    at = scale * np.array([[float(known.values[name])] for name in names])
+    second.plot(*(at + ring), color=colours.BLUE, linewidth=1.2, label="95 %")
+    second.plot(*(scale * others[:, order].T), ".", color=colours.DARK, label="all records")
+    second.plot(*at, "o", color=colours.BLUE, markersize=4)
+    truth = [factor * TRUTH[name] for factor, name in zip((1e-6, 1.0), names, strict=True)]
+    second.plot(*truth, "+", color=colours.RED, markersize=9, label="true")
+    second.set(xlabel="stiffness of the stops [MN/m]", ylabel="friction [1]")
+    page.legend(second, 3)
+    return first, second
+
+
+def distances(known: jr.Uncertainty, others: np.ndarray) -> np.ndarray:
+    """Of what every record gives from the truth, each chi-square of 3 if the covariance is right."""
+    off = (others - np.array(list(TRUTH.values()))).T
+    return np.sum(off * np.linalg.solve(np.asarray(known.covariance), off), axis=0)
+
+
+class Solution(NamedTuple):
+    """Of the first record, and what every one gives."""
+
+    recorded: np.ndarray
+    tuned: jr.Tuned
+    known: jr.Uncertainty
+    others: np.ndarray
+
+
+def solve(quick: bool = False) -> Solution:
+    """One limiter from a record, and from 16 (`quick`: 4) alike but for their noise."""
+    recorded = records(4 if quick else 16)
+    tuned, known = identify(recorded[0])
+    return Solution(recorded[0], tuned, known, scatter(recorded))
+
+
+if __name__ == "__main__":
+    solution = solve()
+    print(solution.tuned, solution.known, sep="\n")
+    distance = float(solution.known.distance(TRUTH))
+    print(f"squared distance from the truth {distance:.2f}, 99 % below {QUANTILE}")
+    every = distances(solution.known, solution.others)
+    print(f"of {every.size} records {np.round(every, 1)}, in all {every.sum():.1f}")
+    share = solution.others.std(axis=0, ddof=1) / np.sqrt(np.diag(solution.known.covariance))
+    print(f"scatter over deviation {np.round(share, 2)}, 0.65 to 1.35 in 95 % of cases")
+    draw(solution)[0].figure.savefig("identification.png")
