@@ -565,7 +565,10 @@ def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
 
     monkeypatch.setattr(output.Path, "rename", rename)
     sentence = refused("sweep", "limiter-rotor", "--out", "out", "--overwrite")
-    assert "Input/output error" in sentence and everything_below(place) == before
+    assert "Input/output error" in sentence
+    after = everything_below(place)
+    assert [name for name in after if "partial" not in name] == before
+    assert "out/sweep-partial.zarr" in after  # the new run is kept as well
 
 
 # === slips
@@ -904,6 +907,35 @@ def test_ctrl_c(place):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and not out
     assert err == "Interrupted; nothing was written.\n" and everything_below(place) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_interrupted_sweep_goes_on(place):
+    """What is done is kept and named; the same command ends with the data of a run left alone."""
+    over = ["--over", "start.angle=0:3:24", "--start-radius", "1mm", "--steps", "16"]
+    small = ["sweep", "limiter-rotor", *over, "--settle", "0", "--keep", "8", "--workers", "1"]
+    call(*small, "--out", "whole")
+    module = importlib.import_module("jaxrotor.store")
+    put, count = module.Store.put, []
+
+    def interrupted(self, block, part):
+        put(self, block, part)
+        count.append(block)
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module.Store, "put", interrupted)
+        patch.setattr(importlib.import_module("jaxrotor.sweep"), "block_shape", lambda *_: (6,))
+        said = call(*small, "--out", "run", code=130).stderr
+    assert said == (
+        f"Interrupted; 6 of 24 lanes are kept in {os.path.join('run', 'sweep-partial.zarr')}, and the same "
+        "command goes on from there.\n"
+    )
+    assert os.listdir("run") == ["sweep-partial.zarr"]
+    call(*small, "--out", "run")
+    assert sorted(os.listdir("run")) == ["bifurcation.png", "sweep.zarr"]
+    with xr.open_zarr("run/sweep.zarr") as run, xr.open_zarr("whole/sweep.zarr") as whole:
+        np.testing.assert_allclose(run["section"], whole["section"], rtol=1e-12, atol=1e-15)
 
 
 # === accuracy
