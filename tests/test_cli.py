@@ -927,9 +927,9 @@ def test_interrupted_sweep_goes_on(place):
         patch.setattr(module.Store, "put", interrupted)
         patch.setattr(importlib.import_module("jaxrotor.sweep"), "block_shape", lambda *_: (6,))
         said = call(*small, "--out", "run", code=130).stderr
+    where = os.path.join("run", "sweep-partial.zarr")
     assert said == (
-        f"Interrupted; 6 of 24 lanes are kept in {os.path.join('run', 'sweep-partial.zarr')}, and the same "
-        "command goes on from there.\n"
+        f"Interrupted; 6 of 24 lanes are kept in {where}, and the same command goes on from there.\n"
     )
     assert os.listdir("run") == ["sweep-partial.zarr"]
     call(*small, "--out", "run")
