@@ -78,6 +78,7 @@ from .design import (  # noqa: E402
 from .effects import (  # noqa: E402
     BallBalancer as BallBalancer,
     BallContact as BallContact,
+    CubicSpring as CubicSpring,
     Disc as Disc,
     DiscDamping as DiscDamping,
     ExternalDamping as ExternalDamping,
@@ -99,8 +100,11 @@ from .files import (  # noqa: E402
 from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .orbits import (  # noqa: E402
+    Branch as Branch,
+    BranchPoint as BranchPoint,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
+    continue_ as continue_,
     periodic as periodic,
 )
 from .pilot import Pilot as Pilot  # noqa: E402

@@ -167,7 +167,7 @@ def periodic(
     check_constant(scene, "`periodic`")
     stations, together = scene.stations(at), port_groups(scene)
     system = eqx.filter_jit(assemble)(scene, together)
-    solver = _checked(solver, system)
+    solver = checked(solver, system)
     if revolutions is None and turn is None and period is None:
         revolutions = _revolutions(scene, system, guess)
     if revolutions is None:
@@ -267,7 +267,7 @@ def _find(
     multipliers, trivial = shooting.multipliers(x, jnp.where(converged, jacobian, jnp.nan))
     (q, velocity), span = shooting.decode(x), shooting.length(x)
     period = shooting.revolutions * span / aim.rate
-    turn = _wound(seen.displacement[:, 0], aim.turn)
+    turn = wound(seen.displacement[:, 0], aim.turn)
     return PeriodicOrbit(
         start=Continued(q, velocity),
         period=period,
@@ -295,7 +295,7 @@ _COMPILED = eqx.filter_jit(_find)
 _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
 
 
-def _wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
+def wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
     """The turn with all whole turns about the centre; not a number through the centre."""
     wound = jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1])))
     whole = jax.lax.stop_gradient(jnp.round((wound - turn) / (2 * jnp.pi)))
@@ -418,7 +418,7 @@ def _refusal(scene: Scene, system: System, turn: Scalar) -> str:
     )
 
 
-def _checked(solver: Any, system: System) -> Exponential:
+def checked(solver: Any, system: System) -> Exponential:
     if not isinstance(solver, Exponential):
         raise ValueError(f"`solver` of an orbit must be Exponential(..), but is {solver!r}.")
     if not solver.located and any(law.kinked for port in system.ports for law in port.laws):

@@ -1,0 +1,323 @@
+"""Continuation: a branch of orbits, around its folds, by steps of its own length.
+
+    missed(u) = 0,   t . (u - u_k - h t) = 0,   u = (x, s)
+
+`t` is the tangent in the last point `u_k`, `s` the share of the parameter's range.
+"""
+
+import math
+from typing import Any, Literal, NamedTuple
+
+import diffrax as dfx
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..chunks import progress as bar
+from ..march import Plan
+from ..quantities import Scalar
+from ..scene import Scene
+from ..simulate import check_counts, choose
+from ..solvers.exponential import Exponential
+from ..system import assemble, port_groups
+from .bifurcations import Found, bifurcations
+from .branch import Branch, branch_of
+from .corrector import Corrector, LostError, Point, tangent
+from .curve import Curve, Gauge
+from .periodic import PeriodicOrbit, checked
+from .symmetry import SAME, changes
+
+
+LEAST = 1e-7  # step, of a state or of the range
+SHARP = 0.9  # cosine of the angle between tangents of neighbours that is taken for a smooth turn
+KINK = 1e-3  # step below which a tangent may turn by more: where a contact begins
+EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shrink
+
+
+def continue_(
+    orbit: PeriodicOrbit,
+    path: str,
+    between: tuple[float, float],
+    *,
+    direction: Literal["both", "up", "down"] = "both",
+    step: float = 0.01,
+    max_step: float = 0.05,
+    max_points: int = 400,
+    solver: Exponential | None = None,
+    tolerance: float = 1e-10,
+    max_iterations: int = 8,
+    locate: bool = True,
+    progress: bool | None = None,
+) -> Branch:
+    """The orbits near an orbit as one parameter of its scene changes, through folds, stable or not.
+
+        missed(x, p) = 0   by pseudo-arclength
+
+    On the way folds, flips (period doublings), Neimark-Sacker points, crossings of branches and grazing
+    of contacts are detected and located. Where contact begins a branch has a kink, which it passes in
+    small steps. See `Branch.doubled` for the branch that begins at a flip.
+
+    Args:
+        orbit: of `periodic`; its steps and, if it has no unbalance, its turn are kept.
+        path: of the parameter, "limiters.stiffness"; several of one kind must be equal and stay so.
+        between: range of the parameter, in SI, with the orbit's own value in it. A range of positive
+            values over more than a decade is measured by its logarithm.
+        direction: from the orbit "up" or "down" to begin with, or "both".
+        step: first step, of the range or the size of the state, whichever changes more.
+        max_step: longest; how far apart neighbours may be.
+        max_points: in each direction.
+        solver: as in `periodic`.
+        tolerance: of what a period misses, of the size of the state.
+        max_iterations: of Newton's method at a point; where they do not do, the step is halved.
+        locate: whether to look for bifurcations; each takes some ten orbits.
+        progress: whether to show a progress bar; by default on a terminal.
+
+    Returns:
+        A `Branch`; `reasons` say why it ends. Not differentiable; its orbits, found again by `periodic`,
+        are.
+
+    Source: Allgower, Georg (2003), Introduction to Numerical Continuation Methods, chapters 2, 6.
+    """
+    check_counts(max_points=max_points, max_iterations=max_iterations)
+    if direction not in ("both", "up", "down"):
+        raise ValueError(f"`direction` must be 'both', 'up' or 'down', but is {direction!r}.")
+    if not LEAST < step <= max_step:
+        raise ValueError(
+            f"`step` must be above {LEAST:g} and at most `max_step`, but they are {step!r} and "
+            f"{max_step!r}."
+        )
+    curve, first = _curve(orbit, path, between, solver)
+    corrector = Corrector(curve, tolerance, max_iterations)
+    start = _start(corrector, first, path)
+    trip = _Trip(corrector, step, max_step, max_points, locate)
+    ways = {"both": (1, -1), "up": (1,), "down": (-1,)}[direction]
+    with bar(progress, len(ways) * max_points, f"continuing in {path}") as tick:
+        trails = {}
+        for way in ways:
+            trails[way] = trip.go(start, way, tick)
+            if trails[way].reason == CLOSED:
+                break
+    alone = "the orbit that was given"
+    up, down = (trails.get(way, _Trail([start], [], alone)) for way in (1, -1))
+    back = len(down.points) - 1
+    found = [(back - 1 - after, one._replace(share=1 - one.share)) for after, one in down.found]
+    found = found[::-1] + [(back + after, one) for after, one in up.found]
+    points = down.points[:0:-1] + up.points
+    return branch_of(corrector, points, found, (down.reason, up.reason))
+
+
+CLOSED = "the branch closes: it is back at the orbit that was given"
+
+
+class _Trail(NamedTuple):
+    """Points of a branch on one way, what was found after which of them, and why it ends."""
+
+    points: list[Point]
+    found: list[tuple[int, Found]]
+    reason: str
+
+
+class _Trip(NamedTuple):
+    """How a branch is followed."""
+
+    corrector: Corrector
+    step: float
+    max_step: float
+    max_points: int
+    locate: bool
+
+    def go(self, start: Point, way: int, tick: Any) -> _Trail:
+        """From a point on, first with `way` the parameter up or down."""
+        onward = np.append(np.zeros(start.u.size - 1), float(way))
+        start = start._replace(tangent=tangent(start.look, onward))
+        trail, h = _Trail([start], [], ""), self.step
+        while len(trail.points) <= self.max_points:
+            last = trail.points[-1]
+            try:
+                point, h, ended = self._next(last, h)
+            except LostError as error:
+                return trail._replace(reason=self._lost(last, error))
+            if self.locate:
+                after = len(trail.points) - 1
+                trail.found.extend(
+                    (after, one) for one in bifurcations(self.corrector, last, point)
+                )
+            trail.points.append(point)
+            tick(1)
+            if ended:
+                return trail._replace(reason=f"{self._at(point)} is the end of the range")
+            if _closes(start, last, point):
+                return trail._replace(reason=CLOSED)
+        return trail._replace(
+            reason=f"`max_points` = {self.max_points} are taken, to {self._at(point)}"
+        )
+
+    def _next(self, last: Point, h: float) -> tuple[Point, float, bool]:
+        """The next point, the step to try after it, and whether it ends the range."""
+        gauge = last.gauge(self.corrector.curve)
+        while True:
+            guess = last.u + h * last.tangent
+            try:
+                if 0 <= guess[-1] <= 1:
+                    point, ended = (
+                        self.corrector.point(guess, last.tangent, gauge, last.tangent),
+                        False,
+                    )
+                else:
+                    point, ended = self._end(last, guess, gauge), True
+                _check_turn(last, point, h)
+            except LostError:
+                h /= 2
+                if h < LEAST:
+                    raise
+                continue
+            h *= 1.5 if point.iterations <= EASY else 0.5 if point.iterations >= HARD else 1.0
+            return point, min(h, self.max_step), ended
+
+    def _end(self, last: Point, guess: np.ndarray, gauge: Gauge) -> Point:
+        """The point at the end of the range, before a guess beyond it."""
+        bound = 1.0 if guess[-1] > 1 else 0.0
+        ahead = guess[-1] - last.u[-1]
+        share = (bound - last.u[-1]) / ahead if ahead else 1.0
+        row = np.append(np.zeros(guess.size - 1), 1.0)
+        at = last.u + share * (guess - last.u)
+        at[-1] = bound
+        return self.corrector.point(at, row, gauge, last.tangent)
+
+    def _at(self, point: Point) -> str:
+        curve = self.corrector.curve
+        return f"{curve.path} = {float(curve.value(point.u[-1])):.9g}"
+
+    def _lost(self, last: Point, error: LostError) -> str:
+        return f"no progress from {self._at(last)}, by steps down to {LEAST:g}: {error}"
+
+
+def _check_turn(last: Point, point: Point, h: float) -> None:
+    """Refuse what may be on another branch."""
+    if h > KINK and last.tangent @ point.tangent < SHARP:
+        raise LostError("the branch turns too sharply")
+    if np.linalg.norm(point.u - last.u) > 2 * h:
+        raise LostError("the corrector leads elsewhere")
+
+
+def _closes(start: Point, last: Point, point: Point) -> bool:
+    """Whether the start is between two neighbours."""
+    chord = point.u - last.u
+    length = np.linalg.norm(chord)
+    share = (start.u - last.u) @ chord / length**2
+    off = np.linalg.norm(start.u - last.u - share * chord)
+    return bool(0 < share <= 1 and off < 0.1 * length and start.tangent @ chord > SHARP * length)
+
+
+# === what is followed
+
+
+def _curve(
+    orbit: PeriodicOrbit, path: str, between: tuple[float, float], solver: Exponential | None
+) -> tuple[Curve, np.ndarray]:
+    """The problem, and the unknowns of the orbit."""
+    if not isinstance(orbit, PeriodicOrbit):
+        raise ValueError(f"`orbit` must be of `jaxrotor.periodic`, but is {orbit!r}.")
+    scene, (low, high) = orbit.scene, _range(orbit.scene, path, between)
+    together = port_groups(scene)
+    system = eqx.filter_jit(assemble)(scene, together)
+    solver = checked(Exponential(4, located=True) if solver is None else solver, system)
+    basis = {
+        _basis(scene.replace({path: value}), solver) for value in (*between, _own(scene, path))
+    }
+    solver = Exponential(solver.order, "modal" if basis == {"modal"} else "dense", solver.located)
+    how = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
+    plan = Plan(solver, None, dfx.ForwardMode(), orbit.steps, orbit.steps, **how)
+    rate = abs(float(scene.spin.speed))
+    own = orbit.revolutions is None
+    turn = orbit.turn if own else jnp.zeros(())
+    images = _images(scene, path, system, float(turn), between) if own else 1
+    state = np.concatenate([orbit.start.q, np.asarray(orbit.start.velocity) / rate])
+    moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
+    size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
+    curve = Curve(
+        scene=scene,
+        stations=orbit.stations,
+        plan=plan,
+        size=jnp.asarray(size),
+        span=jnp.asarray(rate * orbit.period if own else 2 * math.pi),
+        turn=jnp.asarray(turn),
+        low=jnp.asarray(low),
+        high=jnp.asarray(high),
+        path=path,
+        revolutions=orbit.revolutions,
+        images=images,
+        decades=low > 0 and high > 10 * low,
+    )
+    x = np.concatenate([state.real, state.imag]) / size
+    share = curve.share(_own(scene, path))
+    return curve, np.concatenate([x, [1.0] if own else [], [share]])
+
+
+def _start(corrector: Corrector, first: np.ndarray, path: str) -> Point:
+    """The point of the orbit itself."""
+    m = first.size - (2 if corrector.curve.revolutions is None else 1)
+    direction = corrector.look(first, Gauge(first[:m], np.zeros(m))).direction
+    row = np.append(np.zeros(first.size - 1), 1.0)
+    try:
+        return corrector.point(first, row, Gauge(first[:m], direction), row)
+    except LostError as error:
+        raise RuntimeError(
+            f"The orbit cannot be continued in `{path}`: {error}; find it by `periodic` with the steps "
+            "and the `solver` that it is to be continued with."
+        ) from None
+
+
+def _own(scene: Scene, path: str) -> float:
+    """The value that the scene has."""
+    values = np.ravel(scene.get(path))
+    if values.size == 0 or np.ptp(values) > SAME * np.abs(values).max():
+        raise ValueError(
+            f"`{path}` stands for values that differ, {', '.join(f'{v:g}' for v in values)}; name one of "
+            "them, as in `limiters.0.stiffness`."
+        )
+    return float(values[0])
+
+
+def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
+    """The range, in which both ends are scenes."""
+    own = _own(scene, path)
+    try:
+        low, high = (float(value) for value in between)
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if not (math.isfinite(high - low) and low < high):
+        raise ValueError(f"`between` must be two numbers, low and high, but is {between!r}.")
+    if not low <= own <= high:
+        raise ValueError(
+            f"`between` must hold the orbit's own `{path}`, {own:g}, but is {low:g} to {high:g}."
+        )
+    if path == "spin.speed" and low * high <= 0:
+        raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
+    for value in (low, high):
+        scene.replace({path: value})
+    return low, high
+
+
+def _basis(scene: Scene, solver: Exponential) -> str:
+    rate: Scalar = jnp.abs(scene.spin.speed)
+    chosen: Any = choose(solver, scene, rate)
+    return chosen.basis
+
+
+def _images(scene: Scene, path: str, system: Any, turn: float, between: tuple[float, float]) -> int:
+    """Periods after which a motion without unbalance closes; refuses what breaks its symmetry."""
+    for value in between:
+        other = scene.replace({path: value})
+        apart = changes(
+            other, eqx.filter_jit(assemble)(other, port_groups(scene)), jnp.asarray(turn)
+        )
+        if float(jnp.max(jnp.abs(apart))) > SAME:
+            raise ValueError(
+                f"`{path}` breaks the symmetry that an orbit without unbalance rests on; find the orbit by "
+                "`periodic` with `turn=0`, or in a scene with unbalance."
+            )
+    count = 1
+    while abs(math.remainder(count * turn, 2 * math.pi)) > 1e-9 and count < 360:
+        count += 1
+    return count

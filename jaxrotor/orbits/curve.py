@@ -1,0 +1,189 @@
+"""Curve: the periodic motions of a scene as one of its parameters is changed.
+
+    missed(x, s) = 0,   x of `Shooting`,   s from 0 to 1 along the range of the parameter
+
+One compiled program tells all there is to know of a trial, whatever the values.
+"""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..march import QUICKLY, Outcome, Plan
+from ..quantities import Scalar
+from ..scene import Scene
+from ..simulate import joined, solver_name
+from ..start import Continued
+from ..system import System, assemble
+from .periodic import PeriodicOrbit, wound
+from .shooting import Seen, Shooting
+
+
+class Gauge(NamedTuple):
+    """Which of the states of a motion without unbalance is meant: `along . (x - at) = 0`."""
+
+    at: Float[Array | np.ndarray, " m"]
+    along: Float[Array | np.ndarray, " m"]
+
+
+class Look(NamedTuple):
+    """What there is to know of a trial; of `T` samples, `k` contacts and `i` images of the orbit."""
+
+    missed: Float[Array, " a"]
+    jacobian: Float[Array, "a b"]  # by x and s
+    direction: Float[Array, " m"]  # of motion in the state
+    multipliers: Complex[Array, " r"]
+    trivial: Scalar | None
+    seen: Seen
+    clearance: Float[Array, "T i k"]  # left until a contact acts [m]
+    parting: Float[Array, "T i k"]  # its rate [m/s]
+    period: Scalar  # [s]
+    turn: Scalar  # [rad], whole turns included
+    speed: Scalar  # [rad/s]
+    outcome: Outcome
+
+
+class Curve(eqx.Module):
+    """The problem: a scene, one of its parameters, and what counts as a period."""
+
+    scene: Scene
+    stations: Float[Array, " s"]
+    plan: Plan
+    size: Scalar  # [m] that states are measured in
+    span: Scalar  # [rad], see `Shooting`
+    turn: Scalar  # [rad]
+    low: Scalar  # range of the parameter
+    high: Scalar
+    path: str = eqx.field(static=True)
+    revolutions: int | None = eqx.field(static=True)  # None: a period of its own
+    images: int = eqx.field(static=True)  # after how many periods the motion closes
+    decades: bool = eqx.field(static=True)  # whether s is along the logarithm
+
+    def value(self, s: Scalar) -> Scalar:
+        """The parameter."""
+        if self.decades:
+            return self.low * (self.high / self.low) ** s
+        return self.low + (self.high - self.low) * s
+
+    def share(self, value: float) -> float:
+        """`s` of a value."""
+        low, high = float(self.low), float(self.high)
+        if self.decades:
+            return math.log(value / low) / math.log(high / low)
+        return (value - low) / (high - low)
+
+    def system(self, s: Scalar) -> System:
+        """The equations there."""
+        system = assemble(self.scene.put({self.path: self.value(s)}), self.plan.together)
+        if self.revolutions is None:
+            system = eqx.tree_at(lambda one: one.load.unbalance, system, None, is_leaf=_absent)
+        return system
+
+    def shooting(self, system: System, gauge: Gauge) -> Shooting:
+        """What a state misses in these equations; contacts are observed behind the stations."""
+        stations = jnp.concatenate([self.stations, *(port.at[None] for port in system.ports)])
+        rate = jnp.abs(system.spin.speed)
+        along = gauge.along if self.revolutions is None else None
+        parts = system, self.plan, stations, rate, self.span, self.turn, self.size
+        return Shooting(*parts, gauge.at, along, self.revolutions or 1)
+
+    def orbit(self, u: Float[np.ndarray, " b"], look: Look, iterations: int = 0) -> PeriodicOrbit:
+        """The orbit of unknowns `u = (x, s)` that were looked at."""
+        scene = self.scene.replace({self.path: float(self.value(u[-1]))})
+        q, velocity = self.state(u, look)
+        seen, count = look.seen, self.stations.size
+        samples = look.seen.displacement.shape[0]
+        residual = jnp.max(jnp.abs(look.missed))
+        return PeriodicOrbit(
+            start=Continued(jnp.asarray(q), jnp.asarray(velocity)),
+            period=jnp.asarray(look.period),
+            turn=jnp.asarray(look.turn),
+            whirl_rate=jnp.asarray(look.turn / (look.period * look.speed)),
+            multipliers=jnp.asarray(look.multipliers),
+            trivial=None if look.trivial is None else jnp.asarray(look.trivial),
+            time=jnp.linspace(0.0, look.period, samples),
+            displacement=jnp.asarray(seen.displacement[:, :count]),
+            velocity=jnp.asarray(seen.velocity[:, :count]),
+            contact_force=None if seen.contact_force is None else jnp.asarray(seen.contact_force),
+            stations=self.stations,
+            residual=residual,
+            iterations=jnp.asarray(iterations),
+            converged=jnp.isfinite(residual),
+            unresolved=jnp.asarray(look.outcome.unresolved),
+            scene=scene,
+            error=None,
+            revolutions=self.revolutions,
+            steps=self.plan.steps,
+            solver=solver_name(self.plan.solver),
+        )
+
+    def state(self, u: Float[np.ndarray, " b"], look: Look) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates [m] and their velocities [m/s]."""
+        m = look.direction.size
+        real, imag = np.split(float(self.size) * np.asarray(u[:m]), 2)
+        q, rates = np.split(real + 1j * imag, 2)
+        return q, abs(float(look.speed)) * rates
+
+
+def _look(curve: Curve, u: Float[Array, " b"], gauge: Gauge) -> Look:
+    x, s = u[:-1], u[-1]
+    # Only what the parameter changes is differentiated through assembly, and once.
+    split = lambda s: eqx.partition(curve.system(s), eqx.is_inexact_array)
+    constant = split(s)[1]
+    system, change = jax.jvp(lambda s: split(s)[0], (s,), (jnp.ones_like(s),))
+
+    def gap(x, system):
+        shooting = curve.shooting(eqx.combine(system, constant), gauge)
+        return shooting.gap(x)
+
+    def push(along):
+        moved = jax.tree.map(lambda leaf: along[-1] * leaf, change)
+        return jax.jvp(gap, (x, system), (along[:-1], moved), has_aux=True)
+
+    missed, jacobian, (seen, outcome) = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(u.size))
+    shooting = curve.shooting(eqx.combine(system, constant), gauge)
+    own = curve.revolutions is None
+    direction = shooting.direction(x) if own else jnp.zeros_like(gauge.at)
+    multipliers, trivial = shooting.multipliers(x, jacobian[:, :-1])
+    seen = jax.tree.map(joined, seen)
+    period = shooting.revolutions * shooting.length(x) / shooting.rate
+    return Look(
+        missed,
+        jacobian,
+        direction,
+        multipliers,
+        trivial,
+        seen,
+        *_clearances(curve, shooting.system, seen),
+        period,
+        wound(seen.displacement[:, 0], curve.turn),
+        shooting.system.spin.speed,
+        outcome,
+    )
+
+
+look = eqx.filter_jit(_look, **QUICKLY)
+
+
+def _clearances(curve: Curve, system: System, seen: Seen) -> tuple[Array, Array]:
+    """Of every contact along every image of the orbit, and their rates."""
+    samples = seen.displacement.shape[0]
+    if not system.ports:
+        return jnp.zeros((samples, 1, 0)), jnp.zeros((samples, 1, 0))
+    ahead = jnp.exp(1j * curve.turn * jnp.arange(curve.images))[:, None]
+    first = curve.stations.size
+    z, v = (
+        part[:, None, first:] * ahead for part in (seen.displacement, seen.velocity)
+    )  # (T, i, p)
+    plane = lambda z: jnp.stack([z.real, z.imag], axis=-1)
+    rate = lambda z, v: jax.jvp(system.clearances, (plane(z),), (plane(v),))
+    return jax.vmap(jax.vmap(rate))(z, v)
+
+
+def _absent(part) -> bool:
+    return part is None
