@@ -20,10 +20,11 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from .corrector import Corrector, LostError, Point, recentred
-from .curve import Look
+from .curve import Curve, Look
 
 
 KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
+SAME = 1e-2  # of the range of the radius: where two motions meet they are known to less
 NEAR = 1e-5  # of the unit circle or of -1: a multiplier further off has not crossed, but jumped
 
 
@@ -126,9 +127,20 @@ def _determinant(matrix: np.ndarray, scale: float) -> float:
     return sign * np.exp(np.clip(size - scale, -600.0, 600.0))
 
 
+def halved(curve: Curve, point: Point) -> bool:
+    """Whether an orbit is one of half the period, taken twice."""
+    z = point.look.seen.displacement[:, 0]
+    half, odd = divmod(z.size - 1, 2)
+    if odd or (curve.revolutions or 2) % 2:
+        return False
+    apart = z[half:] - np.exp(0.5j * float(curve.turn)) * z[: half + 1]
+    return bool(np.abs(apart).max() < SAME * np.ptp(np.abs(z)))
+
+
 def touches(look: Look) -> dict[int, tuple[int, float]]:
-    """Of every contact that may be free: how often it is touched, and the extremum of its clearance
-    that is nearest to zero [m].
+    """Of contacts that may be free: how often each is touched, and its clearance nearest to zero [m].
+
+    That is an extremum in time.
     """
     found = {}
     for k in range(look.clearance.shape[-1]):
@@ -137,6 +149,16 @@ def touches(look: Look) -> dict[int, tuple[int, float]]:
             inside = extrema < 0
             count = int(np.sum(inside != np.roll(inside, 1))) // 2
             found[k] = count, float(extrema[np.argmin(np.abs(extrema))])
+    return found
+
+
+def least(look: Look) -> Float[np.ndarray, " k"]:
+    """Least clearance of every contact [m], -inf of one that always acts."""
+    clearance = np.asarray(look.clearance)
+    free = [k for k in range(clearance.shape[-1]) if np.isfinite(clearance[..., k]).all()]
+    found = np.full(clearance.shape[-1], -np.inf)
+    for k in free:
+        found[k] = min(_extrema(look, k).min(), clearance[..., k].min())
     return found
 
 

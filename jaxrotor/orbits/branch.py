@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ..scene import Scene
-from .bifurcations import Found
+from .bifurcations import Found, least
 from .corrector import Corrector, LostError, Point, Unknowns
-from .curve import Curve, Gauge
+from .curve import Curve, Gauge, Look
 from .periodic import PeriodicOrbit
 
 
-OFFSETS = (1e-2, 3e-3, 3e-2, 1e-3, 1e-1)  # of the state: how far off a flip its branch is sought
+OFFSETS = (3e-3, 1e-3, 1e-2, 3e-4)  # of the state: how far off a flip its branch is sought
 
 
 class BranchPoint(eqx.Module):
@@ -26,6 +26,7 @@ class BranchPoint(eqx.Module):
     value: float = eqx.field(static=True)  # of the parameter
     contact: int | None = eqx.field(static=True)  # of the scene, that is grazed
     place: float = eqx.field(static=True)  # among the points of the branch
+    whirl_rate: float = eqx.field(static=True)  # [1]
     radius_min: Float[np.ndarray, " s"]  # [m]
     radius_max: Float[np.ndarray, " s"]  # [m]
     multipliers: Complex[np.ndarray, " r"]  # largest first
@@ -81,7 +82,12 @@ class Branch(eqx.Module):
     def orbit(self, where: "int | BranchPoint") -> PeriodicOrbit:
         """The orbit at a point of the branch, by its number, or at a bifurcation."""
         u = where.unknowns if isinstance(where, BranchPoint) else self.unknowns[where]
-        return self.curve.orbit(u, self._corrector.look(u, _gauge(self.curve, u)))
+        return self.curve.orbit(u, self.look(where))
+
+    def look(self, where: "int | BranchPoint") -> Look:
+        """All that is known of the orbit there, with the Jacobian."""
+        u = where.unknowns if isinstance(where, BranchPoint) else self.unknowns[where]
+        return self._corrector.look(u, _gauge(self.curve, u))
 
     def doubled(self, flip: BranchPoint) -> PeriodicOrbit:
         """An orbit of twice the period on the branch that begins at a flip, near it.
@@ -101,12 +107,14 @@ class Branch(eqx.Module):
         twice = self._corrector._replace(curve=_twice(self.curve))
         gauge = Gauge(u[:m], seen.direction)
         for offset in OFFSETS:
-            guess = u + offset * float(np.linalg.norm(u[:m])) * row
+            off = offset * float(np.linalg.norm(u[:m]))
+            guess = u + off * row
             try:
                 point = twice.point(guess, row, gauge, row)
             except LostError:
                 continue
-            return twice.curve.orbit(point.u, point.look, point.iterations)
+            if np.linalg.norm(point.u - guess) < 0.3 * off:
+                return twice.curve.orbit(point.u, point.look, point.iterations)
         raise RuntimeError(
             f"No orbit of twice the period was found near the flip at {self.path} = {flip.value:.9g}; "
             "continue with more steps, or a smaller `tolerance`."
@@ -148,7 +156,6 @@ def branch_of(
     whirl = each("turn") / (each("period") * each("speed"))
     radius = [_radius(curve, look) for look in looks]
     unknowns = np.stack([point.u for point in points])
-    clearance = [look.clearance.min(axis=(0, 1)) for look in looks]
     return Branch(
         values=np.array([_value(curve, u) for u in unknowns]),
         period=each("period"),
@@ -156,7 +163,7 @@ def branch_of(
         whirl_rate=whirl,
         radius_min=np.stack([low for low, _ in radius]),
         radius_max=np.stack([high for _, high in radius]),
-        clearance=np.stack(clearance),
+        clearance=np.stack([least(look) for look in looks]),
         multipliers=each("multipliers"),
         trivial=None if looks[0].trivial is None else each("trivial"),
         unresolved=np.array([int(look.outcome.unresolved) for look in looks]),
@@ -178,6 +185,7 @@ def _branch_point(curve: Curve, after: int, found: Found) -> BranchPoint:
         _value(curve, found.point.u),
         found.contact,
         after + found.share,
+        float(look.turn / (look.period * look.speed)),
         low,
         high,
         look.multipliers,

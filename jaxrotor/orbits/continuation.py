@@ -20,7 +20,7 @@ from ..scene import Scene
 from ..simulate import check_counts, choose
 from ..solvers.exponential import Exponential
 from ..system import assemble, port_groups
-from .bifurcations import Found, bifurcations
+from .bifurcations import Found, bifurcations, halved
 from .branch import Branch, branch_of
 from .corrector import Corrector, LostError, Point, tangent
 from .curve import Curve, Gauge
@@ -30,6 +30,7 @@ from .symmetry import SAME, changes
 
 LEAST = 1e-7  # step, of a state or of the range
 SHARP = 0.9  # cosine of the angle between tangents of neighbours that is taken for a smooth turn
+ASIDE = 0.3  # of a step: what the corrector may add to it
 KINK = 1e-3  # step below which a tangent may turn by more: where a contact begins
 EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shrink
 
@@ -107,6 +108,7 @@ def continue_(
 
 
 CLOSED = "the branch closes: it is back at the orbit that was given"
+HALVED = "orbits of half the period, on both sides of their flip, are met at"
 
 
 class _Trail(NamedTuple):
@@ -137,11 +139,12 @@ class _Trip(NamedTuple):
                 point, h, ended = self._next(last, h)
             except LostError as error:
                 return trail._replace(reason=self._lost(last, error))
-            if self.locate:
-                after = len(trail.points) - 1
-                trail.found.extend(
-                    (after, one) for one in bifurcations(self.corrector, last, point)
-                )
+            after = len(trail.points) - 1
+            for one in bifurcations(self.corrector, last, point) if self.locate else ():
+                if one.kind in ("fold", "branching") and halved(self.corrector.curve, one.point):
+                    trail.points.append(one.point)
+                    return trail._replace(reason=f"{HALVED} {self._at(one.point)}")
+                trail.found.append((after, one))
             trail.points.append(point)
             tick(1)
             if ended:
@@ -165,14 +168,18 @@ class _Trip(NamedTuple):
                     )
                 else:
                     point, ended = self._end(last, guess, gauge), True
-                _check_turn(last, point, h)
+                _check_way(last, point, guess, h, ended)
             except LostError:
                 h /= 2
                 if h < LEAST:
                     raise
                 continue
             h *= 1.5 if point.iterations <= EASY else 0.5 if point.iterations >= HARD else 1.0
-            return point, min(h, self.max_step), ended
+            return point, min(h, self.max_step * self._largest(point)), ended
+
+    def _largest(self, point: Point) -> float:
+        """Of the state and the range."""
+        return max(1.0, float(np.linalg.norm(point.u[: point.look.direction.size])))
 
     def _end(self, last: Point, guess: np.ndarray, gauge: Gauge) -> Point:
         """The point at the end of the range, before a guess beyond it."""
@@ -192,11 +199,13 @@ class _Trip(NamedTuple):
         return f"no progress from {self._at(last)}, by steps down to {LEAST:g}: {error}"
 
 
-def _check_turn(last: Point, point: Point, h: float) -> None:
-    """Refuse what may be on another branch."""
-    if h > KINK and last.tangent @ point.tangent < SHARP:
+def _check_way(last: Point, point: Point, guess: np.ndarray, h: float, ended: bool) -> None:
+    """Refuse what may be on another branch; small steps may pass a kink."""
+    if h < KINK:
+        return
+    if last.tangent @ point.tangent < SHARP:
         raise LostError("the branch turns too sharply")
-    if np.linalg.norm(point.u - last.u) > 2 * h:
+    if not ended and np.linalg.norm(point.u - guess) > ASIDE * h:
         raise LostError("the corrector leads elsewhere")
 
 
@@ -314,8 +323,8 @@ def _images(scene: Scene, path: str, system: Any, turn: float, between: tuple[fl
         )
         if float(jnp.max(jnp.abs(apart))) > SAME:
             raise ValueError(
-                f"`{path}` breaks the symmetry that an orbit without unbalance rests on; find the orbit by "
-                "`periodic` with `turn=0`, or in a scene with unbalance."
+                f"`{path}` breaks the symmetry that an orbit without unbalance rests on; find the orbit "
+                "by `periodic` with `turn=0`, or in a scene with unbalance."
             )
     count = 1
     while abs(math.remainder(count * turn, 2 * math.pi)) > 1e-9 and count < 360:

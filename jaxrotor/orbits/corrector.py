@@ -63,9 +63,15 @@ class Corrector(NamedTuple):
             except np.linalg.LinAlgError:
                 raise LostError("the equations of the corrector became singular") from None
         left = np.abs(seen.missed).max()
-        raise LostError(
+        reason = (
             f"after {self.max_iterations} iterations a period still missed {left:.1e} of the state"
         )
+        if seen.outcome.unresolved:
+            reason += (
+                f", and in {int(seen.outcome.unresolved)} of its steps contact changed without end, as "
+                "where a rim sticks to its stop; friction smoothed by `slip` can be followed further"
+            )
+        raise LostError(reason)
 
 
 def tangent(seen: Look, onward: Unknowns) -> Unknowns:

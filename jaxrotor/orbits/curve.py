@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..march import QUICKLY, Outcome, Plan
 from ..quantities import Scalar
@@ -64,7 +64,7 @@ class Curve(eqx.Module):
     images: int = eqx.field(static=True)  # after how many periods the motion closes
     decades: bool = eqx.field(static=True)  # whether s is along the logarithm
 
-    def value(self, s: Scalar) -> Scalar:
+    def value(self, s: ArrayLike) -> Array:
         """The parameter."""
         if self.decades:
             return self.low * (self.high / self.low) ** s
@@ -77,7 +77,7 @@ class Curve(eqx.Module):
             return math.log(value / low) / math.log(high / low)
         return (value - low) / (high - low)
 
-    def system(self, s: Scalar) -> System:
+    def system(self, s: ArrayLike) -> System:
         """The equations there."""
         system = assemble(self.scene.put({self.path: self.value(s)}), self.plan.together)
         if self.revolutions is None:

@@ -419,6 +419,7 @@ def _refusal(scene: Scene, system: System, turn: Scalar) -> str:
 
 
 def checked(solver: Any, system: System) -> Exponential:
+    """The solver, if it finds the orbits and multipliers of a system."""
     if not isinstance(solver, Exponential):
         raise ValueError(f"`solver` of an orbit must be Exponential(..), but is {solver!r}.")
     if not solver.located and any(law.kinked for port in system.ports for law in port.laws):

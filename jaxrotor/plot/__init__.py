@@ -4,6 +4,7 @@ from .accuracy import convergence as convergence, work_precision as work_precisi
 from .animation import animate as animate
 from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
+from .branch import branch as branch
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
 from .history import history as history
