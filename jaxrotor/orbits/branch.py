@@ -5,7 +5,6 @@ import math
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
@@ -16,7 +15,7 @@ from .curve import Curve, Gauge, Look
 from .periodic import PeriodicOrbit
 
 
-OFFSETS = (3e-3, 1e-3, 1e-2, 3e-4)  # of the state: how far off a flip its branch is sought
+OFFSETS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # of the state: how far off a flip its branch is sought
 
 
 class BranchPoint(eqx.Module):
@@ -216,5 +215,5 @@ def _twice(curve: Curve) -> Curve:
         curve.plan, steps=2 * curve.plan.steps, max_steps=2 * curve.plan.steps
     )
     images = 1 if curve.images == 1 else curve.images // math.gcd(curve.images, 2)
-    turn = jnp.asarray(2 * curve.turn)
+    turn = 2 * curve.turn
     return dataclasses.replace(curve, plan=plan, span=2 * curve.span, turn=turn, images=images)

@@ -6,7 +6,8 @@
 """
 
 import math
-from typing import Any, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -28,6 +29,7 @@ from .periodic import PeriodicOrbit, checked
 from .symmetry import SAME, changes
 
 
+END = 1e-12  # of the range: as near as an orbit at its end is to it
 LEAST = 1e-7  # step, of a state or of the range
 SHARP = 0.9  # cosine of the angle between tangents of neighbours that is taken for a smooth turn
 ASIDE = 0.3  # of a step: what the corrector may add to it
@@ -38,9 +40,9 @@ EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shri
 def continue_(
     orbit: PeriodicOrbit,
     path: str,
-    between: tuple[float, float],
+    between: Sequence[float],
     *,
-    direction: Literal["both", "up", "down"] = "both",
+    direction: str = "both",
     step: float = 0.01,
     max_step: float = 0.05,
     max_points: int = 400,
@@ -99,6 +101,9 @@ def continue_(
             if trails[way].reason == CLOSED:
                 break
     alone = "the orbit that was given"
+    if direction == "down":
+        way = trails[-1]
+        return branch_of(corrector, way.points, way.found, (alone, way.reason))
     up, down = (trails.get(way, _Trail([start], [], alone)) for way in (1, -1))
     back = len(down.points) - 1
     found = [(back - 1 - after, one._replace(share=1 - one.share)) for after, one in down.found]
@@ -135,6 +140,8 @@ class _Trip(NamedTuple):
         trail, h = _Trail([start], [], ""), self.step
         while len(trail.points) <= self.max_points:
             last = trail.points[-1]
+            if abs(last.u[-1] - (last.tangent[-1] > 0)) < END:
+                return trail._replace(reason=f"{self._at(last)} is the end of the range")
             try:
                 point, h, ended = self._next(last, h)
             except LostError as error:
@@ -147,9 +154,7 @@ class _Trip(NamedTuple):
                 trail.found.append((after, one))
             trail.points.append(point)
             tick(1)
-            if ended:
-                return trail._replace(reason=f"{self._at(point)} is the end of the range")
-            if _closes(start, last, point):
+            if not ended and _closes(start, last, point):
                 return trail._replace(reason=CLOSED)
         return trail._replace(
             reason=f"`max_points` = {self.max_points} are taken, to {self._at(point)}"
@@ -222,7 +227,7 @@ def _closes(start: Point, last: Point, point: Point) -> bool:
 
 
 def _curve(
-    orbit: PeriodicOrbit, path: str, between: tuple[float, float], solver: Exponential | None
+    orbit: PeriodicOrbit, path: str, between: Sequence[float], solver: Exponential | None
 ) -> tuple[Curve, np.ndarray]:
     """The problem, and the unknowns of the orbit."""
     if not isinstance(orbit, PeriodicOrbit):
@@ -248,11 +253,11 @@ def _curve(
         scene=scene,
         stations=orbit.stations,
         plan=plan,
-        size=jnp.asarray(size),
-        span=jnp.asarray(rate * orbit.period if own else 2 * math.pi),
+        size=jnp.asarray(size, float),
+        span=jnp.asarray(rate * orbit.period if own else 2 * math.pi, float),
         turn=jnp.asarray(turn),
-        low=jnp.asarray(low),
-        high=jnp.asarray(high),
+        low=jnp.asarray(low, float),
+        high=jnp.asarray(high, float),
         path=path,
         revolutions=orbit.revolutions,
         images=images,
@@ -314,7 +319,7 @@ def _basis(scene: Scene, solver: Exponential) -> str:
     return chosen.basis
 
 
-def _images(scene: Scene, path: str, system: Any, turn: float, between: tuple[float, float]) -> int:
+def _images(scene: Scene, path: str, system: Any, turn: float, between: Sequence[float]) -> int:
     """Periods after which a motion without unbalance closes; refuses what breaks its symmetry."""
     for value in between:
         other = scene.replace({path: value})

@@ -1,6 +1,6 @@
 """Branch of orbits: largest radius or whirl rate against the parameter."""
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ def branch(
     result: Any,
     ax: Axes | None = None,
     *,
-    of: Literal["radius", "whirl_rate"] = "radius",
+    of: str = "radius",
     station: int = 0,
     colour: str = colours.BLUE,
 ) -> Axes:
