@@ -5,6 +5,8 @@ The scalar equations and their derivatives are written here again and integrated
 
 import dataclasses
 
+import jax
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -164,7 +166,7 @@ def test_period_doubling_cascade(cascade):
 def oscillator():
     """A mass that meets a stop along x, without damping of its own, taken in eccentricity."""
     scene = one_disc(speed=1.3, eccentricity=0.12)
-    orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=256)
+    orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=400)
     stop = jr.Limiter(0.5, 0.0, gap=0.3, stiffness=20.0)
     free = dataclasses.replace(orbit, scene=scene.of_parts(*scene.effects, stop))  # not touched
     return jr.continue_(free, "unbalance.eccentricity", (0.03, 0.14), max_step=0.1)
@@ -217,6 +219,26 @@ def test_synchronous_whirl_loses_its_stability_at_the_onset_speed():
     np.testing.assert_array_equal(branch.stable, branch.values < 3.0)
 
 
+# === derivatives of the modal form
+
+
+@pytest.mark.parametrize(
+    "path", ["limiters.stiffness", "spin.speed", "internal_damping.voigt_time"]
+)
+def test_modal_basis_has_the_derivative_of_the_dense_one(path):
+    """That of eigenvectors, which a branch is followed by, against matrix exponentials."""
+    scene = limiter_rotor(nodes=4, eps=1e-3)
+    value = jnp.ravel(scene.get(path))[0]
+
+    def slope(basis):
+        options = {"solver": jr.Exponential(4, basis), "start": jr.Whirl(0.009, -441.0)}
+        moved = lambda x: jr.simulate(scene.put({path: x}), 2, 64, **options).displacement
+        return jax.jit(lambda x: jax.jvp(moved, (x,), (value,))[1])(value)
+
+    expected = np.asarray(slope("dense"))
+    np.testing.assert_allclose(slope("modal"), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
 # === a motion without unbalance
 
 
@@ -260,8 +282,6 @@ def test_refusals(resonance):
         jr.continue_(orbit, "spin.speed", (0.4, 1.0), direction="left")
     with pytest.raises(ValueError, match="`step` must be above"):
         jr.continue_(orbit, "spin.speed", (0.4, 1.0), step=1.0)
-    with pytest.raises(ValueError, match="must be of `jaxrotor.periodic`"):
-        jr.continue_(jr.AtRest(), "spin.speed", (0.4, 1.0))
     with pytest.raises(ValueError, match="must be a point of the kind 'flip'"):
         resonance.doubled(resonance.points[0])
 

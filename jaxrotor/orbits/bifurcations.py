@@ -13,7 +13,7 @@ Source: Kuznetsov (2004), Elements of Applied Bifurcation Theory, sections 10.2,
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +26,9 @@ from .curve import Curve, Look
 KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
 SAME = 1e-2  # of the range of the radius: where two motions meet they are known to less
 NEAR = 1e-5  # of the unit circle or of -1: a multiplier further off has not crossed, but jumped
+
+
+Test = Callable[[Any], float]  # of a `Point`
 
 
 class Found(NamedTuple):
@@ -50,10 +53,10 @@ def bifurcations(corrector: Corrector, a: Point, b: Point) -> list[Found]:
     return sorted(found, key=lambda one: one.share)
 
 
-def _changed(a: Point, b: Point) -> Iterator[tuple[str, int | None, Callable[[Point], float]]]:
+def _changed(a: Point, b: Point) -> Iterator[tuple[str, int | None, Test]]:
     """The tests that differ in sign."""
     border = np.linalg.slogdet(_bordered(a))[1]
-    tests: dict[str, Callable[[Point], float]] = {
+    tests: dict[str, Test] = {
         "fold": lambda point: point.tangent[-1],
         "flip": lambda point: np.prod(1 + point.look.multipliers).real,
         "neimark-sacker": _pairs,
@@ -66,20 +69,23 @@ def _changed(a: Point, b: Point) -> Iterator[tuple[str, int | None, Callable[[Po
     changed = [k for k in before if before[k][0] != after[k][0]]
     images = a.look.clearance.shape[1]
     for k in changed[:1] if images > 1 else changed:  # contacts of a symmetry are touched alike
-
-        def test(point: Point, k=k) -> float:
-            count, margin = touches(point.look)[k]
-            return abs(margin) if count == before[k][0] else -abs(margin)
-
-        yield "grazing", k, test
+        yield "grazing", k, _grazing(k, before[k][0])
 
 
-def _located(
-    corrector: Corrector, a: Point, b: Point, test: Callable[[Point], float]
-) -> tuple[float, Point]:
+def _grazing(k: int, touched: int) -> Test:
+    """Clearance nearest to zero, above it while a contact is touched so often."""
+
+    def test(point: Point) -> float:
+        count, margin = touches(point.look)[k]
+        return abs(margin) if count == touched else -abs(margin)
+
+    return test
+
+
+def _located(corrector: Corrector, a: Point, b: Point, test: Test) -> tuple[float, Point]:
     """The root of a test, in planes across the chord of two points."""
     chord = b.u - a.u
-    length = np.linalg.norm(chord)
+    length = float(np.linalg.norm(chord))
     row, gauge = chord / length, a.gauge(corrector.curve)
     known = {0.0: a, 1.0: b}
 
@@ -89,7 +95,8 @@ def _located(
             known[share] = corrector.point(guess, row, gauge, row)
         return test(known[share])
 
-    share = brentq(value, 0.0, 1.0, xtol=1e-12, rtol=1e-14)
+    find: Any = brentq
+    share = float(find(value, 0.0, 1.0, xtol=1e-12, rtol=1e-14))
     value(share)
     return share, known[share]
 
@@ -103,7 +110,7 @@ def _between(a: Point, b: Point, length: float, share: float) -> np.ndarray:
 
 def _is_one(kind: str, point: Point) -> bool:
     """Whether it is what its test says: multipliers may jump, and real ones have products of 1."""
-    multipliers = np.asarray(point.look.multipliers)
+    multipliers: Any = np.asarray(point.look.multipliers)
     if kind == "flip":
         return bool(np.abs(multipliers + 1).min() < NEAR)
     if kind == "neimark-sacker":
@@ -115,7 +122,7 @@ def _is_one(kind: str, point: Point) -> bool:
 def _pairs(point: Point) -> float:
     multipliers = np.asarray(point.look.multipliers)
     first, second = np.triu_indices(multipliers.size, 1)
-    return np.prod(multipliers[first] * multipliers[second] - 1).real
+    return float(np.prod(multipliers[first] * multipliers[second] - 1).real)
 
 
 def _bordered(point: Point) -> np.ndarray:

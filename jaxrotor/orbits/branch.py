@@ -72,7 +72,7 @@ class Branch(eqx.Module):
     @property
     def stable(self) -> Bool[np.ndarray, " N"]:
         """Whether every multiplier is inside the unit circle."""
-        return (np.abs(self.multipliers) < 1).all(axis=1)
+        return np.all(np.abs(self.multipliers) < 1, axis=1)
 
     def of(self, kind: str) -> tuple[BranchPoint, ...]:
         """The bifurcations of a kind."""
@@ -187,7 +187,7 @@ def _branch_point(curve: Curve, after: int, found: Found) -> BranchPoint:
         float(look.turn / (look.period * look.speed)),
         low,
         high,
-        look.multipliers,
+        np.asarray(look.multipliers),
         found.point.u,
     )
 

@@ -157,7 +157,7 @@ class _Trip(NamedTuple):
             if not ended and _closes(start, last, point):
                 return trail._replace(reason=CLOSED)
         return trail._replace(
-            reason=f"`max_points` = {self.max_points} are taken, to {self._at(point)}"
+            reason=f"`max_points` = {self.max_points} are taken, to {self._at(trail.points[-1])}"
         )
 
     def _next(self, last: Point, h: float) -> tuple[Point, float, bool]:
@@ -166,13 +166,7 @@ class _Trip(NamedTuple):
         while True:
             guess = last.u + h * last.tangent
             try:
-                if 0 <= guess[-1] <= 1:
-                    point, ended = (
-                        self.corrector.point(guess, last.tangent, gauge, last.tangent),
-                        False,
-                    )
-                else:
-                    point, ended = self._end(last, guess, gauge), True
+                point, ended = self._reached(last, guess, gauge)
                 _check_way(last, point, guess, h, ended)
             except LostError:
                 h /= 2
@@ -181,6 +175,15 @@ class _Trip(NamedTuple):
                 continue
             h *= 1.5 if point.iterations <= EASY else 0.5 if point.iterations >= HARD else 1.0
             return point, min(h, self.max_step * self._largest(point)), ended
+
+    def _reached(self, last: Point, guess: np.ndarray, gauge: Gauge) -> tuple[Point, bool]:
+        """The point near a guess, or the end of the range before it."""
+        if 0 <= guess[-1] <= 1:
+            point = self.corrector.point(guess, last.tangent, gauge, last.tangent)
+            if 0 <= point.u[-1] <= 1:
+                return point, False
+            guess = point.u
+        return self._end(last, guess, gauge), True
 
     def _largest(self, point: Point) -> float:
         """Of the state and the range."""
@@ -210,7 +213,8 @@ def _check_way(last: Point, point: Point, guess: np.ndarray, h: float, ended: bo
         return
     if last.tangent @ point.tangent < SHARP:
         raise LostError("the branch turns too sharply")
-    if not ended and np.linalg.norm(point.u - guess) > ASIDE * h:
+    aside = np.linalg.norm(point.u - last.u) > 2 * h
+    if aside or (not ended and np.linalg.norm(point.u - guess) > ASIDE * h):
         raise LostError("the corrector leads elsewhere")
 
 
@@ -246,7 +250,7 @@ def _curve(
     own = orbit.revolutions is None
     turn = orbit.turn if own else jnp.zeros(())
     images = _images(scene, path, system, float(turn), between) if own else 1
-    state = np.concatenate([orbit.start.q, np.asarray(orbit.start.velocity) / rate])
+    state: Any = np.concatenate([orbit.start.q, np.asarray(orbit.start.velocity) / rate])
     moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
     size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
     curve = Curve(

@@ -51,27 +51,32 @@ class Corrector(NamedTuple):
     def point(self, guess: Unknowns, row: Unknowns, gauge: Gauge, onward: Unknowns) -> Point:
         """The point of the curve in the plane across `row` through a guess."""
         u = np.array(guess, float)
-        for count in range(self.max_iterations + 1):
-            seen = self.look(u, gauge)
+        count, seen = 0, self.look(u, gauge)
+        while True:
             if not (np.isfinite(seen.missed).all() and np.isfinite(seen.jacobian).all()):
                 raise LostError("the motion, or its derivative, did not stay finite")
             if np.abs(seen.missed).max() < self.tolerance:
                 return Point(u, tangent(seen, onward), seen, count)
+            if count == self.max_iterations:
+                raise LostError(_unfinished(count, seen))
             matrix = np.vstack([seen.jacobian, row])
             try:
                 u = u - np.linalg.solve(matrix, np.append(seen.missed, row @ (u - guess)))
             except np.linalg.LinAlgError:
                 raise LostError("the equations of the corrector became singular") from None
-        left = np.abs(seen.missed).max()
-        reason = (
-            f"after {self.max_iterations} iterations a period still missed {left:.1e} of the state"
+            count, seen = count + 1, self.look(u, gauge)
+
+
+def _unfinished(iterations: int, seen: Look) -> str:
+    """Why Newton's method did not arrive."""
+    left = np.abs(seen.missed).max()
+    reason = f"after {iterations} iterations a period still missed {left:.1e} of the state"
+    if seen.outcome.unresolved:
+        reason += (
+            f", and in {int(seen.outcome.unresolved)} of its steps contact changed without end, as where "
+            "a rim sticks to its stop; friction smoothed by `slip` can be followed further"
         )
-        if seen.outcome.unresolved:
-            reason += (
-                f", and in {int(seen.outcome.unresolved)} of its steps contact changed without end, as "
-                "where a rim sticks to its stop; friction smoothed by `slip` can be followed further"
-            )
-        raise LostError(reason)
+    return reason
 
 
 def tangent(seen: Look, onward: Unknowns) -> Unknowns:

@@ -6,7 +6,7 @@ One compiled program tells all there is to know of a trial, whatever the values.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,8 +27,8 @@ from .shooting import Seen, Shooting
 class Gauge(NamedTuple):
     """Which of the states of a motion without unbalance is meant: `along . (x - at) = 0`."""
 
-    at: Float[Array | np.ndarray, " m"]
-    along: Float[Array | np.ndarray, " m"]
+    at: Any  # (m,), of jax where it is traced, else of numpy
+    along: Any  # (m,)
 
 
 class Look(NamedTuple):
@@ -66,9 +66,10 @@ class Curve(eqx.Module):
 
     def value(self, s: ArrayLike) -> Array:
         """The parameter."""
+        share = jnp.asarray(s)
         if self.decades:
-            return self.low * (self.high / self.low) ** s
-        return self.low + (self.high - self.low) * s
+            return self.low * (self.high / self.low) ** share
+        return self.low + (self.high - self.low) * share
 
     def share(self, value: float) -> float:
         """`s` of a value."""
@@ -86,7 +87,9 @@ class Curve(eqx.Module):
 
     def shooting(self, system: System, gauge: Gauge) -> Shooting:
         """What a state misses in these equations; contacts are observed behind the stations."""
-        stations = jnp.concatenate([self.stations, *(port.at[None] for port in system.ports)])
+        stations = jnp.concatenate(
+            [self.stations, *(jnp.atleast_1d(port.at) for port in system.ports)]
+        )
         rate = jnp.abs(system.spin.speed)
         along = gauge.along if self.revolutions is None else None
         parts = system, self.plan, stations, rate, self.span, self.turn, self.size
