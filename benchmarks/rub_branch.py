@@ -20,9 +20,9 @@ from jaxrotor import plot  # noqa: E402
 
 
 RANGES = {
-    "limiters.stiffness": (1e4, 1e9),
-    "limiters.friction": (0.0, 0.5),
-    "spin.speed": (100.0, 2000.0),
+    "limiters.stiffness": (1e6, 3e7),
+    "limiters.friction": (0.05, 0.4),
+    "spin.speed": (300.0, 1500.0),
 }
 LOCKED = 0.7e-3  # m: eccentricity at which the rub is locked
 
@@ -46,22 +46,22 @@ def main():
     figure, axes = plt.subplots(2, 2, figsize=(6.7, 5.6), dpi=200, layout="constrained")
     orbit = rub(scene, given.steps)
     for (path, between), ax in zip(RANGES.items(), axes.flat, strict=False):
-        follow(orbit, path, between, ax)
+        follow(orbit, path, between, ax, of="whirl_rate")
     driven = scene.replace({"unbalance.eccentricity": LOCKED})
     response = jr.simulate(driven, 400, start=jr.Whirl(12e-3, -441.0), keep=4)
     locked = jr.periodic(driven, response, revolutions=2, steps_per_revolution=given.steps)
     print(locked)
-    follow(locked, "unbalance.eccentricity", (0.0, 3e-3), axes.flat[3])
+    follow(locked, "unbalance.eccentricity", (0.0, 1.5e-3), axes.flat[3])
     figure.savefig(given.out)
 
 
-def follow(orbit, path, between, ax):
+def follow(orbit, path, between, ax, **options):
     started = time.perf_counter()
-    branch = jr.continue_(orbit, path, between, max_points=150)
+    branch = jr.continue_(orbit, path, between, max_points=100)
     seconds = time.perf_counter() - started
     print(branch)
     print(f"  {seconds:.0f} s, {int(branch.iterations.sum())} iterations", flush=True)
-    plot.branch(branch, ax)
+    plot.branch(branch, ax, **options)
 
 
 if __name__ == "__main__":

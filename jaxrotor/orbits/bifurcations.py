@@ -140,8 +140,10 @@ def halved(curve: Curve, point: Point) -> bool:
     half, odd = divmod(z.size - 1, 2)
     if odd or (curve.revolutions or 2) % 2:
         return False
-    apart = z[half:] - np.exp(0.5j * float(curve.turn)) * z[: half + 1]
-    return bool(np.abs(apart).max() < SAME * np.ptp(np.abs(z)))
+    turns = float(curve.turn) / 2 + np.pi * np.arange(2 if curve.revolutions is None else 1)
+    back = [np.abs(z[half:] - np.exp(1j * turn) * z[: half + 1]).max() for turn in turns]
+    allowed = np.abs(np.exp(1j * curve.order * turns) - 1) < SAME  # leaves the scene as it is
+    return bool(np.min(back, where=allowed, initial=np.inf) < SAME * np.ptp(np.abs(z)))
 
 
 def touches(look: Look) -> dict[int, tuple[int, float]]:

@@ -5,28 +5,19 @@
 `t` is the tangent in the last point `u_k`, `s` the share of the parameter's range.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import diffrax as dfx
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from ..chunks import progress as bar
-from ..march import Plan
-from ..quantities import Scalar
-from ..scene import Scene
-from ..simulate import check_counts, choose
+from ..simulate import check_counts
 from ..solvers.exponential import Exponential
-from ..system import assemble, port_groups
 from .bifurcations import Found, bifurcations, halved
 from .branch import Branch, branch_of
 from .corrector import Corrector, LostError, Point, tangent
-from .curve import Curve, Gauge
-from .periodic import PeriodicOrbit, checked
-from .symmetry import SAME, changes
+from .curve import Gauge, curve_of
+from .periodic import PeriodicOrbit
 
 
 END = 1e-12  # of the range: as near as an orbit at its end is to it
@@ -89,7 +80,7 @@ def continue_(
             f"`step` must be above {LEAST:g} and at most `max_step`, but they are {step!r} and "
             f"{max_step!r}."
         )
-    curve, first = _curve(orbit, path, between, solver)
+    curve, first = curve_of(orbit, path, between, solver)
     corrector = Corrector(curve, tolerance, max_iterations)
     start = _start(corrector, first, path)
     trip = _Trip(corrector, step, max_step, max_points, locate)
@@ -227,51 +218,6 @@ def _closes(start: Point, last: Point, point: Point) -> bool:
     return bool(0 < share <= 1 and off < 0.1 * length and start.tangent @ chord > SHARP * length)
 
 
-# === what is followed
-
-
-def _curve(
-    orbit: PeriodicOrbit, path: str, between: Sequence[float], solver: Exponential | None
-) -> tuple[Curve, np.ndarray]:
-    """The problem, and the unknowns of the orbit."""
-    if not isinstance(orbit, PeriodicOrbit):
-        raise ValueError(f"`orbit` must be of `jaxrotor.periodic`, but is {orbit!r}.")
-    scene, (low, high) = orbit.scene, _range(orbit.scene, path, between)
-    together = port_groups(scene)
-    system = eqx.filter_jit(assemble)(scene, together)
-    solver = checked(Exponential(4, located=True) if solver is None else solver, system)
-    basis = {
-        _basis(scene.replace({path: value}), solver) for value in (*between, _own(scene, path))
-    }
-    solver = Exponential(solver.order, "modal" if basis == {"modal"} else "dense", solver.located)
-    how = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
-    plan = Plan(solver, None, dfx.ForwardMode(), orbit.steps, orbit.steps, **how)
-    rate = abs(float(scene.spin.speed))
-    own = orbit.revolutions is None
-    turn = orbit.turn if own else jnp.zeros(())
-    images = _images(scene, path, system, float(turn), between) if own else 1
-    state: Any = np.concatenate([orbit.start.q, np.asarray(orbit.start.velocity) / rate])
-    moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
-    size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
-    curve = Curve(
-        scene=scene,
-        stations=orbit.stations,
-        plan=plan,
-        size=jnp.asarray(size, float),
-        span=jnp.asarray(rate * orbit.period if own else 2 * math.pi, float),
-        turn=jnp.asarray(turn),
-        low=jnp.asarray(low, float),
-        high=jnp.asarray(high, float),
-        path=path,
-        revolutions=orbit.revolutions,
-        images=images,
-        decades=low > 0 and high > 10 * low,
-    )
-    x = np.concatenate([state.real, state.imag]) / size
-    share = curve.share(_own(scene, path))
-    return curve, np.concatenate([x, [1.0] if own else [], [share]])
-
-
 def _start(corrector: Corrector, first: np.ndarray, path: str) -> Point:
     """The point of the orbit itself."""
     m = first.size - (2 if corrector.curve.revolutions is None else 1)
@@ -284,58 +230,3 @@ def _start(corrector: Corrector, first: np.ndarray, path: str) -> Point:
             f"The orbit cannot be continued in `{path}`: {error}; find it by `periodic` with the steps "
             "and the `solver` that it is to be continued with."
         ) from None
-
-
-def _own(scene: Scene, path: str) -> float:
-    """The value that the scene has."""
-    values = np.ravel(scene.get(path))
-    if values.size == 0 or np.ptp(values) > SAME * np.abs(values).max():
-        raise ValueError(
-            f"`{path}` stands for values that differ, {', '.join(f'{v:g}' for v in values)}; name one of "
-            "them, as in `limiters.0.stiffness`."
-        )
-    return float(values[0])
-
-
-def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
-    """The range, in which both ends are scenes."""
-    own = _own(scene, path)
-    try:
-        low, high = (float(value) for value in between)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if not (math.isfinite(high - low) and low < high):
-        raise ValueError(f"`between` must be two numbers, low and high, but is {between!r}.")
-    if not low <= own <= high:
-        raise ValueError(
-            f"`between` must hold the orbit's own `{path}`, {own:g}, but is {low:g} to {high:g}."
-        )
-    if path == "spin.speed" and low * high <= 0:
-        raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
-    for value in (low, high):
-        scene.replace({path: value})
-    return low, high
-
-
-def _basis(scene: Scene, solver: Exponential) -> str:
-    rate: Scalar = jnp.abs(scene.spin.speed)
-    chosen: Any = choose(solver, scene, rate)
-    return chosen.basis
-
-
-def _images(scene: Scene, path: str, system: Any, turn: float, between: Sequence[float]) -> int:
-    """Periods after which a motion without unbalance closes; refuses what breaks its symmetry."""
-    for value in between:
-        other = scene.replace({path: value})
-        apart = changes(
-            other, eqx.filter_jit(assemble)(other, port_groups(scene)), jnp.asarray(turn)
-        )
-        if float(jnp.max(jnp.abs(apart))) > SAME:
-            raise ValueError(
-                f"`{path}` breaks the symmetry that an orbit without unbalance rests on; find the orbit "
-                "by `periodic` with `turn=0`, or in a scene with unbalance."
-            )
-    count = 1
-    while abs(math.remainder(count * turn, 2 * math.pi)) > 1e-9 and count < 360:
-        count += 1
-    return count

@@ -6,8 +6,10 @@ One compiled program tells all there is to know of a trial, whatever the values.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,11 +19,13 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..march import QUICKLY, Outcome, Plan
 from ..quantities import Scalar
 from ..scene import Scene
-from ..simulate import joined, solver_name
+from ..simulate import choose, joined, solver_name
+from ..solvers.exponential import Exponential
 from ..start import Continued
-from ..system import System, assemble
-from .periodic import PeriodicOrbit, wound
+from ..system import System, assemble, port_groups
+from .periodic import PeriodicOrbit, checked, wound
 from .shooting import Seen, Shooting
+from .symmetry import SAME, changes, order
 
 
 class Gauge(NamedTuple):
@@ -61,6 +65,7 @@ class Curve(eqx.Module):
     high: Scalar
     path: str = eqx.field(static=True)
     revolutions: int | None = eqx.field(static=True)  # None: a period of its own
+    order: int = eqx.field(static=True)  # of the turns that leave the scene as it is
     images: int = eqx.field(static=True)  # after how many periods the motion closes
     decades: bool = eqx.field(static=True)  # whether s is along the logarithm
 
@@ -190,3 +195,108 @@ def _clearances(curve: Curve, system: System, seen: Seen) -> tuple[Array, Array]
 
 def _absent(part) -> bool:
     return part is None
+
+
+# === what is followed
+
+
+def curve_of(
+    orbit: PeriodicOrbit, path: str, between: Sequence[float], solver: Exponential | None
+) -> tuple[Curve, np.ndarray]:
+    """The problem of an orbit, and its unknowns; refuses what cannot be followed."""
+    if not isinstance(orbit, PeriodicOrbit):
+        raise ValueError(f"`orbit` must be of `jaxrotor.periodic`, but is {orbit!r}.")
+    if not float(orbit.scene.spin.speed):
+        raise ValueError(
+            "The steps of a branch are those of a rotor that turns, but its speed is 0."
+        )
+    scene, (low, high) = orbit.scene, _range(orbit.scene, path, between)
+    together = port_groups(scene)
+    system = eqx.filter_jit(assemble)(scene, together)
+    solver = checked(Exponential(4, located=True) if solver is None else solver, system)
+    basis = {
+        _basis(scene.replace({path: value}), solver) for value in (*between, _own(scene, path))
+    }
+    solver = Exponential(solver.order, "modal" if basis == {"modal"} else "dense", solver.located)
+    how = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
+    plan = Plan(solver, None, dfx.ForwardMode(), orbit.steps, orbit.steps, **how)
+    rate = abs(float(scene.spin.speed))
+    own = orbit.revolutions is None
+    turn = orbit.turn if own else jnp.zeros(())
+    images = _images(scene, path, float(turn), between) if own else 1
+    state: Any = np.concatenate([orbit.start.q, np.asarray(orbit.start.velocity) / rate])
+    moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
+    size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
+    curve = Curve(
+        scene=scene,
+        stations=orbit.stations,
+        plan=plan,
+        size=jnp.asarray(size, float),
+        span=jnp.asarray(rate * orbit.period if own else 2 * math.pi, float),
+        turn=jnp.asarray(turn),
+        low=jnp.asarray(low, float),
+        high=jnp.asarray(high, float),
+        path=path,
+        revolutions=orbit.revolutions,
+        order=order(scene, system) if own else 1,
+        images=images,
+        decades=low > 0 and high > 10 * low,
+    )
+    x = np.concatenate([state.real, state.imag]) / size
+    share = curve.share(_own(scene, path))
+    return curve, np.concatenate([x, [1.0] if own else [], [share]])
+
+
+def _own(scene: Scene, path: str) -> float:
+    """The value that the scene has."""
+    values = np.ravel(scene.get(path))
+    if values.size == 0 or np.ptp(values) > SAME * np.abs(values).max():
+        raise ValueError(
+            f"`{path}` stands for values that differ, {', '.join(f'{v:g}' for v in values)}; name one of "
+            "them, as in `limiters.0.stiffness`."
+        )
+    return float(values[0])
+
+
+def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
+    """The range, in which both ends are scenes."""
+    own = _own(scene, path)
+    try:
+        low, high = (float(value) for value in between)
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if not (math.isfinite(high - low) and low < high):
+        raise ValueError(f"`between` must be two numbers, low and high, but is {between!r}.")
+    if not low <= own <= high:
+        raise ValueError(
+            f"`between` must hold the orbit's own `{path}`, {own:g}, but is {low:g} to {high:g}."
+        )
+    if path == "spin.speed" and low * high <= 0:
+        raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
+    for value in (low, high):
+        scene.replace({path: value})
+    return low, high
+
+
+def _basis(scene: Scene, solver: Exponential) -> str:
+    rate: Scalar = jnp.abs(scene.spin.speed)
+    chosen: Any = choose(solver, scene, rate)
+    return chosen.basis
+
+
+def _images(scene: Scene, path: str, turn: float, between: Sequence[float]) -> int:
+    """Periods after which a motion without unbalance closes; refuses what breaks its symmetry."""
+    for value in between:
+        other = scene.replace({path: value})
+        apart = changes(
+            other, eqx.filter_jit(assemble)(other, port_groups(scene)), jnp.asarray(turn)
+        )
+        if float(jnp.max(jnp.abs(apart))) > SAME:
+            raise ValueError(
+                f"`{path}` breaks the symmetry that an orbit without unbalance rests on; find the orbit "
+                "by `periodic` with `turn=0`, or in a scene with unbalance."
+            )
+    count = 1
+    while abs(math.remainder(count * turn, 2 * math.pi)) > 1e-9 and count < 360:
+        count += 1
+    return count

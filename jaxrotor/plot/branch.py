@@ -64,7 +64,7 @@ def branch(
                 color=shade,
                 markersize=4.0,
                 markerfacecolor="none",
-                label=kind,
+                label="Neimark-Sacker" if kind == "neimark-sacker" else kind,
             )
     ax.set_xlabel(name)
     ax.set_ylabel(label)
