@@ -20,11 +20,11 @@ from jaxrotor import plot  # noqa: E402
 
 
 RANGES = {
-    "limiters.stiffness": (1e6, 3e7),
-    "limiters.friction": (0.05, 0.4),
+    "limiters.stiffness": (1e6, 8e6),
+    "limiters.friction": (0.08, 0.35),
     "spin.speed": (300.0, 1500.0),
 }
-LOCKED = 0.7e-3  # m: eccentricity at which the rub is locked
+LOCKED = 0.8e-3  # m: eccentricity at which the rub is locked
 
 
 def rub(scene, steps):
@@ -48,7 +48,8 @@ def main():
     for (path, between), ax in zip(RANGES.items(), axes.flat, strict=False):
         follow(orbit, path, between, ax, of="whirl_rate")
     driven = scene.replace({"unbalance.eccentricity": LOCKED})
-    response = jr.simulate(driven, 400, start=jr.Whirl(12e-3, -441.0), keep=4)
+    how = {"start": jr.Whirl(8.4e-3, -441.6), "solver": jr.Exponential(4), "keep": 4}
+    response = jr.simulate(driven, 300, 128, **how)
     locked = jr.periodic(driven, response, revolutions=2, steps_per_revolution=given.steps)
     print(locked)
     follow(locked, "unbalance.eccentricity", (0.0, 1.5e-3), axes.flat[3])
