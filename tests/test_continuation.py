@@ -307,6 +307,8 @@ def test_picture_of_a_branch(resonance):
     )
     unstable = np.isfinite(lines["unstable"].get_ydata()).sum()
     assert unstable == (~resonance.stable).sum() + 2  # with the folds at both ends
+    plot.branch(resonance, ax)  # named once
+    assert len(ax.get_legend().get_texts()) == 3
     assert plot.branch(resonance, of="whirl_rate").get_ylabel() == "whirl rate [1]"
     with pytest.raises(ValueError, match="`of` must be"):
         plot.branch(resonance, of="height")

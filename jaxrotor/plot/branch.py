@@ -40,6 +40,8 @@ def branch(
     if of not in ("radius", "whirl_rate"):
         raise ValueError(f"`of` must be 'radius' or 'whirl_rate', but is {of!r}.")
     ax = page.single(ax, 85, 65)
+    named = {line.get_label() for line in ax.get_lines()}  # of branches that are there already
+    called = lambda name: "_" if name in named else name
     heights, marks, label = _heights(result, of, station)
     factor, name = labels.parameter(labels.words(result.path), result.scene.unit(result.path))
     # Lines go through the bifurcations, where they change.
@@ -53,7 +55,7 @@ def branch(
         shown = _runs(stable, chosen)
         if shown.any():
             style = {"color": colour, "linewidth": 1.3, "linestyle": "-" if chosen else (0, (4, 2))}
-            ax.plot(x, np.where(shown, y, np.nan), label=part, **style)
+            ax.plot(x, np.where(shown, y, np.nan), label=called(part), **style)
     for kind, (sign, shade) in MARKERS.items():
         here = [i for i, point in enumerate(result.points) if point.kind == kind]
         if here:
@@ -64,7 +66,7 @@ def branch(
                 color=shade,
                 markersize=4.0,
                 markerfacecolor="none",
-                label="Neimark-Sacker" if kind == "neimark-sacker" else kind,
+                label=called("Neimark-Sacker" if kind == "neimark-sacker" else kind),
             )
     ax.set_xlabel(name)
     ax.set_ylabel(label)
