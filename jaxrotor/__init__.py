@@ -81,6 +81,7 @@ from .design import (  # noqa: E402
 from .effects import (  # noqa: E402
     BallBalancer as BallBalancer,
     BallContact as BallContact,
+    CubicSpring as CubicSpring,
     Disc as Disc,
     DiscDamping as DiscDamping,
     ExternalDamping as ExternalDamping,
@@ -103,9 +104,12 @@ from .files import (  # noqa: E402
 from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .orbits import (  # noqa: E402
+    Branch as Branch,
+    BranchPoint as BranchPoint,
     Lyapunov as Lyapunov,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
+    continue_ as continue_,
     lyapunov as lyapunov,
     periodic as periodic,
 )

@@ -65,6 +65,11 @@ class Port(eqx.Module):
         share = jnp.maximum(out @ out.T, 0.0) ** 2  # of law i in a motion toward law j
         return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
 
+    def clearances(self, displacement: Array) -> Float[Array, " k"]:
+        """Of every law, the distance left until it acts [m]."""
+        stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
+        return jnp.concatenate(stacks)
+
     def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
         """Torque of all laws about the axis [N m]."""
         torques = [
@@ -114,8 +119,17 @@ class System(eqx.Module):
         forces = jnp.concatenate(
             [port.forces(displacement[i], velocity[i], speed) for i, port in enumerate(self.ports)]
         )
-        order = sorted(range(len(self.members)), key=self.members.__getitem__)
-        return forces[jnp.asarray(order)]
+        return forces[self._order]
+
+    def clearances(self, displacement: Array) -> Float[Array, " k"]:
+        """Of each contact of the scene, the distance left until it acts [m], see `contact_forces`."""
+        found = [port.clearances(displacement[i]) for i, port in enumerate(self.ports)]
+        return jnp.concatenate(found)[self._order]
+
+    @property
+    def _order(self) -> Array:
+        """Laws in the order of the scene's contacts."""
+        return jnp.asarray(sorted(range(len(self.members)), key=self.members.__getitem__))
 
 
 def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:

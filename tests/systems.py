@@ -7,6 +7,7 @@ from jaxrotor import (
     BallBalancer,
     BallContact,
     ConstantSpeed,
+    CubicSpring,
     Disc,
     DiscDamping,
     ExternalDamping,
@@ -105,6 +106,7 @@ EFFECTS = [
     DiscDamping(LENGTH, 0.6, 0.05),
     InternalDamping(2e-4),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
+    CubicSpring(LENGTH, 0.6, 1e9),
     Support(
         LENGTH,
         3e4,
@@ -128,6 +130,7 @@ STRENGTHS = {
     "disc_damping": ("translational", "angular"),
     "internal_damping": ("voigt_time",),
     "limiter": ("stiffness", "damping"),
+    "cubic_spring": ("stiffness",),
     "support": (
         "stiffness",
         "damping",

@@ -611,7 +611,8 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a parameter of a scene (did you mean `disc`?); it has: title, assumption, "
-            "shaft, ball_balancer, ball_balancers, ball_contact, ball_contacts, disc, discs, ",
+            "shaft, ball_balancer, ball_balancers, ball_contact, ball_contacts, cubic_spring, "
+            "cubic_springs, disc, discs, ",
         ),
         (
             "[disc]",

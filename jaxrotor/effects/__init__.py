@@ -10,6 +10,7 @@ from .base import (
     AbstractLinear as AbstractLinear,
     AbstractLoad as AbstractLoad,
 )
+from .cubic_spring import CubicSpring as CubicSpring
 from .disc import Disc as Disc
 from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping
 from .gravity import Gravity as Gravity

@@ -88,6 +88,10 @@ class AbstractLaw(eqx.Module):
     ) -> Branch:
         """Smooth, positive while a condition stays as the branch has it; infinite if no matter."""
 
+    @abc.abstractmethod
+    def clearance(self, displacement: Plane) -> Scalar:
+        """Distance [m] that is left until it acts, below zero inside; -inf if it always acts."""
+
 
 class AbstractContact(AbstractEffect):
     """Acts at a station through a nonlinear law of displacement and velocity.

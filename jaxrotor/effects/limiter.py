@@ -89,6 +89,10 @@ class ViscoelasticStop(AbstractLaw):
         margins = jnp.stack([depth, self._pressure(depth, closing), slipping])
         return jnp.where(matters, (2 * branch - 1) * margins, jnp.inf)
 
+    def clearance(self, displacement: Plane) -> Scalar:
+        outward = self.cos * displacement[0] + self.sin * displacement[1]
+        return self.limiter.gap - outward
+
     def _local(
         self, displacement: Plane, velocity: Plane, speed: Scalar
     ) -> tuple[Scalar, Scalar, Scalar]:

@@ -267,7 +267,7 @@ def _find(
     multipliers, trivial = shooting.multipliers(x, jnp.where(converged, jacobian, jnp.nan))
     (q, velocity), span = shooting.decode(x), shooting.length(x)
     period = shooting.revolutions * span / aim.rate
-    turn = _wound(seen.displacement[:, 0], aim.turn)
+    turn = wound(seen.displacement[:, 0], aim.turn)
     return PeriodicOrbit(
         start=Continued(q, velocity),
         period=period,
@@ -295,7 +295,7 @@ _COMPILED = eqx.filter_jit(_find)
 _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
 
 
-def _wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
+def wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
     """The turn with all whole turns about the centre; not a number through the centre."""
     wound = jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1])))
     whole = jax.lax.stop_gradient(jnp.round((wound - turn) / (2 * jnp.pi)))

@@ -5,6 +5,7 @@ from .animation import animate as animate
 from .attractors import attractors as attractors
 from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
+from .branch import branch as branch
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
 from .escapes import escapes as escapes

@@ -23,8 +23,7 @@ class ModalBasis(eqx.Module):
 
     @classmethod
     def build(cls, a: Complex[Array, "m m"]) -> "ModalBasis":
-        values, vectors = jnp.linalg.eig(a)
-        return cls(values, vectors, jnp.linalg.inv(vectors))
+        return cls(*_modes(a))
 
     def matrix(self) -> Complex[Array, "m m"]:
         """`A` in this basis."""
@@ -48,6 +47,28 @@ class ModalBasis(eqx.Module):
     def revolutions(self, count: int, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
         """State after whole free revolutions."""
         return jnp.exp(2 * jnp.pi * count * self.values) * w
+
+
+@jax.custom_jvp
+def _modes(a: Complex[Array, "m m"]) -> tuple[Array, Array, Array]:
+    """Eigenvalues, eigenvectors, and their inverse."""
+    values, vectors = jnp.linalg.eig(a)
+    return values, vectors, jnp.linalg.inv(vectors)
+
+
+@_modes.defjvp
+def _modes_jvp(primals, tangents):
+    """`dV = V F`, `F_ij = (V^-1 dA V)_ij / (lambda_j - lambda_i)`, lengths kept in first order.
+
+    How eigenvectors are scaled does not matter to what is written in them.
+    """
+    values, vectors, inverse = _modes(*primals)
+    coupled = inverse @ tangents[0] @ vectors
+    apart = values[None, :] - values[:, None]
+    other = ~jnp.eye(values.size, dtype=bool)
+    turned = jnp.where(other, coupled / jnp.where(other, apart, 1.0), 0.0)
+    changes = jnp.diagonal(coupled), vectors @ turned, -turned @ inverse
+    return (values, vectors, inverse), changes
 
 
 class DenseBasis(eqx.Module):

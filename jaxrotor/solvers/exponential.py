@@ -33,9 +33,9 @@ class Exponential(eqx.Module):
     time of a step and of compilation, pays where the state is wanted to better than 1e-4 or a whirl
     rate to better than 1e-6, and is differentiable in forward mode.
 
-    Modal coordinates take the fewest operations. They fail where eigenvectors merge (over-damped or
-    defective pairs), and jax cannot differentiate eigenvectors; "auto" takes the dense
-    matrix exponential there and whenever parameters are being traced.
+    Modal coordinates take the fewest operations. They, and more so their derivatives, which are in
+    forward and reverse mode, fail where eigenvectors merge (over-damped or defective pairs); "auto"
+    takes the dense matrix exponential there and whenever parameters are being traced.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)

@@ -1,0 +1,315 @@
+"""Branches of periodic orbits against scipy, closed forms and the onset of instability.
+
+The scalar equations and their derivatives are written here again and integrated by scipy.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+from switched import TURN, Switched
+from systems import LENGTH, TIME, limiter_rotor
+
+import jaxrotor as jr
+from jaxrotor import plot
+from jaxrotor.orbits.bifurcations import touches
+
+
+FINE = {"rtol": 1e-12, "atol": 1e-13, "method": "DOP853"}
+
+
+def one_disc(*effects, damping=0.1, stiffness=1.0, speed=0.8, eccentricity=0.08):
+    """A mass of 1 kg on a round shaft: `m x.. + c x. + k x = m e Omega^2 cos Omega t + ..`."""
+    return jr.Scene(
+        jr.MasslessShaft(1.0, 0.5, stiffness),
+        jr.Disc(0.5, 1.0),
+        jr.DiscDamping(0.5, damping),
+        jr.Unbalance(0.5, 1.0, eccentricity),
+        *effects,
+        spin=jr.ConstantSpeed(speed),
+    )
+
+
+class Duffing:
+    """`x.. + c x. + k x + x^3 = g + e Omega^2 cos Omega t` by scipy, with the derivative by its state."""
+
+    def __init__(self, damping, stiffness, constant):
+        self.damping, self.stiffness, self.constant = damping, stiffness, constant
+
+    def field(self, t, y, force, speed):
+        x, v, *d = y
+        slope = self.stiffness + 3 * x**2
+        rest = self.constant + force * np.cos(speed * t) - self.stiffness * x - x**3
+        rates = [v, rest - self.damping * v]
+        for a, b in zip(d[::2], d[1::2], strict=True):
+            rates += [b, -slope * a - self.damping * b]
+        return rates
+
+    def back(self, start, eccentricity, speed, revolutions=1):
+        """State after some revolutions, and its derivative by the start."""
+        span = (0.0, TURN / speed * revolutions)
+        more = (eccentricity * speed**2, speed)
+        y = solve_ivp(self.field, span, [*start, 1, 0, 0, 1], args=more, **FINE).y[:, -1]
+        return y[:2], y[2:].reshape(2, 2).T
+
+    def critical(self, start, value, multiplier, revolutions=1, speed=None):
+        """Parameter at which an orbit has a real multiplier: eccentricity, or speed at a given one."""
+
+        def missed(unknown):
+            *state, p = unknown
+            which = (p, 1.0) if speed is None else (speed, p)
+            end, derivative = self.back(state, *which, revolutions)
+            return [*(end - state), np.linalg.det(derivative - multiplier * np.eye(2))]
+
+        found, _, success, message = fsolve(missed, [*start, value], xtol=1e-13, full_output=True)
+        assert success == 1 or np.abs(missed(found)).max() < 1e-10, message
+        return found[2]
+
+
+def along_x(orbit):
+    """Displacement [m] and velocity [m/s] along x that an orbit starts with."""
+    return float(orbit.start.q[0].real), float(orbit.start.velocity[0].real)
+
+
+# === Duffing
+
+
+@pytest.fixture(scope="module")
+def resonance():
+    """The hardening resonance, taken in speed through both folds."""
+    scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0))
+    orbit = jr.periodic(scene, jr.AtRest(), revolutions=1)
+    return jr.continue_(orbit, "spin.speed", (0.5, 2.5))
+
+
+def test_folds_of_the_hardening_resonance(resonance):
+    """The two speeds at which the amplitude jumps, by scipy."""
+    folds = resonance.of("fold")
+    assert [point.kind for point in resonance.points] == ["fold", "fold"]
+    for point in folds:
+        start = along_x(resonance.orbit(point))
+        exact = Duffing(0.1, 1.0, 0.0).critical(start, point.value, 1.0, speed=0.08)
+        assert point.value == pytest.approx(exact, rel=1e-7)
+        assert abs(point.multipliers[0] - 1) < 1e-6
+    # between the folds, and nowhere else, orbits are unstable
+    upper, lower = (point.place for point in folds)
+    place = np.arange(resonance.values.size)
+    np.testing.assert_array_equal(resonance.stable, (place < upper) | (place > lower))
+    assert resonance.values[0] == 0.5 and resonance.values[-1] == 2.5
+    assert "spin.speed = 2.5 is the end of the range" in resonance.reasons[1]
+    assert "fold at 1.399" in str(resonance)
+
+
+def test_multipliers_on_the_branch(resonance):
+    """Of every tenth orbit along x by scipy; across, of the linear oscillator in closed form."""
+    for number in range(0, resonance.values.size, 10):
+        orbit, speed = resonance.orbit(number), resonance.values[number]
+        end, derivative = Duffing(0.1, 1.0, 0.0).back(along_x(orbit), 0.08, speed)
+        np.testing.assert_allclose(end, along_x(orbit), rtol=0, atol=1e-7)
+        across = np.exp((-0.05 + 1j * np.sqrt(1 - 0.05**2)) * TURN / speed)
+        expected = [*np.linalg.eigvals(derivative), across, across.conj()]
+        for value in expected:
+            assert np.abs(resonance.multipliers[number] - value).min() < 1e-6
+
+
+def test_orbits_of_the_branch_are_those_of_periodic(resonance):
+    unstable = int(np.flatnonzero(~resonance.stable)[3])
+    orbit = resonance.orbit(unstable)
+    again = jr.periodic(orbit.scene, orbit)
+    assert float(orbit.scene.spin.speed) == resonance.values[unstable]
+    np.testing.assert_allclose(again.displacement, orbit.displacement, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(again.multipliers, orbit.multipliers, rtol=0, atol=1e-8)
+    assert float(orbit.radius[1][0]) == resonance.radius_max[unstable, 0]
+
+
+@pytest.fixture(scope="module")
+def cascade():
+    """Branches of 1, 2 and 4 revolutions of the biased resonance, each from a flip of the last."""
+    spring, weight = jr.CubicSpring(0.5, 0.0, 1.0), jr.Gravity(1.0, angle=0.0)
+    options = {"damping": 0.2, "stiffness": 0.1, "speed": 1.0, "eccentricity": 1.1}
+    scene = one_disc(spring, weight, **options)
+    settled = jr.simulate(scene, 60, 128, keep=1)
+    orbit = jr.periodic(scene, settled, revolutions=1)
+    follow = lambda orbit: jr.continue_(orbit, "unbalance.eccentricity", (1.0, 1.45))
+    branches = [follow(orbit)]
+    for _ in range(2):
+        branches.append(follow(branches[-1].doubled(branches[-1].of("flip")[0])))
+    return branches
+
+
+def test_period_doubling_cascade(cascade):
+    """Three flips, by scipy."""
+    flips = [branch.of("flip")[0] for branch in cascade]
+    for count, (branch, flip) in enumerate(zip(cascade, flips, strict=True)):
+        start = along_x(branch.orbit(flip))
+        exact = Duffing(0.2, 0.1, 1.0).critical(start, flip.value, -1.0, 2**count)
+        assert flip.value == pytest.approx(exact, rel=1e-7)
+        assert branch.orbit(flip).revolutions == 2**count
+    assert flips[0].value < flips[1].value < flips[2].value
+    # a doubled branch begins where the one before flips, and is stable from there to its own flip
+    for before, after in zip(flips, cascade[1:], strict=False):
+        assert after.values.min() == pytest.approx(before.value, rel=1e-6)
+        assert any("orbits of half the period" in reason for reason in after.reasons)
+        settled = (after.values > before.value * (1 + 1e-6)) & (after.values < before.value + 1e-3)
+        assert settled.any() and after.stable[settled].all()
+
+
+# === contact
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    """A mass that meets a stop along x, without damping of its own, taken in eccentricity."""
+    scene = one_disc(speed=1.3, eccentricity=0.12)
+    orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=400)
+    stop = jr.Limiter(0.5, 0.0, gap=0.3, stiffness=20.0)
+    free = dataclasses.replace(orbit, scene=scene.of_parts(*scene.effects, stop))  # not touched
+    return jr.continue_(free, "unbalance.eccentricity", (0.03, 0.14), max_step=0.1)
+
+
+def test_grazing_of_the_impact_oscillator(oscillator):
+    """The amplitude of the linear response is the gap: `e Omega^2 = gap |k - m Omega^2 + i c Omega|`."""
+    first = oscillator.points[0]
+    speed = 1.3
+    exact = 0.3 * abs(1 - speed**2 + 0.1j * speed) / speed**2
+    assert (first.kind, first.contact) == ("grazing", 0)
+    assert first.value == pytest.approx(exact, rel=1e-8)
+    free = np.arange(oscillator.values.size) < first.place
+    linear = oscillator.values * 0.3 / exact
+    np.testing.assert_allclose(oscillator.radius_max[free, 0], linear[free], rtol=1e-9)
+    np.testing.assert_allclose(oscillator.clearance[free, 0], 0.3 - linear[free], atol=1e-9)
+
+
+def test_multipliers_of_impacts_are_those_of_direct_integration(oscillator):
+    """By scipy from event to event."""
+    after = np.flatnonzero(oscillator.clearance[:, 0] < -1e-3)
+    assert after.size > 10
+    for number in after[:: after.size // 4]:
+        orbit = oscillator.orbit(int(number))
+        w = np.concatenate([orbit.start.q, orbit.start.velocity / 1.3])
+        y = np.concatenate([w.real, w.imag])
+        end, changes, derivative = Switched(orbit.scene).followed(y, 1)
+        assert changes == 2 * touches(oscillator.look(int(number)))[0][0]
+        assert np.abs(end - y).max() < 1e-7 * np.abs(y).max()
+        for value in np.linalg.eigvals(derivative):
+            assert np.abs(oscillator.multipliers[number] - value).min() < 1e-6
+
+
+# === Neimark-Sacker
+
+
+def test_synchronous_whirl_loses_its_stability_at_the_onset_speed():
+    """Of a linear rotor in closed form: a pair of multipliers leaves by `omega / Omega` turns."""
+    shaft = jr.MasslessShaft(1.0, 0.5, 1.0, damping=0.05)
+    parts = jr.Disc(0.5, 1.0), jr.DiscDamping(0.5, 0.1), jr.Unbalance(0.5, 1.0, 0.01)
+    scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(2.5))
+    orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=32)
+    branch = jr.continue_(orbit, "spin.speed", (2.0, 4.0))
+    onset = jr.onset_speed(scene, (2.0, 4.0))
+    (point,) = branch.points
+    assert point.kind == "neimark-sacker"
+    assert point.value == pytest.approx(3.0, rel=1e-9)  # (1 + c / h) omega, omega = 1
+    assert point.value == pytest.approx(float(onset.speed), rel=1e-9)
+    assert point.angle == pytest.approx(TURN / 3, rel=1e-8)
+    np.testing.assert_array_equal(branch.stable, branch.values < 3.0)
+
+
+# === derivatives of the modal form
+
+
+@pytest.mark.parametrize(
+    "path", ["limiters.stiffness", "spin.speed", "internal_damping.voigt_time"]
+)
+def test_modal_basis_has_the_derivative_of_the_dense_one(path):
+    """That of eigenvectors, which a branch is followed by, against matrix exponentials."""
+    scene = limiter_rotor(nodes=4, eps=1e-3)
+    value = jnp.ravel(scene.get(path))[0]
+
+    def slope(basis):
+        options = {"solver": jr.Exponential(4, basis), "start": jr.Whirl(0.009, -441.0)}
+        moved = lambda x: jr.simulate(scene.put({path: x}), 2, 64, **options).displacement
+        return jax.jit(lambda x: jax.jvp(moved, (x,), (value,))[1])(value)
+
+    expected = np.asarray(slope("dense"))
+    np.testing.assert_allclose(slope("modal"), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+# === a motion without unbalance
+
+
+@pytest.mark.slow
+def test_backward_rub_ends_at_a_fold():
+    """Taken in friction it turns back before friction is gone; the same by `periodic` at a point of it."""
+    scene = limiter_rotor(nodes=4)
+    start = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
+    settled = jr.simulate(scene, 200, 128, solver=jr.Exponential(4), start=start, keep=4)
+    orbit = jr.periodic(scene, settled, steps_per_revolution=128)
+    branch = jr.continue_(orbit, "limiters.friction", (0.05, 0.15), direction="down")
+    (fold,) = branch.of("fold")
+    assert abs(fold.multipliers[0] - 1) < 1e-5
+    assert branch.stable[: int(fold.place) + 1].all()
+    assert not branch.stable[int(fold.place) + 1 :].any()
+    np.testing.assert_allclose(branch.trivial, 1.0, atol=1e-5)
+    number = int(fold.place) // 2
+    changed = scene.replace({"limiters.friction": branch.values[number]})
+    again = jr.periodic(changed, orbit, steps_per_revolution=128)
+    assert float(again.whirl_rate) == pytest.approx(branch.whirl_rate[number], abs=1e-8)
+    for path in ("limiters.0.stiffness", "unbalance.eccentricity"):
+        with pytest.raises(ValueError, match="breaks the symmetry"):
+            jr.continue_(orbit, path, (0.0, 1e7))
+
+
+# === refusals and pictures
+
+
+def test_refusals(resonance):
+    orbit = resonance.orbit(0)
+    for how, sentence in (
+        (("spin.sped", (0.4, 1.0)), "did you mean `spin.speed`"),
+        (("spin.speed", (0.6, 1.0)), "must hold the orbit's own `spin.speed`, 0.5"),
+        (("spin.speed", (-0.5, 1.0)), "must keep the sense of rotation"),
+        (("spin.speed", [1.0]), "must be two numbers"),
+        (("disc_damping.translational", (-0.1, 0.2)), "must not be negative"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            jr.continue_(orbit, *how)
+    with pytest.raises(ValueError, match="`direction` must be"):
+        jr.continue_(orbit, "spin.speed", (0.4, 1.0), direction="left")
+    with pytest.raises(ValueError, match="`step` must be above"):
+        jr.continue_(orbit, "spin.speed", (0.4, 1.0), step=1.0)
+    with pytest.raises(ValueError, match="must be a point of the kind 'flip'"):
+        resonance.doubled(resonance.points[0])
+
+
+def test_where_it_stops_is_said(resonance):
+    short = jr.continue_(resonance.orbit(0), "spin.speed", (0.5, 2.5), max_points=3)
+    assert short.values.size == 4
+    assert "`max_points` = 3 are taken, to spin.speed = 0." in short.reasons[1]
+    with pytest.raises(RuntimeError, match="cannot be continued in `spin.speed`: after 1 iter"):
+        orbit = resonance.orbit(0)
+        off = jr.Continued(3 * orbit.start.q, orbit.start.velocity)
+        far = dataclasses.replace(orbit, start=off)
+        jr.continue_(far, "spin.speed", (0.5, 2.5), max_iterations=1)
+
+
+def test_picture_of_a_branch(resonance):
+    ax = plot.branch(resonance)
+    assert ax.get_xlabel() == "spin speed [rad/s]" and ax.get_ylabel() == "largest radius [mm]"
+    lines = {line.get_label(): line for line in ax.get_lines()}
+    assert set(lines) == {"stable", "unstable", "fold"}
+    np.testing.assert_allclose(
+        lines["fold"].get_xdata(), [point.value for point in resonance.of("fold")]
+    )
+    unstable = np.isfinite(lines["unstable"].get_ydata()).sum()
+    assert unstable == (~resonance.stable).sum() + 2  # with the folds at both ends
+    plot.branch(resonance, ax)  # named once
+    assert len(ax.get_legend().get_texts()) == 3
+    assert plot.branch(resonance, of="whirl_rate").get_ylabel() == "whirl rate [1]"
+    with pytest.raises(ValueError, match="`of` must be"):
+        plot.branch(resonance, of="height")
+    plt.close("all")
