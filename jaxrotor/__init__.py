@@ -99,9 +99,11 @@ from .files import (  # noqa: E402
 from .hysteresis import hysteresis as hysteresis  # noqa: E402
 from .materials import Material as Material, steel as steel  # noqa: E402
 from .orbits import (  # noqa: E402
+    HarmonicOrbit as HarmonicOrbit,
     Lyapunov as Lyapunov,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
+    harmonic_balance as harmonic_balance,
     lyapunov as lyapunov,
     periodic as periodic,
 )
