@@ -16,6 +16,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..march import QUICKLY
 from ..pencil import Pencil, check_moves, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -131,7 +132,9 @@ def harmonic_balance(
     first = _first(scene, system, guess, orders, revolutions)
     finder = optx.Dogleg(tolerance, tolerance) if finder is None else finder
     sizes = harmonics, revolutions, samples
-    found = _find(scene, system, scene.stations(at), first, sizes, finder, tolerance, max_iterations)
+    traced = not all(map(known, jax.tree.leaves((system, first))))
+    find = _COMPILED if traced else _COMPILED_QUICKLY
+    found = find(scene, system, scene.stations(at), first, sizes, finder, tolerance, max_iterations)
     if throw and known(found.converged) and not bool(found.converged):
         raise RuntimeError(
             f"No orbit was found near the guess: after {int(found.iterations)} iterations the balance "
@@ -168,8 +171,8 @@ class Balance(eqx.Module):
         def answer(case):
             frequency, force = case
             pencil = Pencil.of(system, jnp.sign(frequency - speed))
-            known = jnp.concatenate([force[:, None], columns], axis=1)
-            return pencil.response(frequency, known)
+            acting = jnp.concatenate([force[:, None], columns], axis=1)
+            return jnp.linalg.solve(pencil.dynamic(frequency), acting)
 
         answers = jax.lax.map(answer, (frequencies, forces))
         parts = frequencies, answers[..., 0], answers[..., 1:]
@@ -230,7 +233,6 @@ class Balance(eqx.Module):
         return jnp.fft.ifft(spectrum, axis=0, norm="forward")
 
 
-@eqx.filter_jit
 def _find(
     scene: Scene,
     system: System,
@@ -280,6 +282,10 @@ def _find(
         revolutions=revolutions,
         samples=samples,
     )
+
+
+_COMPILED = eqx.filter_jit(_find)
+_COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
 
 
 def _root(balance: Balance, ports: Array, finder: Any, max_iterations: int):

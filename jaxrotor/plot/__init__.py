@@ -6,6 +6,7 @@ from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
+from .harmonics import harmonics as harmonics
 from .history import history as history
 from .lyapunov import lyapunov as lyapunov
 from .mode_shapes import mode_shapes as mode_shapes
