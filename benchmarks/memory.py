@@ -33,7 +33,11 @@ STEPS = 64  # a revolution
 FIGURE = Path(__file__).parent.parent / "docs" / "memory.png"
 WAYS = {  # adjoint, revolutions of which each is a checkpoint, colour
     "reverse mode, all steps kept": (None, march.SHORT, colours.RED),
-    "reverse mode, every revolution kept": (dfx.RecursiveCheckpointAdjoint(), 10**9, colours.ORANGE),
+    "reverse mode, every revolution kept": (
+        dfx.RecursiveCheckpointAdjoint(),
+        10**9,
+        colours.ORANGE,
+    ),
     "reverse mode": (dfx.RecursiveCheckpointAdjoint(), march.SHORT, colours.BLUE),
     "forward mode": (None, march.SHORT, colours.GREY),
 }

@@ -110,9 +110,7 @@ def test_stops_that_are_not_touched_do_nothing():
     circle = complex(jr.unbalance_response(free, float(scene.spin.speed)).forward[0, 0])
     expected = np.zeros(15, complex)
     expected[8] = circle
-    np.testing.assert_allclose(
-        orbit.coefficients[:, 0], expected, rtol=0, atol=1e-12 * abs(circle)
-    )
+    np.testing.assert_allclose(orbit.coefficients[:, 0], expected, rtol=0, atol=1e-12 * abs(circle))
     assert not np.any(orbit.contact_force)
 
 
