@@ -67,6 +67,7 @@ from .analysis import (  # noqa: E402
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .attractors import attractors as attractors  # noqa: E402
 from .basins import basins as basins  # noqa: E402
 from .dataset import dataset as dataset  # noqa: E402
 from .design import (  # noqa: E402
@@ -88,6 +89,7 @@ from .effects import (  # noqa: E402
     Support as Support,
     Unbalance as Unbalance,
 )
+from .escapes import escapes as escapes  # noqa: E402
 from .files import (  # noqa: E402
     load as load,
     loads as loads,

@@ -240,6 +240,43 @@ class Contact(AbstractObservable):
         }
 
 
+class Reversal(AbstractObservable):
+    """When the whirl turns backward: the first of `window` revolutions in a row that all do.
+
+    A revolution whirls by the sign of the area it sweeps, `Int Im(conj(z) z.) dt / 2`, along the spin or
+    against it. For `jaxrotor.escapes`, which takes starts for an ensemble.
+    """
+
+    needs_contact: ClassVar[bool] = False
+    window: int = eqx.field(default=10, static=True)
+
+    def check(self, steps, contacts):
+        del contacts
+        if self.window < 1:
+            raise ValueError(f"`window` of Reversal must be at least 1, but is {self.window}.")
+        if steps < 8:
+            raise ValueError(
+                f"`steps_per_revolution` = {steps} is too few to see which way an orbit turns; take 8 "
+                "or more."
+            )
+
+    def start(self, contacts):
+        return jnp.array(0), jnp.array(-1)
+
+    def update(self, carry, turn: Turn):
+        row, first = carry
+        area = turn.s * jnp.sum(jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:]))
+        row = jnp.where(area < 0, row + 1, 0)
+        first = jnp.where((first < 0) & (row == self.window), turn.number + 1 - self.window, first)
+        return (row, first), None
+
+    def report(self, carry, stored, count):
+        _, first = carry
+        found = np.where(first < 0, np.nan, first)
+        long_name = "revolutions before the whirl turned backward"
+        return {"reversal": Variable((), found, "1", long_name)}
+
+
 class WhirlSpectrum(AbstractObservable):
     """Amplitude spectrum of Lambda(t): Hann window, mean removed, up to `samples`/2 cycles a revolution.
 

@@ -17,10 +17,10 @@ STATUS = (
     "solver_gave_up",
     "start_or_steady_response_undefined",
     "steps_too_long_for_a_stop",
+    "not_computed",
 )
-FAILED = tuple(
-    map(STATUS.index, ("not_finite", "solver_gave_up", "start_or_steady_response_undefined"))
-)
+NONE = ("not_finite", "solver_gave_up", "start_or_steady_response_undefined", "not_computed")
+FAILED = tuple(map(STATUS.index, NONE))
 
 
 class Outcome(eqx.Module):

@@ -2,6 +2,9 @@
 
 import dataclasses
 import itertools
+import math
+import os
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -11,15 +14,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
 
-from .chunks import chunk_size, cores, first_alone, progress as bar, segments, spread
+from .chunks import cores, progress as bar, spread
 from .dataset import assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
-from .march import QUICKLY, March, Plan
-from .observe import AbstractObservable, Turn, Variable, everything
-from .outcome import STATUS, Outcome, statuses, too_long
+from .grid import Block, Gathered, block_shape, blocks
+from .lanes import Context, Lanes, Stages, run_chunk, run_rows
+from .march import Plan
+from .observe import AbstractObservable, Variable, everything
+from .outcome import STATUS, failed, statuses, too_long
 from .pilot import Pilot
 from .quantities import quantity_units
 from .scene import Scene
@@ -32,14 +36,15 @@ from .simulate import (
     solver_name,
     with_nodes,
 )
-from .solvers.basis import well_conditioned
 from .solvers.control import step_control
 from .solvers.exponential import Exponential
-from .solvers.ports import PortForm
 from .start import AbstractStart, AtRest
+from .store import Store
 from .system import assemble, port_groups
 
 
+NO_ERROR = ("status", "extrema_missed", "unresolved")
+BRANCHES = ("up", "down")  # of a sweep that carries states along
 PILOT_LANES = 4  # by which "auto" steps are chosen
 
 
@@ -55,6 +60,8 @@ def sweep(
     nodes: int | Literal["auto"] | None = None,
     tolerance: float | int = 1e-3,
     error_sample: int = 0,
+    carry: str | None = None,
+    store: str | os.PathLike[str] | None = None,
     solver: Exponential | dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     at: float | Any | None = None,
@@ -82,6 +89,10 @@ def sweep(
             adaptive solver), spread over all. Of every number a lane has, the largest and the median
             difference are its attributes `error` and `error_median`; all are in `<name>_error`, over
             `error_lane`, the lane's number.
+        carry: path of `over` whose values, ascending, are taken one after the other, up and then down,
+            every lane going on from the state it has; the data set is over `branch` ("up", "down") too.
+        store: folder that chunks of lanes are written to, in Zarr format, as soon as they are done. A
+            sweep that was stopped goes on when it is called again; that of another sweep is refused.
         solver: as in `simulate`.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
@@ -93,7 +104,8 @@ def sweep(
 
     Returns:
         Dataset over the swept paths, not differentiable. `status` says of every lane whether it
-        succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings.
+        succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings. That of a
+        `store` is read from the folder where it is looked at.
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
@@ -107,6 +119,8 @@ def sweep(
     if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
         raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
     check_constant(scene, "`sweep`")
+    if carry is not None:
+        over = _carried_first(over, carry, error_sample)
     start = AtRest() if start is None else start
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = _axes(scene, start, over, period)
@@ -140,54 +154,126 @@ def sweep(
         together=_port_groups(scene, axes),
         batch=True,
     )
-    points = _points(axes)
-    again = _spread_over(len(points), error_sample)
-    context = _Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
-    finer = dataclasses.replace(context, plan=_finer(plan))
+    context = Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
+    job = _Job(context, axes, carry, Stages.fresh())
+    about = _provenance(context) | chosen(pilots) | ({} if carry is None else {"carry": carry})
     workers = cores(workers)
-    chunks, size = _chunked(points, lanes_per_chunk, workers)
-    seconds, few = _chunked(points[again], lanes_per_chunk, workers)
-    total = (len(chunks) + len(seconds)) * (settle + keep)
-    with bar(progress, total, f"{len(points)} lanes") as tick:
-        stages = tuple(map(first_alone, (_prepare, _skip, _keep)))
-        run = lambda points, tick: _run_chunk(context, stages, points, size, tick)
-        results = _joined(spread(run, chunks, workers, tick))
-        run = lambda points, tick: _run_chunk(finer, stages, points, few, tick)
-        repeated = _joined(spread(run, seconds, workers, tick)) if seconds else None
-    if not results.outcome.ok.any():
-        start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
-    found = _dataset(context, axes, results)
-    found.attrs |= chosen(pilots)
-    if repeated is not None:
-        _add_errors(found, context, again, results, repeated)
-    return found
+    sink, todo, size = _placed_in(store, job, about, lanes_per_chunk, workers)
+    again = _spread_over(job.lanes, error_sample)
+    seconds, few = _again(again, lanes_per_chunk, workers)
+    total = (len(todo) * job.rows + len(seconds)) * (settle + keep)
+    lock = threading.Lock()
+
+    def fill(block: Block, tick) -> None:
+        part = job.run(block, size, tick)
+        with lock:
+            sink.put(block, part)
+
+    with bar(progress, total, f"{job.lanes} lanes") as tick:
+        spread(fill, todo, workers, tick)
+        found = sink.finished()
+        if failed(found["status"]).all():
+            start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
+        if seconds and "error_lane" not in found.coords:
+            finer = dataclasses.replace(context, plan=_finer(plan))
+            repeat = lambda lanes, tick: job.repeat(finer, lanes, few, tick)
+            parts = spread(repeat, seconds, workers, tick)
+            repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
+            sink.add(*_errors(found, repeated))
+    return sink.finished()
 
 
-class _Context(eqx.Module):
-    """What all chunks of a sweep share."""
+class _Job(NamedTuple):
+    """The lanes of a sweep."""
 
-    scene: Scene
-    start: AbstractStart
-    paths: tuple[str, ...] = eqx.field(static=True)
-    plan: Plan
-    station: Float[Array, ""]
-    period: float | None = eqx.field(static=True)
-    observe: tuple[AbstractObservable, ...]
-    settle: int = eqx.field(static=True)
-    keep: int = eqx.field(static=True)
+    context: Context
+    axes: dict[str, np.ndarray]  # values by path; one that states are carried along is first
+    carry: str | None
+    stages: Stages
 
+    @property
+    def free(self) -> dict[str, int]:
+        """Number of values of every path that lanes are spread over."""
+        return {path: len(values) for path, values in self.axes.items() if path != self.carry}
 
-class _Lanes(NamedTuple):
-    """What comes of lanes, all with the lanes in front."""
+    @property
+    def lanes(self) -> int:
+        return math.prod(self.free.values())
 
-    carries: tuple  # of the observables
-    stored: tuple  # by the observables of every kept revolution
-    outcome: Outcome
-    started: np.ndarray  # whether there is a state to start from
-    bounce: np.ndarray  # (lanes, 2), see `March.bounce`
+    @property
+    def rows(self) -> int:
+        """Points that a lane goes through."""
+        return 1 if self.carry is None else 2 * len(self.axes[self.carry])
+
+    @property
+    def dims(self) -> dict[str, np.ndarray]:
+        """Values by dimension of the data set."""
+        return self.axes if self.carry is None else {"branch": np.array(BRANCHES), **self.axes}
+
+    def run(self, block: Block, size: int, tick) -> xr.Dataset:
+        """A block of lanes, in a program for `size` of them."""
+        axes = {path: v[block.get(path, slice(None))] for path, v in self.axes.items()}
+        points = _points(axes)
+        if self.carry is None:
+            return _dataset(
+                self.context, axes, run_chunk(self.context, self.stages, points, size, tick)
+            )
+        count = len(axes[self.carry])
+        row = points.reshape(count, -1, len(axes)).swapaxes(0, 1)
+        there_and_back = np.concatenate([row, row[:, ::-1]], axis=1)
+        lanes = run_rows(self.context, self.stages, there_and_back, size, tick)
+        return _dataset(self.context, {**self.dims, **axes}, _by_branch(lanes, count))
+
+    def repeat(self, finer: Context, lanes: np.ndarray, size: int, tick) -> xr.Dataset:
+        """Some lanes again, by their numbers."""
+        found = run_chunk(finer, self.stages, _points(self.axes)[lanes], size, tick)
+        return _dataset(finer, {"error_lane": lanes}, found)
 
 
 # === before the run
+
+
+def _placed_in(
+    store: Any, job: _Job, about: dict[str, Any], most: int, workers: int
+) -> tuple[Gathered | Store, list[Block], int]:
+    """Where results go, which blocks are still to be computed, and how large they are."""
+    free = job.free
+    block = dict(zip(free, block_shape(list(free.values()), most, workers), strict=True))
+    coords = _coords(job.context, job.dims)
+    place = (coords, about, block)
+    sink = Gathered(*place) if store is None else Store(store, *place)
+    shape = [sink.block[path] for path in free]
+    return sink, sink.pending(blocks(free, shape)), math.prod(shape)
+
+
+def _again(lanes: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:
+    """Chunks of lanes to run again, and the size they are padded to."""
+    if not lanes.size:
+        return [], 0
+    (size,) = block_shape([lanes.size], most, workers)
+    return [lanes[i : i + size] for i in range(0, lanes.size, size)], size
+
+
+def _carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -> dict[str, Any]:
+    """The swept paths, first the one along which states are carried."""
+    if carry not in over:
+        raise ValueError(
+            f"`carry` must be one of the paths of `over`, {', '.join(over)}, but is {carry!r}."
+        )
+    if carry.startswith("start."):
+        raise ValueError(f"`carry` keeps the state of a lane, so it cannot be {carry!r}.")
+    values = np.atleast_1d(np.asarray(over[carry], float))
+    if values.size < 2 or not np.all(np.diff(values) > 0):
+        raise ValueError(
+            f"`over['{carry}']`, along which states are carried, must be two or more ascending numbers, "
+            f"but is {values.tolist()}."
+        )
+    if error_sample:
+        raise ValueError(
+            "`error_sample` runs single lanes again, which `carry` has not; repeat the sweep with twice "
+            "the `steps_per_revolution`."
+        )
+    return {carry: over[carry], **over}
 
 
 def _points(axes: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -208,14 +294,6 @@ def _finer(plan: Plan) -> Plan:
     if isinstance(control, dfx.PIDController):
         control = dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
     return dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
-
-
-def _chunked(points: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:
-    """Chunks of lanes, and the size they are padded to."""
-    if not len(points):
-        return [], 0
-    size = chunk_size(len(points), most, workers)
-    return [points[i : i + size] for i in range(0, len(points), size)], size
 
 
 def _chosen_steps(
@@ -303,141 +381,21 @@ def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[in
     return tuple((i,) for group in port_groups(scene) for i in group)
 
 
-# === a chunk of lanes
-
-
-def _run_chunk(context: _Context, stages, points: np.ndarray, size: int, tick) -> _Lanes:
-    """Observables of a chunk by its three `stages`."""
-    prepare, skip, keep = stages
-    lanes = len(points)
-    padded = np.concatenate([points, np.repeat(points[-1:], size - lanes, axis=0)])
-    shared, own, y, bounce = prepare(context, padded)
-    started = np.isfinite(y).reshape(size, -1).all(axis=1)
-    good = Outcome.good(size)
-    for revolutions in segments(context.settle):
-        y, ok = skip(shared, own, y, revolutions)
-        good = good & ok
-        tick(revolutions)
-    contacts = sum(len(group) for group in context.plan.together)
-    begin = tuple(one.start(contacts) for one in context.observe)
-    # By way of numpy: weak types, which a program does not return, would have it compiled twice.
-    lanes_of = lambda leaf: jax.device_put(np.broadcast_to(leaf, (size, *np.shape(leaf))))
-    carry = jax.tree.map(lanes_of, begin)
-    stored, number = [], 0
-    for revolutions in segments(context.keep):
-        (y, carry, ok), out = keep(
-            context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
-        )
-        good = good & ok
-        number += revolutions
-        stored.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], out))
-        tick(revolutions)
-    stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
-    mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
-    return _Lanes(mine(carry), stored, mine(good), started[:lanes], bounce[:lanes])
-
-
-def _prepare(context: _Context, points: np.ndarray):
-    """Marches of the lanes, split into what all share and what each has of its own; states, bounces.
-
-    Lanes are prepared one after the other: linear algebra batched over lanes is where XLA on the
-    CPU has been seen to wait for ever (jax 0.10.2, two cores). Values tell what is shared.
-    """
-    plan = context.plan
-    if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
-        march, *begun = _build_lanes(context, _with_basis(plan, plan.solver, "modal"), points)
-        if isinstance(march.form, PortForm) and not well_conditioned(march.form.basis.vectors):
-            march, *begun = _build_lanes(context, _with_basis(plan, plan.solver, "dense"), points)
-    else:
-        march, *begun = _build_lanes(context, plan, points)
-    arrays, constant = eqx.partition(march, eqx.is_array)
-    equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
-    shared = jax.tree.map(
-        lambda leaf, same: jax.device_put(leaf[0]) if same else None, arrays, equal
-    )
-    own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
-    y, bounce = begun
-    return eqx.combine(shared, constant), own, jax.device_put(y), bounce
-
-
-def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
-    return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
-
-
-def _build_lanes(
-    context: _Context, plan: Plan, points: np.ndarray
-) -> tuple[March, np.ndarray, np.ndarray]:
-    cpu = jax.local_devices(backend="cpu")[0]
-    parts = (context.scene, plan, context.start, context.station, context.period)
-    with jax.default_device(cpu):  # small matrices, one lane after the other
-        lanes, constant = _build_all(*parts, context.paths, jnp.asarray(points))
-    return eqx.combine(jax.device_get(lanes), constant)
-
-
-def _build_lane_by_lane(
-    scene, plan, start, station, period, paths, points: Float[Array, "lanes d"]
-):
-    constant = []  # what is no array and the same for every lane: known once a lane is traced
-
-    def one(point):
-        built = _build(scene, plan, start, station, period, paths, point)
-        arrays, rest = eqx.partition(built, eqx.is_array)
-        constant.append(rest)
-        return arrays
-
-    return jax.lax.map(one, points), constant[0]
-
-
-# Runs once for a chunk: to compile it well takes longer than all its runs.
-_build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
-
-
-def _build(
-    scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point
-) -> tuple[March, Array, Float[Array, "2"]]:
-    """A lane's march, its state at the start, and how hard its stops answer."""
-    values = dict(zip(paths, point, strict=True))
-    scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
-    for path in values:
-        if path.startswith("start."):
-            name = path.removeprefix("start.")
-            start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
-    march = March.build(scene, plan, revolution_rate(scene, period), station[None])
-    return march, march.begin(start, station), march.bounce
-
-
-@eqx.filter_jit
-def _skip(shared: March, own: March, y: Array, revolutions: int):
-    return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
-
-
-@eqx.filter_jit
-def _keep(observe, shared: March, own: March, y, carry, number, count: int, revolutions: int):
-    """Some kept revolutions from the `number`-th on, of `count` in all."""
-
-    def lane(own: March, y, carry):
-        def update(state, orbit):
-            number, carries = state
-            turn = Turn.of(orbit, number, count)
-            pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
-            return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
-
-        march = eqx.combine(own, shared)
-        (y, (_, carry), ok), out = march.collect(y, (number, carry), update, revolutions)
-        return (y, carry, ok), out
-
-    return jax.vmap(lane)(own, y, carry)
-
-
 # === after the run
 
 
-def _joined(results: list[_Lanes]) -> _Lanes:
-    """All lanes, from those of chunks."""
-    return jax.tree.map(lambda *parts: np.concatenate(parts), *results)
+def _by_branch(results: Lanes, values: int) -> Lanes:
+    """Lanes by branch, value and row, from rows that go up through the values and down again."""
+
+    def sorted_(leaf: np.ndarray) -> np.ndarray:
+        rest = leaf.shape[2:]
+        up, down = leaf[:, :values], leaf[:, : values - 1 : -1]
+        return np.stack([up, down]).swapaxes(1, 2).reshape(-1, *rest)
+
+    return jax.tree.map(sorted_, results)
 
 
-def _reported(context: _Context, results: _Lanes) -> dict[str, Variable]:
+def _reported(context: Context, results: Lanes) -> dict[str, Variable]:
     """Variables by name, lanes in front."""
     data: dict[str, Variable] = {}
     for one, last, out in zip(context.observe, results.carries, results.stored, strict=True):
@@ -445,31 +403,33 @@ def _reported(context: _Context, results: _Lanes) -> dict[str, Variable]:
     return data
 
 
-def _add_errors(found: xr.Dataset, context: _Context, lanes, results: _Lanes, repeated: _Lanes):
-    """What twice the steps change in the numbers of some lanes."""
-    before, after = (_reported(context, one) for one in (results, repeated))
-    good = results.outcome.ok[lanes] & repeated.outcome.ok
-    for name, one in before.items():
-        if one.dims not in ((), ("limiter",)) or name == "extrema_missed":
+def _errors(
+    found: xr.Dataset, repeated: xr.Dataset
+) -> tuple[xr.Dataset, dict[str, dict[str, float]]]:
+    """What twice the steps change in the numbers of some lanes, and what of it to say beside all."""
+    lanes = repeated["error_lane"].values
+    of = lambda values: values.reshape(-1, *values.shape[found["status"].ndim :])[lanes]
+    good = ~failed(of(found["status"].values)) & ~failed(repeated["status"].values)
+    variables, about = {}, {}
+    for name, one in repeated.data_vars.items():
+        if one.dims[1:] not in ((), ("limiter",)) or name in NO_ERROR:
             continue
-        off = np.abs(np.asarray(after[name].values) - np.asarray(one.values)[lanes])
+        off = np.abs(one.values - of(found[name].values))
         off[~good] = np.nan
-        about = {"units": one.units, "long_name": f"change of {one.long_name} by twice the steps"}
-        found[f"{name}_error"] = (("error_lane", *one.dims), off, about)
+        long_name = f"change of {one.attrs['long_name']} by twice the steps"
+        attrs = {"units": one.attrs["units"], "long_name": long_name}
+        variables[f"{name}_error"] = (one.dims, off, attrs)
         known = off[np.isfinite(off)]
         if known.size:
-            found[name].attrs["error"] = float(known.max())
-            found[name].attrs["error_median"] = float(np.median(known))
-    found.coords["error_lane"] = ("error_lane", lanes, {"long_name": "lane that was run again"})
+            about[name] = {"error": float(known.max()), "error_median": float(np.median(known))}
+    return xr.Dataset(variables, {"error_lane": repeated["error_lane"]}), about
 
 
-def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: _Lanes) -> xr.Dataset:
+def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -> xr.Dataset:
     good = results.outcome
     shape = tuple(len(values) for values in axes.values())
     data = _reported(context, results)
-    coords: dict[str, Any] = {
-        path: (path, values, {"units": _unit(context, path)}) for path, values in axes.items()
-    }
+    coords = _coords(context, axes)
     undefined = np.zeros(len(good.ok), bool)
     for name in ("index", "whirl_rate"):
         if name in data:
@@ -504,13 +464,23 @@ def _dataset(context: _Context, axes: Mapping[str, np.ndarray], results: _Lanes)
     return xr.Dataset(variables, coords, _provenance(context))
 
 
-def _unit(context: _Context, path: str) -> str:
+def _coords(context: Context, axes: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Values of the dimensions, each with its unit."""
+    about = {"branch": {}, "error_lane": {"long_name": "lane that was run again"}}
+    units = lambda path: {"units": _unit(context, path)}
+    return {
+        dim: (dim, values, about[dim] if dim in about else units(dim))
+        for dim, values in axes.items()
+    }
+
+
+def _unit(context: Context, path: str) -> str:
     if path.startswith("start."):
         return quantity_units(context.start)[path.removeprefix("start.")]
     return context.scene.unit(path)
 
 
-def _provenance(context: _Context) -> dict[str, Any]:
+def _provenance(context: Context) -> dict[str, Any]:
     plan = context.plan
     return {
         "title": "jaxrotor sweep over " + ", ".join(context.paths),

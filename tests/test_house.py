@@ -39,7 +39,9 @@ LAYERS = [
     ("run_up",),
     ("reactions",),
     ("observe", "dataset"),
-    ("sweep", "basins", "hysteresis"),
+    ("lanes", "grid"),
+    ("store",),
+    ("sweep", "basins", "hysteresis", "attractors", "escapes"),
     ("methods",),
     ("measures",),
     ("plot", "accuracy", "design"),
@@ -106,7 +108,7 @@ def test_layers_import_downwards_only(path):
 
 
 CORE = ("scene", "system", "motion", "transient", "start", "solvers", "march", "simulate")
-CORE += ("run_up", "observe", "sweep")
+CORE += ("run_up", "observe", "lanes", "grid", "store", "sweep")
 
 
 @pytest.mark.parametrize("path", [p for p in SOURCES if module_of(p)[0] in CORE], ids=name_of)

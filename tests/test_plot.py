@@ -173,6 +173,9 @@ def test_bifurcation_takes_one_swept_dimension():
     with pytest.raises(ValueError, match=r"'spin.speed', 'unbalance.eccentricity'.*`\.sel`.*\.$"):
         plot.bifurcation(two)
     plot.bifurcation(two.isel({"spin.speed": 0}))
+    plot.bifurcation(two.rename({"spin.speed": "start.rate"}))  # starts are drawn over each other
+    _, lower = plot.bifurcation(sweep().rename({ECCENTRICITY: "start.radius"}))
+    assert lower.get_xlabel() == "start radius [mm]"
     with pytest.raises(ValueError, match="`extrema` has none; select a range"):
         plot.bifurcation(sweep().isel({ECCENTRICITY: 0}))
 

@@ -270,3 +270,44 @@ def test_large_eccentricity_escapes_to_the_rub_from_rest():
     over = {"unbalance.eccentricity": np.linspace(1.2e-3, 1.4e-3, 8) * LENGTH}
     ds = jr.sweep(ROTOR, over, start=jr.Whirl(1e-3 * LENGTH), settle=3000, keep=300)
     assert np.count_nonzero(ds.winding < -0.4) >= 6
+
+
+def test_states_are_carried_up_and_down():
+    """As by a loop of simulations, each from the end of the one before."""
+    values = np.array([1e-4, 5e-4, 1e-3])
+    over = {"start.angle": [0.0, 1.0], "unbalance.eccentricity": values}
+    start = jr.Whirl(7e-3, rate=75.0)
+    found = jr.sweep(ROTOR, over, start=start, carry="unbalance.eccentricity", **SHORT)
+    assert found["index"].dims[:2] == ("branch", "unbalance.eccentricity")
+    assert found["branch"].values.tolist() == ["up", "down"] and (found["status"] == 0).all()
+    for angle in (0.0, 1.0):
+        state = jr.Whirl(7e-3, rate=75.0, angle=angle)
+        for branch, values_ in (("up", values), ("down", values[::-1])):
+            for value in values_:
+                one = ROTOR.replace({"unbalance.eccentricity": value})
+                run = jr.simulate(one, 5, 64, start=state, keep=1)
+                state = run.end
+                seen = found.sel(
+                    {"branch": branch, "unbalance.eccentricity": value, "start.angle": angle}
+                )
+                z = complex(run.displacement[-1, 0])
+                assert seen["section"][-1].values == pytest.approx([z.real, z.imag], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("carry", "more", "words"),
+    [
+        ("spin.speed", {}, "`carry` must be one of the paths of `over`"),
+        ("start.radius", {}, "`carry` keeps the state of a lane"),
+        ("unbalance.eccentricity", {}, "must be two or more ascending numbers"),
+        ("limiters.gap", {"error_sample": 1}, "`error_sample` runs single lanes again"),
+    ],
+)
+def test_refusals_of_carry(carry, more, words):
+    over = {
+        "unbalance.eccentricity": [2e-4, 1e-4],
+        "start.radius": [1e-3],
+        "limiters.gap": [7e-3, 8e-3],
+    }
+    with pytest.raises(ValueError, match=words):
+        jr.sweep(ROTOR, over, start=jr.Whirl(1e-3), carry=carry, **more)

@@ -2,10 +2,12 @@
 
 from .accuracy import convergence as convergence, work_precision as work_precision
 from .animation import animate as animate
+from .attractors import attractors as attractors
 from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
+from .escapes import escapes as escapes
 from .harmonics import harmonics as harmonics
 from .history import history as history
 from .lyapunov import lyapunov as lyapunov

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from ..outcome import failed
 from . import colours, page
-from .labels import coordinate, only_swept
+from .labels import coordinate, ensemble, only_swept, words
 
 
 def bifurcation(
@@ -17,11 +17,13 @@ def bifurcation(
 ) -> tuple[Axes, Axes]:
     """Local extrema of the x displacement, and the precession index below, over one parameter.
 
-    Colours tell forward whirl (index > 0), backward (< 0) and undefined (NaN: at rest in the
-    centre; 0: no net whirl). Azarov, Gouskov, Panovko (2023), Fig. 3.
+    Colours tell attractors where the data set knows them (`jaxrotor.attractors`), else forward whirl
+    (index > 0), backward (< 0) and undefined (NaN: at rest in the centre; 0: no net whirl). Starts and
+    branches are drawn over each other. Azarov, Gouskov, Panovko (2023), Fig. 3.
 
     Args:
-        dataset: result of a sweep over one parameter, with `extrema` [m] and `index` [1].
+        dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and
+            `index` [1].
         axes: two Axes, upper and lower; a new figure if None.
         section: draw x once a revolution (`section` [m]) instead of its extrema.
         size: marker size of the points [pt].
@@ -32,22 +34,28 @@ def bifurcation(
     name, own = (
         ("section", ("revolution", "axis")) if section else ("extrema", ("revolution", "extremum"))
     )
-    dim = only_swept(dataset, name, own)
-    if only_swept(dataset, "index") != dim:
+    others = ensemble(dataset, name, own)
+    dim = only_swept(dataset, name, (*own, *others))
+    if only_swept(dataset, "index", others) != dim:
         raise ValueError(f"`{name}` and `index` must be over the same swept dimension.")
+    lanes = (dim, *others)
     array = dataset[name].isel(axis=0) if section else dataset[name]
-    displacement = 1e3 * array.transpose(dim, ...).values.reshape(dataset.sizes[dim], -1)
+    index = dataset["index"].transpose(*lanes).values
+    displacement = 1e3 * array.transpose(*lanes, ...).values.reshape(index.size, -1)
     values, label = coordinate(dataset, dim)
-    index = dataset["index"].values
+    values = np.repeat(values, index.size // len(values))
     if "status" in dataset:  # failed lanes show nothing
-        displacement[failed(dataset["status"])] = np.nan
+        displacement[failed(dataset["status"].transpose(*lanes)).ravel()] = np.nan
 
     upper, lower = page.pair(axes, 170, 110)
-    for whirl, colour, lanes in _directions(index):
-        x, y = _cloud(values[lanes], displacement[lanes])
+    groups = _directions(index.ravel())
+    if "attractor" in dataset:
+        groups = _attractors(dataset["attractor"].transpose(*lanes))
+    for about, colour, chosen in groups:
+        x, y = _cloud(values[chosen], displacement[chosen])
         style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
-        upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=whirl, **style)
-        lower.plot(values[lanes], index[lanes], markersize=3.0, **style)
+        upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=about, **style)
+        lower.plot(values[chosen], index.ravel()[chosen], markersize=3.0, **style)
     for ax in (upper, lower):
         ax.margins(x=0.01)
     page.zero(lower)
@@ -64,6 +72,17 @@ def bifurcation(
         lower.annotate(text, (0.99, 0.04), xycoords="axes fraction", **style)
     page.legend(upper, columns=3)
     return upper, lower
+
+
+def _attractors(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:
+    """Name, colour and lanes of each attractor."""
+    name, means = words(numbers.attrs["features"][0]), numbers.attrs["means"]
+    found = numbers.values.ravel()
+    return [
+        (f"{name} {mean[0]:.3g}", colours.CYCLE[k % len(colours.CYCLE)], found == k)
+        for k, mean in enumerate(means)
+        if (found == k).any()
+    ]
 
 
 def _directions(index: np.ndarray) -> list[tuple[str, str, np.ndarray]]:

@@ -35,6 +35,13 @@ def only_swept(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) ->
     return dims[0]
 
 
+def ensemble(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Dimensions that tell lanes of equal parameters apart, starts and branch, where any are swept."""
+    dims = swept(dataset, variable, own)
+    found = tuple(dim for dim in dims if dim.startswith("start.") or dim == "branch")
+    return found if len(found) < len(dims) else ()
+
+
 def coordinate(dataset: xr.Dataset, dim: str) -> tuple[Shaped[np.ndarray, " N"], str]:
     """Values of a swept parameter as drawn, and its axis label "name [unit]"."""
     array = dataset[dim]

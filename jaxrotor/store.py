@@ -1,0 +1,120 @@
+"""Store: blocks of a data set on disk as they are computed, so that what is done is never lost.
+
+A folder in Zarr format, which `xarray.open_zarr` reads at any time. A block is one chunk of every
+variable, each put in place whole, its `status` last: until then that is `not_computed`.
+"""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+import zarr
+
+from .grid import Block, whole_of
+from .outcome import STATUS
+
+
+PENDING = STATUS.index("not_computed")
+SHOWN = 60  # characters of a value in a refusal
+
+
+class Store:
+    """Blocks of a data set in a folder, which the first of them begins; one thread at a time."""
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        coords: Mapping[str, Any],
+        attrs: Mapping[str, Any],
+        block: Mapping[str, int],
+    ):
+        self.path, self.coords, self.attrs = Path(path), coords, dict(attrs)
+        self.block = dict(block)
+        if self.path.exists():
+            self._check()
+            status = self._open()["status"]
+            self.block = dict(zip(status.dims, status.encoding["chunks"], strict=True))
+
+    def pending(self, blocks: list[Block]) -> list[Block]:
+        """Those that are still to be computed."""
+        if not self.path.exists():
+            return blocks
+        status = self._open()["status"].load()
+        return [block for block in blocks if (status.isel(block) == PENDING).any()]
+
+    def put(self, block: Block, part: xr.Dataset) -> None:
+        """Write a block; its status when all the rest is there."""
+        if not self.path.exists():
+            self._begin(part)
+        group = self._group()
+        for name in [name for name in part.data_vars if name != "status"] + ["status"]:
+            one = part[name]
+            where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
+            group[str(name)][where] = one.values
+
+    def finished(self) -> xr.Dataset:
+        """All of it, read where it is looked at."""
+        return self._open()
+
+    def add(self, more: xr.Dataset, attrs: Mapping[str, Mapping[str, Any]]) -> None:
+        """Variables found from all blocks, and attributes of those there are."""
+        group = self._group()
+        for name, about in attrs.items():
+            group[name].attrs.update(about)
+        more.assign_attrs(self.attrs).to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
+        zarr.consolidate_metadata(self.path, zarr_format=2)
+
+    def _open(self) -> xr.Dataset:
+        return xr.open_zarr(self.path, chunks=None)
+
+    def _group(self) -> Any:
+        return zarr.open_group(self.path, mode="r+", use_consolidated=False)
+
+    def _begin(self, part: xr.Dataset) -> None:
+        """The folder with all variables, nothing computed; there at once or not at all."""
+        whole = whole_of(part, self.coords, store=True)
+        whole["status"] = whole["status"].copy(
+            data=np.full(whole["status"].shape, PENDING, np.int8)
+        )
+        whole.attrs = self.attrs
+        chunk = lambda dim: self.block.get(str(dim), whole.sizes[dim])
+        encoding = {
+            name: {"chunks": tuple(map(chunk, one.dims))} for name, one in whole.data_vars.items()
+        }
+        parent = self.path.absolute().parent
+        parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(prefix=".begun-", dir=parent))
+        try:
+            inside = draft / self.path.name
+            whole.to_zarr(inside, zarr_format=2, consolidated=True, encoding=encoding)
+            inside.rename(self.path)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+
+    def _check(self) -> None:
+        """Refuse a folder that holds anything else."""
+        try:
+            there = self._open()
+            there["status"]
+        except (KeyError, ValueError, OSError):
+            raise ValueError(
+                f"{self.path} exists and is no store of a sweep; choose another."
+            ) from None
+        for name, (dim, values, _) in self.coords.items():
+            if name not in there.coords or not np.array_equal(there[name].values, values):
+                raise ValueError(
+                    f"{self.path} holds a sweep over other values of `{dim}`; choose another store, or "
+                    "delete it."
+                )
+        for name, value in self.attrs.items():
+            if there.attrs.get(name) != value:
+                is_, wanted = (str(v)[:SHOWN] for v in (there.attrs.get(name), value))
+                raise ValueError(
+                    f"{self.path} holds another sweep: its `{name}` is {is_!r}, not {wanted!r}; choose "
+                    "another store, or delete it."
+                )

@@ -1,0 +1,173 @@
+"""Stores: what was computed is kept whatever happens, and ends the same."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import jaxrotor as jr
+from jaxrotor.grid import block_shape, blocks
+from jaxrotor.outcome import STATUS
+from jaxrotor.store import PENDING, Store
+
+
+ROTOR = jr.load("limiter-rotor")
+OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 4), "start.angle": [0.0, 1.0, 2.0]}
+HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 3, "keep": 2, "steps_per_revolution": 32}
+HOW |= {"lanes_per_chunk": 3, "workers": 1}
+
+
+def swept(**options):
+    return jr.sweep(ROTOR, OVER, **{**HOW, **options})
+
+
+@pytest.fixture(scope="module")
+def gathered():
+    """The sweep in memory, with errors of two lanes."""
+    return swept(error_sample=2)
+
+
+@pytest.mark.parametrize("shape", [(1,), (7,), (256,), (64, 33), (3, 300), (5, 1, 4), (2, 3, 500)])
+@pytest.mark.parametrize(("most", "workers"), [(128, 1), (128, 2), (1, 2), (6, 3)])
+def test_blocks_cover_a_grid_once(shape, most, workers):
+    block = block_shape(shape, most, workers)
+    assert math.prod(block) <= most
+    seen = np.zeros(shape, int)
+    sizes = {str(axis): n for axis, n in enumerate(shape)}
+    parts = blocks(sizes, block)
+    for part in parts:
+        seen[tuple(part[dim] for dim in sizes)] += 1
+    assert (seen == 1).all() and len(parts) >= min(workers, math.prod(shape))
+
+
+def test_one_axis_is_cut_evenly():
+    assert block_shape((256,), 128, 2) == (128,) and block_shape((100,), 128, 2) == (50,)
+    assert block_shape((300,), 128, 2) == (100,) and block_shape((64, 33), 128, 2) == (3, 33)
+
+
+def test_store_is_what_memory_gathers(tmp_path, gathered):
+    found = swept(error_sample=2, store=tmp_path / "a.zarr")
+    xr.testing.assert_identical(found.load(), gathered)
+    again = xr.open_zarr(tmp_path / "a.zarr", chunks=None).load()
+    xr.testing.assert_identical(again, gathered)
+    assert again["index"].attrs["error"] == gathered["index"].attrs["error"]
+    assert again["unbalance.eccentricity"].attrs["units"] == "m"
+    assert jr.loads(again.attrs["scene"]).get("limiters.gap")[0] == ROTOR.get("limiters.gap")[0]
+
+
+def test_carried_states_are_stored_alike(tmp_path):
+    how = {"carry": "unbalance.eccentricity", "lanes_per_chunk": 2}
+    inside = swept(**how)
+    found = swept(**how, store=tmp_path / "a.zarr").load()
+    xr.testing.assert_identical(found, inside)
+
+
+def test_stopped_sweep_goes_on(tmp_path, gathered, monkeypatch):
+    """Stopped by an error between blocks, or inside the writing of one; done blocks stay as they are."""
+    path = tmp_path / "a.zarr"
+    put, count = Store.put, []
+
+    def failing(self, block, part):
+        count.append(1)
+        if len(count) == 3:
+            part = part[["index", "status"]].assign(
+                missing=part["index"]
+            )  # half of it, then an error
+        put(self, block, part)
+
+    monkeypatch.setattr(Store, "put", failing)
+    with pytest.raises(KeyError):
+        swept(error_sample=2, store=path)
+    monkeypatch.undo()
+    partial = xr.open_zarr(path, chunks=None).load()
+    done = partial["status"] != PENDING
+    assert int(done.sum()) == 6 and STATUS[PENDING] == "not_computed"
+    stamp = {p: p.stat().st_mtime_ns for p in path.glob("index/*")}
+    found = swept(error_sample=2, store=path, lanes_per_chunk=12)  # keeps its chunks
+    xr.testing.assert_identical(found.load(), gathered)
+    kept = [p for p, at in stamp.items() if p.stat().st_mtime_ns == at and p.name[0].isdigit()]
+    assert len(kept) == 2
+    assert not list(tmp_path.glob(".begun-*"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"settle": 4}, r"holds another sweep: its `settle` is '3', not '4'"),
+        ({"steps_per_revolution": 64}, "`steps_per_revolution` is '32', not '64'"),
+        ({"start": jr.Whirl(8e-3, 75.0)}, "its `start` is"),
+    ],
+)
+def test_another_sweep_is_refused(tmp_path, gathered, change, words):
+    path = tmp_path / "a.zarr"
+    gathered.to_zarr(path, zarr_format=2)
+    with pytest.raises(ValueError, match=words):
+        swept(store=path, **change)
+    with pytest.raises(ValueError, match="over other values of `start.angle`"):
+        jr.sweep(ROTOR, {**OVER, "start.angle": [0.0, 1.0, 2.5]}, **HOW, store=path)
+
+
+def test_other_folders_are_refused(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").write_text("no store")
+    for name in "ab":
+        with pytest.raises(ValueError, match="exists and is no store of a sweep; choose another"):
+            swept(store=tmp_path / name)
+    assert (tmp_path / "b").read_text() == "no store"
+
+
+SCRIPT = """
+import sys, numpy as np, jaxrotor as jr
+over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 40), "start.angle": [0.0, 1.0, 2.0]}
+how = {"settle": 3, "keep": 2, "steps_per_revolution": 32, "lanes_per_chunk": 3, "workers": 1}
+print("begun", flush=True)
+jr.sweep(jr.load("limiter-rotor"), over, start=jr.Whirl(7e-3, 75.0), **how, store=sys.argv[1])
+print("done", flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments(tmp_path):
+    """`kill -9` again and again; in the end every byte of the data is that of a run left alone."""
+    random = np.random.default_rng(0)
+    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run(name):
+        command = [sys.executable, "-c", SCRIPT, str(tmp_path / name)]
+        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+
+    whole = run("whole.zarr")
+    assert whole.communicate()[0].endswith("done\n")
+    kills = 0
+    while True:
+        process = run("killed.zarr")
+        assert process.stdout.readline() == "begun\n"
+        store = tmp_path / "killed.zarr"
+        before = len(list(store.glob("status/*"))) if store.exists() else 0
+        while process.poll() is None:  # until it is at work again
+            if store.exists() and len(list(store.glob("status/*"))) > before:
+                break
+            time.sleep(0.01)
+        time.sleep(random.uniform(0, 0.3))
+        if process.poll() is None:
+            os.kill(process.pid, signal.SIGKILL)
+            kills += 1
+        if process.communicate()[0].endswith("done\n"):
+            break
+        found = xr.open_zarr(store, chunks=None)  # a reader may look at any time
+        computed = found["status"] != PENDING
+        expected = xr.open_zarr(tmp_path / "whole.zarr", chunks=None)
+        np.testing.assert_array_equal(
+            found["section"].where(computed), expected["section"].where(computed)
+        )
+    assert kills >= 1
+    for path in (tmp_path / "whole.zarr").rglob("*"):
+        if path.is_file():
+            twin = tmp_path / "killed.zarr" / path.relative_to(tmp_path / "whole.zarr")
+            assert twin.read_bytes() == path.read_bytes(), path
