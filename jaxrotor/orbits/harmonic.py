@@ -138,8 +138,8 @@ def harmonic_balance(
     if throw and known(found.converged) and not bool(found.converged):
         raise RuntimeError(
             f"No orbit was found near the guess: after {int(found.iterations)} iterations the balance "
-            f"still misses {float(found.residual):.1e} of the motion. Take a guess that is nearer, as a "
-            "settled response or the orbit of a weaker load, or look at `jaxrotor.roots` for a resonance."
+            f"still misses {float(found.residual):.1e} of the motion. Take a nearer guess, a settled "
+            "response or the orbit of fewer harmonics, or look at `jaxrotor.roots` for a resonance."
         )
     return found
 
