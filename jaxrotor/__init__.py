@@ -106,10 +106,12 @@ from .materials import Material as Material, steel as steel  # noqa: E402
 from .orbits import (  # noqa: E402
     Branch as Branch,
     BranchPoint as BranchPoint,
+    HarmonicOrbit as HarmonicOrbit,
     Lyapunov as Lyapunov,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
     continue_ as continue_,
+    harmonic_balance as harmonic_balance,
     lyapunov as lyapunov,
     periodic as periodic,
 )

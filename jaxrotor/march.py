@@ -1,5 +1,6 @@
 """March: a motion made ready to step, revolution after revolution."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +24,7 @@ from .start import AbstractStart
 from .system import System, assemble
 
 
+SHORT = 20  # revolutions of which every one may be a checkpoint
 # For `jax.jit`: a program that runs once or twice is slower to compile well than to run.
 QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
 
@@ -195,9 +197,22 @@ class March(eqx.Module):
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
 
     def _scan(self, body: Callable, carry: Any, length: int) -> Any:
-        if not isinstance(self.plan.adjoint, dfx.ForwardMode):
-            body = jax.checkpoint(body)
-        return jax.lax.scan(body, carry, None, length=length)
+        """Revolutions; in reverse mode their memory grows as the root of their number."""
+        repeat = lambda body, carry, length: jax.lax.scan(body, carry, None, length=length)
+        if isinstance(self.plan.adjoint, dfx.ForwardMode):
+            return repeat(body, carry, length)
+        body = jax.checkpoint(body)
+        if length < SHORT:
+            return repeat(body, carry, length)
+        segment = _segment(length)
+        whole, rest = divmod(length, segment)
+        several = jax.checkpoint(lambda carry, _: repeat(body, carry, segment))
+        carry, turns = repeat(several, carry, whole)
+        turns = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), turns)
+        if not rest:
+            return carry, turns
+        carry, last = repeat(body, carry, rest)
+        return carry, jax.tree.map(lambda *parts: jnp.concatenate(parts), turns, last)
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution, by plain steps, by located ones or by diffrax."""
@@ -271,6 +286,16 @@ class March(eqx.Module):
             about = jnp.finfo(y.dtype)  # of a state that has died out nothing can be said
             touched = left > about.eps**0.5 * jnp.max(jnp.abs(y1)) + about.tiny**0.5
         return Outcome(_bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
+
+
+def _segment(length: int) -> int:
+    """Revolutions from checkpoint to checkpoint: the divisor next to the root of their number.
+
+    The root itself where none is near: what is left over is compiled a second time.
+    """
+    root = math.isqrt(length)
+    near = [n for n in range(root // 2 + 1, 2 * root + 1) if length % n == 0]
+    return min(near, key=lambda n: abs(n - root), default=root)
 
 
 def _bounded(y: Array) -> Bool[Array, ""]:

@@ -262,6 +262,23 @@ def test_periodic_orbit_goes_on_by_its_turn():
     np.testing.assert_allclose(drawn["in time"].get_xdata(), [1.0])
 
 
+def test_harmonics_forward_and_backward():
+    """Every circle by its whirl, and what is far below the largest left out."""
+    coefficients = 1e-3 * np.array([2.0, 1e-9, 1.0, 5.0, 0.25])
+    result = types.SimpleNamespace(
+        orders=np.arange(-2, 3) / 2, coefficients=1j * coefficients[:, None], scene=rotor()
+    )
+    ax = plot.harmonics(result)
+    drawn = lines(ax)
+    np.testing.assert_allclose(drawn["forward"].get_xydata(), [[0.5, 5.0], [1.0, 0.25]])
+    np.testing.assert_allclose(drawn["backward"].get_xydata(), [[-1.0, 2.0]])
+    np.testing.assert_allclose(drawn["mean"].get_xydata(), [[0.0, 1.0]])
+    assert ax.get_yscale() == "log" and ax.get_ylabel() == "amplitude [mm]"
+    result.coefficients = 0 * result.coefficients
+    with pytest.raises(ValueError, match="at rest in the centre"):
+        plot.harmonics(result)
+
+
 # === history
 
 
