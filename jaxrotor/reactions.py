@@ -108,7 +108,7 @@ def reactions(response: RunUp | Response) -> Reactions:
     Returns:
         `Reactions`; `k` counts supports, then constraints, then contacts.
 
-    Source: seed of `turbine-run-up`, Newton-Euler equations (9) with its errata.
+    Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene
     instants = response.instants if isinstance(response, RunUp) else _instants(scene, response)

@@ -118,7 +118,7 @@ def run_up(
     Returns:
         A `RunUp`. A run that fails raises; when traced, it is not finite.
 
-    Sources: Filimonikhin, Goncharov (2011); seed of `turbine-run-up`.
+    Sources: Filimonikhin, Goncharov (2011); course project of `turbine-run-up`.
     """
     times = _checked_times(times)
     chosen: Any = checked_solver(solver if solver is not None else suited(scene))

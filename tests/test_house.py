@@ -12,6 +12,7 @@ import pytest
 from systems import EFFECTS, HARMONIC, ROLLING, STRENGTHS
 
 import jaxrotor
+import jaxrotor.plot
 from jaxrotor import effects
 from jaxrotor.effects import AbstractEffect
 from jaxrotor.quantities import unit_of
@@ -211,3 +212,13 @@ def test_no_plain_float_field(name):
     for field in dataclasses.fields(MODULES[name]):
         if not field.metadata.get("static"):
             assert field.type not in (float, int, "float", "int"), field.name
+
+
+def test_everything_public_is_in_the_reference():
+    """Every function and class of `jaxrotor`, its plots and objectives has a line in `docs/api`."""
+    pages = (PACKAGE.parent / "docs" / "api").glob("*.md")
+    told = {line.rpartition(".")[2] for page in pages for line in page.read_text().split("\n")}
+    for module in (jaxrotor, jaxrotor.plot):
+        for name, value in vars(module).items():
+            if not name.startswith("_") and (isinstance(value, type) or inspect.isfunction(value)):
+                assert name in told, f"Give {module.__name__}.{name} its line in docs/api."

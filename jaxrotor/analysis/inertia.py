@@ -35,7 +35,7 @@ def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
     Returns:
         `MassProperties`. Dynamic reactions are zero where u and J are. Differentiable.
 
-    Source: seed of `turbine-run-up`, eqs. (3)-(7), with its errata 6 to 10 and 15.
+    Source: course project of `turbine-run-up`, eqs. (3)-(7), with its errata 6 to 10 and 15.
     """
     if isinstance(scene.shaft, FlexibleShaft):
         raise ValueError(
