@@ -69,7 +69,8 @@ class RigidShaft(AbstractShaft):
 
     `constraints` decide what is left to move: two pins or one clamp hold it on a fixed axis (no
     coordinates), one pin is a pivot (tilt `psi`), none leaves `z_0` and `psi` to its supports.
-    Sources: course project of `turbine-run-up`, Newton-Euler equations; Filimonikhin, Goncharov (2011), (2.1).
+    Sources: course project of `turbine-run-up`, Newton-Euler equations; Filimonikhin, Goncharov (2011),
+    (2.1).
     """
 
     length: Scalar = positive("length [m]")
