@@ -72,7 +72,7 @@ def branch(
     ax.set_ylabel(label)
     if result.curve.decades:
         ax.set_xscale("log")
-    page.legend(ax, columns=3)
+    page.legend(ax, columns=2)
     page.assumption(ax, result)
     return ax
 
