@@ -885,6 +885,47 @@ def test_help(command):
     assert "Usage" in text and (command in ("", "scenes") or f"jaxrotor {command} " in text)
 
 
+# === a scene of one's own
+
+
+def test_new_scene_runs_as_it_is(place):
+    said = call("new", "mine.toml").stdout
+    assert said.startswith("Written: mine.toml.")
+    text = (place / "mine.toml").read_text()
+    assert "jaxrotor show mine.toml" in text
+    shown = answered("show", "mine.toml")
+    assert shown["parameters"]["disc.mass"]["value"] == pytest.approx(
+        7850 * np.pi * 0.125**2 * 0.04
+    )
+    assert shown["onset"]["speed"] > 0
+    assert jr.study("mine.toml")["over"]["spin.speed"].size == 41
+    assert "exists already" in refused("new", "mine.toml")
+    assert (place / "mine.toml").read_text() == text
+    assert "ends in .toml" in refused("new", "mine")
+    assert "cannot be written" in refused("new", "no/where.toml")
+
+
+def test_all_that_a_new_scene_prepares_is_valid(place):
+    """Every table that is commented out, taken in."""
+    call("new", "mine.toml")
+    _, _, rest = (place / "mine.toml").read_text().partition("title =")
+    lines = [line.removeprefix("# ") for line in rest.splitlines()]
+    whole = "title =" + "\n".join(lines).replace("[disc]", "[[discs]]")
+    scene = jr.loads(whole)
+    assert {effect.kind for effect in scene.effects} == {
+        *("disc", "unbalance", "support", "internal_damping", "external_damping"),
+        *("disc_damping", "gravity", "limiter"),
+    }
+    assert len(scene.of(jr.Disc)) == 2 and len(scene.of(jr.Limiter)) == 4
+
+
+def test_new_scene_like_another(place):
+    call("new", "mine.toml", "--like", "limiter-rotor")
+    assert jr.load("mine.toml").get("limiters.gap")[0] == 7.5e-3
+    assert "no shipped scene" in refused("new", "other.toml", "--like", "nothing")
+    assert not (place / "other.toml").exists()
+
+
 # === as a program
 
 

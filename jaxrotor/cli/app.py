@@ -12,6 +12,7 @@ from .accuracy import accuracy
 from .balance import balance
 from .campbell import campbell, critical
 from .linear import onset, roots
+from .new import new
 from .reactions import reactions
 from .response import response
 from .run_up import run_up
@@ -59,7 +60,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    scenes, show, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
+    scenes, show, new, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
     reactions, sweep, accuracy,
 )  # fmt: skip
 for _command in _COMMANDS:
@@ -77,6 +78,7 @@ def options(
     ```
     jaxrotor scenes
     jaxrotor show limiter-rotor
+    jaxrotor new my-rotor.toml
     jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
     jaxrotor campbell limiter-rotor --out run
     jaxrotor critical limiter-rotor
