@@ -922,6 +922,9 @@ def test_all_that_a_new_scene_prepares_is_valid(place):
 def test_new_scene_like_another(place):
     call("new", "mine.toml", "--like", "limiter-rotor")
     assert jr.load("mine.toml").get("limiters.gap")[0] == 7.5e-3
+    assert answered("show", "mine.toml", "--out", "run")["written"] == [
+        os.path.join("run", "rotor.png")
+    ]
     assert "no shipped scene" in refused("new", "other.toml", "--like", "nothing")
     assert not (place / "other.toml").exists()
 

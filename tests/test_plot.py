@@ -180,6 +180,36 @@ def test_bifurcation_takes_one_swept_dimension():
         plot.bifurcation(sweep().isel({ECCENTRICITY: 0}))
 
 
+# === rotor
+
+
+def test_rotor_is_drawn_to_scale():
+    """The disc of the limiter rotor is 200 mm across and 10 mm thick, its stops 7.5 mm off the rim."""
+    ax = plot.rotor(jr.load("limiter-rotor"))
+    boxes = {box.get_label(): box for box in ax.patches if not box.get_label().startswith("_")}
+    assert list(boxes) == ["shaft", "disc", "limiter"]
+    (left, low), height = boxes["disc"].get_xy(), boxes["disc"].get_height()
+    assert (low, height) == pytest.approx((-100.0, 200.0))
+    assert left + boxes["disc"].get_width() / 2 == pytest.approx(700.0)
+    assert (boxes["shaft"].get_width(), boxes["shaft"].get_height()) == pytest.approx((700.0, 20.0))
+    stops = [box for box in ax.patches if box.get_facecolor() == boxes["limiter"].get_facecolor()]
+    near = [min(abs(box.get_y()), abs(box.get_y() + box.get_height())) for box in stops]
+    assert (
+        near == pytest.approx([107.5] * len(near)) and len(near) == 4
+    )  # the one aside is seen twice
+    assert ax.get_xlabel().endswith("not drawn: external damping, disc damping, internal damping")
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["shaft", "disc", "limiter", "clamp", "unbalance"]
+
+
+@pytest.mark.parametrize("name", [name for name, _ in jr.files.shipped()])
+def test_every_shipped_rotor_can_be_drawn(name):
+    scene = jr.load(name)
+    low, high = plot.rotor(scene).get_xlim()
+    assert low <= 0.0 and high >= 1e3 * float(scene.shaft.length)
+    plt.close("all")
+
+
 # === orbit
 
 

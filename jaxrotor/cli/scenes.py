@@ -1,5 +1,6 @@
 """Commands `scenes` and `show`: what scenes there are, and what is in one."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -12,9 +13,11 @@ from ..scene import Scene
 from ..system import assemble
 from . import answer
 from .linear import described_onset, described_roots
-from .options import AsJson, Layout, Row, SceneName, Settings, scene_of
+from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
+from .output import draft_or_none, draw, written_to
 
 
+_FILES = ("rotor.png",)
 _SHOWN = 3  # whirl frequencies of each kind
 
 
@@ -35,14 +38,20 @@ def show(
     toml: Annotated[
         bool, typer.Option("--toml", help="Print the scene file itself, to start one's own from.")
     ] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for a drawing of the rotor.")
+    ] = None,
+    overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Show the parameters of a scene, its whirl frequencies, and where it loses stability.
 
-    The paths in the first column are those of `--set` and `--over`.
+    The paths in the first column are those of `--set` and `--over`. With --out, DIR/rotor.png: shaft,
+    discs, supports and stops to scale.
 
     ```
     jaxrotor show limiter-rotor
+    jaxrotor show limiter-rotor --out run
     jaxrotor show limiter-rotor --toml > my-rotor.toml
     jaxrotor show limiter-rotor --set disc.mass=3kg --set "limiters.0.gap=5 mm"
     ```
@@ -52,6 +61,12 @@ def show(
         as_it_is = not settings and row is None
         typer.echo(source(scene) if as_it_is else dumps(rotor, name), nl=False)
         return
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        if folder is not None:
+            from ..plot import rotor as drawn
+
+            draw(folder / "rotor.png", lambda ax: drawn(rotor, ax), 170, 75)
+    written = written_to(out, _FILES)
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     axes, found = described_roots(rotor)
     at_rest = described_roots(rotor.at_speed(0.0))[1]
@@ -75,6 +90,7 @@ def show(
                 "whirl_frequencies": whirl,
                 "onset": onset,
                 "no_onset": why or None,
+                "written": written,
             }
         )
         return
@@ -87,6 +103,7 @@ def show(
         ("forward, at speed", f"{_text(forward)} rad/s"),
         ("backward, at speed", f"{_text(backward)} rad/s"),
         ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why),
+        *answer.written(written),
     ]
     answer.print_table(summary)
 

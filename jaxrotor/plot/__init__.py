@@ -24,6 +24,7 @@ from .reactions import (
     reactions as reactions,
 )
 from .response import response as response
+from .rotor import rotor as rotor
 from .run_up import passage as passage, run_up as run_up, speed as speed
 from .stability import (
     boundary_family as boundary_family,

@@ -1,0 +1,146 @@
+"""Rotor: what is on the shaft, from the side and to scale."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from ..effects import BallBalancer, Disc, Limiter, Support, Unbalance
+from ..scene import Scene
+from . import colours, labels, page
+
+
+MM = 1e3
+THICK = 0.5  # of the shaft: no disc is
+DRAWN = (Disc, BallBalancer, Limiter, Support, Unbalance)
+
+
+def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
+    """Shaft, discs, supports and stops of a scene where they are, drawn to scale.
+
+    A disc is the solid one of its mass and moments of inertia, thin where that would be half as thick as
+    the shaft is long; a stop is at its gap from the rim it
+    touches. Damping, weight and other effects without a shape are named under the picture.
+
+    Args:
+        scene: to draw.
+        ax: Axes to draw in; a new figure if None.
+    """
+    ax = page.single(ax, 170, 75)
+    length = MM * float(scene.shaft.length)
+    tall = [0.05 * length, _shaft(ax, scene.shaft, length)]
+    tall += [_disc(ax, disc, length) for disc in scene.of(Disc)]
+    tall += [_balls(ax, balls) for balls in scene.of(BallBalancer)]
+    tall += [_stop(ax, stop, length) for stop in scene.of(Limiter)]
+    ground = -1.2 * max(tall)
+    for held in getattr(scene.shaft, "constraints", ()):
+        _constraint(ax, MM * float(held.at), held.holds, ground)
+    for support in scene.of(Support):
+        _spring(ax, MM * float(support.at), ground)
+    heavy = [MM * float(unbalance.at) for unbalance in scene.of(Unbalance)]
+    if heavy:
+        style = {"color": colours.RED, "markersize": 4.0, "zorder": 4.0}
+        ax.plot(heavy, np.zeros(len(heavy)), "o", label="unbalance", **style)
+    ends = [-0.04 * length, 1.04 * length]
+    ax.plot(ends, [0.0, 0.0], "-.", color=colours.DARK, linewidth=0.5)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel(f"station [mm]{_unseen(scene)}")
+    ax.set_ylabel("radius [mm]")
+    _name_once(ax)
+    page.legend(ax, columns=6)
+    page.assumption(ax, SimpleNamespace(scene=scene))
+    return ax
+
+
+def _name_once(ax: Axes) -> None:
+    """Of what is there several times, only the first is in the legend."""
+    seen = set()
+    for artist in ax.get_legend_handles_labels()[0]:
+        name = artist.get_label()
+        artist.set_label("_" if name in seen else name)
+        seen.add(name)
+
+
+def _box(ax: Axes, x: tuple[float, float], y: tuple[float, float], **style: Any) -> None:
+    style = {"edgecolor": colours.DARK, "linewidth": 0.6} | style
+    ax.add_patch(Rectangle((x[0], y[0]), x[1] - x[0], y[1] - y[0], **style))
+
+
+def _shaft(ax: Axes, shaft: Any, length: float) -> float:
+    """The shaft; returns its largest radius [mm]."""
+    if not hasattr(shaft, "diameter"):
+        ax.plot([0.0, length], [0.0, 0.0], color=colours.DARK, linewidth=3.0, label="shaft")
+        return 0.0
+    parts = [(0.0, shaft), *((MM * float(step.at), step) for step in shaft.steps)]
+    ends = [at for at, _ in parts[1:]] + [length]
+    for (left, part), right in zip(parts, ends, strict=True):
+        radius = MM * float(part.diameter) / 2
+        _box(ax, (left, right), (-radius, radius), facecolor="0.85", label="shaft")
+        if part.inner_diameter is not None and float(part.inner_diameter):
+            bore = MM * float(part.inner_diameter) / 2
+            _box(ax, (left, right), (-bore, bore), facecolor="white", label="bore")
+    return MM * max(float(part.diameter) for _, part in parts) / 2
+
+
+def _disc(ax: Axes, disc: Disc, length: float) -> float:
+    """A disc, by `I_p = m R^2 / 2` and `I_d = I_p / 2 + m a^2 / 12`; returns its radius [mm]."""
+    at, mass, polar = MM * float(disc.at), float(disc.mass), abs(float(disc.polar))
+    if not (mass and polar):
+        ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label="mass")
+        return 0.0
+    radius = MM * (2 * polar / mass) ** 0.5
+    thickness = MM * (12 * max(float(disc.diametral) - polar / 2, 0.0) / mass) ** 0.5
+    if thickness > THICK * length:  # an inertia that stands for more than a disc
+        thickness = 0.0
+    half = max(thickness / 2, 0.003 * length)
+    style = {"facecolor": colours.BLUE, "alpha": 0.6, "zorder": 2.0}
+    _box(ax, (at - half, at + half), (-radius, radius), label="disc", **style)
+    return radius
+
+
+def _balls(ax: Axes, balls: BallBalancer) -> float:
+    """A race of balls; returns its radius [mm]."""
+    at, race = MM * float(balls.at), MM * float(balls.race_radius)
+    style = {"color": colours.TEAL, "markersize": 5.0, "markerfacecolor": "none"}
+    ax.plot([at, at], [-race, race], "o", label="balls", **style)
+    return race
+
+
+def _stop(ax: Axes, stop: Limiter, length: float) -> float:
+    """A stop above the axis, below, or both where it is aside; returns how far out it is [mm]."""
+    at, side = MM * float(stop.at), float(np.sin(stop.angle))
+    reach = MM * (float(stop.rim_radius) + float(stop.gap))
+    half, thick = 0.012 * length, 0.02 * length
+    for sign in (1.0, -1.0) if abs(side) < 1e-9 else (np.sign(side),):
+        y = sorted((sign * reach, sign * (reach + thick)))
+        _box(ax, (at - half, at + half), (y[0], y[1]), facecolor=colours.ORANGE, label="limiter")
+    return abs(reach) + thick
+
+
+def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
+    """A clamp is a wall, a pin a triangle under the axis, a guide a broken line."""
+    style: dict[str, Any] = {"color": colours.DARK, "label": holds}
+    if holds == "clamp":
+        ax.plot([at, at], [ground, -ground], linewidth=3.0, **style)
+    elif holds == "pin":
+        x = at + 0.25 * ground * np.array([0.0, 1.0, -1.0, 0.0])
+        ax.plot(x, [0.0, ground, ground, 0.0], linewidth=1.0, **style)
+    else:
+        ax.plot([at, at], [ground, -ground], linewidth=1.0, linestyle="--", **style)
+
+
+def _spring(ax: Axes, at: float, ground: float) -> None:
+    """A support: a spring down to the ground."""
+    x = at + 0.12 * ground * np.array([0, 0, *[1, -1] * 4, 0, 0])
+    y = np.linspace(0.0, ground, x.size)
+    ax.plot(x, y, color=colours.MAGENTA, linewidth=1.0, label="support")
+    base = at + 0.3 * ground * np.array([-1, 1])
+    ax.plot(base, [ground, ground], color=colours.DARK, linewidth=1.5)
+
+
+def _unseen(scene: Scene) -> str:
+    """Effects that have no shape, by name."""
+    kinds = {effect.kind: None for effect in scene.effects if not isinstance(effect, DRAWN)}
+    return f"; not drawn: {', '.join(map(labels.words, kinds))}" if kinds else ""
