@@ -35,7 +35,7 @@ def attractors(
         dataset: sweep of one number a lane for every feature; undefined whirl counts as none.
         features: names of variables.
         within: distance of neighbours, of the range of every feature.
-        apart: farthest that an attractor moves to the next value; by default four times `within`.
+        apart: farthest that an attractor moves to the next value; by default twice `within`.
         like: an earlier answer, of another sweep, whose numbers are kept for the attractors it knows.
 
     Returns:
@@ -52,7 +52,7 @@ def attractors(
             raise ValueError(
                 f"The dataset has no `{name}`; choose `features` of {', '.join(map(str, dataset))}."
             )
-    apart = 4 * within if apart is None else apart
+    apart = 2 * within if apart is None else apart
     if not 0 < within <= apart:
         raise ValueError(
             f"`within` must be above 0 and `apart` not below it, but are {within} and {apart}."

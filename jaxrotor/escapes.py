@@ -45,10 +45,11 @@ def escapes(
         )
     if not 0 < confidence < 1:
         raise ValueError(f"`confidence` must be between 0 and 1, but is {confidence}.")
-    kept = int(dataset.attrs["keep"])
+    kept = int(dataset["reversal_watched"].max())  # a reversal takes some revolutions to be seen
     if not 0 <= after < kept:
         raise ValueError(
-            f"`after` must be at least 0 and below the {kept} revolutions, but is {after}."
+            f"`after` must be at least 0 and below the {kept} revolutions in which a reversal may be "
+            f"seen, but is {after}."
         )
     times = dataset["reversal"]
     chosen = [str(d) for d in times.dims if str(d).startswith("start.")] if over is None else over

@@ -109,14 +109,24 @@ def run_rows(
 ) -> Lanes:
     """Observables of lanes that go through a row of points each, (lanes, points, paths).
 
-    A lane goes on at every point from the state it ended the one before with.
+    A lane goes on at every point from the state it ended the one before with; after a point where it
+    failed, from that it came there with.
     """
     seen: list[Lanes] = []
+    begin = None
     for points in rows.swapaxes(0, 1):
-        begin = seen[-1].end if seen else None
         seen.append(run_chunk(context, stages, points, size, tick, begin, ends=True))
+        begin = _going_on(seen[-1].end, begin)
     whole = [lanes._replace(end=None) for lanes in seen]
     return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *whole)
+
+
+def _going_on(end: Any, begin: Any) -> Any:
+    """States at the end, of lanes that failed those at the beginning, where they had any."""
+    if begin is None:
+        return end
+    good = np.all([np.isfinite(part).all(axis=1) for part in end], axis=0)[:, None]
+    return jax.tree.map(lambda here, before: np.where(good, here, before), end, begin)
 
 
 def _prepare(context: Context, points: np.ndarray, begin: Any):

@@ -274,7 +274,13 @@ class Reversal(AbstractObservable):
         _, first = carry
         found = np.where(first < 0, np.nan, first)
         long_name = "revolutions before the whirl turned backward"
-        return {"reversal": Variable((), found, "1", long_name)}
+        watched = np.full(found.shape, max(count + 1 - self.window, 0))
+        return {
+            "reversal": Variable((), found, "1", long_name),
+            "reversal_watched": Variable(
+                (), watched, "1", "revolutions in which it may be seen to"
+            ),
+        }
 
 
 class WhirlSpectrum(AbstractObservable):

@@ -51,11 +51,15 @@ class Store:
         """Write a block; its status when all the rest is there."""
         if not self.path.exists():
             self._begin(part)
-        group = self._group()
-        for name in [name for name in part.data_vars if name != "status"] + ["status"]:
-            one = part[name]
-            where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
-            group[str(name)][where] = one.values
+        last = [
+            "status"
+        ]  # its chunks are written whatever their values, so one that is lost is missed
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group = self._group()
+            for name in [name for name in part.data_vars if name not in last] + last:
+                one = part[name]
+                where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
+                group[str(name)][where] = one.values
 
     def finished(self) -> xr.Dataset:
         """All of it, read where it is looked at."""
@@ -66,6 +70,8 @@ class Store:
         group = self._group()
         for name, about in attrs.items():
             group[name].attrs.update(about)
+        for name in set(more.variables) & set(group):
+            del group[name]
         more.assign_attrs(self.attrs).to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
         zarr.consolidate_metadata(self.path, zarr_format=2)
 

@@ -90,7 +90,8 @@ def sweep(
             difference are its attributes `error` and `error_median`; all are in `<name>_error`, over
             `error_lane`, the lane's number.
         carry: path of `over` whose values, ascending, are taken one after the other, up and then down,
-            every lane going on from the state it has; the data set is over `branch` ("up", "down") too.
+            every lane going on from the state it has, after a failure from that before it; the data set is
+            over `branch` ("up", "down") too.
         store: folder that chunks of lanes are written to, in Zarr format, as soon as they are done. A
             sweep that was stopped goes on when it is called again; that of another sweep is refused.
         solver: as in `simulate`.
@@ -160,6 +161,8 @@ def sweep(
     workers = cores(workers)
     sink, todo, size = _placed_in(store, job, about, lanes_per_chunk, workers)
     again = _spread_over(job.lanes, error_sample)
+    if not todo and np.array_equal(sink.finished().get("error_lane", []), again):
+        again = again[:0]  # known already
     seconds, few = _again(again, lanes_per_chunk, workers)
     total = (len(todo) * job.rows + len(seconds)) * (settle + keep)
     lock = threading.Lock()
@@ -174,7 +177,7 @@ def sweep(
         found = sink.finished()
         if failed(found["status"]).all():
             start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
-        if seconds and "error_lane" not in found.coords:
+        if seconds:
             finer = dataclasses.replace(context, plan=_finer(plan))
             repeat = lambda lanes, tick: job.repeat(finer, lanes, few, tick)
             parts = spread(repeat, seconds, workers, tick)

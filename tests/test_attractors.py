@@ -48,6 +48,14 @@ def test_failed_lanes_are_in_none():
     assert found[1] == -1 and found[0] == found[2] and found[3] != found[0]
 
 
+def test_motions_of_different_whirl_are_never_one():
+    """Section 3.4: forward bouncing in one cell, the locked rub in the next, whip in both."""
+    rate = [[-1.513, 0.118], [-1.513, -0.5]]
+    dataset = made({"rate": rate}, a__x=[0.0, 1.0], start__rate=[0.0, 1.0])
+    found = jr.attractors(dataset, ["rate"])["attractor"].values
+    assert found[0, 0] == found[1, 0] == 0 and found[0, 1] != found[1, 1]
+
+
 def test_numbers_of_another_sweep_are_kept():
     """The rare one of a first sweep is the commonest of the next, and a new one is added behind."""
     first = made({"rate": [1.0, 1.0, 2.0]}, start__angle=np.arange(3.0))

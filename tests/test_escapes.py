@@ -1,5 +1,6 @@
 """Escapes: rates and shares against known distributions, reversals of known motions."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ def drawn(rate, lanes, kept, ensembles=1):
     dims = ("unbalance.eccentricity", "start.angle")
     variables = {
         "reversal": (dims, times),
+        "reversal_watched": (dims, np.full(times.shape, kept)),
         "status": (dims, np.zeros(times.shape, np.int8)),
     }
     coords = {dims[0]: np.arange(1.0 * ensembles), dims[1]: np.linspace(0, 1, lanes)}
@@ -78,7 +80,36 @@ def test_reversal_of_a_known_whirl(s):
         turn = Turn(z, 1j * rate * z, None, jnp.asarray(number), one, jnp.asarray(s), count)
         carry, _ = observable.update(carry, turn)
     carry = [np.asarray(leaf)[None] for leaf in carry]
-    assert observable.report(carry, None, count)["reversal"].values == [7.0]
+    found = observable.report(carry, None, count)
+    assert found["reversal"].values == [7.0] and found["reversal_watched"].values == [10]
+
+
+def test_reversals_that_could_not_be_seen_are_not_counted_as_survived():
+    """Signs of area with a known rate of reversal, seen by a window that is half of the run."""
+    observable, count, rate = Reversal(window=50), 100, 0.02
+    times = np.random.default_rng(0).geometric(rate, 4000) - 1  # revolutions before
+    carry = observable.start(0)
+    carry = tuple(np.broadcast_to(leaf, times.shape) for leaf in carry)
+
+    @jax.jit
+    def update(carry, sign, number):
+        def one(carry, sign):
+            z = jnp.exp(1j * sign * jnp.linspace(0, 1, 9))
+            more = jnp.asarray(0.1), jnp.asarray(1.0), count
+            return observable.update(carry, Turn(z, 1j * sign * z, None, number, *more))[0]
+
+        return jax.vmap(one)(carry, sign)
+
+    for number in range(count):
+        carry = update(carry, jnp.where(number < times, 1.0, -1.0), jnp.asarray(number))
+    report = observable.report(carry, None, count)
+    dims, shape = ("unbalance.eccentricity", "start.angle"), (1, times.size)
+    variables = {name: (dims, one.values.reshape(shape)) for name, one in report.items()}
+    variables["status"] = (dims, np.zeros(shape, np.int8))
+    found = jr.escapes(xr.Dataset(variables, attrs={"settle": 0, "keep": count}))
+    # of a geometric law the rate of n escapes in whole revolutions lived is its probability, nearly
+    assert found["rate_low"] < -np.log(1 - rate) * 1.02 and found["rate_high"] > rate
+    assert found["revolution"][-1] == 51
 
 
 def test_chaotic_forward_motion_escapes_sooner_with_more_unbalance():
@@ -101,7 +132,11 @@ def test_chaotic_forward_motion_escapes_sooner_with_more_unbalance():
     [
         (lambda d: d.drop_vars("reversal"), {}, "no `reversal`; run the sweep with"),
         (lambda d: d.assign_attrs(settle=5), {}, "did not watch its first 5 revolutions"),
-        (lambda d: d, {"after": 300}, "`after` must be at least 0 and below the 300 revolutions"),
+        (
+            lambda d: d,
+            {"after": 300},
+            "`after` must be at least 0 and below the 300 revolutions in which",
+        ),
         (lambda d: d, {"confidence": 1.0}, "`confidence` must be between 0 and 1"),
         (lambda d: d, {"over": "start.rate"}, "`over` must name dimensions of the ensemble"),
     ],

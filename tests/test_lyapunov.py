@@ -60,6 +60,18 @@ def test_linear_rotor_parts_by_its_roots():
     assert "Lyapunov exponents 0.40283" in str(found)
 
 
+def test_what_is_rounding_beside_the_fastest_is_lost():
+    """Of 20 exponents those of the first roots, and none where 1e-16 is left after a revolution."""
+    scene = limiter_rotor(nodes=4, contact=False)
+    found = jr.lyapunov(scene, revolutions=40, settle=40, count=16, steps_per_revolution=16)
+    roots = np.sort(np.repeat(np.asarray(jr.roots(scene)).real, 2))[::-1][:16]
+    length = 2 * np.pi / float(scene.spin.speed)
+    lost = roots < roots[0] + 0.9 * np.log(2.2e-16) / length
+    assert lost.any() and not lost[:6].any()
+    assert (np.isneginf(found.exponents) == lost).all()
+    assert found.exponents[:6] == pytest.approx(roots[:6], rel=1e-2)
+
+
 @pytest.mark.slow
 def test_backward_rub_has_an_exponent_of_zero_and_those_of_its_multipliers():
     """The motion along itself neither grows nor decays; the next are ln |multiplier| / period."""
@@ -108,7 +120,7 @@ def test_picture():
         ({"count": 0}, "`count` must be a whole number of at least 1, but is 0"),
         ({"settle": -1}, "`settle` must be a whole number of at least 0, but is -1"),
         ({"solver": jr.Exponential(4)}, "sharp stops take located steps"),
-        ({"start": "rest"}, "`guess` must be a response"),
+        ({"start": "rest"}, "`start` must be a response"),
     ],
 )
 def test_refusals(changed, words):

@@ -174,6 +174,10 @@ def test_bifurcation_takes_one_swept_dimension():
         plot.bifurcation(two)
     plot.bifurcation(two.isel({"spin.speed": 0}))
     plot.bifurcation(two.rename({"spin.speed": "start.rate"}))  # starts are drawn over each other
+    ways = two.rename({"spin.speed": "branch"}).assign_coords(branch=["up", "down"])
+    upper, lower = plot.bifurcation(ways)
+    assert {line.get_marker() for line in lower.lines} >= {"^", "v"}
+    assert "below: up" in [text.get_text() for text in upper.get_legend().get_texts()]
     _, lower = plot.bifurcation(sweep().rename({ECCENTRICITY: "start.radius"}))
     assert lower.get_xlabel() == "start radius [mm]"
     with pytest.raises(ValueError, match="`extrema` has none; select a range"):

@@ -294,6 +294,16 @@ def test_states_are_carried_up_and_down():
                 assert seen["section"][-1].values == pytest.approx([z.real, z.imag], abs=1e-9)
 
 
+def test_a_lane_that_fails_goes_on_from_where_it_came():
+    """Far above its onset speed a rotor without stops leaves all bounds; below, it is as if it had not."""
+    scene = ROTOR.without("limiters")
+    speeds = np.array([0.5, 0.6, 30.0]) * SPEED
+    how = {"start": jr.Whirl(1e-3), "settle": 400, "keep": 2, "steps_per_revolution": 16}
+    found = jr.sweep(scene, {"spin.speed": speeds}, carry="spin.speed", progress=False, **how)
+    status = found["status"].values
+    assert status[0, 2] == status[1, 2] == 1 and (status[:, :2] == 0).all()  # not finite
+
+
 @pytest.mark.parametrize(
     ("carry", "more", "words"),
     [

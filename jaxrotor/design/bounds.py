@@ -63,7 +63,7 @@ def bounds(scene: Scene, where: Mapping[str, Any]) -> Bounds:
         raise ValueError(
             "`where` must name at least one parameter, such as {'limiters.stiffness': (1e5, 1e8)}."
         )
-    own = {path: _own(scene, path) for path in where}
+    own = {path: own_value(scene, path) for path in where}
     ends = {path: _ends(path, pair) for path, pair in where.items()}
     for path, (low, high) in ends.items():
         if np.isfinite(low):
@@ -86,7 +86,7 @@ def bounds(scene: Scene, where: Mapping[str, Any]) -> Bounds:
     return Bounds(origin, span, free, logarithmic, tuple(where), units)
 
 
-def _own(scene: Scene, path: str) -> float:
+def own_value(scene: Scene, path: str) -> float:
     """Value of a parameter that the scene has, one number."""
     head, _, rest = path.partition(".")
     own = {"shaft": [scene.shaft], "spin": [scene.spin]}

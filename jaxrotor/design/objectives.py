@@ -215,7 +215,9 @@ def contact_work(scene: Scene, revolutions: int, **run: Any) -> Scalar:
     if len(at) > 1:
         raise ValueError(f"Contacts must be at one station, but are at {sorted(at)} m.")
     _check_contact(scene)
-    seen = simulate(scene, revolutions, **run)
+    if "at" in run:
+        raise ValueError("The work is done where contacts are, so `contact_work` takes no `at`.")
+    seen = simulate(scene, revolutions, at=scene.of(AbstractContact)[0].at, **run)
     power = jnp.real(
         jnp.conj(seen.velocity[:, 0]) * jnp.sum(cast(Array, seen.contact_force), axis=1)
     )

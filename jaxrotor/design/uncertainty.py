@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..quantities import Scalar
 from ..scene import Scene
+from .bounds import own_value
 
 
 class Uncertainty(eqx.Module):
@@ -55,10 +56,12 @@ def uncertainty(
 
     Source: Nocedal, Wright (2006), Numerical Optimization, section 10.2; Bard (1974), section 7.5.
     """
-    values = {path: jnp.ravel(scene.get(path))[0] for path in paths}
+    values = {path: jnp.asarray(own_value(scene, path)) for path in paths}
     own = jnp.stack(list(values.values()))
     at = lambda x: jnp.ravel(residuals(scene.put(dict(zip(values, x, strict=True)))))
     left, slopes = jax.jit(lambda x: (at(x), jax.jacfwd(at)(x)))(own)
+    if jnp.iscomplexobj(left):
+        raise ValueError("Residuals must be real, but are complex; give real and imaginary parts.")
     if left.size <= own.size:
         raise ValueError(
             f"{left.size} residuals do not settle {own.size} parameters and their noise; take more."

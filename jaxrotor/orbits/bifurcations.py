@@ -23,11 +23,11 @@ from .corrector import Corrector, LostError, Point, recentred
 from .curve import Curve, Look
 
 
-KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
 SAME = 1e-2  # of the range of the radius: where two motions meet they are known to less
 NEAR = 1e-5  # of the unit circle or of -1: a multiplier further off has not crossed, but jumped
 
 
+ALIKE = 1e-6  # of a clearance: contacts that are touched in the same way
 Test = Callable[[Any], float]  # of a `Point`
 
 
@@ -40,17 +40,24 @@ class Found(NamedTuple):
     point: Point
 
 
-def bifurcations(corrector: Corrector, a: Point, b: Point) -> list[Found]:
-    """All between two neighbours, in their order; those that cannot be located are left out."""
-    found = []
+def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Found], list[str]]:
+    """All between two neighbours, in their order, and the kinds of those that were not located."""
+    found, lost = [], []
     for kind, contact, test in _changed(a, b):
         try:
             share, point = _located(corrector, a, b, test)
         except LostError:
+            lost.append(kind)
             continue
         if _is_one(kind, point):
             found.append(Found(kind, contact, share, point))
-    return sorted(found, key=lambda one: one.share)
+        elif _stable(a) != _stable(b):  # multipliers jumped, as where contact begins
+            lost.append(kind)
+    return sorted(found, key=lambda one: one.share), lost
+
+
+def _stable(point: Point) -> bool:
+    return bool(np.all(np.abs(point.look.multipliers) < 1))
 
 
 def _changed(a: Point, b: Point) -> Iterator[tuple[str, int | None, Test]]:
@@ -67,9 +74,12 @@ def _changed(a: Point, b: Point) -> Iterator[tuple[str, int | None, Test]]:
             yield kind, None, test
     before, after = touches(a.look), touches(b.look)
     changed = [k for k in before if before[k][0] != after[k][0]]
-    images = a.look.clearance.shape[1]
-    for k in changed[:1] if images > 1 else changed:  # contacts of a symmetry are touched alike
-        yield "grazing", k, _grazing(k, before[k][0])
+    seen: list[np.ndarray] = []
+    for k in changed:  # contacts that a symmetry takes to each other are touched alike
+        margins = np.array([before[k][1], after[k][1]])
+        if not any(np.allclose(margins, one, rtol=ALIKE, atol=0.0) for one in seen):
+            seen.append(margins)
+            yield "grazing", k, _grazing(k, before[k][0])
 
 
 def _grazing(k: int, touched: int) -> Test:
@@ -96,7 +106,9 @@ def _located(corrector: Corrector, a: Point, b: Point, test: Test) -> tuple[floa
         return test(known[share])
 
     find: Any = brentq
-    share = float(find(value, 0.0, 1.0, xtol=1e-12, rtol=1e-14))
+    share, how = find(value, 0.0, 1.0, xtol=1e-12, rtol=1e-14, full_output=True, disp=False)
+    if not how.converged:
+        raise LostError("the root of a test was not found")
     value(share)
     return share, known[share]
 

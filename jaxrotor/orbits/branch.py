@@ -53,6 +53,9 @@ class Branch(eqx.Module):
     unresolved: Int[np.ndarray, " N"]  # steps whose changes of contact were not located
     iterations: Int[np.ndarray, " N"]  # of the corrector
     points: tuple[BranchPoint, ...]
+    unlocated: tuple[tuple[int, str], ...] = eqx.field(
+        static=True
+    )  # after which point, of which kind
     reasons: tuple[str, str] = eqx.field(static=True)  # why it ends, at its first and last point
     unknowns: Float[np.ndarray, "N b"]
     curve: Curve
@@ -131,6 +134,10 @@ class Branch(eqx.Module):
             f"{self.values.max():.6g}, {int(self.stable.sum())} stable"
         ]
         lines += [f"  {self._told(point)}" for point in self.points]
+        lines += [
+            f"  {kind} not located between {self.values[k]:.6g} and {self.values[k + 1]:.6g}"
+            for k, kind in self.unlocated
+        ]
         lines += [f"  begins: {self.reasons[0]}", f"  ends: {self.reasons[1]}"]
         return "\n".join(lines)
 
@@ -147,6 +154,7 @@ def branch_of(
     corrector: Corrector,
     points: Sequence[Point],
     found: Sequence[tuple[int, Found]],
+    lost: Sequence[tuple[int, str]],
     reasons: tuple[str, str],
 ) -> Branch:
     """The branch of points in their order, with what was found after the first of each pair."""
@@ -168,6 +176,7 @@ def branch_of(
         unresolved=np.array([int(look.outcome.unresolved) for look in looks]),
         iterations=np.array([point.iterations for point in points]),
         points=tuple(_branch_point(curve, after, one) for after, one in found),
+        unlocated=tuple(lost),
         reasons=reasons,
         unknowns=unknowns,
         curve=curve,

@@ -25,6 +25,7 @@ LEAST = 1e-7  # step, of a state or of the range
 SHARP = 0.9  # cosine of the angle between tangents of neighbours that is taken for a smooth turn
 ASIDE = 0.3  # of a step: what the corrector may add to it
 KINK = 1e-3  # step below which a tangent may turn by more: where a contact begins
+FAR = 10  # of such a step: what is further is not the other side of a kink
 EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shrink
 
 
@@ -94,13 +95,15 @@ def continue_(
     alone = "the orbit that was given"
     if direction == "down":
         way = trails[-1]
-        return branch_of(corrector, way.points, way.found, (alone, way.reason))
-    up, down = (trails.get(way, _Trail([start], [], alone)) for way in (1, -1))
+        return branch_of(corrector, way.points, way.found, way.lost, (alone, way.reason))
+    up, down = (trails.get(way, _Trail([start], [], alone, [])) for way in (1, -1))
     back = len(down.points) - 1
     found = [(back - 1 - after, one._replace(share=1 - one.share)) for after, one in down.found]
     found = found[::-1] + [(back + after, one) for after, one in up.found]
     points = down.points[:0:-1] + up.points
-    return branch_of(corrector, points, found, (down.reason, up.reason))
+    lost = [(back - 1 - after, kind) for after, kind in down.lost]
+    lost = lost[::-1] + [(back + after, kind) for after, kind in up.lost]
+    return branch_of(corrector, points, found, lost, (down.reason, up.reason))
 
 
 CLOSED = "the branch closes: it is back at the orbit that was given"
@@ -113,6 +116,7 @@ class _Trail(NamedTuple):
     points: list[Point]
     found: list[tuple[int, Found]]
     reason: str
+    lost: list[tuple[int, str]]  # kinds that were detected, not located
 
 
 class _Trip(NamedTuple):
@@ -128,7 +132,7 @@ class _Trip(NamedTuple):
         """From a point on, first with `way` the parameter up or down."""
         onward = np.append(np.zeros(start.u.size - 1), float(way))
         start = start._replace(tangent=tangent(start.look, onward))
-        trail, h = _Trail([start], [], ""), self.step
+        trail, h = _Trail([start], [], "", []), self.step
         while len(trail.points) <= self.max_points:
             last = trail.points[-1]
             if abs(last.u[-1] - (last.tangent[-1] > 0)) < END:
@@ -138,7 +142,9 @@ class _Trip(NamedTuple):
             except LostError as error:
                 return trail._replace(reason=self._lost(last, error))
             after = len(trail.points) - 1
-            for one in bifurcations(self.corrector, last, point) if self.locate else ():
+            found, lost = bifurcations(self.corrector, last, point) if self.locate else ([], [])
+            trail.lost.extend((after, kind) for kind in lost)
+            for one in found:
                 if one.kind in ("fold", "branching") and halved(self.corrector.curve, one.point):
                     trail.points.append(one.point)
                     return trail._replace(reason=f"{HALVED} {self._at(one.point)}")
@@ -200,12 +206,12 @@ class _Trip(NamedTuple):
 
 def _check_way(last: Point, point: Point, guess: np.ndarray, h: float, ended: bool) -> None:
     """Refuse what may be on another branch; small steps may pass a kink."""
-    if h < KINK:
-        return
-    if last.tangent @ point.tangent < SHARP:
+    small = h < KINK
+    if not small and last.tangent @ point.tangent < SHARP:
         raise LostError("the branch turns too sharply")
-    aside = np.linalg.norm(point.u - last.u) > 2 * h
-    if aside or (not ended and np.linalg.norm(point.u - guess) > ASIDE * h):
+    far = np.linalg.norm(point.u - last.u) > (FAR if small else 2) * h
+    aside = not ended and not small and np.linalg.norm(point.u - guess) > ASIDE * h
+    if far or aside:
         raise LostError("the corrector leads elsewhere")
 
 

@@ -276,7 +276,12 @@ def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
     if path == "spin.speed" and low * high <= 0:
         raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
     for value in (low, high):
-        scene.replace({path: value})
+        other = scene.replace({path: value})
+        if other.spans != scene.spans or port_groups(other) != port_groups(scene):
+            raise ValueError(
+                f"`{path}` moves a station past another, or stops apart that are at one, between {low:g} "
+                f"and {high:g}; keep their order."
+            )
     return low, high
 
 

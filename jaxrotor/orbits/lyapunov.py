@@ -97,6 +97,8 @@ def lyapunov(
         quasi-periodic motion converge fast; `error` is the standard deviation of the means of 10 blocks
         over the root of 10, right for chaos where a block forgets the one before.
 
+    Beside the fastest, what shrinks in a revolution to the rounding of a number is -inf, without an error.
+
     Source: Benettin, Galgani, Giorgilli, Strelcyn (1980), Meccanica 15, 9-30; jumps: Mueller (1995),
     Chaos, Solitons and Fractals 5, 1671-1681; weights: Das, Saiki, Sander, Yorke (2017), Nonlinearity
     30, eq. (2).
@@ -110,7 +112,7 @@ def lyapunov(
             f"`revolutions` must be at least {2 * BLOCKS} to tell an error, but is {revolutions}."
         )
     check_constant(scene, "`lyapunov`")
-    start = AtRest() if start is None else start_of(start)
+    start = AtRest() if start is None else start_of(start, "start")
     together = port_groups(scene)
     system = eqx.filter_jit(assemble)(scene, together)
     if count > 4 * system.n:
@@ -152,7 +154,7 @@ def lyapunov(
     check_steps(good, march.bounce, chosen.order, steps_per_revolution)
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
-    exponents, error = mean_and_error(growth)
+    exponents, error = _sorted(*mean_and_error(growth), length)
     return Lyapunov(
         exponents,
         error,
@@ -196,6 +198,15 @@ def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.nda
     blocks = growth[len(growth) - BLOCKS * length :].reshape(BLOCKS, length, -1)
     means = np.einsum("t,bte->be", _taper(length), blocks)
     return _taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
+
+
+def _sorted(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Largest first; those that are but rounding beside the largest are lost."""
+    floor = exponents.max() + 0.9 * np.log(np.finfo(float).eps) / length
+    lost = exponents < floor
+    exponents, error = np.where(lost, -np.inf, exponents), np.where(lost, np.nan, error)
+    order = np.argsort(-exponents, kind="stable")
+    return exponents[order], error[order]
 
 
 def _taper(length: int) -> Float[np.ndarray, " R"]:

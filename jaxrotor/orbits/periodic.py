@@ -196,13 +196,13 @@ def periodic(
         )
     if not estimate:
         return found
-    again = dataclasses.replace(
+    halved = dataclasses.replace(
         aim,
         start=found.start.state(system, stations[0]),
         span=aim.span if revolutions else aim.rate * found.period,
         steps=2 * aim.steps,
     )
-    finer = find(scene, system, stations, again, *settings, max_iterations)
+    finer = find(scene, system, stations, halved, *settings, max_iterations)
     return dataclasses.replace(found, error=_changes(found, finer))
 
 
@@ -389,8 +389,8 @@ def _turns(scene: Scene, period: Any) -> float:
     return abs(float(speed)) * float(period) / (2 * math.pi) or 1.0
 
 
-def start_of(guess: Any) -> AbstractStart:
-    """State that a guess stands for."""
+def start_of(guess: Any, name: str = "guess") -> AbstractStart:
+    """State that a guess, or an argument of another name, stands for."""
     if isinstance(guess, Response):
         return guess.end
     if isinstance(guess, PeriodicOrbit):
@@ -398,7 +398,7 @@ def start_of(guess: Any) -> AbstractStart:
     if isinstance(guess, AbstractStart):
         return guess
     raise ValueError(
-        "`guess` must be a response of jaxrotor.simulate, an orbit or a start such as AtRest(), but is "
+        f"`{name}` must be a response of jaxrotor.simulate, an orbit or a start such as AtRest(), but is "
         f"{guess!r}."
     )
 

@@ -18,8 +18,9 @@ def bifurcation(
     """Local extrema of the x displacement, and the precession index below, over one parameter.
 
     Colours tell attractors where the data set knows them (`jaxrotor.attractors`), else forward whirl
-    (index > 0), backward (< 0) and undefined (NaN: at rest in the centre; 0: no net whirl). Starts and
-    branches are drawn over each other. Azarov, Gouskov, Panovko (2023), Fig. 3.
+    (index > 0), backward (< 0) and undefined (NaN: at rest in the centre; 0: no net whirl). Starts are
+    drawn over each other, and so are the ways up and down, told apart below. Azarov, Gouskov, Panovko
+    (2023), Fig. 3.
 
     Args:
         dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and
@@ -48,6 +49,12 @@ def bifurcation(
         displacement[failed(dataset["status"].transpose(*lanes)).ravel()] = np.nan
 
     upper, lower = page.pair(axes, 170, 110)
+    ways = {".": np.ones(index.size, bool)}
+    if "branch" in lanes:
+        branch = np.indices(index.shape)[lanes.index("branch")].ravel()
+        ways = {marker: branch == k for k, marker in enumerate("^v")}
+        for marker, name in zip("^v", dataset["branch"].values, strict=True):
+            upper.plot([], [], marker, color=colours.DARK, label=f"below: {name}")
     groups = _directions(index.ravel())
     if "attractor" in dataset:
         groups = _attractors(dataset["attractor"].transpose(*lanes))
@@ -55,7 +62,10 @@ def bifurcation(
         x, y = _cloud(values[chosen], displacement[chosen])
         style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
         upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=about, **style)
-        lower.plot(values[chosen], index.ravel()[chosen], markersize=3.0, **style)
+        for marker, lanes_so in ways.items():
+            some = chosen & lanes_so
+            marked: Any = style | {"marker": marker}
+            lower.plot(values[some], index.ravel()[some], markersize=3.0, **marked)
     for ax in (upper, lower):
         ax.margins(x=0.01)
     page.zero(lower)
@@ -77,9 +87,9 @@ def bifurcation(
 def _attractors(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:
     """Name, colour and lanes of each attractor."""
     name, means = words(numbers.attrs["features"][0]), numbers.attrs["means"]
-    found = numbers.values.ravel()
+    found, shades = numbers.values.ravel(), colours.shades(len(means))
     return [
-        (f"{name} {mean[0]:.3g}", colours.CYCLE[k % len(colours.CYCLE)], found == k)
+        (f"{name} {mean[0]:.3g}", shades[k], found == k)
         for k, mean in enumerate(means)
         if (found == k).any()
     ]

@@ -1,6 +1,7 @@
 """Colours: Paul Tol's "vibrant" set, told apart by colour-blind readers and in print."""
 
-from matplotlib.colors import LinearSegmentedColormap
+import matplotlib
+from matplotlib.colors import LinearSegmentedColormap, to_hex
 
 
 BLUE = "#0077BB"
@@ -15,3 +16,11 @@ FORWARD, BACKWARD, UNDEFINED = BLUE, RED, GREY
 CYCLE = (BLUE, ORANGE, TEAL, RED, MAGENTA, DARK)
 
 RAMP = LinearSegmentedColormap.from_list("ramp", ["#FCF0E4", "#DE9468"])  # under lines and text
+
+
+def shades(count: int) -> list[str]:
+    """As many colours, those of the set while they last."""
+    if count <= len(CYCLE):
+        return list(CYCLE[:count])
+    ramp = matplotlib.colormaps["viridis"]
+    return [to_hex(ramp(i / (count - 1))) for i in range(count)]

@@ -56,5 +56,8 @@ def escapes(dataset: xr.Dataset, axes: Any = None) -> tuple[Axes, Axes]:
     right.set_xlabel(label)
     right.set_ylabel("rate of escape [1/revolution]")
     page.legend(left, columns=4)
+    named: Any = left.get_legend()
+    named.set_title(label)
+    named.get_title().set_fontsize(page.TEXT)
     page.legend(right, columns=2)
     return left, right
