@@ -115,6 +115,10 @@ def simulate(
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
     check_constant(scene, "`simulate`")
     start = AtRest() if start is None else start
+    if not isinstance(start, AbstractStart):
+        raise ValueError(
+            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `response.end`, but is {start!r}."
+        )
     stations = scene.stations(at)
     rate = revolution_rate(scene, period)
     adjoint = dfx.ForwardMode() if adjoint is None else adjoint

@@ -23,6 +23,10 @@ PENDING = STATUS.index("not_computed")
 SHOWN = 60  # characters of a value in a refusal
 
 
+class OtherSweepError(ValueError):
+    """A folder holds another sweep, or values for others."""
+
+
 class Store:
     """Blocks of a data set in a folder, which the first of them begins; one thread at a time."""
 
@@ -113,14 +117,15 @@ class Store:
             ) from None
         for name, (dim, values, _) in self.coords.items():
             if name not in there.coords or not np.array_equal(there[name].values, values):
-                raise ValueError(
+                raise OtherSweepError(
                     f"{self.path} holds a sweep over other values of `{dim}`; choose another store, or "
                     "delete it."
                 )
         for name, value in self.attrs.items():
             if there.attrs.get(name) != value:
-                is_, wanted = (str(v)[:SHOWN] for v in (there.attrs.get(name), value))
-                raise ValueError(
+                texts = (" ".join(str(v).split()) for v in (there.attrs.get(name), value))
+                is_, wanted = (text[:SHOWN] for text in texts)
+                raise OtherSweepError(
                     f"{self.path} holds another sweep: its `{name}` is {is_!r}, not {wanted!r}; choose "
                     "another store, or delete it."
                 )

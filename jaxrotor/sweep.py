@@ -369,7 +369,8 @@ def _placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
         names = [f for f in start.__dataclass_fields__ if f in ("radius", "rate", "angle")]
         if name not in names:
             raise ValueError(
-                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(names) or '-'}."
+                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(names) or '-'}. "
+                "A start=jaxrotor.Whirl(..) has radius, rate and angle."
             )
         kept = {n: getattr(start, n) for n in names}
         start = type(start)(**(kept | {name: values[path]}))

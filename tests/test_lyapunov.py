@@ -109,7 +109,7 @@ def test_picture():
     ax = jr.plot.lyapunov(result)
     assert ax.get_xlabel() == "revolutions [1]"
     assert ax.get_ylabel() == "mean growth of a disturbance [1/s]"
-    assert len(ax.get_lines()) == 3  # two exponents and zero
+    assert len(ax.get_lines()) == 5  # two exponents, each with its mean, and zero
 
 
 @pytest.mark.parametrize(

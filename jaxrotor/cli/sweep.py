@@ -2,6 +2,7 @@
 
 import contextlib
 import enum
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from ..observe import AbstractObservable, WhirlSpectrum, everything
 from ..outcome import STATUS, failed
 from ..scene import Scene
 from ..solvers import Exponential
+from ..store import OtherSweepError
 from ..sweep import sweep as run
 from . import answer
 from .options import (
@@ -117,8 +119,8 @@ def sweep(
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
 
     Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
-    DIR/bifurcation.png. Lanes are kept as they are done: the same command goes on where one was
-    interrupted. What to sweep, from which start and for how long stands in the scene's
+    DIR/bifurcation.png. Lanes are kept as blocks of up to 128 are done: the same command goes on where
+    one was interrupted. What to sweep, from which start and for how long stands in the scene's
     `[sweep]` table; options say otherwise.
 
     ```
@@ -153,8 +155,15 @@ def sweep(
     partial = out / _PARTIAL
     with draft(out, _FILES, overwrite) as folder:
         begun = time.perf_counter()
+        again = lambda: run(rotor, axes, start=start, **counts, **options, store=partial).load()
         with _kept(partial):
-            dataset = run(rotor, axes, start=start, **counts, **options, store=partial).load()
+            try:
+                dataset = again()
+            except OtherSweepError:
+                if not overwrite:
+                    raise
+                shutil.rmtree(partial)
+                dataset = again()
         seconds = time.perf_counter() - begun
         _draw(dataset, list(axes), folder)
     partial.rename(out / "sweep.zarr")

@@ -23,6 +23,7 @@ from .corrector import Corrector, LostError, Point, recentred
 from .curve import Curve, Look
 
 
+KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
 SAME = 1e-2  # of the range of the radius: where two motions meet they are known to less
 NEAR = 1e-5  # of the unit circle or of -1: a multiplier further off has not crossed, but jumped
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ..scene import Scene
-from .bifurcations import Found, least
+from .bifurcations import KINDS, Found, least
 from .corrector import Corrector, LostError, Point, Unknowns
 from .curve import Curve, Gauge, Look
 from .periodic import PeriodicOrbit
@@ -79,6 +79,8 @@ class Branch(eqx.Module):
 
     def of(self, kind: str) -> tuple[BranchPoint, ...]:
         """The bifurcations of a kind."""
+        if kind not in KINDS:
+            raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, but is {kind!r}.")
         return tuple(point for point in self.points if point.kind == kind)
 
     def orbit(self, where: "int | BranchPoint") -> PeriodicOrbit:
@@ -99,8 +101,9 @@ class Branch(eqx.Module):
         Its derivative by the parameter is zero at the flip, so that is sought near by instead. What is
         found can be continued like any other.
         """
-        if not isinstance(flip, BranchPoint) or flip.kind != "flip":
-            raise ValueError(f"`flip` must be a point of the kind 'flip', but is {flip!r}.")
+        kind = flip.kind if isinstance(flip, BranchPoint) else type(flip).__name__
+        if kind != "flip":
+            raise ValueError(f"`flip` must be a point of the kind 'flip', but is a {kind}.")
         u = flip.unknowns
         seen = self._corrector.look(u, _gauge(self.curve, u))
         m = seen.direction.size
@@ -127,11 +130,11 @@ class Branch(eqx.Module):
         return Corrector(self.curve, self.tolerance, self.max_iterations)
 
     def __str__(self) -> str:
-        unit = self.scene.unit(self.path)
+        values, turns = self.values, np.flatnonzero(np.diff(np.sign(np.diff(self.values)))) + 1
+        way = " to ".join(f"{values[k]:.6g}" for k in (0, *turns, values.size - 1))
         lines = [
-            f"Branch of {self.values.size} orbits, {self.path} from {self.values[0]:.6g} to "
-            f"{self.values[-1]:.6g} {unit} between {self.values.min():.6g} and "
-            f"{self.values.max():.6g}, {int(self.stable.sum())} stable"
+            f"Branch of {values.size} orbits, {self.path} from {way} [{self.scene.unit(self.path)}], "
+            f"{int(self.stable.sum())} stable"
         ]
         lines += [f"  {self._told(point)}" for point in self.points]
         lines += [

@@ -205,7 +205,9 @@ def curve_of(
 ) -> tuple[Curve, np.ndarray]:
     """The problem of an orbit, and its unknowns; refuses what cannot be followed."""
     if not isinstance(orbit, PeriodicOrbit):
-        raise ValueError(f"`orbit` must be of `jaxrotor.periodic`, but is {orbit!r}.")
+        raise ValueError(
+            f"`orbit` must be of `jaxrotor.periodic`, but is a {type(orbit).__name__}."
+        )
     if not float(orbit.scene.spin.speed):
         raise ValueError(
             "The steps of a branch are those of a rotor that turns, but its speed is 0."

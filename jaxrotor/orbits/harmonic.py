@@ -48,7 +48,7 @@ class HarmonicOrbit(eqx.Module):
     contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
     stations: Float[Array, " s"]  # [m]
     residual: Scalar  # largest that a harmonic misses, over the largest of the ports [1]
-    truncation: Scalar  # largest of the outer quarter of harmonics, over the largest of all [1]
+    truncation: Scalar  # what harmonics H to 2 H would add, over the largest of all [1]
     iterations: Int[Array, ""]
     converged: Bool[Array, ""]
     scene: Scene
@@ -65,8 +65,8 @@ class HarmonicOrbit(eqx.Module):
     def __str__(self) -> str:
         return (
             f"Orbit of {self.revolutions} revolution{'s' * (self.revolutions > 1)} by {self.harmonics} "
-            f"harmonics and {self.samples} samples: the outer ones {float(self.truncation):.1e} of the "
-            f"largest; residual {float(self.residual):.1e} after {int(self.iterations)} iterations"
+            f"harmonics and {self.samples} samples: as many more would add {float(self.truncation):.1e} "
+            f"of the largest; residual {float(self.residual):.1e} after {int(self.iterations)} iterations"
         )
 
 
@@ -255,7 +255,8 @@ def _find(
         forces = balance.forces(ports)
     q = balance.coordinates(forces)
     rates = 1j * balance.frequencies[:, None] * q
-    coefficients = q @ jax.vmap(system.line.row)(stations).T
+    row = jax.vmap(system.line.row)(stations)
+    coefficients = q @ row.T
     period = 2 * jnp.pi * revolutions / jnp.abs(system.spin.speed)
     time = jnp.linspace(0.0, period, samples + 1)
     waves = jnp.exp(1j * time[:, None] * balance.frequencies)
@@ -274,7 +275,7 @@ def _find(
         contact_force=_contact_force(system, waves @ q, waves @ rates),
         stations=stations,
         residual=residual,
-        truncation=_truncation(coefficients, harmonics),
+        truncation=_truncation(balance, revolutions, row, coefficients, ports),
         iterations=iterations,
         converged=jnp.all(jnp.isfinite(q)),
         scene=scene,
@@ -316,11 +317,25 @@ def _contact_force(system: System, q: Array, rates: Array) -> Complex[Array, "T 
     return forces[..., 0] + 1j * forces[..., 1]
 
 
-def _truncation(coefficients: Complex[Array, "K s"], harmonics: int) -> Scalar:
-    """Largest of the outer quarter of harmonics over the largest of all."""
-    outer = np.abs(np.arange(-harmonics, harmonics + 1)) > 0.75 * harmonics
-    sizes = jnp.max(jnp.abs(coefficients), axis=1)
-    return jnp.max(sizes[outer]) / jnp.max(sizes)
+def _truncation(
+    balance: Balance,
+    revolutions: int,
+    row: Float[Array, "s n"],
+    coefficients: Complex[Array, "K s"],
+    ports: Complex[Array, "K p"],
+) -> Scalar:
+    """`sum |row D(k)^-1 F_k|` of `H < |k| <= 2 H` over the largest harmonic: forces that were left out.
+
+    Which harmonics a motion has depends on its symmetry; the first that are missing may be any.
+    """
+    if not balance.system.ports:
+        return jnp.zeros(())
+    harmonics = balance.frequencies.size // 2
+    wide = Balance.of(balance.system, 2 * harmonics, revolutions, balance.samples)
+    forces = wide.forces(jnp.pad(ports, ((harmonics, harmonics), (0, 0))))
+    added = jnp.abs(jnp.einsum("sn,knp,kp->ks", row, wide.driven, forces))
+    added = jnp.where(np.abs(wide.orders)[:, None] > harmonics, added, 0.0)
+    return jnp.max(jnp.sum(added, axis=0)) / jnp.max(jnp.abs(coefficients))
 
 
 def _power_of_two(least: int) -> int:

@@ -18,6 +18,10 @@ def attractors(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
         dataset: of `jaxrotor.attractors`, over two dimensions, the first drawn to the right.
         ax: Axes to draw in; a new figure if None.
     """
+    if "attractor" not in dataset:
+        raise ValueError(
+            "The dataset has no `attractor`; call `jaxrotor.attractors(dataset)` first."
+        )
     dims = swept(dataset, "attractor")
     if len(dims) != 2:
         named = ", ".join(f"'{dim}'" for dim in dims) or "none"

@@ -47,7 +47,14 @@ def escapes(dataset: xr.Dataset, axes: Any = None) -> tuple[Axes, Axes]:
     seen = rate > 0
     bars = np.stack([rate - low, high - rate])[:, seen]
     style = {"color": colours.BLUE, "markersize": 3.0, "linewidth": 0.8, "capsize": 1.5}
-    right.errorbar(values[seen], rate[seen], bars, fmt="o", label="rate and bounds", **style)
+    right.errorbar(
+        values[seen],
+        rate[seen],
+        bars,
+        fmt="o",
+        label=f"rate, {dataset.attrs['confidence']:.0%} bounds",
+        **style,
+    )
     if not seen.all():
         right.plot(
             values[~seen], high[~seen], "v", color=colours.GREY, ms=3.0, label="upper bound alone"

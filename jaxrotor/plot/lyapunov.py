@@ -9,7 +9,9 @@ from . import colours, page
 
 
 def lyapunov(result: Any, ax: Axes | None = None) -> Axes:
-    """Mean growth up to every revolution, and the exponents with their standard errors.
+    """Mean growth up to every revolution, and the exponents (broken) with their standard errors.
+
+    Exponents are means with a smooth weight, so a curve need not end on its line.
 
     Args:
         result: `jaxrotor.Lyapunov`.
@@ -24,7 +26,8 @@ def lyapunov(result: Any, ax: Axes | None = None) -> Axes:
     pairs = zip(np.asarray(result.exponents), np.asarray(result.error), strict=True)
     for number, (rate, error) in enumerate(pairs):
         colour = colours.CYCLE[number % len(colours.CYCLE)]
-        label = f"{rate:.3g} $\\pm$ {error:.1g}"
+        ax.plot([0, len(running)], [rate, rate], color=colour, linewidth=0.8, linestyle="--")
+        label = f"$\\lambda_{{{number + 1}}}$ = {rate:.3g} $\\pm$ {error:.1g}"
         ax.axhspan(rate - error, rate + error, color=colour, alpha=0.25, linewidth=0)
         ax.plot(count, running[:, number], color=colour, linewidth=1.0, label=label)
     ax.axhline(0.0, color=colours.GREY, linewidth=0.8)
