@@ -6,6 +6,7 @@ Differences go through the same discretisation; a contact moves to no other step
 import types
 
 import diffrax as dfx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -143,3 +144,17 @@ def test_times_of_balls(monkeypatch):
     last = 1e-3 * np.exp(-times[-300:] / 2.0)
     left = float(objectives.residual_imbalance(scene, times, 0.1))
     assert left == pytest.approx(np.sqrt(np.mean(last**2)) / capacity, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["contact_work", "reaction_peak"])
+def test_derivatives_of_several_scenes_at_once_are_those_of_each(name):
+    """`vmap` of the derivative against a loop, of a motion through contact and of reactions."""
+    make, function, (path, *_), _ = CASES[name]
+    scene = make()
+    value = jnp.ravel(scene.get(path))[0]
+    slope = jax.jacfwd(lambda x: function(scene.put({path: x})))
+    values = value * jnp.array([0.98, 1.0, 1.03])
+    together = jax.jit(jax.vmap(slope))(values)
+    alone = jax.jit(slope)
+    np.testing.assert_allclose(together, [alone(x) for x in values], rtol=1e-9)
