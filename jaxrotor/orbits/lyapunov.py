@@ -154,7 +154,7 @@ def lyapunov(
     check_steps(good, march.bounce, chosen.order, steps_per_revolution)
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
-    exponents, error = _sorted(*mean_and_error(growth), length)
+    exponents, error = ordered(*mean_and_error(growth), length)
     return Lyapunov(
         exponents,
         error,
@@ -200,7 +200,7 @@ def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.nda
     return _taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
 
 
-def _sorted(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
+def ordered(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
     """Largest first; those that are but rounding beside the largest are lost."""
     floor = exponents.max() + 0.9 * np.log(np.finfo(float).eps) / length
     lost = exponents < floor
