@@ -10,6 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from .dataset import ensemble_of
 from .outcome import failed
 
 
@@ -58,7 +59,7 @@ def attractors(
             f"`within` must be above 0 and `apart` not below it, but are {within} and {apart}."
         )
     status = dataset["status"]
-    ensemble = [d for d in map(str, status.dims) if d.startswith("start.") or d == "branch"]
+    ensemble = ensemble_of(status.dims)
     parameters = [d for d in map(str, status.dims) if d not in ensemble]
     order = (*parameters, *ensemble)
     for name in features:

@@ -1,6 +1,7 @@
 """Dataset: results as labelled arrays, with units and what made them."""
 
 import importlib.metadata
+from collections.abc import Hashable, Iterable
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,12 @@ from .simulate import Response
 
 
 Variables = dict[str, Any]
+BRANCHES = ("up", "down")  # ways through the values of a parameter that states are carried along
+
+
+def ensemble_of(dims: Iterable[Hashable]) -> tuple[str, ...]:
+    """Dimensions that tell lanes of equal parameters apart: starting states, and the way there."""
+    return tuple(dim for dim in map(str, dims) if dim.startswith("start.") or dim == "branch")
 
 
 def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:

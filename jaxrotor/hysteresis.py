@@ -9,15 +9,12 @@ import xarray as xr
 
 from .analysis import balancer
 from .chunks import progress as bar
-from .dataset import assumed, versions
+from .dataset import BRANCHES, assumed, versions
 from .effects.base import AbstractBodies
 from .files import dumps
 from .run_up import Launch, RunUp, run_up
 from .scene import Scene
 from .spin import SpeedProfile
-
-
-BRANCHES = ("up", "down")
 
 
 def hysteresis(

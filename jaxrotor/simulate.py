@@ -271,6 +271,12 @@ def check_counts(**counts: int) -> None:
             raise ValueError(f"`{name}` must be a whole number of at least 1, but is {value!r}.")
 
 
+def check_settle(settle: Any) -> None:
+    """Refuse a number of revolutions before the look that is not whole, or below 0."""
+    if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
+        raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+
+
 def check_constant(scene: Scene, what: str) -> None:
     """Refuse a spin whose speed varies."""
     if not isinstance(scene.spin, ConstantSpeed):

@@ -55,9 +55,8 @@ class Store:
         """Write a block; its status when all the rest is there."""
         if not self.path.exists():
             self._begin(part)
-        last = [
-            "status"
-        ]  # its chunks are written whatever their values, so one that is lost is missed
+        last = ["status"]
+        # Chunks are written whatever their values, so that one that is lost is missed.
         with zarr.config.set({"array.write_empty_chunks": True}):
             group = self._group()
             for name in [name for name in part.data_vars if name not in last] + last:

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from .chunks import cores, progress as bar, spread
-from .dataset import assumed, chosen, versions
+from .dataset import BRANCHES, assumed, chosen, versions
 from .effects.base import AbstractContact
 from .files import dumps
 from .grid import Block, Gathered, block_shape, blocks
@@ -30,6 +30,7 @@ from .scene import Scene
 from .simulate import (
     check_constant,
     check_counts,
+    check_settle,
     checked_solver,
     chosen_steps,
     revolution_rate,
@@ -44,7 +45,6 @@ from .system import assemble, port_groups
 
 
 NO_ERROR = ("status", "extrema_missed", "unresolved")
-BRANCHES = ("up", "down")  # of a sweep that carries states along
 PILOT_LANES = 4  # by which "auto" steps are chosen
 
 
@@ -117,8 +117,7 @@ def sweep(
         raise ValueError(
             f"`error_sample` must be a whole number of at least 0, but is {error_sample!r}."
         )
-    if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
-        raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+    check_settle(settle)
     check_constant(scene, "`sweep`")
     if carry is not None:
         over = _carried_first(over, carry, error_sample)

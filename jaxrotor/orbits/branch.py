@@ -85,12 +85,11 @@ class Branch(eqx.Module):
 
     def orbit(self, where: "int | BranchPoint") -> PeriodicOrbit:
         """The orbit at a point of the branch, by its number, or at a bifurcation."""
-        u = where.unknowns if isinstance(where, BranchPoint) else self.unknowns[where]
-        return self.curve.orbit(u, self.look(where))
+        return self.curve.orbit(self._at(where), self.look(where))
 
     def look(self, where: "int | BranchPoint") -> Look:
         """All that is known of the orbit there, with the Jacobian."""
-        u = where.unknowns if isinstance(where, BranchPoint) else self.unknowns[where]
+        u = self._at(where)
         return self._corrector.look(u, _gauge(self.curve, u))
 
     def doubled(self, flip: BranchPoint) -> PeriodicOrbit:
@@ -104,8 +103,7 @@ class Branch(eqx.Module):
         kind = flip.kind if isinstance(flip, BranchPoint) else type(flip).__name__
         if kind != "flip":
             raise ValueError(f"`flip` must be a point of the kind 'flip', but is a {kind}.")
-        u = flip.unknowns
-        seen = self._corrector.look(u, _gauge(self.curve, u))
+        u, seen = flip.unknowns, self.look(flip)
         m = seen.direction.size
         along = np.linalg.svd(seen.jacobian[:m, :m] + 2 * np.eye(m))[2][-1]
         row = np.append(along, np.zeros(u.size - m))
@@ -124,6 +122,9 @@ class Branch(eqx.Module):
             f"No orbit of twice the period was found near the flip at {self.path} = {flip.value:.9g}; "
             "continue with more steps, or a smaller `tolerance`."
         )
+
+    def _at(self, where: "int | BranchPoint") -> Unknowns:
+        return where.unknowns if isinstance(where, BranchPoint) else self.unknowns[where]
 
     @property
     def _corrector(self) -> Corrector:

@@ -24,7 +24,7 @@ from ..solvers.exponential import Exponential
 from ..start import Continued
 from ..system import System, assemble, port_groups
 from .periodic import PeriodicOrbit, wound
-from .shooting import Seen, Shooting, differentiable
+from .shooting import Seen, Shooting, balanced, differentiable
 from .symmetry import SAME, changes, order
 
 
@@ -87,7 +87,7 @@ class Curve(eqx.Module):
         """The equations there."""
         system = assemble(self.scene.put({self.path: self.value(s)}), self.plan.together)
         if self.revolutions is None:
-            system = eqx.tree_at(lambda one: one.load.unbalance, system, None, is_leaf=_absent)
+            system = balanced(system)
         return system
 
     def shooting(self, system: System, gauge: Gauge) -> Shooting:
@@ -191,10 +191,6 @@ def _clearances(curve: Curve, system: System, seen: Seen) -> tuple[Array, Array]
     plane = lambda z: jnp.stack([z.real, z.imag], axis=-1)
     rate = lambda z, v: jax.jvp(system.clearances, (plane(z),), (plane(v),))
     return jax.vmap(jax.vmap(rate))(z, v)
-
-
-def _absent(part) -> bool:
-    return part is None
 
 
 # === what is followed

@@ -17,6 +17,7 @@ from ..scene import Scene
 from ..simulate import (
     check_constant,
     check_counts,
+    check_settle,
     check_steps,
     choose,
     revolution_rate,
@@ -105,8 +106,7 @@ def lyapunov(
     """
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
-    if isinstance(settle, bool) or not isinstance(settle, int | np.integer) or settle < 0:
-        raise ValueError(f"`settle` must be a whole number of at least 0, but is {settle!r}.")
+    check_settle(settle)
     if revolutions < 2 * BLOCKS:
         raise ValueError(
             f"`revolutions` must be at least {2 * BLOCKS} to tell an error, but is {revolutions}."

@@ -68,7 +68,7 @@ class Shooting(eqx.Module):
     ) -> "Shooting":
         """The problem near a start (q, velocity); of so many `revolutions`, or of its own period."""
         if revolutions is None:  # nothing tells one instant from another
-            system = eqx.tree_at(lambda s: s.load.unbalance, system, None, is_leaf=_absent)
+            system = balanced(system)
         moved = (part for part in steady_response(system) if part is not None)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *moved])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
@@ -216,5 +216,7 @@ def _no_tangent(leaf: Array) -> Array | None:
     return jnp.zeros_like(leaf) if eqx.is_inexact_array(leaf) else None
 
 
-def _absent(part) -> bool:
-    return part is None
+def balanced(system: System) -> System:
+    """The system without unbalance, there or not."""
+    absent = lambda part: part is None
+    return eqx.tree_at(lambda s: s.load.unbalance, system, None, is_leaf=absent)

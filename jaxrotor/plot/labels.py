@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Shaped
 
+from ..dataset import ensemble_of
 from ..pencil import is_rounding
 
 
@@ -38,7 +39,7 @@ def only_swept(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) ->
 def ensemble(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Dimensions that tell lanes of equal parameters apart, starts and branch, where any are swept."""
     dims = swept(dataset, variable, own)
-    found = tuple(dim for dim in dims if dim.startswith("start.") or dim == "branch")
+    found = ensemble_of(dims)
     return found if len(found) < len(dims) else ()
 
 
