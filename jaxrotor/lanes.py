@@ -72,13 +72,15 @@ def run_chunk(
     """Observables of a chunk, padded to a `size`.
 
     Lanes start where the context says, or each at its own of `begin`; with `ends` they tell where
-    they end.
+    they end, those that failed where they began.
     """
     lanes = len(points)
     pad = lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], size - lanes, axis=0)])
     padded = pad(points), jax.tree.map(pad, begin)
     shared, own, y, bounce = stages.prepare(context, *padded)
     started = np.isfinite(y).reshape(size, -1).all(axis=1)
+    decode = lambda y: jax.tree.map(np.asarray, stages.decode(shared, own, y))
+    began = decode(y) if ends else None
     good = Outcome.good(size)
     for revolutions in segments(context.settle):
         y, ok = stages.skip(shared, own, y, revolutions)
@@ -100,7 +102,7 @@ def run_chunk(
         tick(revolutions)
     stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
     mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
-    end = mine(stages.decode(shared, own, y)) if ends else None
+    end = mine(_going_on(good.ok, decode(y), began)) if ends else None
     return Lanes(mine(carry), stored, mine(good), started[:lanes], bounce[:lanes], end)
 
 
@@ -116,17 +118,18 @@ def run_rows(
     begin = None
     for points in rows.swapaxes(0, 1):
         seen.append(run_chunk(context, stages, points, size, tick, begin, ends=True))
-        begin = _going_on(seen[-1].end, begin)
+        begin = seen[-1].end
     whole = [lanes._replace(end=None) for lanes in seen]
     return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *whole)
 
 
-def _going_on(end: Any, begin: Any) -> Any:
-    """States at the end, of lanes that failed those at the beginning, where they had any."""
-    if begin is None:
-        return end
-    good = np.all([np.isfinite(part).all(axis=1) for part in end], axis=0)[:, None]
-    return jax.tree.map(lambda here, before: np.where(good, here, before), end, begin)
+def _going_on(ok: Array, end: Any, began: Any) -> Any:
+    """States at the end, of lanes that failed those at the beginning.
+
+    A state may be finite where what is observed of it has overflown.
+    """
+    good = np.all([np.isfinite(part).all(axis=1) for part in end], axis=0) & np.asarray(ok)
+    return jax.tree.map(lambda here, before: np.where(good[:, None], here, before), end, began)
 
 
 def _prepare(context: Context, points: np.ndarray, begin: Any):
