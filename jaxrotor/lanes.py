@@ -123,7 +123,7 @@ def run_rows(
     return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *whole)
 
 
-def _going_on(ok: Array, end: Any, began: Any) -> Any:
+def _going_on(ok: Any, end: Any, began: Any) -> Any:
     """States at the end, of lanes that failed those at the beginning.
 
     A state may be finite where what is observed of it has overflown.

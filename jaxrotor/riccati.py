@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from .extremes import smaller
 from .quantities import Scalar, known
 
 
@@ -143,7 +144,7 @@ def _apart(time, there, square, polar, torque, slope, drag, speed, start):
     power = -r * time / polar
     # r < 0: E grows without end but drag ends the growth of v, long before E is cut
     most = jnp.where(drag == 0, jnp.inf, 0.4 * float(np.log(jnp.finfo(power.dtype).max)))
-    cut = jnp.minimum(power, most)
+    cut = smaller(power, most)
     y = -v0 * jnp.expm1(cut) / r
     e, fall = jnp.exp(cut), 1 + drag * y
     rest = polar * jnp.where(power > most, power - most, 0.0) / jnp.where(drag == 0, 1.0, drag)

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from .analysis import first_moments
 from .effects.base import AbstractBetween, AbstractBodies
+from .extremes import larger
 from .quantities import Scalar, known, real
 from .scene import Scene
 from .simulate import checked_solver, solver_name
@@ -242,7 +243,7 @@ class Integration(eqx.Module):
             dfx.ODETerm(lambda t, y, args: field(cast(Any, t), y)),
             self.solver,
             begin,
-            jnp.maximum(times[-1], begin),
+            larger(times[-1], begin),
             None,
             y,
             saveat=dfx.SaveAt(subs=[dfx.SubSaveAt(ts=times), last]),
@@ -338,7 +339,7 @@ def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture
             field.hold(~turns, at.sense),
             at.time,
             at.y,
-            jnp.maximum(times, at.time),
+            larger(times, at.time),
             dfx.Event(margin, optx.Newton(1e-12, 1e-12), direction=False),
         )
         there = last < times[-1]

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from .extremes import larger
 from .quantities import Scalar, Series, check, known, nonnegative, positive, real, series
 from .riccati import Turning as Turning, riccati
 
@@ -106,7 +107,7 @@ class SpeedProfile(AbstractSpin):
         if speed is None:
             return later
         there = later.speed
-        jumps = abs(speed - there) > 1e-6 * jnp.maximum(abs(speed), abs(there))
+        jumps = abs(speed - there) > 1e-6 * larger(abs(speed), abs(there))
         sentence = "A run goes on in a profile where that has the speed the run ended with"
         if not known(jumps):
             return eqx.tree_at(lambda s: s.times, later, eqx.error_if(later.times, jumps, sentence))
@@ -124,7 +125,7 @@ class SpeedProfile(AbstractSpin):
         areas = jnp.cumsum(jnp.append(0.0, (speeds[1:] + speeds[:-1]) / 2 * steps))
         rates = jnp.concatenate([jnp.zeros(1), jnp.diff(speeds) / steps, jnp.zeros(1)])
         passed = jnp.searchsorted(times, time, side="right")
-        last = jnp.maximum(passed - 1, 0)
+        last = larger(passed - 1, 0)
         t, rate = time - times[last], rates[passed]
         angle = areas[last] + (speeds[last] + rate * t / 2) * t
         return angle, speeds[last] + rate * t, rate

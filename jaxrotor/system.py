@@ -14,6 +14,7 @@ from .effects.base import (
     AbstractLinear,
     AbstractLoad,
 )
+from .extremes import larger
 from .quantities import Scalar, known
 from .scene import Scene
 from .shafts.line import AbstractLine
@@ -62,7 +63,7 @@ class Port(eqx.Module):
         """Stiffness [N/m] and damping [N s/m] of all laws against a motion where that is most."""
         stacks = [jax.vmap(lambda law: law.hardness())(stack) for stack in self.laws]
         stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
-        share = jnp.maximum(out @ out.T, 0.0) ** 2  # of law i in a motion toward law j
+        share = larger(out @ out.T, 0.0) ** 2  # of law i in a motion toward law j
         return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:

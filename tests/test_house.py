@@ -5,6 +5,7 @@ import dataclasses
 import importlib
 import inspect
 import pkgutil
+import re
 from pathlib import Path
 
 import equinox as eqx
@@ -22,7 +23,7 @@ PACKAGE = Path(jaxrotor.__file__).parent
 
 # From the ground up; modules of one layer import each other only inside a package.
 LAYERS = [
-    ("quantities", "units", "pilot"),
+    ("quantities", "units", "pilot", "extremes"),
     ("materials", "blocks", "riccati", "outcome"),
     ("shafts",),
     ("effects",),
@@ -106,6 +107,17 @@ def test_layers_import_downwards_only(path):
     for there in imports(path)[0]:
         if there[0] != here[0]:
             assert LEVEL[there[0]] < LEVEL[here[0]], f"{'.'.join(here)} imports {'.'.join(there)}."
+
+
+DIFFERENTIATED = ("effects", "shafts", "solvers", "design", "riccati", "motion", "system", "spin")
+
+
+@pytest.mark.parametrize(
+    "path", [p for p in SOURCES if module_of(p)[0] in DIFFERENTIATED], ids=name_of
+)
+def test_extremes_are_those_of_extremes(path):
+    """The derivative of `jnp.maximum` and its like may be lost, see the module."""
+    assert not re.findall(r"jnp\.(?:maximum|minimum|clip)\b", path.read_text())
 
 
 CORE = ("scene", "system", "motion", "transient", "start", "solvers", "march", "simulate")

@@ -9,6 +9,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..blocks import Blocks
 from ..effects import AbstractLinear, Support
+from ..extremes import largest
 from ..quantities import Scalar, check, known
 from ..scene import Scene
 from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
@@ -275,4 +276,4 @@ def bearing_grade(
     """
     loads = jnp.abs(rigid_correction(unbalance, product, bearings))
     shares = allocated_unbalance(1.0, centre, bearings)
-    return balance_grade(jnp.max(loads / shares), mass, speed)
+    return balance_grade(largest(loads / shares), mass, speed)

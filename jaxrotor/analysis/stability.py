@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..extremes import largest
 from ..pencil import Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -273,7 +274,7 @@ def _first(system: System) -> Scalar:
 
 
 def _largest(values: Array) -> Scalar:
-    return jnp.max(values.real)
+    return largest(values.real)
 
 
 def _beyond_rounding(values: Array, first: Scalar) -> Scalar:

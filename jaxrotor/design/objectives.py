@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from .. import analysis
 from ..effects import AbstractBodies, AbstractContact, InternalDamping, Support
+from ..extremes import largest
 from ..orbits import periodic
 from ..pencil import Pencil, isotropic
 from ..quantities import Scalar, known
@@ -56,7 +57,7 @@ def largest_growth(scene: Scene, speeds: Any, sharpness: float | int | None = No
 
     Without the sharpness `s` [s] it has kinks, where the largest moves to another speed or another
     root, and at exceptional points the slope grows as `1 / sqrt(distance)`. At a kink the derivative is
-    a mean of both sides. It may be flat over whole ranges: without internal damping, away from bands of
+    that of one side. It may be flat over whole ranges: without internal damping, away from bands of
     instability, every root has the same decay. The smoothed one lies below the largest, and its minimum
     elsewhere. Least growth is not least anisotropy.
 
@@ -64,7 +65,7 @@ def largest_growth(scene: Scene, speeds: Any, sharpness: float | int | None = No
     """
     rates = _over(speeds, lambda speed: analysis.growth_rate(scene.at_speed(speed)))
     if sharpness is None:
-        return jnp.max(rates)
+        return largest(rates)
     return (jax.nn.logsumexp(sharpness * rates) - jnp.log(rates.size)) / sharpness
 
 
@@ -347,10 +348,10 @@ def _imbalance(scene: Scene, times: Any, run: dict[str, Any]) -> Float[Array, " 
 
 def peak(sizes: Float[Array, "..."], power: float | int | None) -> Scalar:
     """The largest, with kinks, or by `power` `p` the smooth `mean(s^p)^(1/p)`, at most the largest."""
-    largest = jnp.max(sizes)
+    most = largest(sizes.ravel())
     if power is None:
-        return largest
-    unit = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
+        return most
+    unit = jax.lax.stop_gradient(jnp.where(most > 0, most, 1.0))
     mean = jnp.mean((sizes / unit) ** power)
     return unit * jnp.where(mean > 0, jnp.where(mean > 0, mean, 1.0) ** (1 / power), 0.0)
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..extremes import larger
 from ..quantities import Scalar
 from ..scene import Scene
 from .bounds import Bounds
@@ -78,7 +79,7 @@ def augmented(look: Look, weights: Weights, squares: bool, residuals: bool) -> A
     count = weights.multipliers.size
     own = look.values[: look.values.size - count]
     excess = look.values[look.values.size - count :] + weights.multipliers / weights.penalties
-    penalty = jnp.sqrt(weights.penalties / 2) * jnp.maximum(excess, 0.0)
+    penalty = jnp.sqrt(weights.penalties / 2) * larger(excess, 0.0)
     good = jnp.all(jnp.isfinite(look.values)) & jnp.all(jnp.isfinite(look.slopes))
     if residuals:
         return jnp.where(good, jnp.sqrt(weights.scale) * jnp.concatenate([own, penalty]), jnp.inf)

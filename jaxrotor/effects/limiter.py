@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from ..extremes import larger, smaller, within
 from ..quantities import Scalar, nonnegative, positive, real
 from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
@@ -128,19 +129,19 @@ class ViscoelasticStop(AbstractLaw):
         if stop.blend is None:
             force = self._pressure(depth, rate)
             return jnp.where(inside & (force > 0), force, 0.0)
-        u = jnp.minimum(depth / stop.blend, 1.0)
+        u = smaller(depth / stop.blend, 1.0)
         elastic = stop.stiffness * (depth + stop.blend * (_onset(u) - u))
         viscous = stop.damping * rate * u**3 * (10 - 15 * u + 6 * u**2)
-        force = jnp.maximum(elastic + viscous, 0.0)
+        force = larger(elastic + viscous, 0.0)
         reach = stop.stiffness * stop.blend
         # A stop without stiffness has no release to smooth.
-        v = jnp.minimum(force / jnp.where(reach > 0, reach, 1.0), 1.0)
+        v = smaller(force / jnp.where(reach > 0, reach, 1.0), 1.0)
         return jnp.where(reach > 0, force + reach * (_onset(v) - v), force)
 
     def _direction(self, slipping: Scalar) -> Scalar:
         if self.limiter.slip is None:
             return jnp.sign(slipping)
-        u = jnp.clip(slipping / self.limiter.slip, -1.0, 1.0)
+        u = within(slipping / self.limiter.slip, -1.0, 1.0)
         return u * (15 - 10 * u**2 + 3 * u**4) / 8
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..extremes import largest
 from ..march import QUICKLY
 from ..pencil import Pencil, check_moves, isotropic
 from ..quantities import Scalar, known
@@ -60,7 +61,7 @@ class HarmonicOrbit(eqx.Module):
     def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
         """Smallest and largest distance from the centre [m] at the samples."""
         radius = jnp.abs(self.displacement)
-        return jnp.min(radius, axis=0), jnp.max(radius, axis=0)
+        return -largest(-radius), largest(radius)
 
     def __str__(self) -> str:
         return (

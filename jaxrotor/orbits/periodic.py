@@ -12,6 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
+from ..extremes import largest
 from ..march import QUICKLY, Plan
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -79,7 +80,7 @@ class PeriodicOrbit(eqx.Module):
     def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
         """Smallest and largest distance from the centre [m] at the samples."""
         radius = jnp.abs(self.displacement)
-        return jnp.min(radius, axis=0), jnp.max(radius, axis=0)
+        return -largest(-radius), largest(radius)
 
     @property
     def duty(self) -> Float[Array, " k"]:
@@ -89,7 +90,7 @@ class PeriodicOrbit(eqx.Module):
     @property
     def peak_force(self) -> Float[Array, " k"]:
         """Largest force of each contact [N] at the samples."""
-        return jnp.max(jnp.abs(self._forces()), axis=0)
+        return largest(jnp.abs(self._forces()))
 
     def _forces(self) -> Complex[Array, "T k"]:
         if self.contact_force is None:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..extremes import larger, smaller, within
 from ..quantities import Scalar
 
 
@@ -46,7 +47,7 @@ class Cubic(NamedTuple):
         root = jnp.sqrt(jnp.where(turns, square, 1.0))
         q = self.c2 + jnp.where(self.c2 < 0, -root, root)  # no difference of near equals
         far, near = _ratio(-q, 3 * self.c3), _ratio(-self.c1, q)
-        clip = lambda u: jnp.clip(jnp.where(turns, u, 0.0), 0.0, 1.0)
+        clip = lambda u: within(jnp.where(turns, u, 0.0), 0.0, 1.0)
         up = self.c2 < 0  # then `far` is the minimum
         return clip(jnp.where(up, near, far)), clip(jnp.where(up, far, near))
 
@@ -59,7 +60,7 @@ def leaves(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
     """Which margins descend through zero within the span."""
     cubic = jax.lax.stop_gradient(Cubic.of(begin, end, span))
     top, bottom = cubic.extrema()
-    end_falls = (cubic(1.0) < 0) & (cubic(1.0) < jnp.maximum(cubic.c0, cubic(top)))
+    end_falls = (cubic(1.0) < 0) & (cubic(1.0) < larger(cubic.c0, cubic(top)))
     return end_falls | ((cubic(bottom) < 0) & (cubic(bottom) < cubic.c0))
 
 
@@ -72,7 +73,7 @@ def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     cubic = Cubic.of(begin, end, span)
     found = jax.lax.stop_gradient(cubic)
     low, high = found.extrema()
-    low, high = jnp.minimum(low, high), jnp.maximum(low, high)
+    low, high = smaller(low, high), larger(low, high)
     nodes = (jnp.zeros_like(low), low, high, jnp.ones_like(low))
     a, b = jnp.full_like(low, 2.0), jnp.full_like(low, 2.0)
     for begin_, end_ in ((nodes[2], nodes[3]), (nodes[1], nodes[2]), (nodes[0], nodes[1])):
@@ -86,8 +87,8 @@ def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     u = (a + b) / 2
     for _ in range(3):
         rate = found.slope(u)
-        u = jnp.clip(u - found(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+        u = within(u - found(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
     rate = found.slope(u)
-    u = jnp.clip(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+    u = within(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
     u = jnp.where(found(start) <= 0, start, u)  # just begun, and ends at once
     return jnp.min(jnp.where(leaving, u, 2.0), initial=2.0)

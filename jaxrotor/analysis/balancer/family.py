@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ...extremes import larger, largest
 from ...quantities import Scalar, known
 from .groups import BalancerGroups
 
@@ -43,8 +44,8 @@ def balance_margin(groups: BalancerGroups) -> Scalar:
     Positions that balance exist where this is not negative.
     """
     everything = groups.capacity + groups.imbalance
-    largest = jnp.maximum(groups.imbalance, jnp.max(groups.moment))
-    return everything - 2 * largest
+    heaviest = larger(groups.imbalance, largest(groups.moment))
+    return everything - 2 * heaviest
 
 
 def balanced_positions(
