@@ -242,26 +242,71 @@ def test_modal_basis_has_the_derivative_of_the_dense_one(path):
 # === a motion without unbalance
 
 
-@pytest.mark.slow
-def test_backward_rub_ends_at_a_fold():
-    """Taken in friction it turns back before friction is gone; the same by `periodic` at a point of it."""
+@pytest.fixture(scope="module")
+def rub():
+    """The backward rub, every contact a third of a turn further back."""
     scene = limiter_rotor(nodes=4)
     start = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
     settled = jr.simulate(scene, 200, 128, solver=jr.Exponential(4), start=start, keep=4)
-    orbit = jr.periodic(scene, settled, steps_per_revolution=128)
-    branch = jr.continue_(orbit, "limiters.friction", (0.05, 0.15), direction="down")
+    return jr.periodic(scene, settled, steps_per_revolution=128)
+
+
+def direct(orbit):
+    """Multipliers of an orbit by scipy from event to event; that it comes back."""
+    speed = float(orbit.scene.spin.speed)
+    w = np.concatenate([orbit.start.q, orbit.start.velocity / speed])
+    y = np.concatenate([w.real, w.imag])
+    end, _, derivative = Switched(orbit.scene).followed(y, float(orbit.period) * speed / TURN)
+    back = np.exp(-1j * (0.0 if orbit.turn is None else float(orbit.turn))) * np.eye(w.size)
+    back = np.block([[back.real, -back.imag], [back.imag, back.real]])
+    assert np.abs(back @ end - y).max() < 1e-6 * np.abs(y).max()
+    return np.linalg.eigvals(back @ derivative)
+
+
+@pytest.mark.slow
+def test_backward_rub_ends_at_a_fold(rub):
+    """Taken in friction it turns back before friction is gone; the same by `periodic` at a point of it."""
+    branch = jr.continue_(rub, "limiters.friction", (0.05, 0.15), direction="down")
     (fold,) = branch.of("fold")
     assert abs(fold.multipliers[0] - 1) < 1e-5
+    near = np.sort(np.abs(direct(branch.orbit(fold)) - 1))
+    assert near[1] < 1e-2 < near[2]  # that of the motion itself and of the fold: a root of rounding
     assert branch.stable[: int(fold.place) + 1].all()
     assert not branch.stable[int(fold.place) + 1 :].any()
     np.testing.assert_allclose(branch.trivial, 1.0, atol=1e-5)
     number = int(fold.place) // 2
-    changed = scene.replace({"limiters.friction": branch.values[number]})
-    again = jr.periodic(changed, orbit, steps_per_revolution=128)
+    changed = rub.scene.replace({"limiters.friction": branch.values[number]})
+    again = jr.periodic(changed, rub, steps_per_revolution=128)
     assert float(again.whirl_rate) == pytest.approx(branch.whirl_rate[number], abs=1e-8)
     for path in ("limiters.0.stiffness", "unbalance.eccentricity"):
         with pytest.raises(ValueError, match="breaks the symmetry"):
-            jr.continue_(orbit, path, (0.0, 1e7))
+            jr.continue_(rub, path, (0.0, 1e7))
+
+
+@pytest.mark.slow
+def test_backward_rub_becomes_a_torus_at_higher_speed(rub):
+    """A pair of multipliers leaves the unit circle, by scipy too; before and after it they do not."""
+    speed = float(rub.scene.spin.speed)
+    branch = jr.continue_(rub, "spin.speed", (speed, 1350.0))
+    (point,) = branch.points
+    assert point.kind == "neimark-sacker"
+    pair = np.exp(1j * point.angle)
+    assert np.abs(direct(branch.orbit(point)) - pair).min() < 1e-5
+    np.testing.assert_array_equal(branch.stable, branch.values < point.value)
+
+
+@pytest.mark.slow
+def test_locked_rub_is_left_for_a_torus_on_both_sides():
+    """At half the speed between two eccentricities; there a pair of multipliers leaves, by scipy too."""
+    scene = limiter_rotor(nodes=4, eps=0.8e-3 / LENGTH)
+    start = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
+    settled = jr.simulate(scene, 300, 128, solver=jr.Exponential(4), start=start, keep=4)
+    orbit = jr.periodic(scene, settled, revolutions=2, steps_per_revolution=128)
+    branch = jr.continue_(orbit, "unbalance.eccentricity", (0.0, 1.5e-3))
+    low, high = sorted(branch.of("neimark-sacker"), key=lambda point: point.value)
+    assert low.value < 0.8e-3 < high.value
+    for point in (low, high):
+        assert np.abs(direct(branch.orbit(point)) - np.exp(1j * point.angle)).min() < 1e-5
 
 
 # === refusals and pictures

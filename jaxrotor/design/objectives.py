@@ -57,7 +57,7 @@ def largest_growth(scene: Scene, speeds: Any, sharpness: float | int | None = No
 
     Without the sharpness `s` [s] it has kinks, where the largest moves to another speed or another
     root, and at exceptional points the slope grows as `1 / sqrt(distance)`. At a kink the derivative is
-    that of one side. It may be flat over whole ranges: without internal damping, away from bands of
+    a mean of both sides. It may be flat over whole ranges: without internal damping, away from bands of
     instability, every root has the same decay. The smoothed one lies below the largest, and its minimum
     elsewhere. Least growth is not least anisotropy.
 
