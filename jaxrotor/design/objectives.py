@@ -289,8 +289,9 @@ def rub(
     """Whirl rate `turn / (Omega T)` and radius `mean(|z|^p)^(1/p)` of the periodic rub near a known one.
 
     Smooth, by the implicit function theorem, as long as the orbit exists with the same order of contacts.
-    Where it only just touches a stop slopes are one-sided; where it is born or dies (a multiplier at 1)
-    they grow without bound, and beyond it is not a number: keep bounds inside. A rate that is locked to
+    Where it only just touches a stop that is elastic, the slope is continuous and its own slope without
+    bound; a damped stop makes a kink, or ends the orbit. Where it is born or dies (a multiplier at 1)
+    slopes grow without bound, and beyond it is not a number: keep bounds inside. A rate that is locked to
     the rotation is flat. The largest sample (`power=None`) has kinks.
 
     Args:
@@ -351,9 +352,9 @@ def peak(sizes: Float[Array, "..."], power: float | int | None) -> Scalar:
     most = largest(sizes.ravel())
     if power is None:
         return most
-    unit = jax.lax.stop_gradient(jnp.where(most > 0, most, 1.0))
+    unit = jax.lax.stop_gradient(jnp.where(most == 0, 1.0, most))
     mean = jnp.mean((sizes / unit) ** power)
-    return unit * jnp.where(mean > 0, jnp.where(mean > 0, mean, 1.0) ** (1 / power), 0.0)
+    return unit * jnp.where(mean == 0, 0.0, jnp.where(mean == 0, 1.0, mean) ** (1 / power))
 
 
 def _square(vectors: Array) -> Array:
