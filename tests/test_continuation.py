@@ -51,7 +51,7 @@ class Duffing:
         return rates
 
     def back(self, start, eccentricity, speed, revolutions=1):
-        """State after some revolutions, and its derivative by the start."""
+        """State after some revolutions, or a part of one, and its derivative by the start."""
         span = (0.0, TURN / speed * revolutions)
         more = (eccentricity * speed**2, speed)
         y = solve_ivp(self.field, span, [*start, 1, 0, 0, 1], args=more, **FINE).y[:, -1]
@@ -157,6 +157,29 @@ def test_period_doubling_cascade(cascade):
         assert any("orbits of half the period" in reason for reason in after.reasons)
         settled = (after.values > before.value * (1 + 1e-6)) & (after.values < before.value + 1e-3)
         assert settled.any() and after.stable[settled].all()
+
+
+def test_branchings_where_the_orbit_loses_its_symmetry():
+    """Half a revolution maps orbits to their mirror images; its derivative `D` there is 1, by scipy."""
+    scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0), damping=0.2, stiffness=0.1, speed=0.5)
+    orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=512)
+    branch = jr.continue_(orbit, "unbalance.eccentricity", (0.05, 6.0))
+    assert [point.kind for point in branch.points] == ["branching", "branching"]
+    duffing = Duffing(0.2, 0.1, 0.0)
+
+    def missed(unknown):
+        *start, eccentricity = unknown
+        end, derivative = duffing.back(start, eccentricity, 0.5, 0.5)
+        return [*(end + start), np.linalg.det(derivative - np.eye(2))]
+
+    for point in branch.points:
+        start = along_x(branch.orbit(point))
+        exact = fsolve(missed, [*start, point.value], xtol=1e-13)
+        assert np.abs(missed(exact)).max() < 1e-9
+        assert point.value == pytest.approx(exact[2], rel=1e-7)
+    first, second = (point.place for point in branch.points)
+    place = np.arange(branch.values.size)
+    np.testing.assert_array_equal(branch.stable, (place < first) | (place > second))
 
 
 # === contact

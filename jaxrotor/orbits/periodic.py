@@ -190,10 +190,13 @@ def periodic(
     find = _COMPILED if traced else _COMPILED_QUICKLY
     found = find(scene, system, stations, aim, *settings, max_iterations)
     if throw and known(found.converged) and not bool(found.converged):
+        residual = float(found.residual)
+        still = f"a period still misses {residual:.1e} of the state"
         raise RuntimeError(
-            f"No orbit was found near the guess: after {int(found.iterations)} iterations a period still "
-            f"misses {float(found.residual):.1e} of the state. Take a guess that has settled for longer, "
-            "check `revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
+            f"No orbit was found near the guess: after {int(found.iterations)} iterations "
+            f"{still if math.isfinite(residual) else 'the state is beyond all bounds'}. Take a guess that "
+            "has settled for longer (a chaotic motion settles on none, see `jaxrotor.lyapunov`), check "
+            "`revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
         )
     if not estimate:
         return found

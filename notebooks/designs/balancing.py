@@ -19,9 +19,10 @@ One run serves, without trial masses, if the machine and its stops are known. Th
 measured orbit would mean of a rotor that touches nothing. Without contact the rotor is linear, so what a
 correction leaves is known exactly: `unbalance_response`.
 
-    python notebooks/designs/balancing.py
+    python notebooks/designs/balancing.py [--quick]
 """
 
+import argparse
 from typing import NamedTuple
 
 import jax
@@ -160,7 +161,10 @@ def solve(quick: bool = False) -> Solution:
 
 
 if __name__ == "__main__":
-    solution = solve()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="coarser, in a fraction of the time")
+    quick = parser.parse_args().quick
+    solution = solve(quick)
     print(solution.tuned)
     free = 1e6 * left(np.zeros(2))
     print(f"without correction, were there no stops: {free:.2f} um; gap {1e6 * GAP:g} um")

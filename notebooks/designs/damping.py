@@ -17,9 +17,10 @@ one, so `Omega*` rises with `c_b` and falls again; the disc's damper always help
 A second, smaller one: the least damping by the medium that makes a given speed the onset speed of the
 scene `limiter-rotor`.
 
-    python notebooks/designs/damping.py
+    python notebooks/designs/damping.py [--quick]
 """
 
+import argparse
 from typing import NamedTuple
 
 import jax
@@ -141,7 +142,10 @@ def solve(quick: bool = False) -> Solution:
 
 
 if __name__ == "__main__":
-    solution = solve()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="coarser, in a fraction of the time")
+    quick = parser.parse_args().quick
+    solution = solve(quick)
     print(
         solution.dampers, f"onset speed {float(onset(solution.dampers.scene)):.6f} rad/s", sep="\n"
     )

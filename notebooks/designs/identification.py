@@ -15,9 +15,10 @@ numbers `p` that all stops share:
 The record comes of located steps of fourth order, four times as many as the plain ones of second order
 that fit it, so the model is not given its own errors as data.
 
-    python notebooks/designs/identification.py
+    python notebooks/designs/identification.py [--quick]
 """
 
+import argparse
 from typing import NamedTuple
 
 import jax
@@ -138,7 +139,10 @@ def solve(quick: bool = False) -> Solution:
 
 
 if __name__ == "__main__":
-    solution = solve()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="coarser, in a fraction of the time")
+    quick = parser.parse_args().quick
+    solution = solve(quick)
     print(solution.tuned, solution.known, sep="\n")
     distance = float(solution.known.distance(TRUTH))
     print(f"squared distance from the truth {distance:.2f}, 99 % below {QUANTILE}")

@@ -33,9 +33,10 @@ damping, and its derivative is noise (see `slopes`); then it jumps. Descent from
 fails too: stops as hard as that scatter the motion, so it is led to a corner of the bounds where nothing
 changes any more. It starts from a guess by hand, ten times softer, with more damping than `f k / w`.
 
-    python notebooks/designs/limiters.py
+    python notebooks/designs/limiters.py [--quick]
 """
 
+import argparse
 from typing import NamedTuple
 
 import jax
@@ -93,7 +94,8 @@ def restitution(number: int, friction: float = 0.1) -> float:
 def work(scene: jr.Scene, name: str, revolutions: int = 4) -> jax.Array:
     """Mean work of the stops from a start, over the kinetic energy of the disc there."""
     radius, rate = STARTS[name]
-    angles, eccentricities = jnp.meshgrid(jnp.arange(4) * jnp.pi / 6, jnp.array([0.0, MOST]))
+    apart = 2 * jnp.pi / len(scene.of(jr.Limiter))  # the stops
+    angles, eccentricities = jnp.meshgrid(jnp.arange(4) * apart / 4, jnp.array([0.0, MOST]))
 
     def one(case):
         angle, eccentricity = case
@@ -113,7 +115,7 @@ def peak(scene: jr.Scene, revolutions: int = 8) -> jax.Array:
     def one(angle):
         start = jr.Whirl(gap, 1.74 / TIME, angle)
         run = jr.simulate(unbalanced, revolutions, STEPS, start=start)
-        return jnp.max(jnp.abs(run.displacement))
+        return objectives.peak(jnp.abs(run.displacement), None)
 
     return objectives.peak(jax.lax.map(one, jnp.arange(4) * jnp.pi / 2), 16)
 
@@ -284,7 +286,10 @@ def draw_objectives(quick: bool = False) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    solution = solve()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="coarser, in a fraction of the time")
+    quick = parser.parse_args().quick
+    solution = solve(quick)
     for number, tuned in solution.designs.items():
         print(f"{number} stops; by hand a rub needs restitution {restitution(number):.3f}\n{tuned}")
     for name, ends in (("before", solution.before), ("after", solution.after)):
@@ -298,4 +303,4 @@ if __name__ == "__main__":
     )
     print("index after a long run, and its derivative", *slopes())
     draw(solution)[0, 0].figure.savefig("limiters.png", dpi=200)
-    draw_objectives()[0].figure.savefig("limiters_objectives.png", dpi=200)
+    draw_objectives(quick)[0].figure.savefig("limiters_objectives.png", dpi=200)
