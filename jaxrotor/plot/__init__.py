@@ -9,6 +9,7 @@ from .branch import branch as branch
 from .campbell import campbell as campbell
 from .error_map import error_map as error_map
 from .escapes import escapes as escapes
+from .explore import Explorer as Explorer, explore as explore
 from .harmonics import harmonics as harmonics
 from .history import history as history
 from .lyapunov import lyapunov as lyapunov
