@@ -124,6 +124,7 @@ from .riccati import (  # noqa: E402
     steady_speed as steady_speed,
     stop_time as stop_time,
 )
+from .ross import from_ross as from_ross  # noqa: E402
 from .run_up import (  # noqa: E402
     Balls as Balls,
     Launch as Launch,

@@ -34,7 +34,7 @@ LAYERS = [
     ("transient",),
     ("start", "solvers", "analysis"),
     ("march",),
-    ("simulate", "files"),
+    ("simulate", "files", "ross"),
     ("chunks",),
     ("orbits",),
     ("run_up",),
