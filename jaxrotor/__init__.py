@@ -62,6 +62,7 @@ from .analysis import (  # noqa: E402
     stability_boundary as stability_boundary,
     stability_crossings as stability_crossings,
     stability_map as stability_map,
+    state_space as state_space,
     steady_state as steady_state,
     total_mass as total_mass,
     unbalance_response as unbalance_response,
