@@ -94,6 +94,7 @@ from .effects import (  # noqa: E402
     Unbalance as Unbalance,
 )
 from .escapes import escapes as escapes  # noqa: E402
+from .export import export as export, table as table  # noqa: E402
 from .files import (  # noqa: E402
     load as load,
     loads as loads,

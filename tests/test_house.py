@@ -41,7 +41,7 @@ LAYERS = [
     ("reactions",),
     ("observe", "dataset"),
     ("lanes", "grid"),
-    ("store",),
+    ("store", "export"),
     ("sweep", "basins", "hysteresis", "attractors", "escapes"),
     ("methods",),
     ("measures",),

@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 from .accuracy import accuracy
 from .balance import balance
 from .campbell import campbell, critical
+from .export import export
 from .linear import onset, roots
 from .new import new
 from .reactions import reactions
@@ -61,7 +62,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     scenes, show, new, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
-    reactions, sweep, accuracy,
+    reactions, sweep, accuracy, export,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command()(_command)
@@ -90,6 +91,7 @@ def options(
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor
     jaxrotor accuracy limiter-rotor --quantity onset-speed --out run
+    jaxrotor export run/response.zarr orbit.csv
     ```
 
     Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.
