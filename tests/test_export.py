@@ -1,5 +1,7 @@
 """Exports: read back by other means, they are the data they were written from."""
 
+import importlib.util
+
 import numpy as np
 import pandas as pd
 import pytest
