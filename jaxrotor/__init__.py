@@ -119,6 +119,7 @@ from .orbits import (  # noqa: E402
 )
 from .pilot import Pilot as Pilot  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
+from .report import report as report  # noqa: E402
 from .riccati import (  # noqa: E402
     blow_up_time as blow_up_time,
     relaxation_rate as relaxation_rate,

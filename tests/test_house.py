@@ -46,6 +46,7 @@ LAYERS = [
     ("methods",),
     ("measures",),
     ("plot", "accuracy", "design"),
+    ("report",),
     ("__init__",),
     ("cli",),
     ("__main__",),

@@ -15,6 +15,7 @@ from .export import export
 from .linear import onset, roots
 from .new import new
 from .reactions import reactions
+from .report import report
 from .response import response
 from .run_up import run_up
 from .scenes import scenes, show
@@ -62,7 +63,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     scenes, show, new, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
-    reactions, sweep, accuracy, export,
+    reactions, sweep, accuracy, export, report,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command()(_command)
@@ -92,6 +93,7 @@ def options(
     jaxrotor sweep limiter-rotor
     jaxrotor accuracy limiter-rotor --quantity onset-speed --out run
     jaxrotor export run/response.zarr orbit.csv
+    jaxrotor report run
     ```
 
     Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.
