@@ -62,6 +62,7 @@ from .analysis import (  # noqa: E402
     stability_boundary as stability_boundary,
     stability_crossings as stability_crossings,
     stability_map as stability_map,
+    state_space as state_space,
     steady_state as steady_state,
     total_mass as total_mass,
     unbalance_response as unbalance_response,
@@ -93,6 +94,7 @@ from .effects import (  # noqa: E402
     Unbalance as Unbalance,
 )
 from .escapes import escapes as escapes  # noqa: E402
+from .export import export as export, table as table  # noqa: E402
 from .files import (  # noqa: E402
     load as load,
     loads as loads,
@@ -117,6 +119,7 @@ from .orbits import (  # noqa: E402
 )
 from .pilot import Pilot as Pilot  # noqa: E402
 from .reactions import Reactions as Reactions, reactions as reactions  # noqa: E402
+from .report import report as report  # noqa: E402
 from .riccati import (  # noqa: E402
     blow_up_time as blow_up_time,
     relaxation_rate as relaxation_rate,
@@ -124,6 +127,7 @@ from .riccati import (  # noqa: E402
     steady_speed as steady_speed,
     stop_time as stop_time,
 )
+from .ross import from_ross as from_ross  # noqa: E402
 from .run_up import (  # noqa: E402
     Balls as Balls,
     Launch as Launch,

@@ -57,3 +57,4 @@ from .stability import (
     onset_speed as onset_speed,
     stability_crossings as stability_crossings,
 )
+from .state_space import state_space as state_space

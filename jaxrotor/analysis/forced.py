@@ -141,7 +141,7 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
         Complex amplitudes, of that force alone. Hysteresis takes its sign from each part's whirl, `w`
         or `-w`, less the speed. Differentiable.
     """
-    scene = _ending_span(scene, scene.stations(force.at)[0])
+    scene = ending_span(scene, scene.stations(force.at)[0])
     frequencies, stations = _cases(scene, frequencies, force.at if at is None else at)
     speeds = jnp.broadcast_to(scene.spin.speed, frequencies.shape)
     load = eqx.Partial(_of_force, force)
@@ -208,7 +208,7 @@ def _times(factor, vector: Array | None) -> Array | None:
     return None if factor is None or vector is None else factor * vector
 
 
-def _ending_span(scene: Scene, at: Scalar) -> Scene:
+def ending_span(scene: Scene, at: Scalar) -> Scene:
     """The scene with a span that ends at a station, where all stations are known."""
     placed = [getattr(effect, "at", at) for effect in scene.effects]
     if all(map(known, (at, scene.shaft.length, *scene.shaft.stations, *placed))):

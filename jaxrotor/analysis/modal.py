@@ -156,7 +156,7 @@ def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     system = assemble(scene)
     if system.blocks.hysteretic is None:
         values, vectors = eigenvectors(Pencil.of(system))
-        values = _less_rounding(values, system.blocks)
+        values = less_rounding(values, system.blocks)
     else:
         faster, slower = (eigenvectors(Pencil.of(system, whirl)) for whirl in (1, -1))
         values, vectors = _by_whirl(system.spin.speed, faster, slower)
@@ -176,7 +176,7 @@ def _modes(scene: Scene, count: int | None, points: int) -> Modes:
 def natural_roots(system: System) -> Complex[Array, " m"]:
     """All eigenvalues [rad/s] of a system, in no order, infinite where there is no mass."""
     if system.blocks.hysteretic is None:
-        return _less_rounding(eigenvalues(Pencil.of(system)), system.blocks)
+        return less_rounding(eigenvalues(Pencil.of(system)), system.blocks)
     pairs = [(values, values) for w in (1, -1) for values in [eigenvalues(Pencil.of(system, w))]]
     return _by_whirl(system.spin.speed, *pairs)[0]
 
@@ -195,7 +195,7 @@ def _by_whirl(speed, faster, slower):
     return tuple(pick(a, b) for a, b in zip(faster, slower, strict=True))
 
 
-def _less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:
+def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:
     """A rotor without loss and drive whirls for ever: what rounding adds to fast modes is dropped."""
     drives = ("damping", "circulatory", "skew_stiffness", "fixed_damping")
     lasting = all(getattr(blocks, name) is None for name in drives)

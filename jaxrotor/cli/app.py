@@ -11,9 +11,11 @@ from typer.core import TyperGroup
 from .accuracy import accuracy
 from .balance import balance
 from .campbell import campbell, critical
+from .export import export
 from .linear import onset, roots
 from .new import new
 from .reactions import reactions
+from .report import report
 from .response import response
 from .run_up import run_up
 from .scenes import scenes, show
@@ -61,7 +63,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     scenes, show, new, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
-    reactions, sweep, accuracy,
+    reactions, sweep, accuracy, export, report,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command()(_command)
@@ -90,6 +92,8 @@ def options(
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor sweep limiter-rotor
     jaxrotor accuracy limiter-rotor --quantity onset-speed --out run
+    jaxrotor export run/response.zarr orbit.csv
+    jaxrotor report run
     ```
 
     Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.

@@ -1,0 +1,143 @@
+"""State space: the linear rotor between forces and displacements, as control engineering writes it."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects.base import AbstractBodies, AbstractContact
+from ..motion import check_known_in_time
+from ..pencil import Pencil, isotropic
+from ..scene import Scene
+from ..system import assemble
+from .forced import ending_span
+from .modal import less_rounding, slowest_first
+
+
+_ALIKE = 1 - 1e-10  # cosine between two modes beyond which they count as one
+
+
+def state_space(scene: Scene, forces=None, displacements=None, modes: int | None = None) -> Any:
+    """`w. = A w + B F`, `z = C w + D F`: real, by the amplitudes `w` of the rotor's own motions.
+
+    `A` has a block `[s, -v; v, s]` for every root `s + i v` of an isotropic rotor, otherwise for
+    every pair of conjugate roots, and a number for a real one. In displacements themselves the
+    fastest motions would cost the slowest their digits; so, every root has those of `roots`.
+
+    Args:
+        scene: a rotor without contact or balls; its unbalance and weight do not count.
+        forces: station(s) [m] of the forces, by default the observed station of `simulate`.
+        displacements: station(s) [m] to observe, by default those of the forces.
+        modes: how many of the slowest blocks of `A` to keep; what the others yield to a force at rest
+            is then in `D`. By default all; then `D` is zero but for coordinates without mass.
+
+    Returns:
+        A `scipy.signal.StateSpace`, SI: inputs `Fx, Fy` of each force in turn [N], outputs `x, y` of
+        each station [m], in axes that turn with the shaft where `modes(scene).frame` is "rotating".
+        For python-control `control.ss(system.A, system.B, system.C, system.D)`. Not differentiable.
+
+    Source: Genta (2005), section 2.7.
+    """
+    from scipy.signal import StateSpace
+
+    if scene.of(AbstractContact) or scene.of(AbstractBodies):
+        raise ValueError(
+            "A state space is that of a linear rotor, but the scene has contacts or balls; remove them, "
+            'as by `scene.without("limiters")`.'
+        )
+    if modes is not None and (isinstance(modes, bool) or not isinstance(modes, int) or modes < 1):
+        raise ValueError(f"`modes` must be a whole number from 1 on, but is {modes!r}.")
+    into = scene.stations(forces)
+    seen = into if displacements is None else scene.stations(displacements)
+    for at in into:
+        scene = ending_span(scene, at)
+    equations, blocks = _equations(scene, into, seen)
+    check_known_in_time(blocks)
+    circular = isotropic(blocks)
+    values, enter, leave, still, through = _motions(circular, *map(np.asarray, equations))
+    if circular:
+        values: Any = np.asarray(less_rounding(jnp.asarray(values), blocks))
+    order = np.asarray(slowest_first(jnp.asarray(values)))
+    once = order[circular | (values[order].imag >= 0)][:modes]
+    left = np.ones(values.size, bool)
+    left[once] = False
+    if not circular:  # of a real matrix conjugates are neighbours, here the upper one behind
+        left[once[values[once].imag > 0] - 1] = False
+    rest = through + leave[:, left] @ still[left]
+    values, enter, leave = values[once], enter[once], leave[:, once]
+    if circular:
+        return StateSpace(*map(_planar, (np.diag(values), enter, leave, rest)))
+    return StateSpace(*_paired(values, enter, leave), rest.real)
+
+
+@eqx.filter_jit
+def _equations(scene: Scene, forces, displacements):
+    """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift; the blocks.
+
+    In complex coordinates of an isotropic rotor, otherwise in real ones `(x, y)`.
+    """
+    system = assemble(scene)
+    pencil, line = Pencil.of(system), system.line
+    columns, rows = jax.vmap(line.column)(forces).T + 0j, jax.vmap(line.row)(displacements) + 0j
+    if not isotropic(system.blocks):
+        one = jnp.eye(system.n)
+        pair = jnp.block([[one, 1j * one], [one, -1j * one]])  # (q, q*) of (x, y)
+        pencil = jax.tree.map(lambda block: pair.conj().T @ block @ pair / 2, pencil)
+        plane = jnp.eye(2)
+        columns = jnp.einsum("nf,ab->anfb", columns, plane).reshape(2 * system.n, -1)
+        rows = jnp.einsum("sn,ab->sabn", rows, plane).reshape(-1, 2 * system.n)
+    shift = pencil.rate
+    response = jnp.linalg.solve(pencil.at(jnp.asarray(shift + 0j)), columns)
+    return (pencil.inverse(shift), response, rows, shift), system.blocks
+
+
+def _motions(circular: bool, inverse: Any, response: Any, rows: Any, shift: Any) -> tuple:
+    """Roots that are finite, how forces enter and how each is seen, what it yields at rest; and `D`.
+
+    `b = y B / y x` by way of `(A - shift)^-1 B = -(P^-1 f, P^-1 f)`, so the inertia is not inverted.
+    `D` is what coordinates without mass yield.
+    """
+    from scipy.linalg import eig
+
+    if not circular:
+        inverse, response, rows = inverse.real, response.real, rows.real
+    found: Any = eig(inverse, left=True)
+    inverses, left, right = found
+    finite = np.abs(inverses) * shift > 1e-10
+    inverses, left, right = inverses[finite], left[:, finite], right[:, finite]
+    alike = np.abs(right.conj().T @ right) - np.eye(inverses.size)
+    if alike.size and alike.max() > _ALIKE:
+        raise ValueError(
+            "Two roots of the rotor have merged with their modes, so these are no coordinates; change its "
+            "speed or damping by a little."
+        )
+    entering = -left.conj().T @ np.concatenate([response, response])
+    entering = entering / np.sum(left.conj() * right, axis=0)[:, None]
+    leave = rows @ right[: rows.shape[1]]
+    through = rows @ response + leave @ entering if not finite.all() else 0 * (rows @ response)
+    still = -entering / (1 + shift * inverses)[:, None]
+    return shift + 1 / inverses, entering / inverses[:, None], leave, still, through
+
+
+def _planar(matrix: Any) -> Any:
+    """A complex matrix as it acts on `(re, im)` of each component."""
+    parts = np.array([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]])
+    return parts.transpose(2, 0, 3, 1).reshape(2 * matrix.shape[0], 2 * matrix.shape[1])
+
+
+def _paired(values: Any, enter: Any, leave: Any) -> Any:
+    """Real matrices of complex motions and their conjugates, and of real ones."""
+    from scipy.linalg import block_diag
+
+    pairs = values.imag > 0
+    both = lambda value: [[value.real, -value.imag], [value.imag, value.real]]
+    blocks = [both(v) if pair else [[v.real]] for v, pair in zip(values, pairs, strict=True)]
+    into = [[b.real, b.imag] if pair else [b.real] for b, pair in zip(enter, pairs, strict=True)]
+    out = [
+        [2 * c.real, -2 * c.imag] if pair else [c.real]
+        for c, pair in zip(leave.T, pairs, strict=True)
+    ]
+    stacked = lambda parts: np.array([row for part in parts for row in part])
+    return block_diag(*blocks), stacked(into), stacked(out).T

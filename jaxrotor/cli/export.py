@@ -1,0 +1,57 @@
+"""Command `export`: data of a run for other programs."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..export import export as write
+from .options import Overwrite
+from .output import draft
+
+
+Store = Annotated[
+    Path, typer.Argument(metavar="DATA", help="Data of a run, DIR/NAME.zarr, or its DIR.")
+]
+
+
+def export(
+    data: Store,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File to write: .csv, .parquet or .nc.")
+    ],
+    overwrite: Overwrite = False,
+) -> None:
+    """Write the data of a run as a table (CSV, Parquet) or as NetCDF.
+
+    A table has a row a sample, with units in the names of its columns, so it is of motions in time.
+
+    ```
+    jaxrotor simulate limiter-rotor --keep 50 --out runs/rub
+    jaxrotor export runs/rub orbit.csv
+    jaxrotor export runs/long/sweep.zarr long.nc
+    ```
+    """
+    with draft(file.parent, [file.name], overwrite) as folder:
+        write(opened(stores(data)), folder / file.name)
+    typer.echo(f"Written: {file}.")
+
+
+def stores(data: Path) -> list[Path]:
+    """Stores of a run: the folder itself, or those in it."""
+    if data.suffix == ".zarr":
+        return [data]
+    return sorted(data.glob("*.zarr"))
+
+
+def opened(found: list[Path]) -> Any:
+    """The data of one store."""
+    import xarray as xr
+
+    if len(found) != 1:
+        names = ", ".join(str(path) for path in found) or "none"
+        raise ValueError(f"DATA must be one store, DIR/NAME.zarr, but there are: {names}.")
+    try:
+        return xr.open_zarr(found[0], chunks=None)
+    except (OSError, ValueError, KeyError):
+        raise ValueError(f"{found[0]} holds no data of a run; give what --out wrote.") from None

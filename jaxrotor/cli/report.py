@@ -1,0 +1,43 @@
+"""Command `report`: one HTML file of what a run has left in its folder."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..report import report as write
+from .export import opened, stores
+from .options import Overwrite
+from .output import draft
+
+
+_PICTURES = (".png", ".gif", ".svg", ".jpg", ".jpeg")
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, its --out.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File to write. [default: DIR/report.html]")
+    ] = None,
+    title: Annotated[str, typer.Option(help="Heading. [default: that of the data]")] = "",
+    overwrite: Overwrite = False,
+) -> None:
+    """Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.
+
+    Of all data and pictures in DIR. It needs nothing beside it and no network, and prints well.
+
+    ```
+    jaxrotor simulate limiter-rotor --keep 50 --out runs/rub
+    jaxrotor report runs/rub
+    ```
+    """
+    target = folder / "report.html" if out is None else out
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is no folder; give the --out of a run.")
+    data = [opened([store]) for store in stores(folder)]
+    pictures = sorted(path for path in folder.iterdir() if path.suffix in _PICTURES)
+    if not data and not pictures:
+        raise ValueError(f"{folder} has no data and no pictures of a run; give its --out.")
+    with draft(target.parent, [target.name], overwrite) as place:
+        write(place / target.name, *data, figures=pictures, title=title)
+    typer.echo(f"Written: {target}.")

@@ -1,0 +1,121 @@
+"""Rotors as ROSS writes them, and what ROSS computes of them: run by hand, beside the tests.
+
+    pip install "ross-rotordynamics==2.3.0" "plotly<6"
+    python tests/ross/reference.py
+
+writes `example.toml`, `stepped.json` and `roots.json`: eigenvalues [rad/s] of lateral motion of the
+same rotors with every shaft element cut into 12, so that what is left of ROSS's mesh is far below
+what the tests ask for (and into 1 as in the files, to see what its mesh costs).
+"""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+
+
+warnings.simplefilter("ignore")
+import ross  # noqa: E402
+
+
+HERE = Path(__file__).parent
+SPEEDS = {"example": (0.0, 400.0, 1200.0), "stepped": (0.0, 500.0)}
+CUTS = (1, 12, 24)
+COUNT = 12
+
+
+def example(cut):
+    """The rotor of `ross.rotor_example`: six equal elements, two discs, kxx != kyy."""
+    rotor = ross.rotor_example()
+    shaft = [
+        ross.ShaftElement(
+            L=0.25 / cut, idl=0, odl=0.05, material=rotor.shaft_elements[0].material, n=i
+        )
+        for i in range(6 * cut)
+    ]
+    own = rotor.disk_elements
+    discs = [ross.DiskElement(n=d.n * cut, m=d.m, Id=d.Id, Ip=d.Ip, tag=d.tag) for d in own]
+    bearings = [
+        ross.BearingElement(n=n * cut, kxx=1e6, kyy=8e5, cxx=0, tag=f"Bearing {i}")
+        for i, n in enumerate((0, 6))
+    ]
+    return ross.Rotor(shaft, discs, bearings)
+
+
+# length, inner and outer diameter [m], material
+STEPS = (
+    (0.08, 0.0, 0.03, "steel"),
+    (0.12, 0.0, 0.03, "steel"),
+    (0.10, 0.0, 0.05, "steel"),
+    (0.15, 0.02, 0.06, "bronze"),
+    (0.15, 0.02, 0.06, "bronze"),
+    (0.10, 0.0, 0.04, "steel"),
+    (0.10, 0.0, 0.03, "steel"),
+)
+
+
+def stepped(cut):
+    """Hollow and stepped, two materials, an overhung disc, bearings of full matrices, one a table."""
+    made = {
+        "steel": ross.Material("steel", rho=7850, E=2.1e11, G_s=8.1e10),
+        "bronze": ross.Material("bronze", rho=8800, E=1.1e11, G_s=4.1e10),
+    }
+    shaft = [
+        ross.ShaftElement(L=length / cut, idl=bore, odl=width, material=made[of])
+        for length, bore, width, of in STEPS
+        for _ in range(cut)
+    ]
+    discs = [
+        ross.DiskElement(n=0, m=3.0, Id=0.008, Ip=0.015, tag="overhung"),
+        ross.DiskElement(n=4 * cut, m=9.0, Id=0.03, Ip=0.055, tag="middle"),
+    ]
+    at = [0.0, 700.0, 1400.0]  # of four or more ROSS takes a smoothing spline, which misses them
+    bearings = [
+        ross.BearingElement(
+            n=cut, kxx=3e7, kyy=5e7, kxy=4e6, kyx=-6e6, cxx=4e3, cyy=6e3, cxy=-500, cyx=-300,
+            tag="front",
+        ),
+        ross.BearingElement(
+            n=7 * cut, kxx=[2e7, 2.8e7, 3e7], kyy=[3e7, 3.5e7, 4.2e7], cxx=[9e3, 5e3, 4e3],
+            frequency=at, tag="rear",
+        ),
+    ]  # fmt: skip
+    return ross.Rotor(shaft, discs, bearings)
+
+
+def lateral_roots(rotor, speed):
+    """The slowest eigenvalues of x, y and the two tilts, by ROSS's matrices."""
+    lateral = [i for i in range(rotor.ndof) if i % 6 not in (2, 5)]
+    pick = lambda matrix: np.asarray(matrix, float)[np.ix_(lateral, lateral)]
+    mass, stiffness = pick(rotor.M(speed)), pick(rotor.K(speed))
+    damping = pick(rotor.C(speed)) + speed * pick(rotor.G())
+    n = len(lateral)
+    inverse = np.block(  # of the state matrix: the slowest are its largest, to the last digits
+        [
+            [-np.linalg.solve(stiffness, damping), -np.linalg.solve(stiffness, mass)],
+            [np.eye(n), np.zeros((n, n))],
+        ]
+    )
+    values = 1 / scipy.linalg.eigvals(inverse)
+    values = values[values.imag > 1.0]  # of a pair one, and none of the overdamped
+    return values[np.argsort(np.abs(values))][:COUNT]
+
+
+def main():
+    example(1).save(HERE / "example.toml")
+    stepped(1).save(HERE / "stepped.json")
+    found = {"ross_version": ross.__version__}
+    for build in (example, stepped):
+        for cut in CUTS:
+            rotor = build(cut)
+            for speed in SPEEDS[build.__name__]:
+                values = lateral_roots(rotor, speed)
+                name = f"{build.__name__} at {speed:g} rad/s, elements cut into {cut}"
+                found[name] = [[value.real, value.imag] for value in values]
+    (HERE / "roots.json").write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""Exports: read back by other means, they are the data they were written from."""
+
+import importlib.util
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import jaxrotor as jr
+from jaxrotor.cli import app
+
+
+SCENE = jr.Scene(
+    jr.MasslessShaft(1.0, 0.5, 800.0),
+    jr.Disc(0.5, 2.0),
+    jr.DiscDamping(0.5, 3.0),
+    jr.Unbalance(0.5, 2.0, 1e-3),
+    spin=jr.ConstantSpeed(15.0),
+)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return jr.simulate(SCENE, 2, 16, start=jr.AtRest(), at=0.5)
+
+
+@pytest.fixture(scope="module")
+def swept():
+    axes = {"unbalance.eccentricity": [1e-3, 2e-3], "start.radius": [0.0, 1e-3]}
+    return jr.sweep(SCENE, axes, start=jr.Whirl(1e-3), settle=1, keep=2, steps_per_revolution=16)
+
+
+def test_table_of_a_motion(motion):
+    found = jr.table(motion)
+    assert list(found) == [
+        *("time [s]", "angle [rad]"),
+        *("displacement x at 0.5 m [m]", "displacement y at 0.5 m [m]"),
+        *("velocity x at 0.5 m [m/s]", "velocity y at 0.5 m [m/s]"),
+        *("slope x at 0.5 m [rad]", "slope y at 0.5 m [rad]"),
+    ]
+    np.testing.assert_array_equal(found["time [s]"], motion.time)
+    z = np.asarray(motion.displacement)[:, 0]
+    np.testing.assert_array_equal(found["displacement y at 0.5 m [m]"], z.imag)
+    part = jr.table(jr.dataset(motion)[["displacement"]].isel(time=slice(3)))
+    assert len(part) == 3 and "velocity x at 0.5 m [m/s]" not in part
+
+
+def test_table_of_numbered_things(motion):
+    """Limiters and balls have a number, bearings a name."""
+    data = jr.dataset(motion)[["displacement"]].isel(time=slice(2))
+    force = ("time", "limiter", "axis"), np.arange(8.0).reshape(2, 2, 2), {"units": "N"}
+    load = ("time", "bearing"), np.ones((2, 1)), {"units": "N"}
+    data = data.assign(contact_force=force, load=load).assign_coords(bearing=["supports.0"])
+    found = jr.table(data)
+    assert found["contact_force y of limiter 1 [N]"].tolist() == [3.0, 7.0]
+    assert found["load of supports.0 [N]"].tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_tables_come_back(motion, tmp_path, suffix):
+    """To the last bit, of text too."""
+    path = tmp_path / f"orbit{suffix}"
+    path.write_text("old")
+    jr.export(motion, path)
+    read = pd.read_csv if suffix == ".csv" else pd.read_parquet
+    pd.testing.assert_frame_equal(read(path), jr.table(motion), rtol=1e-15, atol=0)
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
+def test_netcdf_of_a_motion(motion, tmp_path):
+    path = tmp_path / "orbit.nc"
+    jr.export(motion, path)
+    with xr.open_dataset(path, engine="h5netcdf") as found:
+        xr.testing.assert_identical(found.load(), jr.dataset(motion))
+        assert str(jr.loads(found.attrs["scene"])) == str(SCENE)
+        assert found["displacement"].attrs["units"] == "m"
+
+
+def test_netcdf_of_a_sweep(swept, tmp_path):
+    """Every variable and attribute; those that NetCDF has no word for are JSON."""
+    path = tmp_path / "sweep.nc"
+    odd = swept.assign_attrs(flag=True, nothing=None, pair=(1, 2), about={"a": 1})
+    odd = odd.assign(good=swept["status"] == 0)
+    jr.export(odd, path)
+    with xr.open_dataset(path, engine="h5netcdf") as found:
+        xr.testing.assert_equal(found.load(), odd)
+        assert found["good"].dtype == bool
+        for name, one in swept.variables.items():
+            assert found[name].attrs.keys() == one.attrs.keys()
+            assert found[name].attrs.get("units") == one.attrs.get("units")
+        said = {name: found.attrs[name] for name in ("flag", "nothing", "pair", "about")}
+        assert said == {"flag": "true", "nothing": "null", "pair": "[1, 2]", "about": '{"a": 1}'}
+        assert found.attrs["scene"] == swept.attrs["scene"]
+    assert odd.attrs["flag"] is True  # the data in hand are as they were
+
+
+def test_refusals(motion, swept, tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match="have no `time`"):
+        jr.export(swept, tmp_path / "sweep.csv")
+    with pytest.raises(ValueError, match="ends in .csv, .parquet, .nc"):
+        jr.export(motion, tmp_path / "orbit.xls")
+    with pytest.raises(ValueError, match="cannot be written"):
+        jr.export(motion, tmp_path / "none" / "orbit.csv")
+    with monkeypatch.context() as patch:
+        patch.setattr(importlib.util, "find_spec", lambda name: None)
+        for suffix in ("nc", "parquet"):
+            with pytest.raises(ValueError, match=r'needs the package .* `pip install "jaxrotor\['):
+                jr.export(motion, tmp_path / f"orbit.{suffix}")
+    jr.export(motion, tmp_path / "orbit.csv")
+    assert [one.name for one in tmp_path.iterdir()] == ["orbit.csv"]
+
+
+def test_command(motion, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    jr.dataset(motion).to_zarr("run/response.zarr", zarr_format=2, consolidated=True)
+    run = lambda *args: CliRunner().invoke(app, ["export", *args])
+    assert run("run", "out/orbit.csv").exit_code == 0
+    assert run("run/response.zarr", "orbit.nc").exit_code == 0
+    pd.testing.assert_frame_equal(
+        pd.read_csv("out/orbit.csv"), jr.table(motion), check_like=True, rtol=1e-15
+    )
+    with xr.open_dataset("orbit.nc", engine="h5netcdf") as found:
+        xr.testing.assert_identical(found.load(), jr.dataset(motion))
+    again = run("run", "out/orbit.csv")
+    assert again.exit_code == 2 and "add --overwrite" in again.stderr
+    assert run("run", "out/orbit.csv", "--overwrite").exit_code == 0
+    assert "there are: none" in run("out", "a.csv").stderr
+    assert "holds no data" in run("out/orbit.zarr", "a.csv").stderr
+    assert not (tmp_path / "a.csv").exists()

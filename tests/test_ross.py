@@ -1,0 +1,284 @@
+"""Rotors that ROSS has written: its own numbers, and all that is changed or left out is told."""
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import jaxrotor as jr
+from jaxrotor.cli import app
+
+
+HERE = Path(__file__).parent / "ross"  # written by ROSS 2.3.0, see `reference.py` there
+ROOTS = json.loads((HERE / "roots.json").read_text())
+CASES = [("example.toml", s) for s in (0, 400, 1200)] + [("stepped.json", s) for s in (0, 500)]
+STEPPED = json.loads((HERE / "stepped.json").read_text())
+SHAFT, FRONT = "ShaftElement_Shaft Element 1", "BearingElement_front"
+
+
+def of_ross(name, speed, cut):
+    found = ROOTS[f"{name.partition('.')[0]} at {speed:g} rad/s, elements cut into {cut}"]
+    return np.array(found) @ [1, 1j]
+
+
+def oscillating(scene, count):
+    found = np.asarray(jr.roots(scene))
+    return found[found.imag > 1.0][:count]
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """The stepped rotor with other values of an element, read at 500 rad/s."""
+
+    def read(change, speed=500.0):
+        document = copy.deepcopy(STEPPED)
+        change(document)
+        path = tmp_path / "rotor.json"
+        path.write_text(json.dumps(document))
+        return jr.from_ross(path, speed)
+
+    return read
+
+
+def put(element, **values):
+    return lambda document: document[element].update(values)
+
+
+# === numbers
+
+
+@pytest.mark.parametrize(("name", "speed"), CASES)
+def test_roots_are_those_of_ross(name, speed):
+    """Twelve each: gyroscopic, unequal, cross-coupled and damped bearings, steps, two materials.
+
+    Errors of ROSS's elements fall with the square of their length; from 12 and 24 pieces of each
+    element follows what they tend to.
+    """
+    scene, notes = jr.from_ross(HERE / name, speed)
+    assert all("depend on speed" in note for note in notes)
+    coarse, medium, fine = (of_ross(name, speed, cut) for cut in (1, 12, 24))
+    found = oscillating(scene, 12)
+    error = lambda other: np.abs(found - other) / np.abs(found)
+    assert (error((4 * fine - medium) / 3) < 4e-8).all()
+    assert (error((4 * fine - medium) / 3)[:4] < 5e-10).all()
+    assert (error(fine) < error(medium)).all() and (error(medium) < error(coarse) / 50).all()
+
+
+def test_what_ross_says_of_its_example():
+    """Natural frequencies as the documentation of ROSS prints them, [91.79655318 96.28899977]."""
+    found = oscillating(jr.from_ross(HERE / "example.toml", 0.0)[0], 2)
+    np.testing.assert_allclose(found.imag, [91.79655318, 96.28899977], rtol=2e-6)
+
+
+def test_scene_of_the_file():
+    scene, notes = jr.from_ross(HERE / "stepped.json", 500.0)
+    shaft = scene.shaft
+    assert float(shaft.length) == pytest.approx(0.8) and not shaft.constraints
+    ats = [float(step.at) for step in shaft.steps]
+    assert ats == pytest.approx([0.2, 0.3, 0.6, 0.7])  # equal neighbours are one section
+    assert [float(step.diameter) for step in shaft.steps] == [0.05, 0.06, 0.04, 0.03]
+    assert [step.material is None for step in shaft.steps] == [True, False, True, True]
+    assert float(shaft.steps[1].inner_diameter) == 0.02
+    assert [float(disc.at) for disc in scene.of(jr.Disc)] == pytest.approx([0.0, 0.45])
+    area = lambda outer, inner=0.0: np.pi * (outer**2 - inner**2) / 4
+    steel = 0.3 * area(0.03) + 0.1 * area(0.05) + 0.1 * area(0.04)
+    mass = 12.0 + 7850 * steel + 8800 * 0.3 * area(0.06, 0.02)
+    assert float(jr.total_mass(scene)) == pytest.approx(mass, rel=1e-12)
+    assert notes == ("coefficients that depend on speed taken at the speed of the scene: rear",)
+    assert "stepped.json" in scene.assumption
+    assert jr.from_ross(HERE / "example.toml", 0.0)[0].assumption == ""
+
+
+def stiffness(scene, which):
+    """[xx, xy; yx, yy] of a support, back from its mean, anisotropy and cross term."""
+    own = scene.of(jr.Support)[which]
+    k, cross = float(own.stiffness), float(own.cross_stiffness or 0.0)
+    axes = k * float(own.anisotropy or 0.0) * np.exp(2j * float(own.angle))
+    return np.array([[k + axes.real, axes.imag - cross], [axes.imag + cross, k - axes.real]])
+
+
+@pytest.mark.parametrize(("speed", "kxx"), [(0, 2e7), (700, 2.8e7), (-700, 2.8e7), (9000, 3e7)])
+def test_table_of_coefficients(speed, kxx):
+    scene, notes = jr.from_ross(HERE / "stepped.json", float(speed))
+    assert stiffness(scene, 1)[0, 0] == pytest.approx(kxx, rel=1e-9)
+    assert any("nearer end: rear" in note for note in notes) == (speed == 9000)
+    assert stiffness(scene, 0) == pytest.approx(np.array([[3e7, 4e6], [-6e6, 5e7]]))
+
+
+# === what is changed or left out
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        (put(SHAFT, axial_force=100.0), "axial force left out: Shaft Element 1"),
+        (put(SHAFT, torque=3), "torque left out: Shaft Element 1"),
+        (put(SHAFT, beta=1e-5), "damping in proportion to stiffness (beta) left out"),
+        (put(SHAFT, shear_method_calc="hutchinson"), "Cowper in place of Hutchinson"),
+        (put(SHAFT, gyroscopic=False), "gyroscopic taken into account all along the shaft"),
+        (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) left out: front"),
+        (put(FRONT, kzz=[1e5]), "axial stiffness and damping left out: front"),
+        (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget left out: Gadget"),
+        (
+            lambda d: d.update({"PointMass_a": {"n": 3, "mx": 1.0, "my": 2.0}}),
+            "mass that differs along x and y taken as their mean: PointMass",
+        ),
+    ],
+)  # fmt: skip
+def test_left_out_is_told(changed, change, note):
+    scene, notes = changed(change)
+    assert len(notes) == 2 and any(note in one for one in notes), notes
+    assert scene.assumption
+
+
+def test_one_note_for_many(changed):
+    def twist(document):
+        for name, table in document.items():
+            if name.startswith("ShaftElement"):
+                table["torque"] = 1.0
+
+    assert "torque left out: Shaft Element 0 and 6 more" in changed(twist)[1]
+
+
+def test_tapered_element_is_cut(changed):
+    """At the middles of four pieces, whose mass is that of the cone to 0.2 %."""
+    scene, notes = changed(put(SHAFT, odl=0.03, odr=0.045))
+    assert any("tapered element cut into 4 uniform ones" in note for note in notes)
+    diameters = [float(step.diameter) for step in scene.shaft.steps][:4]
+    assert diameters == pytest.approx(0.03 + 0.015 * (np.arange(4) + 0.5) / 4)
+    squares = np.mean(np.square(diameters))
+    assert squares == pytest.approx((0.03**2 + 0.03 * 0.045 + 0.045**2) / 3, rel=2e-3)
+
+
+def test_sleeve_of_the_same_material_is_exact(changed):
+    sleeve = {**STEPPED[SHAFT], "idl": 0.03, "idr": 0.03, "odl": 0.05, "odr": 0.05}
+    scene, notes = changed(lambda d: d.update({"ShaftElement_sleeve": sleeve}))
+    assert len(notes) == 1
+    assert [float(step.diameter) for step in scene.shaft.steps] == [0.05, 0.06, 0.04, 0.03]
+    assert float(scene.shaft.steps[0].at) == pytest.approx(0.08)
+
+
+def test_sleeve_of_another_material(changed):
+    """One ring of the same mass and bending stiffness per length."""
+    light = {"name": "light", "E": 7e10, "rho": 2700.0, "G_s": 2.6e10}
+    sleeve = {**STEPPED[SHAFT], "idl": 0.03, "idr": 0.03, "odl": 0.05, "odr": 0.05}
+    scene, notes = changed(lambda d: d.update({"ShaftElement_s": {**sleeve, "material": light}}))
+    assert any("layers taken as one ring" in note for note in notes)
+    step = scene.shaft.steps[0]
+    area, second = np.pi * 0.05**2 / 4, np.pi * 0.05**4 / 64
+    core, tube = np.pi * 0.03**4 / 64, np.pi * (0.05**4 - 0.03**4) / 64
+    assert float(step.material.youngs_modulus) * second == pytest.approx(
+        2.1e11 * core + 7e10 * tube
+    )
+    mass = np.pi / 4 * (7850 * 0.03**2 + 2700 * (0.05**2 - 0.03**2))
+    assert float(step.material.density) * area == pytest.approx(mass)
+
+
+def test_bearing_on_a_flexible_support(changed):
+    """Springs in series, `1/k = 1/k1 + 1/k2`; of dampers `c = c1 (k/k1)^2 + c2 (k/k2)^2`."""
+    plain = {key: [0.0] for key in ("kxy", "kyx", "cxy", "cyx")}
+
+    def link(document):
+        document[FRONT].update(n_link=20, kxx=[3e7], kyy=[5e7], cxx=[4e3], cyy=[6e3], **plain)
+        document["BearingElement_ground"] = {"n": 20, "kxx": 1e8, "cxx": 1e3, "tag": "ground"}
+        document["PointMass_casing"] = {"n": 20, "mx": 40.0, "my": 40.0, "tag": "casing"}
+
+    scene, notes = changed(link)
+    front = scene.of(jr.Support)[0]
+    expected = np.array([3e7 * 1e8 / 1.3e8, 5e7 * 1e8 / 1.5e8])
+    assert np.diag(stiffness(scene, 0)) == pytest.approx(expected)
+    loss = np.array([4e3, 6e3]) * (expected / [3e7, 5e7]) ** 2 + 1e3 * (expected / 1e8) ** 2
+    assert float(front.damping) == pytest.approx(loss.mean())
+    assert len(scene.of(jr.Support)) == 2 and len(scene.of(jr.Disc)) == 2
+    assert "mass of a flexible support left out: casing" in notes
+    assert "bearing and its support taken as one, in series: front" in notes
+
+
+def test_short_section_takes_its_neighbours_diameter(changed):
+    """A groove of 1 mm, which is shorter than a step can be."""
+    scene, notes = changed(put(SHAFT, L=0.001, odl=0.02, odr=0.02))
+    assert float(scene.shaft.length) == pytest.approx(0.681)
+    assert [float(step.diameter) for step in scene.shaft.steps] == [0.05, 0.06, 0.04, 0.03]
+    assert any("0.001 m of 0.02 m" in note for note in notes)
+
+
+# === refusals
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d.pop(SHAFT), "do not make one line"),
+        (lambda d: d.update({"CouplingElement_c": {"n": 3}}), "joins shafts by springs"),
+        (put(SHAFT, L=-1.0), "Shaft Element 1.L must be positive"),
+        (put(SHAFT, odl=0.0, odr=0.0), "above the inner diameter"),
+        (put(SHAFT, material="steel"), "material must be a table"),
+        (put(SHAFT, n="1"), "n must be a whole number"),
+        (put(SHAFT, shear_effects="no"), "shear_effects must be true or false"),
+        (put(FRONT, kxx=[1.0, 2.0]), "frequency must be a list of as many numbers"),
+        (put(FRONT, kxx=[1.0, 2.0], frequency=[2.0, 1.0]), "must be ascending"),
+        (put(FRONT, kxx=[-9e7]), "front: `anisotropic part of stiffness` must be zero"),
+        (put(FRONT, n_link=40), "n_link must be the node of another bearing"),
+        (put("DiskElement_middle", n=31), "n must be a node of the shaft, but is 31"),
+        (put("DiskElement_middle", m="heavy"), "m must be in kg, but is 'heavy'"),
+        (lambda d: [d.pop(k) for k in list(d) if k.startswith("Shaft")], "has no shaft elements"),
+    ],
+)
+def test_refused_in_one_sentence(changed, change, said):
+    with pytest.raises(jr.SceneError, match="rotor.json") as error:
+        changed(change)
+    assert said in str(error.value) and str(error.value).endswith(".")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"ShaftElement_1": 3}', "\x00", "[" * 10**5])
+def test_no_file_of_ross(tmp_path, text):
+    for suffix in (".json", ".toml"):
+        path = tmp_path / f"rotor{suffix}"
+        path.write_text(text)
+        with pytest.raises(jr.SceneError):
+            jr.from_ross(path, 100.0)
+    with pytest.raises(jr.SceneError, match="cannot be read"):
+        jr.from_ross(tmp_path / "none.json", 100.0)
+
+
+ODD = [None, -1, 0, 1e300, float("nan"), "2 furlongs", True, [], {}, [1, "x"]]
+
+
+@pytest.mark.parametrize("element", [SHAFT, FRONT, "DiskElement_middle"])
+def test_odd_values_end_in_a_sentence(changed, element):
+    """Every key of an element without a value and with odd ones: read, or refused in one sentence."""
+    keys = [key for key in STEPPED[element] if key not in ("color", "scale_factor")]
+    for number, key in enumerate(keys):
+        for odd in (None, *ODD[number % 3 :: 3]):
+            try:
+                changed(put(element, **{key: odd}))
+            except jr.SceneError as error:
+                assert str(error).endswith("."), error
+
+
+# === as a command
+
+
+def test_new_scene_from_ross(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = lambda *args: CliRunner().invoke(app, ["new", *map(str, args)])
+    options = ["--from-ross", HERE / "stepped.json", "--speed", "500 rad/s"]
+    done = run("mine.toml", *options)
+    assert done.exit_code == 0, done.stderr
+    assert "coefficients that depend on speed" in done.stdout
+    text = (tmp_path / "mine.toml").read_text()
+    assert text.startswith("# Not as in stepped.json: coefficients that depend on speed")
+    scene = jr.from_ross(HERE / "stepped.json", 500.0)[0]
+    assert str(jr.load("mine.toml")) == str(scene)
+    assert "add --speed" in run("other.toml", *options[:2]).stderr
+    assert "one of --like and --from-ross" in run("o.toml", *options, "--like", "x").stderr
+    assert "--speed is that of --from-ross" in run("o.toml", *options[2:]).stderr
+    assert not (tmp_path / "other.toml").exists()
+
+
+def test_a_tag_cannot_write_into_the_scene(changed):
+    notes = changed(put(SHAFT, torque=1.0, tag="a\n[spin]\nspeed = 1\x1b"))[1]
+    assert "torque left out: a [spin] speed = 1" in notes
