@@ -48,6 +48,9 @@ class Stages(NamedTuple):
     def fresh(cls) -> "Stages":
         return cls(*map(first_alone, (_prepare, _skip, _keep, _decode)))
 
+    def __reduce__(self) -> tuple:  # another process compiles its own
+        return Stages.fresh, ()
+
 
 class Lanes(NamedTuple):
     """What comes of lanes, all with the lanes in front."""

@@ -28,7 +28,10 @@ class OtherSweepError(ValueError):
 
 
 class Store:
-    """Blocks of a data set in a folder, which the first of them begins; one thread at a time."""
+    """Blocks of a data set in a folder, which the first of them begins; one thread at a time.
+
+    Other processes may put other blocks: no two write the same file.
+    """
 
     def __init__(
         self,
@@ -43,6 +46,9 @@ class Store:
             self._check()
             status = self._open()["status"]
             self.block = dict(zip(status.dims, status.encoding["chunks"], strict=True))
+
+    def __getstate__(self) -> dict[str, Any]:  # another process may work in another folder
+        return self.__dict__ | {"path": self.path.absolute()}
 
     def pending(self, blocks: list[Block]) -> list[Block]:
         """Those that are still to be computed."""
@@ -101,7 +107,11 @@ class Store:
         try:
             inside = draft / self.path.name
             whole.to_zarr(inside, zarr_format=2, consolidated=True, encoding=encoding)
-            inside.rename(self.path)
+            try:
+                inside.rename(self.path)
+            except OSError:
+                if not self.path.exists():  # another process may have begun it meanwhile
+                    raise
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 

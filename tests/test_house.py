@@ -41,7 +41,8 @@ LAYERS = [
     ("reactions",),
     ("observe", "dataset"),
     ("lanes", "grid"),
-    ("store",),
+    ("store", "job"),
+    ("cluster",),
     ("sweep", "basins", "hysteresis", "attractors", "escapes"),
     ("methods",),
     ("measures",),
@@ -109,7 +110,7 @@ def test_layers_import_downwards_only(path):
 
 
 CORE = ("scene", "system", "motion", "transient", "start", "solvers", "march", "simulate")
-CORE += ("run_up", "observe", "lanes", "grid", "store", "sweep")
+CORE += ("run_up", "observe", "lanes", "grid", "job", "store", "cluster", "sweep")
 
 
 @pytest.mark.parametrize("path", [p for p in SOURCES if module_of(p)[0] in CORE], ids=name_of)
