@@ -10,6 +10,7 @@ import contextlib
 import dataclasses
 import functools
 import itertools
+import logging
 import os
 import pickle
 import tempfile
@@ -29,6 +30,10 @@ from .store import Store
 
 
 AHEAD = 1000  # chunks that the scheduler knows of at once, more where there are more workers
+QUIET = (  # Ctrl-C is for who began the workers, and how they end then no news
+    "import logging, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
+    "logging.getLogger('distributed.worker.state_machine').setLevel(logging.ERROR)"
+)
 PATIENCE = 5  # seconds after which a cluster that does not answer counts as none
 
 _alone = threading.Lock()  # among the threads of a worker
@@ -116,16 +121,24 @@ def _processes(count: int) -> Iterator[Any]:
     kept = config.jax_compilation_cache_dir
     environment = {"JAX_ENABLE_X64": str(int(config.jax_enable_x64))}
     environment |= {"JAX_COMPILATION_CACHE_DIR": kept} if kept else {}
-    how = {"threads_per_worker": 1, "dashboard_address": None, "env": environment}
+    how = {"threads_per_worker": 1, "dashboard_address": ":0", "env": environment}
     try:
-        cluster = LocalCluster(n_workers=count, **how)
+        cluster = LocalCluster(n_workers=count, preload=[QUIET], **how)
     except RuntimeError as error:
         raise RuntimeError(
             f"{count} worker processes could not be started ({error}); they import the script that starts "
             "them, which must do so below `if __name__ == '__main__':`."
         ) from None
-    with cluster, Client(cluster, set_as_default=False) as client:
-        yield client
+    log = logging.getLogger("distributed.nanny")
+    level = log.level
+    try:
+        with cluster, Client(cluster, set_as_default=False) as client:
+            try:
+                yield client
+            finally:
+                log.setLevel(logging.ERROR)  # a worker in the midst of a chunk is killed, as it may
+    finally:
+        log.setLevel(level)
 
 
 @contextlib.contextmanager

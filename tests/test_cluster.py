@@ -1,0 +1,218 @@
+"""Sweeps on a cluster: the data of a sweep here, whatever becomes of its workers."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from distributed import Client, LocalCluster
+from typer.testing import CliRunner
+
+import jaxrotor as jr
+from jaxrotor import cluster as module
+from jaxrotor.cli import app
+from jaxrotor.store import PENDING, Store
+
+
+ROTOR = jr.load("limiter-rotor")
+OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 24), "start.angle": [0.0, 1.0, 2.0]}
+HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
+HOW |= {"lanes_per_chunk": 3}
+
+
+def swept(**options):
+    return jr.sweep(ROTOR, OVER, **{**HOW, **options})
+
+
+def files(store):
+    return {p.relative_to(store): p.read_bytes() for p in Path(store).rglob("*") if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def dask():
+    """Two worker processes, and a client of theirs."""
+    how = {"threads_per_worker": 1, "dashboard_address": ":0"}
+    with LocalCluster(n_workers=2, **how) as here, Client(here, set_as_default=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The store of the same sweep by threads of this process."""
+    path = tmp_path_factory.mktemp("alone") / "a.zarr"
+    swept(workers=1, store=path, error_sample=2)
+    return path
+
+
+def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
+    """Byte for byte, and written by the workers: this process puts nothing."""
+    monkeypatch.setattr(Store, "put", lambda *_: pytest.fail("put by the client"))
+    monkeypatch.chdir(tmp_path)
+    found = swept(cluster=dask, store="a.zarr", error_sample=2)
+    assert files("a.zarr") == files(alone) and os.listdir() == ["a.zarr"]
+    assert "index_error" in found and not (found["status"] == PENDING).any()
+
+
+def test_without_a_store_the_data_come_here(dask, alone):
+    """Also to a client that has the address alone."""
+    found = swept(cluster=dask.scheduler.address, error_sample=2)
+    xr.testing.assert_identical(found, xr.open_zarr(alone, chunks=None).load())
+
+
+def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp_path, monkeypatch):
+    @contextlib.contextmanager
+    def unseen(sink):
+        yield sink and (sink, tmp_path / "elsewhere")
+
+    monkeypatch.setattr(module, "_seen", unseen)
+    swept(cluster=dask, store=tmp_path / "a.zarr", error_sample=2)
+    assert files(tmp_path / "a.zarr") == files(alone)
+
+
+def test_carried_states(dask, tmp_path):
+    how = {"carry": "unbalance.eccentricity", "lanes_per_chunk": 1, "settle": 1, "keep": 1}
+    swept(**how, cluster=dask, store=tmp_path / "a.zarr")
+    swept(**how, workers=1, store=tmp_path / "b.zarr")
+    assert files(tmp_path / "a.zarr") == files(tmp_path / "b.zarr")
+
+
+def test_a_worker_is_killed(dask, alone, tmp_path):
+    """`kill -9` of one of two workers amid its chunks: others do them, every byte is the same."""
+    store = tmp_path / "a.zarr"
+    before = dask.run(os.getpid)
+    run = threading.Thread(
+        target=swept, kwargs={"cluster": dask, "store": store, "error_sample": 2}
+    )
+    run.start()
+    while run.is_alive() and not list(store.glob("status/[0-9]*")):
+        time.sleep(0.01)
+    while (xr.open_zarr(store, chunks=None)["status"] == PENDING).all():
+        time.sleep(0.01)
+    assert run.is_alive()
+    os.kill(before.popitem()[1], signal.SIGKILL)
+    run.join(200)
+    assert not run.is_alive() and files(store) == files(alone)
+    dask.wait_for_workers(2, timeout=60)
+
+
+def test_a_chunk_that_kills_every_worker(dask):
+    scheduler = dask.cluster.scheduler
+    scheduler.allowed_failures, allowed = 1, scheduler.allowed_failures
+    try:
+        with pytest.raises(RuntimeError, match="2 worker processes died over the same chunk"):
+            module.Workers(dask).each(deadly, [0], lambda _: None)
+    finally:
+        scheduler.allowed_failures = allowed
+        dask.wait_for_workers(2, timeout=60)
+
+
+def deadly(chunk, tick):
+    os._exit(1)
+
+
+def test_what_is_installed_must_be_the_same(dask, monkeypatch):
+    monkeypatch.setattr(module, "_installed", lambda: "jaxrotor 0.0")
+    with pytest.raises(
+        RuntimeError, match="has jaxrotor .*, but this process jaxrotor 0.0; install"
+    ):
+        swept(cluster=dask)
+
+
+def test_a_cluster_that_goes(alone, tmp_path):
+    """What is done stays, and the sweep goes on here."""
+    store = tmp_path / "a.zarr"
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as here:
+        said = []
+
+        def run():
+            try:
+                swept(cluster=here, store=store)
+            except RuntimeError as error:
+                said.append(str(error))
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        while thread.is_alive() and not list(store.glob("status/[0-9]*")):
+            time.sleep(0.01)
+        here.scheduler.close()
+        here.close()
+    thread.join(100)
+    assert len(said) == 1 and "The cluster has gone" in said[0]
+    swept(store=store, error_sample=2)
+    assert files(store) == files(alone)
+
+
+def test_processes_of_this_machine(alone):
+    """Started for a sweep, and gone after it."""
+    xr.testing.assert_identical(
+        swept(cluster=1, error_sample=2), xr.open_zarr(alone, chunks=None).load()
+    )
+    assert not [p for p in multiprocessing.active_children() if "Dask" in p.name]
+
+
+def test_command(dask, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["sweep", "limiter-rotor", "--over", "unbalance.eccentricity=0:1e-3:4"]
+    command += ["--settle", "2", "--keep", "2", "--steps", "32"]
+    for out, where in (("a", ["--cluster", dask.scheduler.address]), ("b", ["--workers", "2"])):
+        result = CliRunner().invoke(app, [*command, *where, "--out", out])
+        assert result.exit_code == 0, result.stderr
+    assert files("a/sweep.zarr") == files("b/sweep.zarr")
+    assert sorted(os.listdir("a")) == ["bifurcation.png", "sweep.zarr"]
+
+
+# === refusals
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://127.0.0.1:9", ""])
+def test_no_scheduler(address, monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 0.5)
+    with pytest.raises(ValueError, match="No Dask scheduler answers at .* give the address that"):
+        swept(cluster=address)
+
+
+def test_no_dask(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match=r"pip install 'jaxrotor\[cluster\]'"):
+        swept(cluster=2)
+
+
+def test_either_threads_or_a_cluster():
+    with pytest.raises(ValueError, match="with a `cluster` leave them out"):
+        swept(cluster=2, workers=2)
+    with pytest.raises(ValueError, match="`cluster` must be"):
+        swept(cluster=0)
+
+
+def test_a_script_without_a_guard(tmp_path):
+    """Worker processes import it; the last line says what to do."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import jaxrotor as jr\nfrom jaxrotor.cluster import crew\nwith crew(1, None): pass"
+    )
+    found = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert found.returncode and "if __name__ == '__main__':" in found.stderr.splitlines()[-1]
+
+
+def test_dask_is_imported_when_it_is_asked_for():
+    code = "import sys, jaxrotor, jaxrotor.cli; print({'dask', 'distributed'} & set(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "set()\n"
+
+
+def test_two_processes_begin_one_store(tmp_path, alone):
+    part = xr.open_zarr(alone, chunks=None).load()
+    place = ({"start.angle": ("start.angle", part["start.angle"].values, {})}, {"a": 1})
+    one, other = (Store(tmp_path / "a.zarr", *place, {"start.angle": 1}) for _ in range(2))
+    one._begin(part[["status"]])
+    seen = files(tmp_path / "a.zarr")
+    other._begin(part[["status"]])
+    assert files(tmp_path / "a.zarr") == seen and os.listdir(tmp_path) == ["a.zarr"]
