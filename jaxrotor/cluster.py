@@ -107,7 +107,8 @@ class Workers:
                     "The cluster has gone, or was told to forget this sweep; what is in a store is kept."
                 ) from None
             finally:
-                self.client.cancel(list(running.futures))
+                if self.client.status == "running":
+                    self.client.cancel(list(running.futures))
         return found
 
 
