@@ -54,7 +54,7 @@ def ways(args: argparse.Namespace, folder: Path, processes: dict[int, Client]) -
     for name, one in how.items():
         jax.clear_caches()
         first[name] = swept(args, folder, **one)
-    for name, one in how.items():
+    for one in how.values():
         if "workers" in one:  # forgotten meanwhile
             swept(args, folder, **one)
     runs = [

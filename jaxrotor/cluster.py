@@ -185,20 +185,21 @@ def _installed() -> str:
 
 
 @functools.lru_cache(maxsize=4)
-def _unpacked(packed: bytes) -> tuple:
+def _unpacked(packed: bytes) -> tuple[Callable, tuple[Store, Path] | None]:
     """What to do with chunks: unpacked, and so compiled, once in a process."""
-    return pickle.loads(packed)
-
-
-def _work(packed: bytes, chunk: Any) -> tuple[int, Any]:
-    """Run a chunk on a worker: revolutions done, and what is found if it could not be written."""
-    with _alone:
-        call, place, installed = _unpacked(packed)
+    call, place, installed = pickle.loads(packed)
     if installed != _installed():
         raise RuntimeError(
             f"A worker has {_installed()}, but this process {installed}; install the same there, and set "
             "JAX_ENABLE_X64 alike."
         )
+    return call, place
+
+
+def _work(packed: bytes, chunk: Any) -> tuple[int, Any]:
+    """Run a chunk on a worker: revolutions done, and what is found if it could not be written."""
+    with _alone:
+        call, place = _unpacked(packed)
     revolutions: list[int] = []
     part = call(chunk, revolutions.append)
     if place is not None:
