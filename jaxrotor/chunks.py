@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import contextlib
+import dataclasses
 import os
 import sys
 import threading
@@ -50,6 +51,26 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
             for future in futures:
                 future.cancel()
             raise
+
+
+@dataclasses.dataclass(frozen=True)
+class Threads:
+    """Chunks run by threads of this process, `count` at once."""
+
+    count: int
+
+    def each(self, call: Callable, chunks: list, tick: Callable[[int], None], sink: Any = None):
+        """`call(chunk, tick)` of every chunk, in order; what goes into a `sink` is not returned."""
+        lock = threading.Lock()
+
+        def one(chunk: Any, tick: Callable[[int], None]) -> Any:
+            part = call(chunk, tick)
+            if sink is None:
+                return part
+            with lock:
+                sink.put(chunk, part)
+
+        return spread(one, chunks, self.count, tick)
 
 
 def segments(revolutions: int) -> list[int]:

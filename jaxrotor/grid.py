@@ -70,21 +70,18 @@ class Gathered:
             self.whole[name].attrs.update(about)
 
 
-def whole_of(part: xr.Dataset, coords: Mapping[str, Any], *, store: bool = False) -> xr.Dataset:
+def whole_of(part: xr.Dataset, coords: Mapping[str, Any], *, empty: bool = False) -> xr.Dataset:
     """A data set as large as `coords` (dim: (dim, values, attributes)), made like one of its blocks.
 
-    Values are any; for a `store` they take no memory.
+    Values are any; `empty` ones are NaN, or 0 of whole numbers, and take no memory.
     """
     sizes = {dim: len(values) for dim, (_, values, _) in coords.items()}
     variables = {}
     for name, one in part.data_vars.items():
         shape = [sizes.get(str(dim), n) for dim, n in one.sizes.items()]
         none = np.nan if one.dtype.kind == "f" else 0
-        empty = (
-            np.broadcast_to(np.array(none, one.dtype), shape)
-            if store
-            else np.empty(shape, one.dtype)
-        )
-        variables[name] = (one.dims, empty, one.attrs)
+        make = np.broadcast_to if empty else lambda fill, shape: np.empty(shape, fill.dtype)
+        values = make(np.array(none, one.dtype), shape)
+        variables[name] = (one.dims, values, one.attrs)
     own = {name: one for name, one in part.coords.items() if name not in coords}
     return xr.Dataset(variables, {**coords, **own}, part.attrs)

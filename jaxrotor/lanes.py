@@ -44,9 +44,12 @@ class Stages(NamedTuple):
     keep: Callable
     decode: Callable
 
-    @classmethod
-    def fresh(cls) -> "Stages":
-        return cls(*map(first_alone, (_prepare, _skip, _keep, _decode)))
+    @staticmethod
+    def fresh() -> "Stages":
+        return Stages(*map(first_alone, (_prepare, _skip, _keep, _decode)))
+
+    def __reduce__(self) -> tuple:  # another process compiles its own
+        return Stages.fresh, ()
 
 
 class Lanes(NamedTuple):

@@ -28,7 +28,10 @@ class OtherSweepError(ValueError):
 
 
 class Store:
-    """Blocks of a data set in a folder, which the first of them begins; one thread at a time."""
+    """Blocks of a data set in a folder, which the first of them begins; one thread at a time.
+
+    Other processes may put other blocks: no two write the same file.
+    """
 
     def __init__(
         self,
@@ -42,7 +45,10 @@ class Store:
         if self.path.exists():
             self._check()
             status = self._open()["status"]
-            self.block = dict(zip(status.dims, status.encoding["chunks"], strict=True))
+            self.block = dict(zip(map(str, status.dims), status.encoding["chunks"], strict=True))
+
+    def __getstate__(self) -> dict[str, Any]:  # another process may work in another folder
+        return self.__dict__ | {"path": self.path.absolute()}
 
     def pending(self, blocks: list[Block]) -> list[Block]:
         """Those that are still to be computed."""
@@ -85,23 +91,40 @@ class Store:
         return zarr.open_group(self.path, mode="r+", use_consolidated=False)
 
     def _begin(self, part: xr.Dataset) -> None:
-        """The folder with all variables, nothing computed; there at once or not at all."""
-        whole = whole_of(part, self.coords, store=True)
-        whole["status"] = whole["status"].copy(
-            data=np.full(whole["status"].shape, PENDING, np.int8)
-        )
-        whole.attrs = self.attrs
-        chunk = lambda dim: self.block.get(str(dim), whole.sizes[dim])
-        encoding = {
-            name: {"chunks": tuple(map(chunk, one.dims))} for name, one in whole.data_vars.items()
+        """The folder with all variables, nothing computed; there at once or not at all.
+
+        It is written for the first lane and grown, which takes no time: what is not there is not
+        computed, but for `status`, which says so.
+        """
+        first = {
+            dim: (dim, values[:1] if dim in self.block else values, about)
+            for dim, (_, values, about) in self.coords.items()
         }
+        seed = whole_of(part, first, empty=True).assign_attrs(self.attrs)
+        sizes = {dim: len(values) for dim, (_, values, _) in self.coords.items()}
+        chunks = sizes | {str(dim): n for dim, n in seed.sizes.items()} | self.block
+        encoding = {
+            str(name): {"chunks": tuple(chunks[str(dim)] for dim in one.dims)}
+            for name, one in seed.data_vars.items()
+        } | {dim: {"chunks": (sizes[dim],)} for dim in self.block}
         parent = self.path.absolute().parent
         parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=".begun-", dir=parent))
         try:
             inside = draft / self.path.name
-            whole.to_zarr(inside, zarr_format=2, consolidated=True, encoding=encoding)
-            inside.rename(self.path)
+            seed.to_zarr(inside, zarr_format=2, consolidated=False, encoding=encoding)
+            group: Any = zarr.open_group(inside, mode="r+", use_consolidated=False)
+            for name, one in seed.variables.items():
+                group[str(name)].resize([sizes.get(str(dim), n) for dim, n in one.sizes.items()])
+            for dim in self.block:
+                group[dim][:] = self.coords[dim][1]
+            group["status"][:] = PENDING
+            zarr.consolidate_metadata(inside, zarr_format=2)
+            try:
+                inside.rename(self.path)
+            except OSError:
+                if not self.path.exists():  # another process may have begun it meanwhile
+                    raise
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 

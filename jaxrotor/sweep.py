@@ -1,31 +1,29 @@
 """Sweep: many trajectories, streamed into observables."""
 
 import dataclasses
+import functools
 import itertools
 import math
 import os
-import threading
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import diffrax as dfx
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .chunks import cores, progress as bar, spread
-from .dataset import BRANCHES, assumed, chosen, versions
+from .chunks import progress as bar
+from .cluster import crew
+from .dataset import chosen
 from .effects.base import AbstractContact
-from .files import dumps
 from .grid import Block, Gathered, block_shape, blocks
-from .lanes import Context, Lanes, Stages, run_chunk, run_rows
+from .job import Job, coords_of, errors_of, points_of, provenance
+from .lanes import Context, Stages
 from .march import Plan
-from .observe import AbstractObservable, Variable, everything
-from .outcome import STATUS, failed, statuses, too_long
+from .observe import AbstractObservable, everything
+from .outcome import failed
 from .pilot import Pilot
-from .quantities import quantity_units
 from .scene import Scene
 from .simulate import (
     check_constant,
@@ -34,7 +32,6 @@ from .simulate import (
     checked_solver,
     chosen_steps,
     revolution_rate,
-    solver_name,
     with_nodes,
 )
 from .solvers.control import step_control
@@ -44,7 +41,6 @@ from .store import Store
 from .system import assemble, port_groups
 
 
-NO_ERROR = ("status", "extrema_missed", "unresolved")
 PILOT_LANES = 4  # by which "auto" steps are chosen
 
 
@@ -68,6 +64,7 @@ def sweep(
     period: float | None = None,
     lanes_per_chunk: int | None = None,
     workers: int | None = None,
+    cluster: Any | None = None,
     progress: bool | None = None,
     max_steps: int = 4096,
 ) -> xr.Dataset:
@@ -100,6 +97,10 @@ def sweep(
         period: as in `simulate`.
         lanes_per_chunk: trajectories run as one program, by default 128 (16384 on an accelerator).
         workers: chunks run at once, by default one a core (one on an accelerator).
+        cluster: Dask cluster whose workers run the chunks: its address, a `distributed.Client`, or how
+            many processes to start here for this sweep. Workers that see the folder of `store` write
+            there themselves; what is found without one comes here. Needs `jaxrotor[cluster]`, the same
+            versions everywhere.
         progress: whether to show a progress bar; by default on a terminal.
         max_steps: as in `simulate`.
 
@@ -155,93 +156,39 @@ def sweep(
         batch=True,
     )
     context = Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
-    job = _Job(context, axes, carry, Stages.fresh())
-    about = _provenance(context) | chosen(pilots) | ({} if carry is None else {"carry": carry})
-    workers = cores(workers)
-    sink, todo, size = _placed_in(store, job, about, lanes_per_chunk, workers)
-    again = _spread_over(job.lanes, error_sample)
-    if not todo and np.array_equal(sink.finished().get("error_lane", []), again):
-        again = again[:0]  # known already
-    seconds, few = _again(again, lanes_per_chunk, workers)
-    total = (len(todo) * job.rows + len(seconds)) * (settle + keep)
-    lock = threading.Lock()
-
-    def fill(block: Block, tick) -> None:
-        part = job.run(block, size, tick)
-        with lock:
-            sink.put(block, part)
-
-    with bar(progress, total, f"{job.lanes} lanes") as tick:
-        spread(fill, todo, workers, tick)
-        found = sink.finished()
-        if failed(found["status"]).all():
-            start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
-        if seconds:
-            finer = dataclasses.replace(context, plan=_finer(plan))
-            repeat = lambda lanes, tick: job.repeat(finer, lanes, few, tick)
-            parts = spread(repeat, seconds, workers, tick)
-            repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
-            sink.add(*_errors(found, repeated))
+    job = Job(context, axes, carry, Stages.fresh())
+    about = provenance(context) | chosen(pilots) | ({} if carry is None else {"carry": carry})
+    with crew(cluster, workers) as hands:
+        sink, todo, size = _placed_in(store, job, about, lanes_per_chunk, hands.count)
+        again = _spread_over(job.lanes, error_sample)
+        if not todo and np.array_equal(sink.finished().get("error_lane", []), again):
+            again = again[:0]  # known already
+        seconds, few = _again(again, lanes_per_chunk, hands.count)
+        total = (len(todo) * job.rows + len(seconds)) * (settle + keep)
+        with bar(progress, total, f"{job.lanes} lanes") as tick:
+            hands.each(functools.partial(job.run, size=size), todo, tick, sink)
+            found = sink.finished()
+            if failed(found["status"]).all():
+                start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
+            if seconds:
+                finer = dataclasses.replace(context, plan=_finer(plan))
+                repeat = functools.partial(job.repeat, finer=finer, size=few)
+                parts = hands.each(repeat, seconds, tick)
+                repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
+                sink.add(*errors_of(found, repeated))
     return sink.finished()
-
-
-class _Job(NamedTuple):
-    """The lanes of a sweep."""
-
-    context: Context
-    axes: dict[str, np.ndarray]  # values by path; one that states are carried along is first
-    carry: str | None
-    stages: Stages
-
-    @property
-    def free(self) -> dict[str, int]:
-        """Number of values of every path that lanes are spread over."""
-        return {path: len(values) for path, values in self.axes.items() if path != self.carry}
-
-    @property
-    def lanes(self) -> int:
-        return math.prod(self.free.values())
-
-    @property
-    def rows(self) -> int:
-        """Points that a lane goes through."""
-        return 1 if self.carry is None else 2 * len(self.axes[self.carry])
-
-    @property
-    def dims(self) -> dict[str, np.ndarray]:
-        """Values by dimension of the data set."""
-        return self.axes if self.carry is None else {"branch": np.array(BRANCHES), **self.axes}
-
-    def run(self, block: Block, size: int, tick) -> xr.Dataset:
-        """A block of lanes, in a program for `size` of them."""
-        axes = {path: v[block.get(path, slice(None))] for path, v in self.axes.items()}
-        points = _points(axes)
-        if self.carry is None:
-            return _dataset(
-                self.context, axes, run_chunk(self.context, self.stages, points, size, tick)
-            )
-        count = len(axes[self.carry])
-        row = points.reshape(count, -1, len(axes)).swapaxes(0, 1)
-        there_and_back = np.concatenate([row, row[:, ::-1]], axis=1)
-        lanes = run_rows(self.context, self.stages, there_and_back, size, tick)
-        return _dataset(self.context, {**self.dims, **axes}, _by_branch(lanes, count))
-
-    def repeat(self, finer: Context, lanes: np.ndarray, size: int, tick) -> xr.Dataset:
-        """Some lanes again, by their numbers."""
-        found = run_chunk(finer, self.stages, _points(self.axes)[lanes], size, tick)
-        return _dataset(finer, {"error_lane": lanes}, found)
 
 
 # === before the run
 
 
 def _placed_in(
-    store: Any, job: _Job, about: dict[str, Any], most: int, workers: int
+    store: Any, job: Job, about: dict[str, Any], most: int, workers: int
 ) -> tuple[Gathered | Store, list[Block], int]:
     """Where results go, which blocks are still to be computed, and how large they are."""
     free = job.free
     block = dict(zip(free, block_shape(list(free.values()), most, workers), strict=True))
-    coords = _coords(job.context, job.dims)
+    coords = coords_of(job.context, job.dims)
     place = (coords, about, block)
     sink = Gathered(*place) if store is None else Store(store, *place)
     shape = [sink.block[path] for path in free]
@@ -278,11 +225,6 @@ def _carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -> di
     return {carry: over[carry], **over}
 
 
-def _points(axes: Mapping[str, np.ndarray]) -> np.ndarray:
-    """All combinations, (lanes, paths)."""
-    return np.array(list(itertools.product(*axes.values()))).reshape(-1, len(axes))
-
-
 def _spread_over(lanes: int, count: int) -> np.ndarray:
     """Numbers of some lanes, the first and the last among them."""
     return np.unique(np.linspace(0, lanes - 1, min(count, lanes)).round().astype(int))
@@ -302,9 +244,9 @@ def _chosen_steps(
     scene: Scene, start: AbstractStart, axes: Mapping[str, np.ndarray], revolutions, tolerance, run
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
-    points = _points(axes)
+    lanes = _spread_over(math.prod(map(len, axes.values())), PILOT_LANES)
     pilots, failures = [], []
-    for point in points[_spread_over(len(points), PILOT_LANES)]:
+    for point in points_of(axes, lanes):
         changed, begin = _placed(scene, start, dict(zip(axes, point, strict=True)))
         try:
             pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
@@ -382,122 +324,3 @@ def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[in
     if len(groups) == 1:
         return groups.pop()
     return tuple((i,) for group in port_groups(scene) for i in group)
-
-
-# === after the run
-
-
-def _by_branch(results: Lanes, values: int) -> Lanes:
-    """Lanes by branch, value and row, from rows that go up through the values and down again."""
-
-    def sorted_(leaf: np.ndarray) -> np.ndarray:
-        rest = leaf.shape[2:]
-        up, down = leaf[:, :values], leaf[:, : values - 1 : -1]
-        return np.stack([up, down]).swapaxes(1, 2).reshape(-1, *rest)
-
-    return jax.tree.map(sorted_, results)
-
-
-def _reported(context: Context, results: Lanes) -> dict[str, Variable]:
-    """Variables by name, lanes in front."""
-    data: dict[str, Variable] = {}
-    for one, last, out in zip(context.observe, results.carries, results.stored, strict=True):
-        data |= one.report(last, out, context.keep)
-    return data
-
-
-def _errors(
-    found: xr.Dataset, repeated: xr.Dataset
-) -> tuple[xr.Dataset, dict[str, dict[str, float]]]:
-    """What twice the steps change in the numbers of some lanes, and what of it to say beside all."""
-    lanes = repeated["error_lane"].values
-    of = lambda values: values.reshape(-1, *values.shape[found["status"].ndim :])[lanes]
-    good = ~failed(of(found["status"].values)) & ~failed(repeated["status"].values)
-    variables, about = {}, {}
-    for name, one in repeated.data_vars.items():
-        if one.dims[1:] not in ((), ("limiter",)) or name in NO_ERROR:
-            continue
-        off = np.abs(one.values - of(found[name].values))
-        off[~good] = np.nan
-        long_name = f"change of {one.attrs['long_name']} by twice the steps"
-        attrs = {"units": one.attrs["units"], "long_name": long_name}
-        variables[f"{name}_error"] = (one.dims, off, attrs)
-        known = off[np.isfinite(off)]
-        if known.size:
-            about[name] = {"error": float(known.max()), "error_median": float(np.median(known))}
-    return xr.Dataset(variables, {"error_lane": repeated["error_lane"]}), about
-
-
-def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -> xr.Dataset:
-    good = results.outcome
-    shape = tuple(len(values) for values in axes.values())
-    data = _reported(context, results)
-    coords = _coords(context, axes)
-    undefined = np.zeros(len(good.ok), bool)
-    for name in ("index", "whirl_rate"):
-        if name in data:
-            undefined |= np.isnan(data[name].values)
-    overlong = np.zeros(len(good.ok), bool)
-    if isinstance(context.plan.solver, Exponential):
-        overlong = np.asarray(good.touched) & too_long(results.bounce, context.plan.solver.order)
-    status = statuses(good, results.started, undefined, overlong)
-    variables: dict[str, Any] = {}
-    for name, one in data.items():
-        attrs = {"units": one.units, "long_name": one.long_name}
-        if one.dims == (name,):
-            coords[name] = (one.dims, one.values, attrs)
-            continue
-        values = np.asarray(one.values)
-        values = values.reshape(shape + values.shape[1:])
-        variables[name] = ((*axes, *one.dims), values, attrs)
-    if any("axis" in one.dims for one in data.values()):
-        coords["axis"] = ("axis", ["x", "y"])
-    variables["status"] = (
-        tuple(axes),
-        status.reshape(shape),
-        {
-            "long_name": "outcome of the lane",
-            "flag_values": list(range(len(STATUS))),
-            "flag_meanings": " ".join(STATUS),
-        },
-    )
-    if getattr(context.plan.solver, "located", False):
-        about = {"units": "1", "long_name": "steps whose changes of contact were not located"}
-        variables["unresolved"] = (tuple(axes), good.unresolved.reshape(shape), about)
-    return xr.Dataset(variables, coords, _provenance(context))
-
-
-def _coords(context: Context, axes: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Values of the dimensions, each with its unit."""
-    about = {"branch": {}, "error_lane": {"long_name": "lane that was run again"}}
-    units = lambda path: {"units": _unit(context, path)}
-    return {
-        dim: (dim, values, about[dim] if dim in about else units(dim))
-        for dim, values in axes.items()
-    }
-
-
-def _unit(context: Context, path: str) -> str:
-    if path.startswith("start."):
-        return quantity_units(context.start)[path.removeprefix("start.")]
-    return context.scene.unit(path)
-
-
-def _provenance(context: Context) -> dict[str, Any]:
-    plan = context.plan
-    return {
-        "title": "jaxrotor sweep over " + ", ".join(context.paths),
-        "scene": dumps(context.scene),
-        "start": eqx.tree_pformat(context.start, short_arrays=False),
-        "station": float(context.station),
-        "settle": context.settle,
-        "keep": context.keep,
-        "steps_per_revolution": plan.steps,
-        "solver": solver_name(plan.solver),
-        "observe": ", ".join(eqx.tree_pformat(one) for one in context.observe),
-        "controller": eqx.tree_pformat(plan.controller) if plan.controller else "default",
-        "max_steps": plan.max_steps,
-        "precision": str(jnp.zeros(()).dtype),
-        **assumed(context.scene),
-        "versions": versions(),
-    }

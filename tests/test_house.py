@@ -42,7 +42,8 @@ LAYERS = [
     ("reactions",),
     ("observe", "dataset"),
     ("lanes", "grid"),
-    ("store", "export"),
+    ("store", "job", "export"),
+    ("cluster",),
     ("sweep", "basins", "hysteresis", "attractors", "escapes"),
     ("methods",),
     ("measures",),
@@ -122,7 +123,7 @@ def test_extremes_are_those_of_extremes(path):
 
 
 CORE = ("scene", "system", "motion", "transient", "start", "solvers", "march", "simulate")
-CORE += ("run_up", "observe", "lanes", "grid", "store", "sweep")
+CORE += ("run_up", "observe", "lanes", "grid", "job", "store", "cluster", "sweep")
 
 
 @pytest.mark.parametrize("path", [p for p in SOURCES if module_of(p)[0] in CORE], ids=name_of)

@@ -106,6 +106,14 @@ def sweep(
         int | None,
         typer.Option(min=1, max=1024, help="Parts computed at once. [default: one a core]"),
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler whose workers compute instead, or how many processes to start here. "
+            "[needs jaxrotor\\[cluster]]",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -128,6 +136,7 @@ def sweep(
     jaxrotor sweep limiter-rotor --settle 3000 --out runs/long
     jaxrotor sweep limiter-rotor --over "unbalance.eccentricity=0:1mm:32" --over start.radius=1mm,12mm
     jaxrotor sweep limiter-rotor --over spin.speed=4000rpm:9000rpm:101 --spectrum
+    jaxrotor sweep limiter-rotor --cluster tcp://10.0.0.1:8786 --out /shared/run
     ```
     """
     rotor, table = scene_with(scene, settings), study(scene)
@@ -147,6 +156,7 @@ def sweep(
         "at": optional(at, "m", "--at"),
         "period": optional(period, "s", "--period"),
         "workers": workers,
+        "cluster": int(cluster) if cluster and cluster.isdecimal() else cluster,
         "nodes": count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,
         "error_sample": error_sample,

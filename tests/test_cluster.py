@@ -1,0 +1,212 @@
+"""Sweeps on a cluster: the data of a sweep here, whatever becomes of its workers."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import distributed
+import numpy as np
+import pytest
+import xarray as xr
+from distributed import Client, LocalCluster
+from typer.testing import CliRunner
+
+import jaxrotor as jr
+from jaxrotor import cluster as module
+from jaxrotor.cli import app
+from jaxrotor.store import PENDING, Store
+
+
+ROTOR = jr.load("limiter-rotor")
+OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 24), "start.angle": [0.0, 1.0, 2.0]}
+HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
+HOW |= {"lanes_per_chunk": 3}
+
+
+def swept(**options):
+    return jr.sweep(ROTOR, OVER, **{**HOW, **options})
+
+
+def files(store):
+    return {p.relative_to(store): p.read_bytes() for p in Path(store).rglob("*") if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def dask():
+    """Two worker processes, and a client of theirs."""
+    how = {"threads_per_worker": 1, "dashboard_address": ":0"}
+    with LocalCluster(n_workers=2, **how) as here, Client(here, set_as_default=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The store of the same sweep by threads of this process."""
+    path = tmp_path_factory.mktemp("alone") / "a.zarr"
+    swept(workers=2, store=path)
+    return path
+
+
+def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
+    """Byte for byte, and written by the workers: this process puts nothing."""
+    monkeypatch.setattr(Store, "put", lambda *_: pytest.fail("put by the client"))
+    monkeypatch.chdir(tmp_path)
+    found = swept(cluster=dask, store="a.zarr")
+    assert files("a.zarr") == files(alone) and os.listdir() == ["a.zarr"]
+    assert not (found["status"] == PENDING).any()
+
+
+def test_without_a_store_the_data_come_here(dask):
+    """Also to a client that has the address alone, and with errors by a second pass."""
+    found = swept(cluster=dask.scheduler.address, error_sample=2)
+    xr.testing.assert_identical(found, swept(workers=2, error_sample=2))
+
+
+def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp_path, monkeypatch):
+    @contextlib.contextmanager
+    def unseen(sink):
+        yield sink and (sink, tmp_path / "elsewhere")
+
+    monkeypatch.setattr(module, "_seen", unseen)
+    swept(cluster=dask, store=tmp_path / "a.zarr")
+    assert files(tmp_path / "a.zarr") == files(alone)
+
+
+def test_carried_states(dask, tmp_path):
+    over = {"unbalance.eccentricity": [1e-4, 5e-4], "start.angle": np.arange(6.0)}
+    for name, where in (("a.zarr", {"cluster": dask}), ("b.zarr", {"workers": 2})):
+        store = tmp_path / name
+        jr.sweep(ROTOR, over, carry="unbalance.eccentricity", **HOW, **where, store=store)
+    assert files(tmp_path / "a.zarr") == files(tmp_path / "b.zarr")
+
+
+def test_what_is_installed_must_be_the_same(dask, monkeypatch):
+    monkeypatch.setattr(module, "_installed", lambda: "jaxrotor 0.0")
+    with pytest.raises(
+        RuntimeError, match="has jaxrotor .*, but this process jaxrotor 0.0; install"
+    ):
+        swept(cluster=dask)
+
+
+def test_processes_of_this_machine(alone):
+    """Started for a sweep, and gone after it."""
+    before = set(multiprocessing.active_children())
+    xr.testing.assert_identical(swept(cluster=1), xr.open_zarr(alone, chunks=None).load())
+    assert not set(multiprocessing.active_children()) - before
+
+
+def test_command(dask, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["sweep", "limiter-rotor", "--over", "unbalance.eccentricity=0:1e-3:6"]
+    command += ["--settle", "2", "--keep", "2", "--steps", "32"]
+    result = CliRunner().invoke(app, [*command, "--cluster", dask.scheduler.address, "--out", "a"])
+    assert result.exit_code == 0, result.stderr
+    assert sorted(os.listdir("a")) == ["bifurcation.png", "sweep.zarr"]
+    assert (xr.open_zarr("a/sweep.zarr", chunks=None)["status"] == 0).all()
+    text = CliRunner().invoke(app, [*command, "--cluster", "1", "--workers", "1"]).stderr
+    assert "leave them out" in text
+
+
+# === refusals
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://127.0.0.1:9", ""])
+def test_no_scheduler(address, monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 0.5)
+    with pytest.raises(ValueError, match="No Dask scheduler answers at .* give the address that"):
+        swept(cluster=address)
+
+
+def test_no_dask(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match=r"pip install 'jaxrotor\[cluster\]'"):
+        swept(cluster=2)
+
+
+def test_either_threads_or_a_cluster():
+    with pytest.raises(ValueError, match="with a `cluster` leave them out"):
+        swept(cluster=2, workers=2)
+    with pytest.raises(ValueError, match="`cluster` must be"):
+        swept(cluster=0)
+
+
+def test_a_script_without_a_guard(monkeypatch):
+    """Worker processes import the script, which starts workers, which Python refuses."""
+
+    def failing(**_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", failing)
+    with pytest.raises(RuntimeError, match="below `if __name__ == '__main__':`"):
+        swept(cluster=2)
+
+
+def test_dask_is_imported_when_it_is_asked_for():
+    code = "import sys, jaxrotor, jaxrotor.cli; print({'dask', 'distributed'} & set(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "set()\n"
+
+
+def test_two_processes_begin_one_store(tmp_path, alone):
+    part = xr.open_zarr(alone, chunks=None).load()
+    place = ({"start.angle": ("start.angle", part["start.angle"].values, {})}, {"a": 1})
+    one, other = (Store(tmp_path / "a.zarr", *place, {"start.angle": 1}) for _ in range(2))
+    one._begin(part[["status"]])
+    seen = files(tmp_path / "a.zarr")
+    other._begin(part[["status"]])
+    assert files(tmp_path / "a.zarr") == seen and os.listdir(tmp_path) == ["a.zarr"]
+
+
+# === losses
+
+
+def test_a_worker_is_killed(dask, alone, tmp_path):
+    """`kill -9` of one of two workers amid its chunks: others do them, every byte is the same."""
+    store = tmp_path / "a.zarr"
+    before = dask.run(os.getpid)
+    run = threading.Thread(target=swept, kwargs={"cluster": dask, "store": store})
+    run.start()
+    while run.is_alive() and not list(store.glob("status/[0-9]*")):
+        time.sleep(0.01)
+    while (xr.open_zarr(store, chunks=None)["status"] == PENDING).all():
+        time.sleep(0.01)
+    assert run.is_alive()
+    os.kill(before.popitem()[1], signal.SIGKILL)
+    run.join(200)
+    assert not run.is_alive() and files(store) == files(alone)
+    dask.wait_for_workers(2, timeout=60)
+
+
+def test_a_chunk_that_kills_every_worker(dask):
+    scheduler = dask.cluster.scheduler
+    scheduler.allowed_failures, allowed = 1, scheduler.allowed_failures
+    try:
+        with pytest.raises(RuntimeError, match="2 worker processes died over the same chunk"):
+            module.Workers(dask).each(deadly, [0], lambda _: None)
+    finally:
+        scheduler.allowed_failures = allowed
+        dask.wait_for_workers(2, timeout=60)
+
+
+def deadly(chunk, tick):
+    os._exit(1)
+
+
+def test_a_cluster_that_goes():
+    with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as here:
+        client = Client(here, set_as_default=False)
+        leave = threading.Timer(0.5, client.close)
+        leave.start()
+        with pytest.raises(RuntimeError, match="The cluster has gone"):
+            module.Workers(client).each(slow, [0], lambda _: None)
+        leave.join()
+
+
+def slow(chunk, tick):
+    time.sleep(2)
