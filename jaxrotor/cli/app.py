@@ -4,7 +4,7 @@ import functools
 import importlib
 import importlib.metadata
 import os
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from platformdirs import user_cache_dir
@@ -127,18 +127,20 @@ def loaded(name: str) -> Any:
     return typer.main.get_command(one)
 
 
-def _version(asked: bool) -> None:
+def _version(asked: bool) -> bool:
     if asked:
         typer.echo(f"jaxrotor {importlib.metadata.version('jaxrotor')}")
         raise typer.Exit
+    return asked
 
 
 @app.callback()
 def options(
-    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
-    version: bool = typer.Option(
-        False, "--version", help="Print the version.", callback=_version, is_eager=True
-    ),
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_version, is_eager=True),
+    ] = False,
 ) -> None:
     """Rotor dynamics: roots, Campbell diagram, stability, response and bifurcation of a scene.
 
