@@ -23,6 +23,11 @@ _UNIT = re.compile(  # names, one-digit powers, 1 * / ( ): nothing pint could co
 class SceneError(ValueError):
     """A scene file that cannot be used; its one sentence names the file, the key and what to do."""
 
+    def __init__(self, sentence: str):
+        """Characters of a file that do not print, such as those that colour a terminal, are named."""
+        shown = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in sentence)
+        super().__init__("".join(shown))
+
 
 def quantity(value: Any, unit: str, path: str) -> float:
     """A number in `unit`, from a number or a text with a unit; `path` is for error messages."""
