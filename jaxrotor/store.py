@@ -4,16 +4,18 @@ A folder in Zarr format, which `xarray.open_zarr` reads at any time. A block is 
 variable, each put in place whole, its `status` last: until then that is `not_computed`.
 """
 
+import functools
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 import zarr
+import zarr.storage
 
 from .grid import Block, whole_of
 from .outcome import STATUS
@@ -25,6 +27,28 @@ SHOWN = 60  # characters of a value in a refusal
 
 class OtherSweepError(ValueError):
     """A folder holds another sweep, or values for others."""
+
+
+class StoreError(RuntimeError):
+    """A store that can no longer be written; its one sentence says why, and what is kept."""
+
+
+def _plainly(write: Callable[..., None]) -> Callable[..., None]:
+    """`write`, a method of a `Store`, saying in one sentence why it could not."""
+
+    @functools.wraps(write)
+    def run(self: "Store", *args: Any) -> None:
+        try:
+            write(self, *args)
+        except OSError as error:
+            kept = self.path.exists()
+            then = "done blocks are kept in it, and the same sweep goes on from there"
+            raise StoreError(
+                f"{self.path} cannot be written ({error.strerror or error}); "
+                f"{then if kept else 'choose another place'}."
+            ) from error
+
+    return run
 
 
 class Store:
@@ -57,6 +81,7 @@ class Store:
         status = self._open()["status"].load()
         return [block for block in blocks if (status.isel(block) == PENDING).any()]
 
+    @_plainly
     def put(self, block: Block, part: xr.Dataset) -> None:
         """Write a block; its status when all the rest is there."""
         if not self.path.exists():
@@ -74,13 +99,14 @@ class Store:
         """All of it, read where it is looked at."""
         return self._open()
 
+    @_plainly
     def add(self, more: xr.Dataset, attrs: Mapping[str, Mapping[str, Any]]) -> None:
         """Variables found from all blocks, and attributes of those there are."""
         group = self._group()
         for name, about in attrs.items():
             group[name].attrs.update(about)
-        for name in set(more.variables) & set(group):
-            del group[name]
+        for name in more.variables:  # also what is left of it by a try that failed
+            shutil.rmtree(self.path / str(name), ignore_errors=True)
         more.assign_attrs(self.attrs).to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
         zarr.consolidate_metadata(self.path, zarr_format=2)
 
@@ -107,19 +133,24 @@ class Store:
             str(name): {"chunks": tuple(chunks[str(dim)] for dim in one.dims)}
             for name, one in seed.data_vars.items()
         } | {dim: {"chunks": (sizes[dim],)} for dim in self.block}
+        files: dict[str, Any] = {}  # one after the other onto the disk: none comes after an error
+        memory = zarr.storage.MemoryStore(files)
+        seed.to_zarr(memory, zarr_format=2, consolidated=False, encoding=encoding)
+        group: Any = zarr.open_group(memory, mode="r+", use_consolidated=False)
+        for name, one in seed.variables.items():
+            group[str(name)].resize([sizes.get(str(dim), n) for dim, n in one.sizes.items()])
+        for dim in self.block:
+            group[dim][:] = self.coords[dim][1]
+        group["status"][:] = PENDING
+        zarr.consolidate_metadata(memory, zarr_format=2)
         parent = self.path.absolute().parent
         parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=".begun-", dir=parent))
         try:
             inside = draft / self.path.name
-            seed.to_zarr(inside, zarr_format=2, consolidated=False, encoding=encoding)
-            group: Any = zarr.open_group(inside, mode="r+", use_consolidated=False)
-            for name, one in seed.variables.items():
-                group[str(name)].resize([sizes.get(str(dim), n) for dim, n in one.sizes.items()])
-            for dim in self.block:
-                group[dim][:] = self.coords[dim][1]
-            group["status"][:] = PENDING
-            zarr.consolidate_metadata(inside, zarr_format=2)
+            for name, content in files.items():
+                (inside / name).parent.mkdir(parents=True, exist_ok=True)
+                (inside / name).write_bytes(content.to_bytes())
             try:
                 inside.rename(self.path)
             except OSError:

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 _HINTS = {"rad/s": " (write rpm or rad/s)", "rad": " (write deg or rad)"}
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
 _ENDLESS = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
+_HALF = 1500  # characters of a sentence, from either end
 _UNIT = re.compile(  # names, one-digit powers, 1 * / ( ): nothing pint could compute on for long
     r"(?:[\s*/·()°%]|1(?!\w)|[^\W\d]\w*+(?:\s*(?:\^|\*\*)\s*-?\d(?!\d))?)*+"
 )
@@ -22,6 +23,12 @@ _UNIT = re.compile(  # names, one-digit powers, 1 * / ( ): nothing pint could co
 
 class SceneError(ValueError):
     """A scene file that cannot be used; its one sentence names the file, the key and what to do."""
+
+    def __init__(self, sentence: str):
+        """What does not print, such as what colours a terminal, is named; what is endless, cut."""
+        shown = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in sentence)
+        text = "".join(shown)
+        super().__init__(f"{text[:_HALF]} .. {text[-_HALF:]}" if len(text) > 2 * _HALF else text)
 
 
 def quantity(value: Any, unit: str, path: str) -> float:

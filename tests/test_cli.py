@@ -919,6 +919,19 @@ def test_all_that_a_new_scene_prepares_is_valid(place):
     assert len(scene.of(jr.Disc)) == 2 and len(scene.of(jr.Limiter)) == 4
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX limits")
+def test_new_leaves_no_half_of_a_scene(place):
+    resource = importlib.import_module("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        sentence = refused("new", "mine.toml")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert sentence == "mine.toml cannot be written (File too large); choose another."
+    assert everything_below(place) == []
+
+
 def test_new_scene_like_another(place):
     call("new", "mine.toml", "--like", "limiter-rotor")
     assert jr.load("mine.toml").get("limiters.gap")[0] == 7.5e-3

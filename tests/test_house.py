@@ -4,8 +4,11 @@ import ast
 import dataclasses
 import importlib
 import inspect
+import os
 import pkgutil
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import equinox as eqx
@@ -15,6 +18,7 @@ from systems import EFFECTS, HARMONIC, ROLLING, STRENGTHS
 import jaxrotor
 import jaxrotor.plot
 from jaxrotor import effects
+from jaxrotor.cli.app import COMMANDS, loaded
 from jaxrotor.effects import AbstractEffect
 from jaxrotor.quantities import unit_of
 
@@ -233,6 +237,58 @@ def test_everything_public_is_in_the_reference():
     pages = (PACKAGE.parent / "docs" / "api").glob("*.md")
     told = {line.rpartition(".")[2] for page in pages for line in page.read_text().split("\n")}
     for module in (jaxrotor, jaxrotor.plot):
-        for name, value in vars(module).items():
+        for name in dir(module):
+            value = getattr(module, name)
             if not name.startswith("_") and (isinstance(value, type) or inspect.isfunction(value)):
                 assert name in told, f"Give {module.__name__}.{name} its line in docs/api."
+
+
+# === loading
+
+
+HEAVY = ("jax", "scipy", "diffrax", "xarray", "dask", "pint", "zarr", "matplotlib", "contourpy")
+
+
+@pytest.mark.parametrize("done", ["", "; dir(jaxrotor)", "; from jaxrotor.cli import app"])
+def test_nothing_is_loaded_before_it_is_asked_for(done):
+    said = f"import sys, jaxrotor{done}; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", said], capture_output=True, check=True, text=True
+    )
+    assert not set(HEAVY) & set(loaded.stdout.split())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--version"], ["--help"], ["nonsense"]],
+)
+def test_program_answers_before_anything_is_loaded(words):
+    run = [sys.executable, "-X", "importtime", "-m", "jaxrotor", *words]
+    err = subprocess.run(run, capture_output=True, text=True).stderr
+    loaded = {line.rpartition("|")[2].strip() for line in err.splitlines()}
+    assert "typer" in loaded and not set(HEAVY) & loaded
+
+
+def test_names_are_of_functions_whatever_is_loaded_first():
+    """`jaxrotor.sweep` is a module, and `jr.sweep` the function, also once the module is loaded."""
+    said = "import jaxrotor.sweep, jaxrotor.basins, jaxrotor as jr; assert callable(jr.sweep); "
+    said += "from jaxrotor import basins, plot; assert callable(basins); assert plot is jr.plot; "
+    said += "import jax.numpy as jnp; assert jnp.ones(1).dtype == 'float64'; "
+    said += "assert {'sweep', 'plot', 'Disc'} <= set(dir(jr)) and 'lazy_loader' not in dir(jr)"
+    subprocess.run([sys.executable, "-c", said], check=True)
+
+
+@pytest.mark.parametrize("first", ["jax", "jaxrotor"])
+@pytest.mark.parametrize(
+    ("chosen", "wide"), [({}, "float64"), ({"JAX_ENABLE_X64": "0"}, "float32")]
+)
+def test_double_precision_is_the_default(monkeypatch, first, chosen, wide):
+    monkeypatch.delenv("JAX_ENABLE_X64", raising=False)
+    said = f"import {first}, jaxrotor, jax; assert jax.numpy.ones(1).dtype == '{wide}'"
+    subprocess.run([sys.executable, "-c", said], check=True, env=os.environ | chosen)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_help_lists_is_what_the_command_says(name):
+    said = inspect.cleandoc(loaded(name).callback.__doc__).partition("\n\n")[0]
+    assert " ".join(said.split()) == COMMANDS[name][1]

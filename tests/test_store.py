@@ -1,11 +1,15 @@
 """Stores: what was computed is kept whatever happens, and ends the same."""
 
+import errno
+import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +18,7 @@ import xarray as xr
 import jaxrotor as jr
 from jaxrotor.grid import block_shape, blocks
 from jaxrotor.outcome import STATUS
-from jaxrotor.store import PENDING, Store
+from jaxrotor.store import PENDING, Store, StoreError
 
 
 ROTOR = jr.load("limiter-rotor")
@@ -174,3 +178,152 @@ def test_killed_at_random_moments(tmp_path):
         if path.is_file():
             twin = tmp_path / "killed.zarr" / path.relative_to(tmp_path / "whole.zarr")
             assert twin.read_bytes() == path.read_bytes(), path
+
+
+# === a disk that is full, or may not be written
+
+
+NAMES = ["index", "section", "status"]
+
+
+def files_of(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def written_in_blocks(path, whole):
+    """What a sweep does to its store, from data that are known."""
+    coords = {dim: (dim, whole[dim].values, whole[dim].attrs) for dim in OVER}
+    store = Store(path, coords, whole.attrs, {"unbalance.eccentricity": 2, "start.angle": 3})
+    for block in store.pending(blocks({dim: whole.sizes[dim] for dim in OVER}, (2, 3))):
+        store.put(block, whole[NAMES].isel(block))
+    about = {"index": {"error": whole["index"].attrs["error"]}}
+    store.add(whole[["index_error", "error_lane"]], about)
+
+
+def test_disk_that_is_full_at_any_file(tmp_path, gathered, monkeypatch):
+    """Whichever file no longer finds room: a store is whole or absent, done blocks are right, and the
+    next call ends with the bytes of one that always had room."""
+    opened, room = Path.open, [math.inf]
+
+    def open_(self, mode="r", *args, **options):
+        if "w" in mode:
+            if room[0] <= 0:
+                with opened(self, mode, *args, **options) as file:
+                    file.write(b"half"[: 4 - len(mode)])
+                raise OSError(errno.ENOSPC, "No space left on device")
+            room[0] -= 1
+        return opened(self, mode, *args, **options)
+
+    monkeypatch.setattr(Path, "open", open_)
+    room[0] = 1000
+    written_in_blocks(tmp_path / "whole.zarr", gathered)
+    whole, count = files_of(tmp_path / "whole.zarr"), 1000 - room[0]
+    assert count > 20
+    reached = set()
+    for files in range(count):
+        path, room[0] = tmp_path / f"{files}.zarr", files
+        with pytest.raises(StoreError) as said:
+            written_in_blocks(path, gathered)
+        kept = "done blocks are kept in it, and the same sweep goes on from there"
+        then = kept if path.exists() else "choose another place"
+        assert str(said.value) == f"{path} cannot be written (No space left on device); {then}."
+        assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+            ["whole.zarr"] + [path.name] * path.exists()
+        )
+        done = 0
+        if path.exists():
+            found = xr.open_zarr(path, chunks=None).load()
+            there = found["status"] != PENDING
+            xr.testing.assert_equal(found["index"].where(there), gathered["index"].where(there))
+            done = int(there.sum())
+        reached.add(done)
+        room[0] = math.inf
+        written_in_blocks(path, gathered)
+        assert files_of(path) == whole
+        shutil.rmtree(path)
+    assert reached == {0, 6, 12}
+
+
+@pytest.mark.parametrize("place", ["a/b.zarr", "/proc/jaxrotor/b.zarr"])
+def test_place_where_nothing_can_be(tmp_path, monkeypatch, place):
+    monkeypatch.chdir(tmp_path)
+    Path("a").write_text("mine")
+    if place.startswith("/proc") and not Path("/proc/self").exists():
+        pytest.skip("there is no /proc")
+    with pytest.raises(StoreError, match=r"^\S+ cannot be written \(.+\); choose another place.$"):
+        swept(store=place)
+    assert Path("a").read_text() == "mine" and os.listdir() == ["a"]
+
+
+ON_A_SMALL_DISK = """
+import json, os, subprocess, sys
+import numpy as np, xarray as xr
+from typer.testing import CliRunner
+import jaxrotor as jr
+from jaxrotor.cli import app
+from jaxrotor.store import StoreError
+
+over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 4), "start.angle": [0.0, 1.0, 2.0]}
+how = dict(settle=3, keep=2, steps_per_revolution=32, lanes_per_chunk=3, workers=1, error_sample=2)
+command = ["sweep", "limiter-rotor", "--over", "start.angle=0:3:4", "--settle", "0", "--keep", "2",
+           "--steps", "16", "--start-radius", "1mm", "--workers", "1", "--out"]
+opened = lambda path: xr.open_zarr(path, chunks=None).load()
+said = []
+
+def swept(store):
+    return jr.sweep(jr.load("limiter-rotor"), over, start=jr.Whirl(7e-3, 75.0), **how, store=store)
+
+def remounted(how):
+    subprocess.run(["mount", "-o", "remount," + how, "disk"], check=True)
+
+def refused():
+    try:
+        swept("disk/a.zarr")
+    except StoreError as error:
+        said.append(str(error))
+
+def called(out="disk/run"):
+    done = CliRunner().invoke(app, [*command, out])
+    assert not done.stdout or done.exit_code == 0
+    said.append([done.exit_code, done.stderr])
+
+refused()
+remounted("size=4m,ro")
+refused(), called()
+remounted("size=480k,rw")  # about as much as the command takes, less its picture
+called()
+assert os.listdir("disk/run") == ["sweep-partial.zarr"]
+remounted("size=4m")
+swept("disk/a.zarr")
+called()
+called("run")
+xr.testing.assert_identical(opened("disk/run/sweep.zarr"), opened("run/sweep.zarr"))
+print(json.dumps(said))
+"""
+
+
+def test_small_disk(tmp_path, gathered):
+    """On a file system of its own, that is full, then read-only, and then has room."""
+    (tmp_path / "disk").mkdir()
+    mount = ["unshare", "-rm", "sh", "-c", 'mount -t tmpfs -o size=300k tmpfs disk && "$@"', "-"]
+    try:
+        subprocess.run([*mount, "true"], cwd=tmp_path, capture_output=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("A file system of one's own may not be mounted here.")
+    copied = '"$@" && cp -r disk/a.zarr .'
+    run = [sys.executable, "-c", ON_A_SMALL_DISK]
+    command = [*mount[:4], mount[4].replace('"$@"', copied), "-", *run]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    kept = "; done blocks are kept in it, and the same sweep goes on from there."
+    full, read_only = "(No space left on device)", "(Read-only file system)"
+    another = "; choose another --out.\n"
+    assert json.loads(done.stdout) == [
+        f"disk/a.zarr cannot be written {full}{kept}",
+        f"disk/a.zarr cannot be written {read_only}{kept}",
+        [2, f"disk/run cannot be written {read_only}{another}"],
+        [2, f"disk/run/sweep-partial.zarr cannot be written {full}{kept}\n"],
+        [0, ""],
+        [0, ""],
+    ]
+    xr.testing.assert_identical(xr.open_zarr(tmp_path / "a.zarr", chunks=None).load(), gathered)

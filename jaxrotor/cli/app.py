@@ -1,34 +1,92 @@
 """App: the commands together, and what happens when one cannot go on."""
 
+import functools
+import importlib
+import importlib.metadata
 import os
-from typing import Any
+from typing import Annotated, Any
 
-import jax
 import typer
 from platformdirs import user_cache_dir
 from typer.core import TyperGroup
 
-from .accuracy import accuracy
-from .balance import balance
-from .campbell import campbell, critical
-from .export import export
-from .linear import onset, roots
-from .new import new
-from .reactions import reactions
-from .report import report
-from .response import response
-from .run_up import run_up
-from .scenes import scenes, show
-from .simulate import simulate
-from .stability import stability
-from .sweep import sweep
 
-
+# Module of every command, and what `jaxrotor --help` says of it: what a command needs takes seconds
+# to load, so that is done for the one that runs.
+COMMANDS = {
+    "scenes": ("scenes", "List the scenes that come with jaxrotor."),
+    "show": (
+        "scenes",
+        "Show the parameters of a scene, its whirl frequencies, and where it loses stability.",
+    ),
+    "new": (
+        "new",
+        "Write a commented scene file to begin with: a disc on a shaft in two bearings, ready to run.",
+    ),
+    "roots": (
+        "linear",
+        "Complex roots: whirl frequencies, damping, direction and stability, without contact.",
+    ),
+    "onset": (
+        "linear",
+        "Lowest speed at which the straight rotor loses stability, and how it whirls there.",
+    ),
+    "campbell": (
+        "campbell",
+        "Campbell diagram: whirl frequencies and growth rates against speed, without contact.",
+    ),
+    "critical": (
+        "campbell",
+        "Critical speeds: where the spin meets a forward or a backward whirl, undamped.",
+    ),
+    "stability": (
+        "stability",
+        "Boundaries of stability along one parameter, or a stability map over two, without contact.",
+    ),
+    "response": (
+        "response",
+        "Steady response to unbalance: its peaks, and what it is at every critical speed.",
+    ),
+    "balance": (
+        "balance",
+        "Balance a rotor as a rigid body: what to add in two planes, and the grade G before and after.",
+    ),
+    "simulate": (
+        "simulate",
+        "Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.",
+    ),
+    "run-up": (
+        "run_up",
+        "Run through a change of speed, whatever the spin: peak, speeds, contact and balls.",
+    ),
+    "reactions": (
+        "reactions",
+        "Reactions of bearings and stops: at rest, and above that at first, at last and at most.",
+    ),
+    "sweep": (
+        "sweep",
+        "Sweep a scene over parameters: many long motions, their data and bifurcation diagram.",
+    ),
+    "accuracy": (
+        "accuracy",
+        "Accuracy against cost: error to a converged reference, compile time, run time and memory.",
+    ),
+    "export": ("export", "Write the data of a run as a table (CSV, Parquet) or as NetCDF."),
+    "report": (
+        "report",
+        "Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.",
+    ),
+}
 UsageError: Any = typer.BadParameter.__base__  # of the click that typer brings
 
 
 class OneSentence(TyperGroup):
     """Bad input, a failed run or Ctrl-C end in one sentence on stderr, not in a traceback."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command itself, in place of what is listed."""
+        name, listed, rest = super().resolve_command(ctx, args)
+        return name, loaded(name) if name else listed, rest
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -61,17 +119,33 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (
-    scenes, show, new, roots, onset, campbell, critical, stability, response, balance, simulate, run_up,
-    reactions, sweep, accuracy, export, report,
-)  # fmt: skip
-for _command in _COMMANDS:
-    app.command()(_command)
+for _name, (_, _summary) in COMMANDS.items():
+    app.command(_name, help=_summary)(lambda: None)
+
+
+@functools.cache
+def loaded(name: str) -> Any:
+    """A command, with all that it needs."""
+    module = importlib.import_module(f".{COMMANDS[name][0]}", __package__)
+    one = typer.Typer(rich_markup_mode="markdown", add_completion=False)
+    one.command(name)(getattr(module, name.replace("-", "_")))
+    return typer.main.get_command(one)
+
+
+def _version(asked: bool) -> bool:
+    if asked:
+        typer.echo(f"jaxrotor {importlib.metadata.version('jaxrotor')}")
+        raise typer.Exit
+    return asked
 
 
 @app.callback()
 def options(
-    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_version, is_eager=True),
+    ] = False,
 ) -> None:
     """Rotor dynamics: roots, Campbell diagram, stability, response and bifurcation of a scene.
 
@@ -104,6 +178,6 @@ def options(
 def main() -> None:
     """Entry point of the program; what it compiles is kept for the next time."""
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        jax.config.update("jax_compilation_cache_dir", user_cache_dir("jaxrotor"))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = user_cache_dir("jaxrotor")
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
     app(prog_name="jaxrotor")

@@ -1,5 +1,6 @@
 """Command `new`: a scene file to begin with."""
 
+import contextlib
 import importlib.resources
 from pathlib import Path
 from typing import Annotated
@@ -60,6 +61,8 @@ def new(
     except FileExistsError:
         raise ValueError(f"{path} exists already; choose another name, or delete it.") from None
     except OSError as error:
+        with contextlib.suppress(OSError):  # half a file, if any
+            path.unlink()
         raise ValueError(f"{path} cannot be written ({error.strerror}); choose another.") from None
     for note in notes:
         typer.echo(f"{note}.")

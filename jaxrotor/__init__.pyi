@@ -1,0 +1,160 @@
+"""All that `jaxrotor` has, loaded when it is first asked for."""
+
+from . import (
+    analysis as analysis,
+    design as design,
+    effects as effects,
+    files as files,
+    measures as measures,
+    methods as methods,
+    observe as observe,
+    orbits as orbits,
+    plot as plot,
+    shafts as shafts,
+    solvers as solvers,
+)
+from .accuracy import accuracy as accuracy
+from .analysis import (
+    AxisSpeeds as AxisSpeeds,
+    Boundary as Boundary,
+    Campbell as Campbell,
+    CriticalSpeeds as CriticalSpeeds,
+    FirstMoments as FirstMoments,
+    Grade as Grade,
+    HarmonicForce as HarmonicForce,
+    HarmonicResponse as HarmonicResponse,
+    MassProperties as MassProperties,
+    Modes as Modes,
+    Onset as Onset,
+    Perturbation as Perturbation,
+    Reduction as Reduction,
+    Settled as Settled,
+    StabilityMap as StabilityMap,
+    WeightResponse as WeightResponse,
+    allocated_unbalance as allocated_unbalance,
+    axis_speeds as axis_speeds,
+    balance_grade as balance_grade,
+    balancer as balancer,
+    bearing_grade as bearing_grade,
+    bearing_stations as bearing_stations,
+    campbell as campbell,
+    centre_of_mass as centre_of_mass,
+    chosen_nodes as chosen_nodes,
+    correction_masses as correction_masses,
+    critical_speeds as critical_speeds,
+    first_moments as first_moments,
+    floquet_multipliers as floquet_multipliers,
+    forced_response as forced_response,
+    growth_rate as growth_rate,
+    inertia_from_frequency as inertia_from_frequency,
+    influence_coefficients as influence_coefficients,
+    mass_properties as mass_properties,
+    modes as modes,
+    onset_speed as onset_speed,
+    permissible_unbalance as permissible_unbalance,
+    perturbed_roots as perturbed_roots,
+    reduction as reduction,
+    rigid_correction as rigid_correction,
+    rigid_residual as rigid_residual,
+    roots as roots,
+    settled as settled,
+    stability_boundary as stability_boundary,
+    stability_crossings as stability_crossings,
+    stability_map as stability_map,
+    state_space as state_space,
+    steady_state as steady_state,
+    total_mass as total_mass,
+    unbalance_response as unbalance_response,
+    weight_response as weight_response,
+)
+from .attractors import attractors as attractors
+from .basins import basins as basins
+from .dataset import dataset as dataset
+from .design import (
+    History as History,
+    Tuned as Tuned,
+    Uncertainty as Uncertainty,
+    objectives as objectives,
+    tune as tune,
+    uncertainty as uncertainty,
+)
+from .effects import (
+    BallBalancer as BallBalancer,
+    BallContact as BallContact,
+    CubicSpring as CubicSpring,
+    Disc as Disc,
+    DiscDamping as DiscDamping,
+    ExternalDamping as ExternalDamping,
+    Gravity as Gravity,
+    HystereticDamping as HystereticDamping,
+    InternalDamping as InternalDamping,
+    Limiter as Limiter,
+    Support as Support,
+    Unbalance as Unbalance,
+)
+from .escapes import escapes as escapes
+from .export import export as export, table as table
+from .files import (
+    load as load,
+    loads as loads,
+    save as save,
+    shipped as shipped,
+    study as study,
+    title as title,
+)
+from .hysteresis import hysteresis as hysteresis
+from .materials import Material as Material, steel as steel
+from .orbits import (
+    Branch as Branch,
+    BranchPoint as BranchPoint,
+    HarmonicOrbit as HarmonicOrbit,
+    Lyapunov as Lyapunov,
+    OrbitError as OrbitError,
+    PeriodicOrbit as PeriodicOrbit,
+    continue_ as continue_,
+    harmonic_balance as harmonic_balance,
+    lyapunov as lyapunov,
+    periodic as periodic,
+)
+from .pilot import Pilot as Pilot
+from .reactions import Reactions as Reactions, reactions as reactions
+from .report import report as report
+from .riccati import (
+    blow_up_time as blow_up_time,
+    relaxation_rate as relaxation_rate,
+    riccati as riccati,
+    steady_speed as steady_speed,
+    stop_time as stop_time,
+)
+from .ross import from_ross as from_ross
+from .run_up import (
+    Balls as Balls,
+    Launch as Launch,
+    RunUp as RunUp,
+    run_up as run_up,
+)
+from .scene import Scene as Scene
+from .shafts import (
+    Constraint as Constraint,
+    FlexibleShaft as FlexibleShaft,
+    MasslessShaft as MasslessShaft,
+    RigidShaft as RigidShaft,
+    Step as Step,
+)
+from .simulate import (
+    Response as Response,
+    chosen_steps as chosen_steps,
+    simulate as simulate,
+)
+from .solvers import Exponential as Exponential
+from .spin import (
+    ConstantSpeed as ConstantSpeed,
+    Drive as Drive,
+    SpeedProfile as SpeedProfile,
+    Turning as Turning,
+)
+from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl
+from .sweep import sweep as sweep
+from .system import System as System, assemble as assemble
+from .units import SceneError as SceneError
+from .variants import Variant as Variant, variants as variants
