@@ -9,9 +9,11 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 from matplotlib.backend_bases import KeyEvent, MouseEvent  # noqa: E402
+from typer.testing import CliRunner  # noqa: E402
 
 import jaxrotor as jr  # noqa: E402
 from jaxrotor import plot  # noqa: E402
+from jaxrotor.cli import app  # noqa: E402
 
 
 ROTOR = jr.load("limiter-rotor").with_nodes(4)
@@ -109,3 +111,21 @@ def test_refusals(swept):
             plot.explore(swept.assign_attrs(about))
     with pytest.raises(ValueError, match="carry"):
         plot.explore(swept.expand_dims(branch=["up", "down"]))
+
+
+def test_command(swept, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    swept.to_zarr("sweep.zarr", zarr_format=2)
+    asked = lambda *more: CliRunner().invoke(app, ["explore", ".", *more])
+    assert asked("--at", "0.4", "--out", "half.png").exit_code == 0
+    assert np.ptp(plt.imread("half.png")) > 0.5
+    for more, words in (
+        ((), "No window can be opened here"),  # tests draw without one
+        (("--out", "half.png"), "exists already"),
+        (("--out", "half.xyz"), "is not supported"),
+        (("--at", "nan"), "must be a number on the axis"),
+    ):
+        result = asked(*more, *(["--out", "other.png"] if "--at" in more else []))
+        assert result.exit_code == 2 and words in result.output.replace("\n", " ")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["half.png", "sweep.zarr"]
+    plt.close("all")

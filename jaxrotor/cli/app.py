@@ -71,6 +71,10 @@ COMMANDS = {
         "accuracy",
         "Accuracy against cost: error to a converged reference, compile time, run time and memory.",
     ),
+    "explore": (
+        "explore",
+        "Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.",
+    ),
     "export": ("export", "Write the data of a run as a table (CSV, Parquet) or as NetCDF."),
     "report": (
         "report",

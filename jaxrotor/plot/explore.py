@@ -89,6 +89,20 @@ class Explorer:
         off = np.where(np.isfinite(drawn), np.abs(drawn - y), np.inf).min(axis=1)
         return int(lanes[np.argmin(off)])
 
+    def check_window(self) -> None:
+        """Refuse where matplotlib has no windows."""
+        canvas: Any = self.figure.canvas
+        if canvas.required_interactive_framework is None:
+            raise ValueError(
+                f"No window can be opened here (matplotlib draws by {plt.get_backend()}); write a picture "
+                "by --out FILE, or install what opens windows, as by pip install PyQt6."
+            )
+
+    def wait(self) -> None:
+        """Open the window and wait until it is closed."""
+        self.check_window()
+        plt.show()
+
     @property
     def _starts(self) -> int:
         """Lanes at each value of the diagram."""

@@ -1,0 +1,53 @@
+"""Command `explore`: a window on a sweep."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from .export import Store, opened, stores
+from .options import Overwrite
+from .output import draft
+
+
+def explore(
+    data: Store,
+    at: Annotated[
+        float | None,
+        typer.Option(help="Value of the diagram, as on its axis, to show to begin with."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Picture to write, in place of a window.")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.
+
+    The arrow keys left and right go on to the neighbours. Motions are simulated again, the first
+    takes some seconds.
+
+    ```
+    jaxrotor sweep limiter-rotor --out runs/long
+    jaxrotor explore runs/long
+    jaxrotor explore runs/long --at 0.5 --out half.png
+    ```
+    """
+    from ..plot.explore import explore as window
+
+    explorer = window(opened(stores(data)))
+    if out is None:
+        explorer.check_window()
+    if at is not None:
+        if not np.isfinite(at):
+            raise ValueError(f"--at must be a number on the axis of the diagram, but is {at:g}.")
+        explorer.show(explorer.near(explorer.lower, at, 0.0))
+    if out is None:
+        explorer.wait()
+        return
+    with draft(out.parent, [out.name], overwrite) as folder:
+        try:
+            explorer.figure.savefig(folder / out.name, dpi=150)
+        except ValueError as error:
+            raise ValueError(f"--out {out}: {error}.") from None
+    typer.echo(f"Written: {out}.")
