@@ -773,7 +773,8 @@ def test_unreadable_files(tmp_path):
         for read in (load, study):
             with pytest.raises(SceneError) as caught:
                 read(path)
-            assert str(caught.value).startswith(f"{path} {start}"), caught.value
+            shown = str(path).replace("\0", "\\x00")
+            assert str(caught.value).startswith(f"{shown} {start}"), caught.value
             assert str(caught.value).endswith(".")
 
     near = f"(did you mean `limiter-rotor`?); shipped are: {', '.join(sorted(OTHERS + NAMES))}."
