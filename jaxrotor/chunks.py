@@ -1,9 +1,11 @@
-"""Chunks: lanes that run as one compiled program, spread over the cores, with a bar of progress."""
+"""Chunks: lanes that run as one compiled program, spread over cores or GPUs, with a bar of progress."""
 
 import concurrent.futures
 import contextlib
 import dataclasses
+import itertools
 import os
+import queue
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -18,11 +20,11 @@ SEGMENT = 50  # revolutions between two looks at the progress bar
 
 
 def cores(workers: int | None) -> int:
-    """Chunks to run at once: those asked for, else one a core (one on an accelerator)."""
+    """Chunks to run at once: those asked for, else one a core, or one a GPU."""
     if workers is not None:
         check_counts(workers=workers)
         return workers
-    return (os.cpu_count() or 1) if jax.default_backend() == "cpu" else 1
+    return (os.cpu_count() or 1) if jax.default_backend() == "cpu" else jax.local_device_count()
 
 
 def chunk_size(lanes: int, most: int, workers: int) -> int:
@@ -32,8 +34,23 @@ def chunk_size(lanes: int, most: int, workers: int) -> int:
 
 
 def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
-    """Chunks over threads: a compiled program runs outside the interpreter's lock."""
+    """Chunks over threads: a compiled program runs outside the interpreter's lock.
+
+    Of several devices every thread takes one that is free, to run its chunk there.
+    """
     stop = threading.Event()
+    devices = jax.local_devices()
+    free: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    for device in itertools.islice(itertools.cycle(devices), workers):
+        free.put(device)
+
+    def placed(chunk: Any, tick: Callable[[int], None]) -> Any:
+        device = free.get()
+        try:
+            with jax.default_device(device):
+                return run(chunk, tick)
+        finally:
+            free.put(device)
 
     def tick_or_stop(steps: int) -> None:
         if stop.is_set():
@@ -43,7 +60,8 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
     if workers == 1 or len(chunks) == 1:
         return [run(chunk, tick) for chunk in chunks]
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(run, chunk, tick_or_stop) for chunk in chunks]
+        call = placed if len(devices) > 1 else run
+        futures = [pool.submit(call, chunk, tick_or_stop) for chunk in chunks]
         try:
             return [future.result() for future in futures]
         except BaseException:  # Ctrl-C too: running chunks end with their segment

@@ -96,7 +96,7 @@ def sweep(
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
         lanes_per_chunk: trajectories run as one program, by default 128 (16384 on an accelerator).
-        workers: chunks run at once, by default one a core (one on an accelerator).
+        workers: chunks run at once, by default one a core, or one a GPU, each on its own.
         cluster: Dask cluster whose workers run the chunks: its address, a `distributed.Client`, or how
             many processes to start here for this sweep. Workers that see the folder of `store` write
             there themselves; what is found without one comes here. Needs `jaxrotor[cluster]`, the same

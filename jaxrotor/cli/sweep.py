@@ -104,7 +104,9 @@ def sweep(
     ] = False,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Parts computed at once. [default: one a core]"),
+        typer.Option(
+            min=1, max=1024, help="Parts computed at once. [default: one a core, or one a GPU]"
+        ),
     ] = None,
     cluster: Annotated[
         str | None,
