@@ -61,6 +61,7 @@ def ways(args: argparse.Namespace, folder: Path, processes: dict[int, Client]) -
         {name: swept(args, folder, **one) for name, one in how.items()} for _ in range(args.repeats)
     ]
     best = {name: min(run[name] for run in runs) for name in how}
+    one = next(iter(how))
     turns = args.lanes * (args.settle + args.keep)
     return [
         {
@@ -68,7 +69,7 @@ def ways(args: argparse.Namespace, folder: Path, processes: dict[int, Client]) -
             "first s": first[name],
             "run s": best[name],
             "lane-revolutions/s": turns / best[name],
-            "over 1 thread": best["1 thread"] / best[name],
+            f"over {one}": best[one] / best[name],
         }
         for name in how
     ]

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from .chunks import Threads, cores
 from .dataset import versions
 from .simulate import check_counts
-from .store import Store
+from .store import Store, plainly
 
 
 AHEAD = 1000  # chunks that the scheduler knows of at once, more where there are more workers
@@ -34,6 +34,7 @@ QUIET = (  # Ctrl-C is for who began the workers, and how they end then no news
     "import logging, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "logging.getLogger('distributed.worker.state_machine').setLevel(logging.ERROR)"
 )
+MOST = 1024  # processes started here
 PATIENCE = 5  # seconds after which a cluster that does not answer counts as none
 
 _alone = threading.Lock()  # among the threads of a worker
@@ -118,11 +119,19 @@ def _processes(count: int) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
     check_counts(cluster=count)
+    if count > MOST:
+        raise ValueError(f"`cluster` may start up to {MOST} processes here, but is {count}.")
+    if count > 1 and jax.default_backend() != "cpu":
+        raise ValueError(
+            f"{count} processes would share one {jax.default_backend()}, whose memory the first takes; "
+            "leave `cluster` out, or start one worker for each by `dask cuda worker`."
+        )
     config: Any = jax.config
     kept = config.jax_compilation_cache_dir
     environment = {"JAX_ENABLE_X64": str(int(config.jax_enable_x64))}
     environment |= {"JAX_COMPILATION_CACHE_DIR": kept} if kept else {}
     how = {"threads_per_worker": 1, "dashboard_address": ":0", "env": environment}
+    how["memory_limit"] = 0  # Dask's own pauses a worker without a word
     try:
         cluster = LocalCluster(n_workers=count, preload=[QUIET], **how)
     except RuntimeError as error:
@@ -153,11 +162,16 @@ def _connected(cluster: Any) -> Iterator[Any]:
 
     if isinstance(cluster, str):
         try:
-            asyncio.run(knock())
-        except (OSError, ValueError, MemoryError) as error:  # the last from what is no scheduler
+            with concurrent.futures.ThreadPoolExecutor(
+                1
+            ) as alone:  # a notebook has a loop of its own
+                alone.submit(lambda: asyncio.run(knock())).result()
+        # A MemoryError comes from what is no scheduler, the others from protocols without set-up.
+        except (OSError, ValueError, MemoryError, TypeError, ImportError) as error:
             raise ValueError(
                 f"No Dask scheduler answers at {cluster!r} ({error}); give the address that one prints "
-                "when it is started (`dask scheduler`), such as tcp://10.0.0.1:8786."
+                "when it is started (`dask scheduler`), such as tcp://10.0.0.1:8786, or a "
+                "`Client` if it takes more, as for TLS."
             ) from None
     with Client(cluster, set_as_default=False) as client:
         yield client
@@ -169,10 +183,11 @@ def _seen(sink: Any) -> Iterator[tuple[Store, Path] | None]:
     if not isinstance(sink, Store):
         yield None
         return
-    parent = sink.path.absolute().parent
-    parent.mkdir(parents=True, exist_ok=True)
-    handle, mark = tempfile.mkstemp(prefix=".seen-", dir=parent)
-    os.close(handle)
+    with plainly(sink.path):
+        parent = sink.path.absolute().parent
+        parent.mkdir(parents=True, exist_ok=True)
+        handle, mark = tempfile.mkstemp(prefix=".seen-", dir=parent)
+        os.close(handle)
     try:
         yield sink, Path(mark)
     finally:

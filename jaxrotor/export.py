@@ -1,16 +1,16 @@
 """Export: results for other programs, as tables (CSV, Parquet) and as NetCDF."""
 
-import contextlib
 import importlib.util
 import itertools
 import json
 import os
-import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from .files import whole
 
 
 _NEEDS = {".csv": (), ".parquet": ("pyarrow",), ".nc": ("h5netcdf", "h5py")}
@@ -18,21 +18,24 @@ _NAMED = {"station": "at {} m", "bearing": "of {}"}  # of others their number
 
 
 def table(result: Any) -> Any:
-    """A motion in time as a `pandas.DataFrame`: a row a sample, units in the names of the columns.
+    """A result as a `pandas.DataFrame`: a row a sample or a row a lane, units in the names of columns.
 
-    `time [s]`, `angle [rad]`, `displacement x at 0.7 m [m]`, and so on: all that `jr.dataset` has of
-    a time, every vector by its x and y.
+    Of a motion `time [s]`, `angle [rad]`, `displacement x at 0.7 m [m]`, and so on: all that `jr.dataset`
+    has of a time, every vector by its x and y. Of a sweep what was swept, the numbers of every lane, its
+    status in words; series within a lane, such as its section, are in its data set alone.
 
     Args:
-        result: what `simulate`, `run_up` and `reactions` return, or its `jr.dataset`, or a part of that.
+        result: what `simulate`, `run_up`, `reactions`, `sweep` or `dataset` return, or a part of it.
     """
     import pandas as pd
 
-    data = _data_of(result)
+    data = data_of(result)
+    if "time" not in data.dims and "status" in data:
+        return pd.DataFrame(_lanes(data))
     if "time" not in data.dims:
         raise ValueError(
-            "A table has a row a sample, but the data have no `time`; write them to a .nc file, or take "
-            "`to_dataframe()` of what you want of them."
+            "A table has a row a sample or a row a lane, but the data have neither `time` nor `status`; "
+            "write them to a .nc file."
         )
     columns: dict[str, Any] = {}
     names = ["time", *(name for name in data.coords if name != "time"), *data.data_vars]
@@ -48,7 +51,7 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
 
     A table is that of `jr.table`. NetCDF holds any data set, of a sweep too, with units, scene and
     versions as attributes: `xarray.open_dataset(path, engine="h5netcdf")` reads it, and any program
-    that knows NetCDF 4. Parquet and NetCDF need packages of their own: `pip install "jaxrotor[export]"`.
+    that knows NetCDF 4. Parquet and NetCDF need packages of their own: `pip install 'jaxrotor[export]'`.
 
     Args:
         result: what `simulate`, `run_up`, `reactions` and `sweep` return, or any `xarray.Dataset`.
@@ -56,23 +59,15 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
     """
     target = Path(path)
     if target.suffix not in _NEEDS:
-        raise ValueError(f"A file to export to ends in {', '.join(_NEEDS)}, but is {target}.")
+        raise ValueError(f"A file to export to ends in {', '.join(_NEEDS)}, but is {target.name}.")
     for needed in _NEEDS[target.suffix]:
         if importlib.util.find_spec(needed) is None:
             raise ValueError(
                 f"Writing {target.suffix} needs the package {needed}, which is not installed; add it by "
-                '`pip install "jaxrotor[export]"`, or write .csv.'
+                "`pip install 'jaxrotor[export]'`, or write .csv."
             )
-    draft = target.with_name(f".{secrets.token_hex(8)}{target.suffix}")
-    try:
+    with whole(target) as draft:
         _write(result, draft)
-        os.replace(draft, target)
-    except OSError as error:
-        reason = error.strerror or error
-        raise ValueError(f"{target} cannot be written ({reason}); choose another place.") from None
-    finally:
-        with contextlib.suppress(OSError):
-            draft.unlink()
 
 
 def _write(result: Any, draft: Path) -> None:
@@ -82,10 +77,11 @@ def _write(result: Any, draft: Path) -> None:
         case ".parquet":
             table(result).to_parquet(draft, index=False)
         case _:
-            _storable(_data_of(result)).to_netcdf(draft, engine="h5netcdf")
+            _storable(data_of(result)).to_netcdf(draft, engine="h5netcdf")
 
 
-def _data_of(result: Any) -> Any:
+def data_of(result: Any) -> Any:
+    """The data set of a result, which may be one already."""
     import xarray as xr
 
     from .dataset import dataset
@@ -93,16 +89,36 @@ def _data_of(result: Any) -> Any:
     return result if isinstance(result, xr.Dataset) else dataset(result)
 
 
+def _lanes(data: Any) -> dict[str, Any]:
+    """Columns of the lanes of a sweep."""
+    status = data["status"]
+    swept = np.meshgrid(*(data[dim].values for dim in status.dims), indexing="ij")
+    columns: dict[str, Any] = {}
+    for dim, values in zip(status.dims, swept, strict=True):
+        columns[_head(str(dim), data[dim])] = values.ravel()
+    words = str(status.attrs["flag_meanings"]).split()
+    columns["status"] = [words[number] for number in status.values.ravel()]
+    for name, one in data.data_vars.items():
+        rest = set(one.dims) - set(status.dims)
+        if name != "status" and set(status.dims) <= set(one.dims) and rest <= {"limiter"}:
+            lanes = one.stack(lane=status.dims, create_index=False).transpose("lane", ...)
+            columns |= _columns(str(name), lanes, data)
+    return columns
+
+
+def _head(name: str, one: Any) -> str:
+    unit = one.attrs.get("units", "1")
+    return name if unit == "1" else f"{name} [{unit}]"
+
+
 def _columns(name: str, one: Any, data: Any) -> dict[str, Any]:
     """Columns of a variable, by what names its other dimensions."""
-    unit = one.attrs.get("units", "1")
     sizes = [range(size) for size in one.shape[1:]]
     found = {}
     for index in itertools.product(*sizes):
         places = [_place(str(dim), i, data) for dim, i in zip(one.dims[1:], index, strict=True)]
         parts = [name, *sorted(places, key=lambda place: place not in ("x", "y"))]
-        head = " ".join(parts) + ("" if unit == "1" else f" [{unit}]")
-        found[head] = np.asarray(one.values[(slice(None), *index)])
+        found[_head(" ".join(parts), one)] = np.asarray(one.values[(slice(None), *index)])
     return found
 
 
@@ -120,6 +136,10 @@ def _storable(data: Any) -> Any:
     data.attrs = _plain(data.attrs)
     for one in data.variables.values():
         one.attrs = _plain(one.attrs)
+        if (
+            "flag_values" in one.attrs and one.dtype.kind in "iu"
+        ):  # of the variable's own kind, or nobody decodes them
+            one.attrs["flag_values"] = one.attrs["flag_values"].astype(one.dtype)
     return data
 
 
@@ -133,6 +153,8 @@ def _plain(attrs: Mapping[Any, Any]) -> dict[str, Any]:
             return json.dumps(value)
         if isinstance(value, int | float):
             return value
+        if isinstance(value, list | tuple) and np.asarray(value).dtype.kind in "if":
+            return np.asarray(value)
         return json.dumps(value, default=str)
 
     return {str(name): plain(value) for name, value in attrs.items()}

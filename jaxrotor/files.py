@@ -103,12 +103,20 @@ def save(scene: Scene, path: str | os.PathLike[str], title: str = "") -> None:
     target, text = Path(path), dumps(scene, title)
     if target.suffix != ".toml":
         refuse(f"{target}", "cannot be written; the name of a scene file ends in .toml.")
-    draft = target.with_name(f".{secrets.token_hex(8)}.toml")
-    try:
+    with whole(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
+
+
+@contextlib.contextmanager
+def whole(target: Path) -> Iterator[Path]:
+    """A draft beside a file, which takes its place once all is written."""
+    draft = target.with_name(f".{secrets.token_hex(8)}{target.suffix}")
+    try:
+        yield draft
         os.replace(draft, target)
     except OSError as error:
-        refuse(f"{target}", f"cannot be written ({error.strerror}); choose another place.")
+        reason = error.strerror or error
+        refuse(f"{target}", f"cannot be written ({reason}); choose another place.")
     finally:
         with contextlib.suppress(OSError):
             draft.unlink()

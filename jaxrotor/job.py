@@ -1,6 +1,7 @@
 """Job: the lanes of a sweep, run block by block into labelled data."""
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -178,20 +179,34 @@ def _unit(context: Context, path: str) -> str:
     return context.scene.unit(path)
 
 
+def exactly(tree: Any) -> str:
+    """A tree in words, numbers to their last digit, whatever the options of numpy."""
+    with np.printoptions(
+        floatmode="unique", threshold=sys.maxsize, suppress=False, formatter=None, sign="-"
+    ):
+        return eqx.tree_pformat(tree, short_arrays=False)
+
+
 def provenance(context: Context) -> dict[str, Any]:
     """Attributes that tell a sweep from any other."""
     plan = context.plan
     return {
         "title": "jaxrotor sweep over " + ", ".join(context.paths),
         "scene": dumps(context.scene),
-        "start": eqx.tree_pformat(context.start, short_arrays=False),
+        "start": exactly(context.start),
         "station": float(context.station),
+        "period": "that of the spin" if context.period is None else float(context.period),
         "settle": context.settle,
         "keep": context.keep,
         "steps_per_revolution": plan.steps,
         "solver": solver_name(plan.solver),
-        "observe": ", ".join(eqx.tree_pformat(one) for one in context.observe),
-        "controller": eqx.tree_pformat(plan.controller) if plan.controller else "default",
+        **(
+            {}
+            if isinstance(plan.solver, Exponential)
+            else {"solver_settings": exactly(plan.solver)}
+        ),
+        "observe": ", ".join(map(exactly, context.observe)),
+        "controller": exactly(plan.controller) if plan.controller else "default",
         "max_steps": plan.max_steps,
         "precision": str(jnp.zeros(()).dtype),
         **assumed(context.scene),

@@ -5,7 +5,6 @@ import contextlib
 import html
 import io
 import os
-import secrets
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from .files import dumps, loads
+from .export import data_of
+from .files import dumps, loads, whole
 from .scene import Scene
 
 
-_IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
+IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
 _ELSEWHERE = ("title", "scene", "assumption", "versions")  # attributes with a place of their own
 _ACCURACY = ("error", "steps_per_revolution", "precision", "tolerance", "chosen")
 _PAGE = Template("""<!DOCTYPE html>
@@ -67,10 +67,10 @@ def report(
     """
     target = Path(path)
     if target.suffix != ".html":
-        raise ValueError(f"The name of a report ends in .html, but is {target}.")
+        raise ValueError(f"The name of a report ends in .html, but is {target.name}.")
     if not results and not figures:
         raise ValueError("A report needs a result, a scene or a figure; give one.")
-    data = [_data_of(result) for result in results if not isinstance(result, Scene)]
+    data = [data_of(result) for result in results if not isinstance(result, Scene)]
     scenes = [dumps(result) for result in results if isinstance(result, Scene)]
     scenes = list(
         dict.fromkeys([*scenes, *(one.attrs["scene"] for one in data if "scene" in one.attrs)])
@@ -78,24 +78,8 @@ def report(
     title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
     parts = [*map(_scene, scenes), *_figures(figures), *map(_numbers, data), _made(data)]
     text = _PAGE.substitute(title=html.escape(title), body="\n".join(parts))
-    draft = target.with_name(f".{secrets.token_hex(8)}.html")
-    try:
+    with whole(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
-        os.replace(draft, target)
-    except OSError as error:
-        reason = error.strerror or error
-        raise ValueError(f"{target} cannot be written ({reason}); choose another place.") from None
-    finally:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-
-
-def _data_of(result: Any) -> Any:
-    import xarray as xr
-
-    from .dataset import dataset
-
-    return result if isinstance(result, xr.Dataset) else dataset(result)
 
 
 # === parts
@@ -152,9 +136,9 @@ def _figures(figures: Sequence[Any]) -> Iterator[str]:
 
 
 def _picture(path: Path) -> str:
-    kind = _IMAGES.get(path.suffix.lower())
+    kind = IMAGES.get(path.suffix.lower())
     if kind is None:
-        raise ValueError(f"A picture ends in {', '.join(_IMAGES)}, but is {path}.")
+        raise ValueError(f"A picture ends in {', '.join(IMAGES)}, but is {path}.")
     try:
         return _image(path.read_bytes(), kind, path.name)
     except OSError as error:

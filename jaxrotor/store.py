@@ -4,11 +4,12 @@ A folder in Zarr format, which `xarray.open_zarr` reads at any time. A block is 
 variable, each put in place whole, its `status` last: until then that is `not_computed`.
 """
 
+import contextlib
 import functools
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,20 +34,27 @@ class StoreError(RuntimeError):
     """A store that can no longer be written; its one sentence says why, and what is kept."""
 
 
+@contextlib.contextmanager
+def plainly(path: Path) -> Iterator[None]:
+    """What is written to a store, or one sentence that says why it could not be."""
+    try:
+        yield
+    except OSError as error:
+        kept = path.exists()
+        then = "done blocks are kept in it, and the same sweep goes on from there"
+        raise StoreError(
+            f"{path} cannot be written ({error.strerror or error}); "
+            f"{then if kept else 'choose another place'}."
+        ) from error
+
+
 def _plainly(write: Callable[..., None]) -> Callable[..., None]:
-    """`write`, a method of a `Store`, saying in one sentence why it could not."""
+    """`write`, a method of a `Store`, within `plainly`."""
 
     @functools.wraps(write)
     def run(self: "Store", *args: Any) -> None:
-        try:
+        with plainly(self.path):
             write(self, *args)
-        except OSError as error:
-            kept = self.path.exists()
-            then = "done blocks are kept in it, and the same sweep goes on from there"
-            raise StoreError(
-                f"{self.path} cannot be written ({error.strerror or error}); "
-                f"{then if kept else 'choose another place'}."
-            ) from error
 
     return run
 

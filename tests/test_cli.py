@@ -905,6 +905,22 @@ def test_new_scene_runs_as_it_is(place):
     assert "cannot be written" in refused("new", "no/where.toml")
 
 
+def test_a_new_scene_is_stable_at_the_speeds_it_sweeps(place):
+    call("new", "mine.toml")
+    scene, speeds = jr.load("mine.toml"), jr.study("mine.toml")["over"]["spin.speed"]
+    for speed in (speeds[0], speeds[-1], float(scene.spin.speed)):
+        assert np.max(np.asarray(jr.roots(scene.at_speed(speed))).real) < 0
+
+
+@pytest.mark.parametrize("name", ["two-discs-unequal", "limiter-rotor"])
+def test_standstill_frequencies_are_those_of_roots(name):
+    """Each once, whether or not both planes have it."""
+    values = np.abs(np.asarray(jr.roots(jr.load(name).at_speed(0.0), 20)).imag)
+    values = np.unique(np.round(values[values > 1e-3], 5))[:3]
+    shown = answered("show", name)["whirl_frequencies"]["standstill"]
+    assert shown == pytest.approx(values.tolist(), rel=1e-6)
+
+
 def test_all_that_a_new_scene_prepares_is_valid(place):
     """Every table that is commented out, taken in."""
     call("new", "mine.toml")

@@ -1,5 +1,6 @@
 """Sweeps on a cluster: the data of a sweep here, whatever becomes of its workers."""
 
+import asyncio
 import contextlib
 import multiprocessing
 import os
@@ -20,7 +21,7 @@ from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor import cluster as module
 from jaxrotor.cli import app
-from jaxrotor.store import PENDING, Store
+from jaxrotor.store import PENDING, Store, StoreError
 
 
 ROTOR = jr.load("limiter-rotor")
@@ -121,6 +122,22 @@ def test_no_scheduler(address, monkeypatch):
     monkeypatch.setattr(module, "PATIENCE", 0.5)
     with pytest.raises(ValueError, match="No Dask scheduler answers at .* give the address that"):
         swept(cluster=address)
+
+
+def test_an_address_in_a_notebook(dask):
+    """Where an event loop runs already."""
+
+    async def cell():
+        return swept(cluster=dask.scheduler.address)
+
+    xr.testing.assert_identical(asyncio.run(cell()), swept(workers=2))
+
+
+def test_a_folder_that_cannot_be(dask, tmp_path):
+    (tmp_path / "a").write_text("mine")
+    with pytest.raises(StoreError, match=r"cannot be written \(.+\); choose another place.$"):
+        swept(cluster=dask, store=tmp_path / "a" / "b.zarr")
+    assert (tmp_path / "a").read_text() == "mine" and os.listdir(tmp_path) == ["a"]
 
 
 def test_no_dask(monkeypatch):

@@ -24,7 +24,7 @@ RUN = {"settle": 6, "keep": 4, "steps_per_revolution": 32}
 @pytest.fixture(scope="module")
 def swept():
     over = {"unbalance.eccentricity": VALUES, "start.radius": [7e-4, 12e-3]}
-    return jr.sweep(ROTOR, over, start=jr.Whirl(1e-3, -441.0), progress=False, **RUN)
+    return jr.sweep(ROTOR, over, start=jr.Whirl(1e-3, -441.0123456789012), progress=False, **RUN)
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def click(explorer, ax, x, y):
 
 def alone(eccentricity, radius):
     scene = ROTOR.replace({"unbalance.eccentricity": eccentricity})
-    how = {"start": jr.Whirl(radius, -441.0), "keep": RUN["keep"]}
+    how = {"start": jr.Whirl(radius, -441.0123456789012), "keep": RUN["keep"]}
     return jr.simulate(scene, 10, RUN["steps_per_revolution"], **how)
 
 
@@ -97,6 +97,20 @@ def test_a_motion_without_whirl_is_said():
     explorer.show(0)
     assert "undefined" in explorer.spectrum.texts[0].get_text().replace("\n", " ")
     assert np.abs(drawn(explorer)).max() == 0.0
+    plt.close("all")
+
+
+def test_at_zero_speed_a_revolution_is_the_period_given():
+    still = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
+    start, over = jr.Whirl(9e-3), {"limiters.gap": [7e-3, 8e-3]}
+    explorer = plot.explore(jr.sweep(still, over, start=start, period=0.1, progress=False, **RUN))
+    explorer.show(1)
+    scene = still.replace({"limiters.gap": 8e-3})
+    how = {"start": start, "keep": RUN["keep"], "period": 0.1}
+    alone = jr.simulate(scene, 10, RUN["steps_per_revolution"], **how)
+    np.testing.assert_allclose(
+        drawn(explorer), 1e3 * np.asarray(alone.displacement[:, 0]), atol=1e-12
+    )
     plt.close("all")
 
 

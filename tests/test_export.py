@@ -90,15 +90,34 @@ def test_netcdf_of_a_sweep(swept, tmp_path):
         for name, one in swept.variables.items():
             assert found[name].attrs.keys() == one.attrs.keys()
             assert found[name].attrs.get("units") == one.attrs.get("units")
-        said = {name: found.attrs[name] for name in ("flag", "nothing", "pair", "about")}
-        assert said == {"flag": "true", "nothing": "null", "pair": "[1, 2]", "about": '{"a": 1}'}
+        said = {name: found.attrs[name] for name in ("flag", "nothing", "about")}
+        assert said == {"flag": "true", "nothing": "null", "about": '{"a": 1}'}
+        assert found.attrs["pair"].tolist() == [1, 2]
+        flags = found["status"].attrs["flag_values"]
+        assert flags.tolist() == [0, 1, 2, 3, 4, 5, 6] and flags.dtype == found["status"].dtype
         assert found.attrs["scene"] == swept.attrs["scene"]
     assert odd.attrs["flag"] is True  # the data in hand are as they were
 
 
+def test_table_of_a_sweep(swept, tmp_path):
+    """A row a lane, as xarray itself makes them of the numbers."""
+    found = jr.table(swept)
+    dims = list(swept["status"].dims)
+    numbers = [n for n, one in swept.data_vars.items() if one.dims == swept["status"].dims]
+    expected = swept[numbers].to_dataframe(dim_order=dims).reset_index()
+    assert len(found) == swept["status"].size and (found["status"] == "ok").all()
+    heads = {head.partition(" [")[0]: head for head in found.columns}
+    for name in [*dims, *(n for n in numbers if n != "status")]:
+        np.testing.assert_array_equal(found[heads[name]], expected[name])
+        assert swept[name].attrs["units"] in ("1", heads[name].partition(" [")[2].rstrip("]"))
+    assert not any("section" in head for head in heads)
+    jr.export(swept, tmp_path / "lanes.csv")
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "lanes.csv"), found, check_exact=True)
+
+
 def test_refusals(motion, swept, tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match="have no `time`"):
-        jr.export(swept, tmp_path / "sweep.csv")
+    with pytest.raises(ValueError, match="neither `time` nor `status`"):
+        jr.table(swept.drop_vars("status"))
     with pytest.raises(ValueError, match="ends in .csv, .parquet, .nc"):
         jr.export(motion, tmp_path / "orbit.xls")
     with pytest.raises(ValueError, match="cannot be written"):
@@ -106,7 +125,7 @@ def test_refusals(motion, swept, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(importlib.util, "find_spec", lambda name: None)
         for suffix in ("nc", "parquet"):
-            with pytest.raises(ValueError, match=r'needs the package .* `pip install "jaxrotor\['):
+            with pytest.raises(ValueError, match=r"needs the package .* `pip install 'jaxrotor\["):
                 jr.export(motion, tmp_path / f"orbit.{suffix}")
     jr.export(motion, tmp_path / "orbit.csv")
     assert [one.name for one in tmp_path.iterdir()] == ["orbit.csv"]

@@ -228,7 +228,8 @@ def watched():
 
 @pytest.fixture(scope="module", autouse=True)
 def prepared():
-    files.load("limiter-rotor")  # all that is imported for units
+    files.load("limiter-rotor")  # all that is imported for units,
+    called("show", "no.toml")  # and for a command
     if _hook not in HOOKED:
         sys.addaudithook(_hook)
         HOOKED.append(_hook)

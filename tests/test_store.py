@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import diffrax as dfx
 import numpy as np
 import pytest
 import xarray as xr
@@ -18,7 +19,7 @@ import xarray as xr
 import jaxrotor as jr
 from jaxrotor.grid import block_shape, blocks
 from jaxrotor.outcome import STATUS
-from jaxrotor.store import PENDING, Store, StoreError
+from jaxrotor.store import PENDING, OtherSweepError, Store, StoreError
 
 
 ROTOR = jr.load("limiter-rotor")
@@ -115,6 +116,35 @@ def test_another_sweep_is_refused(tmp_path, gathered, change, words):
         swept(store=path, **change)
     with pytest.raises(ValueError, match="over other values of `start.angle`"):
         jr.sweep(ROTOR, {**OVER, "start.angle": [0.0, 1.0, 2.5]}, **HOW, store=path)
+
+
+def test_every_setting_tells_a_sweep_from_another(tmp_path):
+    """What is stored is asked for again with one setting changed at a time, some in the last digit."""
+    scene = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
+    solver, steps = dfx.Kvaerno5(), dfx.PIDController(rtol=1e-6, atol=1e-9)
+    how = HOW | {"start": jr.Whirl(1.2345678901234567e-3), "period": 0.1, "lanes_per_chunk": 1}
+    how |= {"observe": [jr.observe.Radius()], "solver": solver, "controller": steps, "at": 0.7}
+    ask = lambda **more: jr.sweep(
+        scene, {"limiters.gap": [7e-3]}, store=tmp_path / "a.zarr", **how | more
+    )
+    with np.printoptions(precision=3):
+        ask(settle=0, keep=1)
+    ask(settle=0, keep=1)  # the same, whatever the options of numpy
+    others = {
+        "start": jr.Whirl(1.2345678901234569e-3),
+        "settle": 1,
+        "keep": 2,
+        "observe": [jr.observe.Section()],
+        "steps_per_revolution": 33,
+        "solver": dfx.Kvaerno5(scan_kind="bounded"),
+        "controller": dfx.PIDController(rtol=1e-6, atol=1.0000000001e-9),
+        "at": 0.69,
+        "period": 0.1 * (1 + 1e-15),
+        "max_steps": 4095,
+    }
+    for name, other in others.items():
+        with pytest.raises(OtherSweepError):
+            ask(**{"settle": 0, "keep": 1, name: other})
 
 
 def test_other_folders_are_refused(tmp_path):

@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..blocks import Blocks
 from ..effects import AbstractLinear, Support
-from ..extremes import largest
+from ..extremes import largest, within
 from ..quantities import Scalar, check, known
 from ..scene import Scene
 from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
@@ -232,7 +232,7 @@ def allocated_unbalance(
     share = (b - centre) / (b - a)
     outside = (share < 0) | (share > 1)
     parts = jnp.abs(jnp.stack([share, 1 - share]))
-    return jnp.asarray(permissible, float) * jnp.clip(parts, 0.3, jnp.where(outside, 1.3, 0.7))
+    return jnp.asarray(permissible, float) * within(parts, 0.3, jnp.where(outside, 1.3, 0.7))
 
 
 def balance_grade(unbalance: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Grade:

@@ -103,7 +103,7 @@ class OneSentence(TyperGroup):
         except UsageError as error:
             typer.echo(f"{_one_line(error.format_message())} (see --help)", err=True)
             raise typer.Exit(2) from None
-        except (ValueError, RuntimeError) as error:
+        except (ValueError, RuntimeError, OSError) as error:
             if ctx.params["debug"]:
                 raise
             typer.echo(_one_line(error) or type(error).__name__, err=True)
@@ -112,6 +112,8 @@ class OneSentence(TyperGroup):
 
 def _one_line(error: object) -> str:
     """First paragraph of a message; jax and equinox add pages about themselves."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename} cannot be used: {error.strerror}."
     paragraph = str(error).strip().partition("\n\n")[0]
     return " ".join(paragraph.removeprefix("Value error, ").split())
 

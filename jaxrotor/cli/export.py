@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from ..export import export as write
+from ..store import PENDING
 from .options import Overwrite
 from .output import draft
 
@@ -24,11 +25,12 @@ def export(
 ) -> None:
     """Write the data of a run as a table (CSV, Parquet) or as NetCDF.
 
-    A table has a row a sample, with units in the names of its columns, so it is of motions in time.
+    A table has a row a sample of a motion, or a row a lane of a sweep; its columns name their units.
 
     ```
     jaxrotor simulate limiter-rotor --keep 50 --out runs/rub
     jaxrotor export runs/rub orbit.csv
+    jaxrotor export runs/long lanes.csv
     jaxrotor export runs/long/sweep.zarr long.nc
     ```
     """
@@ -52,6 +54,12 @@ def opened(found: list[Path]) -> Any:
         names = ", ".join(str(path) for path in found) or "none"
         raise ValueError(f"DATA must be one store, DIR/NAME.zarr, but there are: {names}.")
     try:
-        return xr.open_zarr(found[0], chunks=None)
+        data = xr.open_zarr(found[0], chunks=None)
     except (OSError, ValueError, KeyError):
         raise ValueError(f"{found[0]} holds no data of a run; give what --out wrote.") from None
+    if "status" in data and (missing := int((data["status"] == PENDING).sum())):
+        raise ValueError(
+            f"{found[0]} is unfinished: {missing} of {data['status'].size} lanes are not computed; the "
+            "same `jaxrotor sweep` goes on with it."
+        )
+    return data

@@ -5,13 +5,10 @@ from typing import Annotated
 
 import typer
 
-from ..report import report as write
+from ..report import IMAGES, report as write
 from .export import opened, stores
 from .options import Overwrite
 from .output import draft
-
-
-_PICTURES = (".png", ".gif", ".svg", ".jpg", ".jpeg")
 
 
 def report(
@@ -35,7 +32,7 @@ def report(
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder; give the --out of a run.")
     data = [opened([store]) for store in stores(folder)]
-    pictures = sorted(path for path in folder.iterdir() if path.suffix in _PICTURES)
+    pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
     if not data and not pictures:
         raise ValueError(f"{folder} has no data and no pictures of a run; give its --out.")
     with draft(target.parent, [target.name], overwrite) as place:

@@ -18,6 +18,7 @@ from .output import draft_or_none, draw, written_to
 
 
 _FILES = ("rotor.png",)
+SAME = 1e-6  # of two frequencies that are shown as one
 _SHOWN = 3  # whirl frequencies of each kind
 
 
@@ -70,7 +71,7 @@ def show(
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     axes, found = described_roots(rotor)
     at_rest = described_roots(rotor.at_speed(0.0))[1]
-    still = _whirl(at_rest, "forward") or _whirl(at_rest, "none")
+    still = _still(at_rest)
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = assemble(rotor).n
     try:
@@ -114,6 +115,13 @@ def _value(scene: Scene, path: str) -> float | list[float] | None:
         return np.asarray(scene.get(path)).tolist()
     except ValueError:
         return None
+
+
+def _still(found: list[dict[str, Any]]) -> list[float]:
+    """First whirl frequencies at rest [rad/s]: there a direction is nothing but rounding."""
+    values = sorted(root["frequency"] for root in found if root["frequency"])
+    ends = zip([0.0, *values], values, strict=False)
+    return [value for last, value in ends if value > last * (1 + SAME)][:_SHOWN]
 
 
 def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:

@@ -171,9 +171,12 @@ def sweep(
         with _kept(partial):
             try:
                 dataset = again()
-            except OtherSweepError:
+            except OtherSweepError as error:
                 if not overwrite:
-                    raise
+                    why = str(error).partition(";")[0]
+                    raise ValueError(
+                        f"{why}; add --overwrite to replace it, or choose another --out."
+                    ) from None
                 shutil.rmtree(partial)
                 dataset = again()
         seconds = time.perf_counter() - begun

@@ -175,7 +175,7 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
     for path in [path for path in values if path.startswith("start.")]:
         fields = {**vars(start), path.removeprefix("start."): values.pop(path)}
         start = type(start)(**fields)
-    keep = min(int(about["keep"]), LONGEST)
+    keep, period = min(int(about["keep"]), LONGEST), about["period"]
     how = {
         "revolutions": int(about["settle"]) + keep,
         "steps_per_revolution": int(about["steps_per_revolution"]),
@@ -183,6 +183,7 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
         "solver": _solver(about["solver"]),
         "keep": keep,
         "at": float(about["station"]),
+        "period": period if isinstance(period, float) else None,
     }
     return loads(about["scene"]).replace(values), how
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..extremes import larger, smaller, within
+from ..extremes import larger, largest, smaller, within
 from ..quantities import Scalar
 
 
@@ -91,4 +91,4 @@ def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     rate = found.slope(u)
     u = within(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
     u = jnp.where(found(start) <= 0, start, u)  # just begun, and ends at once
-    return jnp.min(jnp.where(leaving, u, 2.0), initial=2.0)
+    return -largest(-jnp.append(jnp.where(leaving, u, 2.0), 2.0))

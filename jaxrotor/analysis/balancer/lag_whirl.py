@@ -9,6 +9,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
+from ...extremes import largest
 from ...quantities import Scalar
 from .groups import BalancerGroups
 from .relative import whirl_spectrum
@@ -163,5 +164,5 @@ def _whirl(groups: BalancerGroups, speed: Scalar, rate: Scalar, angles: Array) -
     placed = [jnp.full(n, angle) for n, angle in zip(groups.balls, angles, strict=True)]
     values = whirl_spectrum(turning, placed, delta, rate)
     phase = jnp.argmin(jnp.abs(values))  # it may begin at any angle: one zero
-    growth = jnp.max(jnp.where(jnp.arange(len(values)) == phase, -jnp.inf, values.real))
+    growth = largest(jnp.where(jnp.arange(len(values)) == phase, -jnp.inf, values.real))
     return LagWhirl(speed, rate, angles, delta, growth)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ...extremes import largest
 from ...pencil import Pencil, root_changes
 from ...quantities import Scalar
 from .family import checked, second_harmonics
@@ -91,7 +92,7 @@ def spectrum(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Complex[Arra
 
 def growth_rate(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
     """Largest real part of the `spectrum`: below zero the position is stable, zero in a critical case."""
-    return jnp.max(spectrum(groups, beta).real)
+    return largest(spectrum(groups, beta).real)
 
 
 class Zeros(NamedTuple):

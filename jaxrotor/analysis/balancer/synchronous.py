@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
+from ...extremes import largest
 from ...quantities import Scalar
 from .critical import labellings
 from .groups import BalancerGroups
@@ -53,7 +54,7 @@ def synchronous_states(groups: BalancerGroups) -> list[SynchronousState]:
             total = groups.imbalance + net * jnp.exp(1j * angle)
             delta = 1j * groups.speed**2 * total / groups.a_z
             placed = [angle + np.pi * (np.array(sign) < 0) for sign in signs]
-            growth = jnp.max(whirl_spectrum(groups, placed, delta).real)
+            growth = largest(whirl_spectrum(groups, placed, delta).real)
             count = labellings(groups.balls, sides)
             states.append(SynchronousState(angle, sides, total, delta, growth, count))
     return sorted(states, key=lambda state: float(state.growth))
