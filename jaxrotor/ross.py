@@ -22,6 +22,7 @@ Table = dict[str, Any]
 _PIECES = 4  # uniform ones in place of a tapered element
 _SHORTEST = 0.0021  # of the length of the shaft: what a step must be away from the next
 _COORDINATES = 48  # nodes of all spans together, about
+_SLOW = 0.3  # omega C / K up to which springs in series hide little of a damper
 _AXES = ("xx", "xy", "yx", "yy")
 _STIFFNESS, _DAMPING = ("k", "N/m"), ("c", "N s/m")
 _LEFT_OUT = {  # of a shaft element
@@ -102,24 +103,29 @@ def from_ross(
     Elements of shafts become one `FlexibleShaft` without constraints, with shear and rotary inertia as
     theirs and a `Step` where sections change; disks `Disc`, point masses on the shaft too; bearings
     and seals `Support`, of all eight coefficients. A table of coefficients by frequency gives those at
-    the speed, by cubic interpolation, or at its nearer end. A tapered element becomes four uniform
-    ones, layers of sleeves one ring, a bearing on a flexible support one of the two in series without
-    the support's mass. Axial and torsional motion, axial force, torque and damping of the shaft are
+    the speed, by cubic interpolation, or at its nearer end. A tapered element becomes up to four
+    uniform ones, layers of sleeves one ring. A bearing on a flexible support becomes one of the two in
+    series, `K^-1 = K1^-1 + K2^-1`, `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`, without the support's
+    mass: of motions slow enough for `omega C << K` of either; of faster ones, as on a squeeze film, its
+    damping is too high. Axial and torsional motion, axial force, torque and damping of the shaft are
     not carried over. Written for files of ROSS 2.3.
 
     Args:
         path: the file.
-        speed: constant speed of the scene [rad/s]; the file has none.
+        speed: constant speed of the scene [rad/s], not negative; the file has none.
         nodes: of every span of the shaft; by default 8 of few, and fewer of many, down to 3.
 
     Returns:
         The scene, and a sentence on each thing that was changed or left out, with its elements.
     """
     source, speed = os.fspath(path), quantity(speed, "rad/s", "speed")
+    if speed < 0:
+        wanted = "must not be negative, as coefficients in the file are those of positive rotation"
+        refuse("speed", f"{wanted}, but is {speed:g} rad/s.")
     elements, notes = _elements(source), _Notes()
     places, rings, gyroscopic, flags = _shaft(elements, source, notes)
     total = places[max(places)]
-    effects = [*_discs(elements, places, notes), *_supports(elements, places, abs(speed), notes)]
+    effects = [*_discs(elements, places, notes), *_supports(elements, places, speed, notes)]
     shaft, *steps = _merged(rings, total, notes)
     ends = [0.0, total, *(at for at, _ in _placed(shaft, steps)), *(float(e.at) for e in effects)]
     spans = len({round(at / total, 4) for at in ends}) - 1
@@ -239,7 +245,8 @@ def _rings(layer: Sequence[_Element], length: float, total: float, notes: _Notes
     )
     pieces = max(1, min(_PIECES, int(length / (_SHORTEST * total)))) if tapered else 1
     if tapered:
-        notes.add(f"tapered element cut into {_PIECES} uniform ones", layer[0])
+        into = f"cut into {pieces} uniform ones" if pieces > 1 else "taken as a uniform one"
+        notes.add(f"tapered element {into}", layer[0])
     materials = [_material(element) for element in layer]
     found = []
     for piece in range(pieces):
@@ -356,10 +363,20 @@ def _supports(
                     f"{element.path}.n_link",
                     "must be the node of another bearing, on the ground; a scene has one shaft.",
                 )
-            stiffness, damping = _series(
-                element, (stiffness, damping), _coefficients(below, speed, notes)
+            own, other = (stiffness, damping), _coefficients(below, speed, notes)
+            stiffness, damping = _series(element, own, other)
+            notes.add(
+                "bearing and its support taken as one, in series, with the damping of slow motions "
+                "(omega C << K of either)",
+                element,
             )
-            notes.add("bearing and its support taken as one, in series", element)
+            ratio = max(speed * np.linalg.norm(c @ np.linalg.inv(k), 2) for k, c in (own, other))
+            if ratio > _SLOW:
+                notes.add(
+                    f"damping of a bearing and its support in series too high at the speed of the scene, "
+                    f"where omega C / K is {ratio:.2g}",
+                    element,
+                )
         if stiffness.any() or damping.any():
             matrices = (stiffness, damping if damping.any() else None)
             yield _made(element, Support.from_matrices, _at(element, places), *matrices)
