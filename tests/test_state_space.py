@@ -52,7 +52,7 @@ def test_one_mass_in_closed_form():
     for frequency in FREQUENCIES:
         expected = 1 / (STIFFNESS - MASS * frequency**2 + 1j * frequency * DAMPING)
         found = gain(system, frequency)
-        np.testing.assert_allclose(found, expected * np.eye(2), atol=1e-13 * abs(expected))
+        np.testing.assert_allclose(found, expected * np.eye(2), rtol=0, atol=1e-13 * abs(expected))
 
 
 def test_push_from_rest():
@@ -99,8 +99,8 @@ def test_response_is_that_of_a_harmonic_force(unequal):
     largest = np.abs(np.asarray(known.major)).max()
     for i, frequency in enumerate(FREQUENCIES):
         forward, backward = whirls(system, frequency, 0.3)
-        np.testing.assert_allclose(forward, known.forward[i], atol=1e-12 * largest)
-        np.testing.assert_allclose(backward, known.backward[i], atol=1e-12 * largest)
+        np.testing.assert_allclose(forward, known.forward[i], rtol=0, atol=1e-12 * largest)
+        np.testing.assert_allclose(backward, known.backward[i], rtol=0, atol=1e-12 * largest)
 
 
 def mirrored(*effects):
@@ -113,8 +113,9 @@ def mirrored(*effects):
 ONE, OTHER = np.diag([4e5, 7e5]), np.diag([7e5, 4e5])
 
 
-@pytest.mark.parametrize("damping", [0.0, 90.0])
-@pytest.mark.parametrize("ats", [((0.0, 1.0), (0.0, 1.0)), ((0.0,), (1.0,))])
+@pytest.mark.parametrize(
+    ("ats", "damping"), [(((0.0, 1.0), (0.0, 1.0)), 0.0), (((0.0,), (1.0,)), 90.0)]
+)
 def test_equal_roots(ats, damping):
     """Along x as along y, both supports at a bearing or in mirrored ones: all roots are there twice."""
     loss = damping * np.eye(2) if damping else None
@@ -132,8 +133,8 @@ def test_equal_roots(ats, damping):
     for i, frequency in enumerate(FREQUENCIES):
         largest = np.abs(known.major[i]).max()
         forward, backward = whirls(system, frequency, 0.3)
-        np.testing.assert_allclose(forward, known.forward[i], atol=1e-12 * largest)
-        np.testing.assert_allclose(backward, known.backward[i], atol=1e-12 * largest)
+        np.testing.assert_allclose(forward, known.forward[i], rtol=0, atol=1e-12 * largest)
+        np.testing.assert_allclose(backward, known.backward[i], rtol=0, atol=1e-12 * largest)
 
 
 def test_roots_at_zero():
