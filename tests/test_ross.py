@@ -100,12 +100,21 @@ def stiffness(scene, which):
     return np.array([[k + axes.real, axes.imag - cross], [axes.imag + cross, k - axes.real]])
 
 
-@pytest.mark.parametrize(("speed", "kxx"), [(0, 2e7), (700, 2.8e7), (-700, 2.8e7), (9000, 3e7)])
+@pytest.mark.parametrize(("speed", "kxx"), [(0, 2e7), (700, 2.8e7), (9000, 3e7)])
 def test_table_of_coefficients(speed, kxx):
     scene, notes = jr.from_ross(HERE / "stepped.json", float(speed))
     assert stiffness(scene, 1)[0, 0] == pytest.approx(kxx, rel=1e-9)
     assert any("nearer end: rear" in note for note in notes) == (speed == 9000)
     assert stiffness(scene, 0) == pytest.approx(np.array([[3e7, 4e6], [-6e6, 5e7]]))
+
+
+def test_negative_speed_is_refused():
+    """Coefficients of films and seals that drive whirl change their sign with the rotation."""
+    with pytest.raises(
+        jr.SceneError, match="speed must not be negative.*, but is -700 rad/s"
+    ) as error:
+        jr.from_ross(HERE / "stepped.json", -700.0)
+    assert str(error.value).endswith(".")
 
 
 # === what is changed or left out
@@ -153,6 +162,20 @@ def test_tapered_element_is_cut(changed):
     assert squares == pytest.approx((0.03**2 + 0.03 * 0.045 + 0.045**2) / 3, rel=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("length", "said"),
+    [
+        (0.006, "cut into 4 u"),
+        (0.0047, "cut into 3 u"),
+        (0.003, "cut into 2 u"),
+        (0.002, "taken as a u"),
+    ],
+)
+def test_pieces_of_a_short_taper_are_counted(changed, length, said):
+    notes = changed(put(SHAFT, L=length, odl=0.03, odr=0.045))[1]
+    assert any(note.startswith(f"tapered element {said}") for note in notes), notes
+
+
 def test_sleeve_of_the_same_material_is_exact(changed):
     sleeve = {**STEPPED[SHAFT], "idl": 0.03, "idr": 0.03, "odl": 0.05, "odr": 0.05}
     scene, notes = changed(lambda d: d.update({"ShaftElement_sleeve": sleeve}))
@@ -177,16 +200,21 @@ def test_sleeve_of_another_material(changed):
     assert float(step.material.density) * area == pytest.approx(mass)
 
 
-def test_bearing_on_a_flexible_support(changed):
-    """Springs in series, `1/k = 1/k1 + 1/k2`; of dampers `c = c1 (k/k1)^2 + c2 (k/k2)^2`."""
+def on_support(ground):
+    """The front bearing on another with a mass between."""
     plain = {key: [0.0] for key in ("kxy", "kyx", "cxy", "cyx")}
 
     def link(document):
         document[FRONT].update(n_link=20, kxx=[3e7], kyy=[5e7], cxx=[4e3], cyy=[6e3], **plain)
-        document["BearingElement_ground"] = {"n": 20, "kxx": 1e8, "cxx": 1e3, "tag": "ground"}
+        document["BearingElement_ground"] = {"n": 20, "tag": "ground", **ground}
         document["PointMass_casing"] = {"n": 20, "mx": 40.0, "my": 40.0, "tag": "casing"}
 
-    scene, notes = changed(link)
+    return link
+
+
+def test_bearing_on_a_flexible_support(changed):
+    """Springs in series, `1/k = 1/k1 + 1/k2`; of dampers `c = c1 (k/k1)^2 + c2 (k/k2)^2`."""
+    scene, notes = changed(on_support({"kxx": 1e8, "cxx": 1e3}))
     front = scene.of(jr.Support)[0]
     expected = np.array([3e7 * 1e8 / 1.3e8, 5e7 * 1e8 / 1.5e8])
     assert np.diag(stiffness(scene, 0)) == pytest.approx(expected)
@@ -194,7 +222,18 @@ def test_bearing_on_a_flexible_support(changed):
     assert float(front.damping) == pytest.approx(loss.mean())
     assert len(scene.of(jr.Support)) == 2 and len(scene.of(jr.Disc)) == 2
     assert "mass of a flexible support left out: casing" in notes
-    assert "bearing and its support taken as one, in series: front" in notes
+    (said,) = [note for note in notes if "in series" in note]
+    assert "(omega C << K of either): front" in said
+
+
+def test_squeeze_film_in_series_is_told(changed):
+    """`omega C / K` of the film is 500 * 2e4 / 1e7 = 1, at 140 rad/s 0.28."""
+    film = {"kxx": 1e7, "cxx": 2e4}
+    notes = changed(on_support(film))[1]
+    assert any(
+        "too high at the speed" in note and "omega C / K is 1: front" in note for note in notes
+    )
+    assert not any("too high" in note for note in changed(on_support(film), speed=140.0)[1])
 
 
 def test_short_section_takes_its_neighbours_diameter(changed):

@@ -52,7 +52,7 @@ def test_one_mass_in_closed_form():
     for frequency in FREQUENCIES:
         expected = 1 / (STIFFNESS - MASS * frequency**2 + 1j * frequency * DAMPING)
         found = gain(system, frequency)
-        np.testing.assert_allclose(found, expected * np.eye(2), atol=1e-13 * abs(expected))
+        np.testing.assert_allclose(found, expected * np.eye(2), rtol=0, atol=1e-13 * abs(expected))
 
 
 def test_push_from_rest():
@@ -99,8 +99,55 @@ def test_response_is_that_of_a_harmonic_force(unequal):
     largest = np.abs(np.asarray(known.major)).max()
     for i, frequency in enumerate(FREQUENCIES):
         forward, backward = whirls(system, frequency, 0.3)
-        np.testing.assert_allclose(forward, known.forward[i], atol=1e-12 * largest)
-        np.testing.assert_allclose(backward, known.backward[i], atol=1e-12 * largest)
+        np.testing.assert_allclose(forward, known.forward[i], rtol=0, atol=1e-12 * largest)
+        np.testing.assert_allclose(backward, known.backward[i], rtol=0, atol=1e-12 * largest)
+
+
+def mirrored(*effects):
+    """Two equal discs on a free shaft at rest."""
+    shaft = jr.FlexibleShaft(1.0, 0.03, nodes=3, constraints=())
+    discs = [jr.Disc(at, 5.0, 0.02, 0.03) for at in (0.3, 0.7)]
+    return jr.Scene(shaft, *discs, *effects, spin=jr.ConstantSpeed(0.0))
+
+
+ONE, OTHER = np.diag([4e5, 7e5]), np.diag([7e5, 4e5])
+
+
+@pytest.mark.parametrize(
+    ("ats", "damping"), [(((0.0, 1.0), (0.0, 1.0)), 0.0), (((0.0,), (1.0,)), 90.0)]
+)
+def test_equal_roots(ats, damping):
+    """Along x as along y, both supports at a bearing or in mirrored ones: all roots are there twice."""
+    loss = damping * np.eye(2) if damping else None
+    supports = [
+        jr.Support.from_matrices(at, k, loss)
+        for k, places in zip((ONE, OTHER), ats, strict=True)
+        for at in places
+    ]
+    scene = mirrored(*supports)
+    roots = np.asarray(jr.roots(scene))
+    assert np.sum(np.abs(roots[:, None] - roots) < 1e-9 * np.abs(roots)) == 2 * roots.size
+    system = jr.state_space(scene, 0.3, [0.3, 0.7])
+    force = jr.HarmonicForce(0.3, angle=0.3)
+    known = jr.forced_response(scene, FREQUENCIES, force, at=[0.3, 0.7])
+    for i, frequency in enumerate(FREQUENCIES):
+        largest = np.abs(known.major[i]).max()
+        forward, backward = whirls(system, frequency, 0.3)
+        np.testing.assert_allclose(forward, known.forward[i], rtol=0, atol=1e-12 * largest)
+        np.testing.assert_allclose(backward, known.backward[i], rtol=0, atol=1e-12 * largest)
+
+
+def test_roots_at_zero():
+    """Two discs of a free shaft in a medium drift and tilt at no cost: `C (i w)^-1` as `w` falls."""
+    scene = mirrored(*(jr.DiscDamping(at, DAMPING) for at in (0.3, 0.7)))
+    slow = 1e-3
+    expected = 1 / (1j * slow * DAMPING)
+    for system in (jr.state_space(scene, 0.3), jr.state_space(scene, 0.3, modes=2)):
+        np.testing.assert_allclose(
+            gain(system, slow), expected * np.eye(2), atol=1e-2 * abs(expected)
+        )
+    with pytest.raises(ValueError, match="must keep the 2 roots at zero, .* but is 1"):
+        jr.state_space(scene, 0.3, modes=1)
 
 
 @pytest.mark.parametrize("equal", [True, False])

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects.base import AbstractBodies, AbstractContact
 from ..motion import check_known_in_time
-from ..pencil import Pencil, isotropic
+from ..pencil import ROUNDING, Pencil, isotropic
 from ..scene import Scene
 from ..system import assemble
 from .forced import ending_span
@@ -30,8 +30,9 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
         scene: a rotor without contact or balls; its unbalance and weight do not count.
         forces: station(s) [m] of the forces, by default the observed station of `simulate`.
         displacements: station(s) [m] to observe, by default those of the forces.
-        modes: how many of the slowest blocks of `A` to keep; what the others yield to a force at rest
-            is then in `D`. By default all; then `D` is zero but for coordinates without mass.
+        modes: how many of the slowest blocks of `A` to keep, those of roots at zero at least; what the
+            others yield to a force at rest is then in `D`. By default all; then `D` is zero but for
+            coordinates without mass.
 
     Returns:
         A `scipy.signal.StateSpace`, SI: inputs `Fx, Fy` of each force in turn [N], outputs `x, y` of
@@ -60,7 +61,10 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     if circular:
         values: Any = np.asarray(less_rounding(jnp.asarray(values), blocks))
     order = np.asarray(slowest_first(jnp.asarray(values)))
-    once = order[circular | (values[order].imag >= 0)][:modes]
+    every = order[circular | (values[order].imag >= 0)]
+    once = every[:modes]
+    if modes is not None:
+        _check_left_out(values[every], modes, equations[3])
     left = np.ones(values.size, bool)
     left[once] = False
     if not circular:  # of a real matrix conjugates are neighbours, here the upper one behind
@@ -96,7 +100,8 @@ def _equations(scene: Scene, forces, displacements):
 def _motions(circular: bool, inverse: Any, response: Any, rows: Any, shift: Any) -> tuple:
     """Roots that are finite, how forces enter and how each is seen, what it yields at rest; and `D`.
 
-    `b = y B / y x` by way of `(A - shift)^-1 B = -(P^-1 f, P^-1 f)`, so the inertia is not inverted.
+    `b = (Y X)^-1 Y B` by way of `(A - shift)^-1 B = -(P^-1 f, P^-1 f)`, so the inertia is not inverted.
+    Of roots apart `Y X` is diagonal; vectors of equal ones may be chosen freely on either side.
     `D` is what coordinates without mass yield.
     """
     from scipy.linalg import eig
@@ -113,12 +118,25 @@ def _motions(circular: bool, inverse: Any, response: Any, rows: Any, shift: Any)
             "Two roots of the rotor have merged with their modes, so these are no coordinates; change its "
             "speed or damping by a little."
         )
-    entering = -left.conj().T @ np.concatenate([response, response])
-    entering = entering / np.sum(left.conj() * right, axis=0)[:, None]
+    left = left.conj().T
+    entering = -np.linalg.solve(left @ right, left @ np.concatenate([response, response]))
     leave = rows @ right[: rows.shape[1]]
     through = rows @ response + leave @ entering if not finite.all() else 0 * (rows @ response)
-    still = -entering / (1 + shift * inverses)[:, None]
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # of roots at zero, which are never left out
+        still = -entering / (1 + shift * inverses)[:, None]
     return shift + 1 / inverses, entering / inverses[:, None], leave, still, through
+
+
+def _check_left_out(values: Any, modes: int, shift: Any) -> None:
+    """Refuse to leave out a root at zero, as of a free body: to a force at rest it yields without end."""
+    needed = int(np.max(np.flatnonzero(np.abs(values) <= ROUNDING * shift), initial=-1)) + 1
+    if modes < needed:
+        raise ValueError(
+            f"`modes` must keep the {needed} roots at zero, which yield without end to a force at rest, "
+            f"but is {modes}."
+        )
 
 
 def _planar(matrix: Any) -> Any:

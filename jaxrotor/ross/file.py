@@ -1,0 +1,88 @@
+"""File: the elements that ROSS has written, and notes on what of them is not carried over."""
+
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..units import quantity, refuse, show
+
+
+Table = dict[str, Any]
+
+
+class Element(NamedTuple):
+    """One element of the file."""
+
+    kind: str  # the class that wrote it
+    path: str  # of its table, for error messages
+    table: Table
+
+    @property
+    def name(self) -> str:
+        """Its tag, as one line."""
+        words = " ".join(str(self.table.get("tag") or self.kind).split())
+        return "".join(letter for letter in words if letter.isprintable())
+
+    @property
+    def node(self) -> int:
+        return self.count("n")
+
+    def count(self, key: str) -> int:
+        """A number of a node."""
+        value = self.table.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
+            refuse(f"{self.path}.{key}", f"must be a whole number, but is {show(value)}.")
+        return int(value)
+
+    def number(self, key: str, unit: str, default: float | None = None) -> float:
+        value = self.table.get(key, default)
+        if value is None:
+            refuse(f"{self.path}.{key}", f"is missing; a {self.kind} needs it.")
+        return quantity(value, unit, f"{self.path}.{key}")
+
+
+class Notes:
+    """What was not carried over, each with the elements that had it."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, list[str]] = {}
+
+    def add(self, text: str, element: Element) -> None:
+        names = self.found.setdefault(text, [])
+        if element.name not in names:
+            names.append(element.name)
+
+    def __iter__(self) -> Iterator[str]:
+        for text, names in self.found.items():
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            yield f"{text}: {names[0]}{more}"
+
+
+def read(source: str) -> list[Element]:
+    """Elements of a file, refused in one sentence where there is no shaft."""
+    try:
+        text = Path(source).read_bytes().decode("utf-8-sig")
+        document = json.loads(text) if source.lower().endswith(".json") else tomllib.loads(text)
+    except (OSError, ValueError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or error
+        refuse(source, f"cannot be read ({reason}); give a file that ROSS has written.")
+    tables = document.items() if isinstance(document, dict) else ()
+    found = [
+        Element(name.partition("_")[0], f"{source}: {name}", table)
+        for name, table in tables
+        if isinstance(table, dict) and name != "parameters" and not name.startswith("_")
+    ]
+    if not any(element.kind == "ShaftElement" for element in found):
+        refuse(source, "has no shaft elements; give a file that ROSS has written by `Rotor.save`.")
+    return found
+
+
+def station(element: Element, places: dict[int, float]) -> float:
+    """Station [m] of the node that an element sits on."""
+    if element.node not in places:
+        refuse(
+            f"{element.path}.n", f"must be a node of the shaft, but is {show(element.table['n'])}."
+        )
+    return places[element.node]
