@@ -59,15 +59,16 @@ def campbell(
         style = {"linestyle": "-" if order == 1 else ":", "linewidth": 0.8}
         upper.plot(ends, order * np.abs(ends), color=colours.GREY, label=name, **style)
     rings = []
-    for name, colour, shown in directions:
+    for under, (name, colour, shown) in enumerate(directions):  # where they meet, forward is seen
         x = -speeds if mirrored and name == "backward whirl" else speeds
         for ax, part in ((upper, frequency), (lower, growth)):
-            ax.plot(*_joined(x, part, shown), color=colour, linewidth=1.2, label=name)
+            style: Any = {"linewidth": 1.2, "zorder": 2.5 - 0.1 * under}
+            ax.plot(*_joined(x, part, shown), color=colour, label=name, **style)
         rings += [(colour, _crossings(x, frequency, shown, order)) for order in lines]
     for number, (colour, (x, y)) in enumerate(rings):
         style = {"linestyle": "none", "marker": "o", "markersize": 4.0, "markerfacecolor": "white"}
         name = None if number else "critical speed" if tuple(lines) == (1,) else "crossing"
-        upper.plot(x, y, color=colour, label=name, zorder=3, **style)
+        upper.plot(x, y, color=colour, label=name, zorder=4 - 0.01 * number, **style)
 
     for ax in (upper, lower):
         ax.margins(x=0)

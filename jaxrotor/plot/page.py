@@ -91,6 +91,7 @@ def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
     )
     for ax in axes.flat:
         ax.tick_params(labelsize=TEXT, width=0.6, length=2.5)
+        ax.tick_params(which="minor", labelsize=TEXT)
         ax.spines[:].set_linewidth(0.6)
         for axis in (ax.xaxis, ax.yaxis):
             axis.label.set_size(TEXT)
