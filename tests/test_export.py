@@ -112,7 +112,9 @@ def test_table_of_a_sweep(swept, tmp_path):
         assert swept[name].attrs["units"] in ("1", heads[name].partition(" [")[2].rstrip("]"))
     assert not any("section" in head for head in heads)
     jr.export(swept, tmp_path / "lanes.csv")
-    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "lanes.csv"), found, check_exact=True)
+    pd.testing.assert_frame_equal(
+        pd.read_csv(tmp_path / "lanes.csv", float_precision="round_trip"), found, check_exact=True
+    )
 
 
 def test_refusals(motion, swept, tmp_path, monkeypatch):
@@ -138,7 +140,10 @@ def test_command(motion, tmp_path, monkeypatch):
     assert run("run", "out/orbit.csv").exit_code == 0
     assert run("run/response.zarr", "orbit.nc").exit_code == 0
     pd.testing.assert_frame_equal(
-        pd.read_csv("out/orbit.csv"), jr.table(motion), check_like=True, rtol=1e-15
+        pd.read_csv("out/orbit.csv", float_precision="round_trip"),
+        jr.table(motion),
+        check_like=True,
+        rtol=1e-15,
     )
     with xr.open_dataset("orbit.nc", engine="h5netcdf") as found:
         xr.testing.assert_identical(found.load(), jr.dataset(motion))
