@@ -1,5 +1,6 @@
 """Exports: read back by other means, they are the data they were written from."""
 
+import functools
 import importlib.util
 
 import numpy as np
@@ -11,6 +12,8 @@ from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor.cli import app
 
+
+read_csv = functools.partial(pd.read_csv, float_precision="round_trip")
 
 SCENE = jr.Scene(
     jr.MasslessShaft(1.0, 0.5, 800.0),
@@ -64,7 +67,7 @@ def test_tables_come_back(motion, tmp_path, suffix):
     path = tmp_path / f"orbit{suffix}"
     path.write_text("old")
     jr.export(motion, path)
-    read = pd.read_csv if suffix == ".csv" else pd.read_parquet
+    read = read_csv if suffix == ".csv" else pd.read_parquet
     pd.testing.assert_frame_equal(read(path), jr.table(motion), rtol=1e-15, atol=0)
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
 
@@ -112,9 +115,7 @@ def test_table_of_a_sweep(swept, tmp_path):
         assert swept[name].attrs["units"] in ("1", heads[name].partition(" [")[2].rstrip("]"))
     assert not any("section" in head for head in heads)
     jr.export(swept, tmp_path / "lanes.csv")
-    pd.testing.assert_frame_equal(
-        pd.read_csv(tmp_path / "lanes.csv", float_precision="round_trip"), found, check_exact=True
-    )
+    pd.testing.assert_frame_equal(read_csv(tmp_path / "lanes.csv"), found, check_exact=True)
 
 
 def test_refusals(motion, swept, tmp_path, monkeypatch):
@@ -140,7 +141,7 @@ def test_command(motion, tmp_path, monkeypatch):
     assert run("run", "out/orbit.csv").exit_code == 0
     assert run("run/response.zarr", "orbit.nc").exit_code == 0
     pd.testing.assert_frame_equal(
-        pd.read_csv("out/orbit.csv", float_precision="round_trip"),
+        read_csv("out/orbit.csv"),
         jr.table(motion),
         check_like=True,
         rtol=1e-15,
