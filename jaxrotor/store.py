@@ -5,11 +5,10 @@ variable, each put in place whole, its `status` last: until then that is `not_co
 """
 
 import contextlib
-import functools
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,17 +47,6 @@ def plainly(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _plainly(write: Callable[..., None]) -> Callable[..., None]:
-    """`write`, a method of a `Store`, within `plainly`."""
-
-    @functools.wraps(write)
-    def run(self: "Store", *args: Any) -> None:
-        with plainly(self.path):
-            write(self, *args)
-
-    return run
-
-
 class Store:
     """Blocks of a data set in a folder, which the first of them begins; one thread at a time.
 
@@ -89,34 +77,35 @@ class Store:
         status = self._open()["status"].load()
         return [block for block in blocks if (status.isel(block) == PENDING).any()]
 
-    @_plainly
     def put(self, block: Block, part: xr.Dataset) -> None:
         """Write a block; its status when all the rest is there."""
-        if not self.path.exists():
-            self._begin(part)
         last = ["status"]
-        # Chunks are written whatever their values, so that one that is lost is missed.
-        with zarr.config.set({"array.write_empty_chunks": True}):
-            group = self._group()
-            for name in [name for name in part.data_vars if name not in last] + last:
-                one = part[name]
-                where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
-                group[str(name)][where] = one.values
+        with plainly(self.path):
+            if not self.path.exists():
+                self._begin(part)
+            # Chunks are written whatever their values, so that one that is lost is missed.
+            with zarr.config.set({"array.write_empty_chunks": True}):
+                group = self._group()
+                for name in [name for name in part.data_vars if name not in last] + last:
+                    one = part[name]
+                    where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
+                    group[str(name)][where] = one.values
 
     def finished(self) -> xr.Dataset:
         """All of it, read where it is looked at."""
         return self._open()
 
-    @_plainly
     def add(self, more: xr.Dataset, attrs: Mapping[str, Mapping[str, Any]]) -> None:
         """Variables found from all blocks, and attributes of those there are."""
-        group = self._group()
-        for name, about in attrs.items():
-            group[name].attrs.update(about)
-        for name in more.variables:  # also what is left of it by a try that failed
-            shutil.rmtree(self.path / str(name), ignore_errors=True)
-        more.assign_attrs(self.attrs).to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
-        zarr.consolidate_metadata(self.path, zarr_format=2)
+        with plainly(self.path):
+            group = self._group()
+            for name, about in attrs.items():
+                group[name].attrs.update(about)
+            for name in more.variables:  # also what is left of it by a try that failed
+                shutil.rmtree(self.path / str(name), ignore_errors=True)
+            said = more.assign_attrs(self.attrs)
+            said.to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
+            zarr.consolidate_metadata(self.path, zarr_format=2)
 
     def _open(self) -> xr.Dataset:
         return xr.open_zarr(self.path, chunks=None)

@@ -247,7 +247,7 @@ def _chosen_steps(
     lanes = _spread_over(math.prod(map(len, axes.values())), PILOT_LANES)
     pilots, failures = [], []
     for point in points_of(axes, lanes):
-        changed, begin = _placed(scene, start, dict(zip(axes, point, strict=True)))
+        changed, begin = placed(scene, start, dict(zip(axes, point, strict=True)))
         try:
             pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
         except (RuntimeError, ValueError) as error:  # a lane that fails; the others go on
@@ -279,7 +279,7 @@ def _axes(
         if values.ndim != 1 or not values.size:
             raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
         for value in {values.min(), values.max(), *values[values == 0]}:  # zero speed is special
-            changed, _ = _placed(scene, start, {path: value})
+            changed, _ = placed(scene, start, {path: value})
             if path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
@@ -302,7 +302,7 @@ def _rearranged(scene: Scene, axes: Mapping[str, np.ndarray]) -> Iterator[Scene]
         yield scene.replace(dict(zip(lengths, point, strict=True)))
 
 
-def _placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
+def placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
     """Scene and start with values by path; `start.` paths go to the start."""
     own = {path: value for path, value in values.items() if not path.startswith("start.")}
     for path in values.keys() - own.keys():

@@ -16,6 +16,7 @@ from jaxrotor import (
     HystereticDamping,
     InternalDamping,
     Limiter,
+    MasslessShaft,
     Scene,
     Support,
     Unbalance,
@@ -30,6 +31,18 @@ DIAMETRAL = MASS * (2 * RIM) ** 2 / 16
 RIGIDITY = YOUNG * np.pi * DIAMETER**4 / 64
 TIME = np.sqrt(MASS * LENGTH**3 / RIGIDITY)  # T*
 PER_LENGTH = DENSITY * np.pi * DIAMETER**2 / 4
+
+
+def one_disc(*effects, mass=1.0, damping=0.1, stiffness=1.0, speed=0.8, eccentricity=0.08):
+    """A mass on a round shaft: `m x.. + c x. + k x = m e Omega^2 cos Omega t + ..`."""
+    return Scene(
+        MasslessShaft(1.0, 0.5, stiffness),
+        Disc(0.5, mass),
+        DiscDamping(0.5, damping),
+        Unbalance(0.5, mass, eccentricity),
+        *effects,
+        spin=ConstantSpeed(speed),
+    )
 
 
 def limiter_rotor(

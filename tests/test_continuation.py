@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 from switched import TURN, Switched
-from systems import LENGTH, TIME, limiter_rotor
+from systems import LENGTH, TIME, limiter_rotor, one_disc
 
 import jaxrotor as jr
 from jaxrotor import plot
@@ -21,18 +21,6 @@ from jaxrotor.orbits.bifurcations import touches
 
 
 FINE = {"rtol": 1e-12, "atol": 1e-13, "method": "DOP853"}
-
-
-def one_disc(*effects, damping=0.1, stiffness=1.0, speed=0.8, eccentricity=0.08):
-    """A mass of 1 kg on a round shaft: `m x.. + c x. + k x = m e Omega^2 cos Omega t + ..`."""
-    return jr.Scene(
-        jr.MasslessShaft(1.0, 0.5, stiffness),
-        jr.Disc(0.5, 1.0),
-        jr.DiscDamping(0.5, damping),
-        jr.Unbalance(0.5, 1.0, eccentricity),
-        *effects,
-        spin=jr.ConstantSpeed(speed),
-    )
 
 
 class Duffing:

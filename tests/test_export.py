@@ -8,19 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from systems import one_disc
 from typer.testing import CliRunner
 
 import jaxrotor as jr
 from jaxrotor.cli import app
 
 
-SCENE = jr.Scene(
-    jr.MasslessShaft(1.0, 0.5, 800.0),
-    jr.Disc(0.5, 2.0),
-    jr.DiscDamping(0.5, 3.0),
-    jr.Unbalance(0.5, 2.0, 1e-3),
-    spin=jr.ConstantSpeed(15.0),
-)
+SCENE = one_disc(mass=2.0, damping=3.0, stiffness=800.0, speed=15.0, eccentricity=1e-3)
 
 
 def read_csv(path, like):

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from systems import one_disc
 
 import jaxrotor as jr
 from jaxrotor import objectives
@@ -22,8 +23,7 @@ ECCENTRICITY = "unbalance.eccentricity"
 def mass(eccentricity):
     """Above its resonance, so that a stop feeds what touches it."""
     stop = jr.Limiter(0.5, 0.0, gap=GAP, stiffness=STIFFNESS)
-    parts = jr.Disc(0.5, 1.0), jr.DiscDamping(0.5, DAMPING), jr.Unbalance(0.5, 1.0, eccentricity)
-    return jr.Scene(jr.MasslessShaft(1.0, 0.5, 1.0), *parts, stop, spin=jr.ConstantSpeed(SPEED))
+    return one_disc(stop, damping=DAMPING, speed=SPEED, eccentricity=eccentricity)
 
 
 # At this eccentricity [m] the mass just touches, on a circle of the gap.

@@ -8,20 +8,15 @@ import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from systems import one_disc
 from typer.testing import CliRunner
 
 import jaxrotor as jr
 from jaxrotor.cli import app
 
 
-SCENE = jr.Scene(
-    jr.MasslessShaft(1.0, 0.5, 800.0),
-    jr.Disc(0.5, 2.0),
-    jr.DiscDamping(0.5, 3.0),
-    jr.Unbalance(0.5, 2.0, 1e-3),
-    spin=jr.ConstantSpeed(15.0),
-    assumption="a guess & <more>",
-)
+PLAIN = one_disc(mass=2.0, damping=3.0, stiffness=800.0, speed=15.0, eccentricity=1e-3)
+SCENE = jr.Scene(PLAIN.shaft, *PLAIN.effects, spin=PLAIN.spin, assumption="a guess & <more>")
 ALONE = {"meta", "img", "br", "link", "input"}
 
 

@@ -36,8 +36,6 @@ def explore(
     from ..plot.explore import explore as window
 
     explorer = window(opened(stores(data)))
-    if out is None:
-        explorer.check_window()
     if at is not None:
         if not np.isfinite(at):
             raise ValueError(f"--at must be a number on the axis of the diagram, but is {at:g}.")

@@ -18,7 +18,7 @@ from ..observe import AbstractObservable, WhirlSpectrum, everything
 from ..outcome import STATUS, failed
 from ..scene import Scene
 from ..solvers import Exponential
-from ..store import OtherSweepError
+from ..store import PENDING, OtherSweepError
 from ..sweep import sweep as run
 from . import answer
 from .options import (
@@ -211,7 +211,7 @@ def _kept(partial: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         if not partial.exists():
             raise
-        done = xr.open_zarr(partial, chunks=None)["status"].values != STATUS.index("not_computed")
+        done = xr.open_zarr(partial, chunks=None)["status"].values != PENDING
         typer.echo(
             f"Interrupted; {done.sum()} of {done.size} lanes are kept in {partial}, and the same command "
             "goes on from there.",

@@ -14,6 +14,7 @@ from ..outcome import STATUS
 from ..simulate import Response, simulate
 from ..solvers import Exponential
 from ..start import AbstractStart, AtRest, Whirl
+from ..sweep import placed
 from . import colours, page
 from .bifurcation import bifurcation
 from .labels import coordinate, ensemble, only_swept
@@ -43,7 +44,6 @@ class Explorer:
         self._run = run
         others = ensemble(dataset, "index")
         dim = only_swept(dataset, "index", others)
-        self._data = dataset.transpose(dim, *others, ...)
         self._values, self._label = coordinate(dataset, dim)
         self._lane = 0
         style: Any = {"figsize": page.inches(240, 130), "layout": "constrained"}
@@ -54,6 +54,8 @@ class Explorer:
         self.orbit, self.spectrum = axes["orbit"], axes["spectrum"]
         self.lower.sharex(self.upper)
         bifurcation(dataset, (self.upper, self.lower), size=3)
+        # Read once, not at every click: the data set may be one on disk.
+        self._data = dataset[["index", "extrema", "status"]].transpose(dim, *others, ...).load()
         mark: Any = {"color": colours.DARK, "linewidth": 0.8, "visible": False}
         self._marks = [ax.axvline(self._values[0], **mark) for ax in (self.upper, self.lower)]
         self._say("click a point of the diagram")
@@ -89,18 +91,14 @@ class Explorer:
         off = np.where(np.isfinite(drawn), np.abs(drawn - y), np.inf).min(axis=1)
         return int(lanes[np.argmin(off)])
 
-    def check_window(self) -> None:
-        """Refuse where matplotlib has no windows."""
+    def wait(self) -> None:
+        """Open the window and wait until it is closed."""
         canvas: Any = self.figure.canvas
         if canvas.required_interactive_framework is None:
             raise ValueError(
                 f"No window can be opened here (matplotlib draws by {plt.get_backend()}); write a picture "
                 "by --out FILE, or install what opens windows, as by pip install PyQt6."
             )
-
-    def wait(self) -> None:
-        """Open the window and wait until it is closed."""
-        self.check_window()
         plt.show()
 
     @property
@@ -171,10 +169,7 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
     at = dict(zip(status.dims, np.unravel_index(lane, status.shape), strict=True))
     coords = status.isel(at).coords
     values = {str(name): float(c) for name, c in coords.items() if "." in str(name)}
-    start = _start(about["start"])
-    for path in [path for path in values if path.startswith("start.")]:
-        fields = {**vars(start), path.removeprefix("start."): values.pop(path)}
-        start = type(start)(**fields)
+    scene, start = placed(loads(about["scene"]), _start(about["start"]), values)
     keep, period = min(int(about["keep"]), LONGEST), about["period"]
     how = {
         "revolutions": int(about["settle"]) + keep,
@@ -185,7 +180,7 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
         "at": float(about["station"]),
         "period": period if isinstance(period, float) else None,
     }
-    return loads(about["scene"]).replace(values), how
+    return scene, how
 
 
 def _start(text: str) -> AbstractStart:
