@@ -3,8 +3,9 @@
     python benchmarks/scaling.py
     python benchmarks/scaling.py --lanes 64 --settle 4 --keep 4 --steps 32 --repeats 1 --chunks 50
 
-Every way runs the same sweep into a store: once with what it compiles, then in turns, the quickest
-counting, so that other work on the machine meets all alike. Then what a chunk costs the scheduler
+Every way runs the same sweep into a store: once with what it compiles (after a short one with another
+count of steps, so that importing is not counted), then in turns, the quickest counting, so that other
+work on the machine meets all alike. Then what a chunk costs the scheduler
 beside its work, by chunks that do nothing, and what a lane takes in a store.
 """
 
@@ -50,8 +51,10 @@ def ways(args: argparse.Namespace, folder: Path, processes: dict[int, Client]) -
     """The same sweep by every way: first run, quickest run."""
     how = {f"{n} thread{'s' * (n > 1)}": {"workers": n} for n in processes}
     how |= {f"{n} process{'es' * (n > 1)}": {"cluster": c} for n, c in processes.items()}
+    short = {"lanes": args.block, "settle": 0, "keep": 1, "steps": args.steps // 2}
     first = {}
     for name, one in how.items():
+        swept(argparse.Namespace(**{**vars(args), **short}), folder, **one)
         jax.clear_caches()
         first[name] = swept(args, folder, **one)
     for one in how.values():

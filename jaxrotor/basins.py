@@ -127,7 +127,7 @@ def basins(
         tick(1)
         return jax.tree.map(lambda leaf: np.asarray(leaf)[: len(chunk)], out)
 
-    with bar(progress, len(chunks), f"{len(starts)} starts") as tick:
+    with bar(progress, len(chunks), f"{len(starts)} starts", "starts", size) as tick:
         parts = spread(run, chunks, workers, tick)
     imbalance, radius, mean_rate, lag, good = map(np.concatenate, zip(*parts, strict=True))
     capacity = sum(float(jnp.sum(race.masses) * race.race_radius) for race in races)

@@ -113,8 +113,8 @@ def first_alone(call: Callable) -> Callable:
 
 
 @contextlib.contextmanager
-def progress(show: bool | None, total: int, what: str) -> Iterator:
-    """A bar on a terminal, else nothing: yields `tick(steps)`."""
+def progress(show: bool | None, total: int, what: str, unit: str = "", each: int = 1) -> Iterator:
+    """A bar on a terminal, else nothing: yields `tick(steps)`; a step is `each` of the `unit`."""
     if not (sys.stderr.isatty() if show is None else show):
         yield lambda steps: None
         return
@@ -132,7 +132,10 @@ def progress(show: bool | None, total: int, what: str) -> Iterator:
     class Rate(ProgressColumn):
         def render(self, task: Any) -> Text:
             speed = task.finished_speed or task.speed
-            return Text("" if speed is None else f"{speed:.3g}/s")
+            if speed is None:
+                return Text("")
+            digits = ",.0f" if speed * each >= 100 else ".3g"
+            return Text(f"{speed * each:{digits}} {unit}/s".replace(" /", "/"))
 
     columns = (
         TextColumn("{task.description}"),

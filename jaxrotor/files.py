@@ -164,7 +164,9 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
     try:
         return ours.get(source, Path(source)).read_bytes().decode("utf-8-sig"), source
     except FileNotFoundError:
-        near, names = suggest(source, ours), ", ".join(sorted(ours))
+        called = {path.stem: path.name for path in Path(source).parent.glob("*.toml")}
+        called |= {name: name for name in ours}
+        near, names = suggest(Path(source).stem, called, called.get), ", ".join(sorted(ours))
         refuse(source, f"is no file and no shipped scene{near}; shipped are: {names}.")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error

@@ -2,7 +2,7 @@
 
 import dataclasses
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -221,10 +221,10 @@ def _is_none(leaf: Any) -> bool:
     return leaf is None
 
 
-def suggest(word: str, words: Sequence[str] | Mapping[str, Any]) -> str:
-    """A closing hint, " (did you mean `..`?)", or nothing."""
+def suggest(word: str, words: Sequence[str] | Mapping[str, Any], called: Callable = str) -> str:
+    """A closing hint, " (did you mean `..`?)", or nothing; `called` tells what to write for a word."""
     close = difflib.get_close_matches(word, list(words), n=1)
-    return f" (did you mean `{close[0]}`?)" if close else ""
+    return f" (did you mean `{called(close[0])}`?)" if close else ""
 
 
 # === stations

@@ -165,7 +165,7 @@ def sweep(
             again = again[:0]  # known already
         seconds, few = _again(again, lanes_per_chunk, hands.count)
         total = (len(todo) * job.rows + len(seconds)) * (settle + keep)
-        with bar(progress, total, f"{job.lanes} lanes") as tick:
+        with bar(progress, total, f"{job.lanes} lanes", "lane-revolutions", size) as tick:
             hands.each(functools.partial(job.run, size=size), todo, tick, sink)
             found = sink.finished()
             if failed(found["status"]).all():

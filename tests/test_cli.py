@@ -488,7 +488,9 @@ def test_sweep_options(fake):
 
 def test_waterfall(fake):
     fake(lambda axes: lanes(axes, spectrum=True))
-    call("sweep", "limiter-rotor", "--over", "spin.speed=600:700:3", "--spectrum", "--out", "out")
+    over = ["--over", "spin.speed=6000rpm:7000rpm:3"]
+    said = call("sweep", "limiter-rotor", *over, "--spectrum", "--out", "out").stdout
+    assert "(6000 to 7000 rpm), 3 values" in said
     assert sorted(os.listdir("out")) == ["bifurcation.png", "sweep.zarr", "waterfall.png"]
 
 

@@ -200,6 +200,36 @@ def test_a_worker_is_killed(dask, alone, tmp_path):
     dask.wait_for_workers(2, timeout=60)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
+    """As a terminal does it, to every process at once: none is left, and the command goes on later."""
+    monkeypatch.chdir(tmp_path)
+    over = ["--over", "unbalance.eccentricity=0:1mm:1280", "--steps", "64", "--keep", "8"]
+    small = ["sweep", "limiter-rotor", *over, "--settle", "400", "--out", "run"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "jaxrotor", *small, "--cluster", "2"],
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True},
+        start_new_session=True,
+    )
+    partial = tmp_path / "run" / "sweep-partial.zarr"
+    while process.poll() is None and not list(partial.glob("status/[0-9]*")):
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and not out, err
+    done = int((xr.open_zarr(partial, chunks=None)["status"] != PENDING).sum())
+    assert 0 < done < 1280 and len(err.splitlines()) == 1
+    assert f"{done} of 1280 lanes are kept in {partial.relative_to(tmp_path)}" in err
+    until = time.monotonic() + 30
+    with pytest.raises(ProcessLookupError):
+        while time.monotonic() < until:
+            os.killpg(process.pid, 0)
+            time.sleep(0.1)
+    found = CliRunner().invoke(app, [*small, "--workers", "2", "--json"])
+    assert found.exit_code == 0 and sorted(os.listdir("run")) == ["bifurcation.png", "sweep.zarr"]
+    assert not (xr.open_zarr("run/sweep.zarr")["status"] == PENDING).any()
+
+
 def test_a_chunk_that_kills_every_worker(dask):
     scheduler = dask.cluster.scheduler
     scheduler.allowed_failures, allowed = 1, scheduler.allowed_failures

@@ -779,6 +779,10 @@ def test_unreadable_files(tmp_path):
 
     near = f"(did you mean `limiter-rotor`?); shipped are: {', '.join(sorted(OTHERS + NAMES))}."
     sentence("limiter-roter", f"is no file and no shipped scene {near}")
+    (tmp_path / "my-rotor.toml").touch()
+    near = "(did you mean `my-rotor.toml`?)"
+    for slip in ("my-rotr.toml", "my-rotor"):
+        sentence(tmp_path / slip, f"is no file and no shipped scene {near}; shipped are: ")
     sentence(tmp_path / "no.toml", "is no file and no shipped scene; shipped are: ")
     sentence(tmp_path, "cannot be read (Is a directory); give a TOML file in UTF-8.")
     sentence("", "cannot be read (Is a directory)")

@@ -38,6 +38,7 @@ from .options import (
     assignments,
     count_or_auto,
     optional,
+    rpm,
     scene_with,
     start_with,
     swept_axes,
@@ -112,8 +113,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Dask scheduler whose workers compute instead, or how many processes to start here. "
-            "[needs jaxrotor\\[cluster]]",
+            help="Dask scheduler whose workers compute instead, or how many processes to start here, "
+            "each some seconds until it has imported and compiled. [needs jaxrotor\\[cluster]]",
         ),
     ] = None,
     out: Annotated[
@@ -260,6 +261,13 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
 # === what is printed
 
 
+def _range(path: str, values: np.ndarray, unit: str) -> str:
+    """A swept axis in words; a speed of the spin also in revolutions per minute."""
+    low, high = values.min(), values.max()
+    also = f" ({rpm(low):.6g} to {rpm(high):.6g} rpm)" if path == "spin.speed" else ""
+    return f"{low:.6g} to {high:.6g} {unit}{also}, {values.size} values"
+
+
 def _lanes(dataset: xr.Dataset) -> dict[str, Any]:
     """How many lanes do what, and the range of the index over those that whirl."""
     index, status = dataset["index"].values, dataset["status"].values
@@ -314,10 +322,7 @@ def _print(
     seconds: float,
     written: list[str],
 ) -> None:
-    rows = [
-        (path, f"{v.min():.6g} to {v.max():.6g} {dataset[path].attrs['units']}, {v.size} values")
-        for path, v in axes.items()
-    ]
+    rows = [(path, _range(path, v, dataset[path].attrs["units"])) for path, v in axes.items()]
     rows += [
         ("revolutions", f"{counts['settle']} to settle, {counts['keep']} kept"),
         ("solver", f"{dataset.attrs['solver']}, {counts['steps_per_revolution']} steps each"),

@@ -86,7 +86,7 @@ def continue_(
     start = _start(corrector, first, path)
     trip = _Trip(corrector, step, max_step, max_points, locate)
     ways = {"both": (1, -1), "up": (1,), "down": (-1,)}[direction]
-    with bar(progress, len(ways) * max_points, f"continuing in {path}") as tick:
+    with bar(progress, len(ways) * max_points, f"continuing in {path}", "points") as tick:
         trails = {}
         for way in ways:
             trails[way] = trip.go(start, way, tick)

@@ -136,7 +136,7 @@ def lyapunov(
     march = eqx.filter_jit(March.of)(system, plan, rate, station[:1])
     y = march.begin(start, station[0])
     aligned = settle - settle // 2
-    with bar(progress, settle + revolutions, f"{count} exponents") as tick:
+    with bar(progress, settle + revolutions, f"{count} exponents", "revolutions") as tick:
         y, good = _skip(march, y, settle - aligned)
         tick(settle - aligned)
         frame = random_frame(y.size, count, seed)
