@@ -127,6 +127,7 @@ def progress(show: bool | None, total: int, what: str, unit: str = "", each: int
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+    from rich.table import Column
     from rich.text import Text
 
     class Rate(ProgressColumn):
@@ -139,9 +140,9 @@ def progress(show: bool | None, total: int, what: str, unit: str = "", each: int
 
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=16),  # the line is one of 80 columns
         TextColumn("{task.percentage:3.0f} %"),
-        Rate(),
+        Rate(table_column=Column(no_wrap=True)),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),

@@ -34,7 +34,7 @@ h3 { font-size: 1em; margin-bottom: 0.3em; }
 table { border-collapse: collapse; margin: 0.5em 0 1em; font-size: 0.9em; }
 th, td { text-align: left; padding: 0.15em 1em 0.15em 0; vertical-align: top; border-bottom: 1px solid #eee; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; }
-td { overflow-wrap: anywhere; } pre { font-size: 0.85em; white-space: pre-wrap; background: #f6f6f6; padding: 0.8em; }
+td { overflow-wrap: break-word; } pre { font-size: 0.85em; white-space: pre-wrap; background: #f6f6f6; padding: 0.8em; }
 figure { margin: 1em 0; } img { max-width: 100%; } figcaption { font-size: 0.85em; color: #555; }
 .note { background: #fff4d6; padding: 0.4em 0.8em; }
 @media print {

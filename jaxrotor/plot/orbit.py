@@ -68,5 +68,5 @@ def draw_limiters(ax: Axes, response: Any, station: int, radius: float, factor: 
             color=colours.ORANGE,
             linewidth=2.5,
             solid_capstyle="butt",
-            label="limiter, undeformed" if number == 0 else None,
+            label="limiter" if number == 0 else None,
         )
