@@ -21,7 +21,7 @@ from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential
 from .spin import Drive
 from .start import AbstractStart, AtRest, Continued
-from .system import System, assemble
+from .system import System, assemble, polar_inertia
 from .transient import Instant, Posture, Transient
 
 
@@ -149,7 +149,7 @@ def run_up(
             "estimate, such as diffrax.Tsit5()."
         )
     if isinstance(spin, Drive) and spin.polar is None:
-        spin.inertia(_polar(begun))  # refuses what cannot turn
+        spin.inertia(polar_inertia(begun))  # refuses what cannot turn
     launch = _whole(launch, counts)
     instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
     if known(good) and not bool(good):
@@ -161,11 +161,6 @@ def run_up(
         )
     name = solver_name(chosen)
     return _result(scene, times, stations, instants, stopped, seen, launch.time, name)
-
-
-@eqx.filter_jit
-def _polar(scene: Scene) -> Scalar | None:
-    return assemble(scene).blocks.polar
 
 
 def suited(scene: Scene) -> dfx.AbstractSolver:

@@ -185,6 +185,12 @@ def structure(scene: Scene) -> System:
     return eqx.filter_eval_shape(assemble, scene)
 
 
+@eqx.filter_jit
+def polar_inertia(scene: Scene) -> Scalar | None:
+    """Moment of inertia of a scene's shaft and discs about the axis [kg m^2]; None without any."""
+    return assemble(scene).blocks.polar
+
+
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     """Contacts of a scene that act at one station.
 

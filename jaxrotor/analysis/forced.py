@@ -146,7 +146,7 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
     speeds = jnp.broadcast_to(scene.spin.speed, frequencies.shape)
     load = eqx.Partial(_of_force, force)
     forward, backward, *mirrored = _respond(scene, speeds, frequencies, stations, load)
-    turning = frame(assemble(scene).blocks) == "rotating"
+    turning = frame(structure(scene).blocks) == "rotating"
     sidebands = jnp.stack(mirrored) if turning else None
     return HarmonicResponse(speeds, frequencies, stations, forward, backward, sidebands)
 

@@ -26,7 +26,7 @@ from ..effects import AbstractBodies, Disc, Unbalance
 from ..scene import Scene
 from ..shafts import RigidShaft
 from ..spin import Drive, SpeedProfile
-from ..system import assemble
+from ..system import polar_inertia
 from ..units import quantity
 from . import answer
 from .options import AsJson, Layout, Row, SceneName, Settings, rpm, scene_of
@@ -283,7 +283,7 @@ def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
         if not speed > 0:
             raise ValueError(f"--speed must be above 0, but is {speed:g} rad/s.")
     elif isinstance(spin, Drive):
-        polar = float(spin.inertia(assemble(rotor).blocks.polar))
+        polar = float(spin.inertia(polar_inertia(rotor)))
         speed, origin = abs(settled(spin, polar).speed), "steady speed of the drive"
     elif isinstance(spin, SpeedProfile):
         speed, origin = float(jnp.max(jnp.abs(spin.speeds))), "highest of the profile"

@@ -14,7 +14,7 @@ from ..files import START, load, many, swept_values
 from ..scene import Scene
 from ..spin import Drive
 from ..start import AbstractStart, AtRest, Whirl
-from ..system import assemble
+from ..system import polar_inertia
 from ..units import quantity
 
 
@@ -231,7 +231,7 @@ def _length(scene: Scene) -> float:
     if spin.kinks is not None:
         return float(spin.kinks[-1])
     if isinstance(spin, Drive):
-        found = settled(spin, float(spin.inertia(assemble(scene).blocks.polar)))
+        found = settled(spin, float(spin.inertia(polar_inertia(scene))))
         if found.time > 0:
             return found.time
     speed = abs(float(spin.speed))
@@ -242,7 +242,7 @@ def _length(scene: Scene) -> float:
 
 def moving_station(scene: Scene) -> float | None:
     """The station [m] that `Scene.stations` suggests, else the next one that can move, else None."""
-    line = assemble(scene).line
+    line = scene.line()
     placed = [getattr(effect, "at", None) for effect in scene.effects]
     stations = [at for at in placed if at is not None]
     for at in (*scene.stations(), *stations, scene.shaft.length):

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
+import equinox as eqx
 import numpy as np
 import typer
 
@@ -10,7 +11,6 @@ from ..analysis import onset_speed
 from ..dataset import assumed
 from ..files import dumps, shipped, source, title
 from ..scene import Scene
-from ..system import assemble
 from . import answer
 from .linear import described_onset, described_roots
 from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
@@ -73,7 +73,7 @@ def show(
     at_rest = described_roots(rotor.at_speed(0.0))[1]
     still = _still(at_rest)
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
-    coordinates = assemble(rotor).n
+    coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     try:
         onset, why = described_onset(onset_speed(rotor), axes), ""
     except ValueError as error:
