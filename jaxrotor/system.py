@@ -182,7 +182,10 @@ def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
 
 def structure(scene: Scene) -> System:
     """Which blocks, loads and ports a scene has: shapes alone, without the cost of `assemble`."""
-    return eqx.filter_eval_shape(assemble, scene)
+    return eqx.filter_eval_shape(_assembled, scene)
+
+
+_assembled = eqx.filter_jit(assemble)  # traced once for all scenes that are alike
 
 
 @eqx.filter_jit
