@@ -24,7 +24,11 @@ def cores(workers: int | None) -> int:
     if workers is not None:
         check_counts(workers=workers)
         return workers
-    return (os.cpu_count() or 1) if jax.default_backend() == "cpu" else jax.local_device_count()
+    if jax.default_backend() != "cpu":
+        return jax.local_device_count()
+    if hasattr(os, "sched_getaffinity"):  # where a scheduler may have lent a few of the cores
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def chunk_size(lanes: int, most: int, workers: int) -> int:

@@ -90,12 +90,18 @@ def data_of(result: Any) -> Any:
 
 
 def _lanes(data: Any) -> dict[str, Any]:
-    """Columns of the lanes of a sweep."""
+    """Columns of the lanes of a sweep, also of what one value was chosen of."""
+    if not data["status"].dims:
+        data = data.expand_dims("only")
     status = data["status"]
     swept = np.meshgrid(*(data[dim].values for dim in status.dims), indexing="ij")
     columns: dict[str, Any] = {}
+    for name, one in data.coords.items():
+        if ("." in str(name) or name == "branch") and name not in status.dims:
+            columns[_head(str(name), one)] = np.broadcast_to(one.values, status.shape).ravel()
     for dim, values in zip(status.dims, swept, strict=True):
-        columns[_head(str(dim), data[dim])] = values.ravel()
+        if dim in data.coords:
+            columns[_head(str(dim), data[dim])] = values.ravel()
     words = str(status.attrs["flag_meanings"]).split()
     columns["status"] = [words[number] for number in status.values.ravel()]
     for name, one in data.data_vars.items():

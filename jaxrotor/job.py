@@ -22,7 +22,7 @@ from .simulate import solver_name
 from .solvers.exponential import Exponential
 
 
-NO_ERROR = ("status", "extrema_missed", "unresolved")
+NO_ERROR = ("status", "extrema_missed", "unresolved", "reversal_watched")
 
 
 class Job(NamedTuple):
@@ -113,7 +113,7 @@ def errors_of(
     for name, one in repeated.data_vars.items():
         if one.dims[1:] not in ((), ("limiter",)) or name in NO_ERROR:
             continue
-        off = np.abs(one.values - of(name))
+        off = np.abs(one.values.astype(float) - of(name))
         off[~good] = np.nan
         long_name = f"change of {one.attrs['long_name']} by twice the steps"
         attrs = {"units": one.attrs["units"], "long_name": long_name}

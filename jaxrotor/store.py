@@ -5,6 +5,7 @@ variable, each put in place whole, its `status` last: until then that is `not_co
 """
 
 import contextlib
+import json
 import os
 import shutil
 import tempfile
@@ -61,11 +62,10 @@ class Store:
         block: Mapping[str, int],
     ):
         self.path, self.coords, self.attrs = Path(path), coords, dict(attrs)
-        self.block = dict(block)
+        self.block, self._met = dict(block), False
         if self.path.exists():
-            self._check()
-            status = self._open()["status"]
-            self.block = dict(zip(map(str, status.dims), status.encoding["chunks"], strict=True))
+            self.block = self._check()
+            self._met = True
 
     def __getstate__(self) -> dict[str, Any]:  # another process may work in another folder
         return self.__dict__ | {"path": self.path.absolute()}
@@ -74,15 +74,16 @@ class Store:
         """Those that are still to be computed."""
         if not self.path.exists():
             return blocks
-        status = self._open()["status"].load()
-        return [block for block in blocks if (status.isel(block) == PENDING).any()]
+        status = self._open()["status"]
+        missing = status.values == PENDING
+        place = lambda block: tuple(block.get(str(dim), slice(None)) for dim in status.dims)
+        return [block for block in blocks if missing[place(block)].any()]
 
     def put(self, block: Block, part: xr.Dataset) -> None:
         """Write a block; its status when all the rest is there."""
         last = ["status"]
         with plainly(self.path):
-            if not self.path.exists():
-                self._begin(part)
+            self._meet(part)
             # Chunks are written whatever their values, so that one that is lost is missed.
             with zarr.config.set({"array.write_empty_chunks": True}):
                 group = self._group()
@@ -98,11 +99,10 @@ class Store:
     def add(self, more: xr.Dataset, attrs: Mapping[str, Mapping[str, Any]]) -> None:
         """Variables found from all blocks, and attributes of those there are."""
         with plainly(self.path):
+            self._forget([str(name) for name in more.variables])
             group = self._group()
             for name, about in attrs.items():
                 group[name].attrs.update(about)
-            for name in more.variables:  # also what is left of it by a try that failed
-                shutil.rmtree(self.path / str(name), ignore_errors=True)
             said = more.assign_attrs(self.attrs)
             said.to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
             zarr.consolidate_metadata(self.path, zarr_format=2)
@@ -112,6 +112,36 @@ class Store:
 
     def _group(self) -> Any:
         return zarr.open_group(self.path, mode="r+", use_consolidated=False)
+
+    def _meet(self, part: xr.Dataset) -> None:
+        """Begin the folder, or see that the one there by now is of the same sweep."""
+        if self._met:
+            if not self.path.exists():
+                raise StoreError(
+                    f"{self.path} is gone: it was moved or deleted while the sweep ran."
+                )
+            return
+        if not self.path.exists():
+            self._begin(part)
+        there = self._check()
+        if any(there[dim] != size for dim, size in self.block.items()):
+            raise StoreError(
+                f"{self.path} was begun meanwhile by another run, in other blocks; run this again to "
+                "help it."
+            )
+        self._met = True
+
+    def _forget(self, names: list[str]) -> None:
+        """Take variables out of what readers are told of, then away, also halves of them."""
+        listed = self.path / ".zmetadata"
+        about = json.loads(listed.read_text())
+        kept = about["metadata"].items()
+        about["metadata"] = {path: one for path, one in kept if path.partition("/")[0] not in names}
+        draft = listed.with_suffix(".partial")
+        draft.write_bytes(json.dumps(about).encode())
+        draft.replace(listed)
+        for name in names:
+            shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _begin(self, part: xr.Dataset) -> None:
         """The folder with all variables, nothing computed; there at once or not at all.
@@ -156,15 +186,23 @@ class Store:
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
-    def _check(self) -> None:
-        """Refuse a folder that holds anything else."""
+    def _check(self) -> dict[str, int]:
+        """Refuse a folder that holds anything else; the size of its blocks."""
         try:
             there = self._open()
-            there["status"]
+            status = there["status"]
         except (KeyError, ValueError, OSError):
             raise ValueError(
                 f"{self.path} exists and is no store of a sweep; choose another."
             ) from None
+        if status.dims != tuple(self.coords):
+            is_, wanted = (
+                ", ".join(f"`{dim}`" for dim in dims) for dims in (status.dims, self.coords)
+            )
+            raise OtherSweepError(
+                f"{self.path} holds a sweep over {is_}, not over {wanted}; choose another store, or "
+                "delete it."
+            )
         for name, (dim, values, _) in self.coords.items():
             if name not in there.coords or not np.array_equal(there[name].values, values):
                 raise OtherSweepError(
@@ -179,3 +217,4 @@ class Store:
                     f"{self.path} holds another sweep: its `{name}` is {is_!r}, not {wanted!r}; choose "
                     "another store, or delete it."
                 )
+        return dict(zip(map(str, status.dims), status.encoding["chunks"], strict=True))

@@ -5,7 +5,7 @@ import functools
 import itertools
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -37,11 +37,12 @@ from .simulate import (
 from .solvers.control import step_control
 from .solvers.exponential import Exponential
 from .start import AbstractStart, AtRest
-from .store import Store
+from .store import PENDING, Store, StoreError
 from .system import assemble, port_groups
 
 
 PILOT_LANES = 4  # by which "auto" steps are chosen
+MOST_LANES = 1_000_000_000  # of one sweep: the lists of what is to do take memory
 
 
 def sweep(
@@ -125,6 +126,7 @@ def sweep(
     start = AtRest() if start is None else start
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = _axes(scene, start, over, period)
+    together = _port_groups(scene, axes)
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
         run |= {"max_steps": max_steps}
@@ -152,12 +154,12 @@ def sweep(
         slopes=False,
         coordinates=False,
         contacts=any(one.needs_contact for one in observe),
-        together=_port_groups(scene, axes),
+        together=together,
         batch=True,
     )
     context = Context(scene, start, tuple(axes), plan, stations[0], period, observe, settle, keep)
     job = Job(context, axes, carry, Stages.fresh())
-    about = provenance(context) | chosen(pilots) | ({} if carry is None else {"carry": carry})
+    about = provenance(context) | chosen(pilots) | {"carry": carry or "none"}
     with crew(cluster, workers) as hands:
         sink, todo, size = _placed_in(store, job, about, lanes_per_chunk, hands.count)
         again = _spread_over(job.lanes, error_sample)
@@ -168,6 +170,11 @@ def sweep(
         with bar(progress, total, f"{job.lanes} lanes", "lane-revolutions", size) as tick:
             hands.each(functools.partial(job.run, size=size), todo, tick, sink)
             found = sink.finished()
+            if (found["status"] == PENDING).any():
+                raise StoreError(
+                    f"{store} was changed while the sweep ran, and lanes are missing; the same sweep goes "
+                    "on from what is there."
+                )
             if failed(found["status"]).all():
                 start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
             if seconds:
@@ -283,23 +290,13 @@ def _axes(
             if path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
-    for changed in _rearranged(scene, axes):
-        if changed.spans != scene.spans:
-            raise ValueError(
-                "The sweep moves a station past another; sweep each order of stations apart."
-            )
+    lanes = math.prod(map(len, axes.values()))
+    if lanes > MOST_LANES:
+        raise ValueError(
+            f"A sweep of {lanes:.3g} lanes is more than one can hold ({MOST_LANES:.0e}); cut it along an "
+            "axis, a sweep and a store each."
+        )
     return axes
-
-
-def _rearranged(scene: Scene, axes: Mapping[str, np.ndarray]) -> Iterator[Scene]:
-    """The scene with every combination of the lengths that are swept, each a valid scene."""
-    lengths = {
-        path: values
-        for path, values in axes.items()
-        if path.endswith(".at") or path.startswith("shaft.")
-    }
-    for point in itertools.product(*lengths.values()):
-        yield scene.replace(dict(zip(lengths, point, strict=True)))
 
 
 def placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
@@ -318,9 +315,26 @@ def placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
     return scene.replace(own), start
 
 
+def _moves(scene: Scene, path: str, values: np.ndarray) -> bool:
+    """Whether stations depend on a path."""
+    if not path.startswith("shaft."):
+        return path.endswith(".at")
+    shafts = [scene.replace({path: value}).shaft for value in (values.min(), values.max())]
+    one, other = ([float(at) for at in (shaft.length, *shaft.stations)] for shaft in shafts)
+    return one != other
+
+
 def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:
-    """Contacts that share a port at every point of the grid."""
-    groups = {port_groups(changed) for changed in _rearranged(scene, axes)}
+    """Contacts that share a port at every point of the grid, where no station passes another."""
+    lengths = {path: values for path, values in axes.items() if _moves(scene, path, values)}
+    groups = set()
+    for point in itertools.product(*lengths.values()):
+        changed = scene.replace(dict(zip(lengths, point, strict=True)))
+        if changed.spans != scene.spans:
+            raise ValueError(
+                "The sweep moves a station past another; sweep each order of stations apart."
+            )
+        groups.add(port_groups(changed))
     if len(groups) == 1:
         return groups.pop()
     return tuple((i,) for group in port_groups(scene) for i in group)

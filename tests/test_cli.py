@@ -1007,6 +1007,10 @@ def test_interrupted_sweep_goes_on(place):
         f"Interrupted; 6 of 24 lanes are kept in {where}, and the same command goes on from there.\n"
     )
     assert os.listdir("run") == ["sweep-partial.zarr"]
+    with pytest.MonkeyPatch.context() as patch:  # also as its picture is drawn
+        drawing = importlib.import_module("jaxrotor.cli.sweep")
+        patch.setattr(drawing, "draw", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+        assert "24 of 24 lanes are kept" in call(*small, "--out", "run", code=130).stderr
     call(*small, "--out", "run")
     assert sorted(os.listdir("run")) == ["bifurcation.png", "sweep.zarr"]
     with xr.open_zarr("run/sweep.zarr") as run, xr.open_zarr("whole/sweep.zarr") as whole:

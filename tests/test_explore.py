@@ -1,5 +1,7 @@
 """Explorer of a sweep, without a window: what a click or a key shows is the lane simulated alone."""
 
+import importlib
+
 import matplotlib
 
 
@@ -98,6 +100,18 @@ def test_a_motion_without_whirl_is_said():
     assert "undefined" in explorer.spectrum.texts[0].get_text().replace("\n", " ")
     assert np.abs(drawn(explorer)).max() == 0.0
     plt.close("all")
+
+
+def test_the_last_revolutions_are_shown(monkeypatch):
+    """Of more that were kept, those the diagram ends with."""
+    monkeypatch.setattr(importlib.import_module("jaxrotor.plot.explore"), "LONGEST", 2)
+    over = {"unbalance.eccentricity": VALUES[:1]}
+    start = jr.Whirl(7e-4, 75.0)
+    explorer = plot.explore(jr.sweep(ROTOR, over, start=start, progress=False, **RUN))
+    explorer.show(0)
+    scene = ROTOR.replace({"unbalance.eccentricity": VALUES[0]})
+    found = jr.simulate(scene, 10, RUN["steps_per_revolution"], start=start, keep=2)
+    np.testing.assert_allclose(explorer.response.displacement, found.displacement, rtol=1e-9)
 
 
 def test_at_zero_speed_a_revolution_is_the_period_given():

@@ -115,6 +115,11 @@ def test_table_of_a_sweep(swept, tmp_path):
         np.testing.assert_array_equal(found[heads[name]], expected[name])
         assert swept[name].attrs["units"] in ("1", heads[name].partition(" [")[2].rstrip("]"))
     assert not any("section" in head for head in heads)
+    some = jr.table(swept.isel({"start.radius": 1}))  # what was chosen is still told
+    rows = found[found["start.radius [m]"] == 1e-3].reset_index(drop=True)
+    pd.testing.assert_frame_equal(some[found.columns], rows, check_exact=True)
+    one = jr.table(swept.isel({"start.radius": 1, "unbalance.eccentricity": 0}))
+    pd.testing.assert_frame_equal(one[found.columns], rows[:1], check_exact=True)
     jr.export(swept, tmp_path / "lanes.csv")
     pd.testing.assert_frame_equal(read_csv(tmp_path / "lanes.csv", found), found, check_exact=True)
 

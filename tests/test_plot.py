@@ -1107,6 +1107,15 @@ def test_animation_says_what_it_writes(tmp_path, monkeypatch):
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
     with pytest.raises(ValueError, match="ffmpeg"):
         plot.animate(run(), tmp_path / "film.mp4")
+    for wrong, said in (
+        ({"station": 3}, "`station`"),
+        ({"seconds": 0}, "0 and 15"),
+        ({"rate": 0}, "4 and 0"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            plot.animate(run(), tmp_path / "film.gif", **wrong)
+    with pytest.raises(ValueError, match="no/film.gif cannot be written"):
+        plot.animate(run(), tmp_path / "no" / "film.gif")
     assert not list(tmp_path.iterdir())
 
 

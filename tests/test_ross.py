@@ -321,3 +321,10 @@ def test_new_scene_from_ross(tmp_path, monkeypatch):
 def test_a_tag_cannot_write_into_the_scene(changed):
     notes = changed(put(SHAFT, torque=1.0, tag="a\n[spin]\nspeed = 1\x1b"))[1]
     assert "torque left out: a [spin] speed = 1" in notes
+
+
+def test_a_kind_cannot_write_into_the_scene(changed):
+    odd = {"Foo\n[gravity]_1": {"n": 0}}
+    notes = changed(lambda document: document.update(odd))[1]
+    assert any("Foo [gravity] left out" in note for note in notes)
+    assert not any("\n" in note for note in notes)

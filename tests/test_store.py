@@ -147,6 +147,84 @@ def test_every_setting_tells_a_sweep_from_another(tmp_path):
             ask(**{"settle": 0, "keep": 1, name: other})
 
 
+def test_carried_states_are_another_sweep(tmp_path):
+    """Both ways, and the same paths in another order."""
+    carried = {"carry": "unbalance.eccentricity"}
+    swept(**carried, store=tmp_path / "a.zarr")
+    swept(store=tmp_path / "b.zarr")
+    with pytest.raises(OtherSweepError, match="a sweep over `branch`, .* not over `unbalance"):
+        swept(store=tmp_path / "a.zarr")
+    with pytest.raises(OtherSweepError, match="not over `branch`"):
+        swept(**carried, store=tmp_path / "b.zarr")
+    with pytest.raises(OtherSweepError, match="not over `start.angle`, `unbalance.eccentricity`;"):
+        jr.sweep(ROTOR, dict(reversed(OVER.items())), **HOW, store=tmp_path / "b.zarr")
+
+
+def begun(path, whole, size=2, **other):
+    """A store of the data, which none has begun."""
+    coords = {dim: (dim, whole[dim].values, whole[dim].attrs) for dim in OVER}
+    sizes = {"unbalance.eccentricity": size, "start.angle": 3}
+    return Store(path, coords, whole.attrs | other, sizes)
+
+
+def test_begun_at_the_same_time(tmp_path, gathered):
+    """Of the same sweep they help one another; another one, or other blocks, are refused."""
+    path = tmp_path / "a.zarr"
+    first, same, other, coarse = (
+        begun(path, gathered, **how) for how in ({}, {}, {"settle": 4}, {"size": 4})
+    )
+    todo = first.pending(blocks({dim: gathered.sizes[dim] for dim in OVER}, (2, 3)))
+    part = gathered[NAMES].isel(todo[0])
+    first.put(todo[0], part)
+    with pytest.raises(OtherSweepError, match="its `settle` is '3', not '4'"):
+        other.put(todo[1], gathered[NAMES].isel(todo[1]))
+    with pytest.raises(StoreError, match="begun meanwhile by another run, in other blocks"):
+        coarse.put(todo[0], part)
+    same.put(todo[1], gathered[NAMES].isel(todo[1]))
+    xr.testing.assert_equal(first.finished().load(), gathered[NAMES])
+
+
+def test_gone_while_the_sweep_runs(tmp_path, gathered, monkeypatch):
+    path, put = tmp_path / "a.zarr", Store.put
+
+    def moved(self, block, part):
+        put(self, block, part)
+        path.rename(tmp_path / "b.zarr")
+
+    monkeypatch.setattr(Store, "put", moved)
+    with pytest.raises(StoreError, match="a.zarr is gone: it was moved or deleted"):
+        swept(store=path)
+    assert os.listdir(tmp_path) == ["b.zarr"]
+    path = tmp_path / "c.zarr"
+    gathered.assign(status=0 * gathered["status"] + PENDING).to_zarr(path, zarr_format=2)
+    monkeypatch.setattr(Store, "put", lambda *_: None)
+    with pytest.raises(StoreError, match="was changed while the sweep ran, and lanes are missing"):
+        swept(store=path)
+
+
+def test_killed_as_errors_are_written(tmp_path, gathered, monkeypatch):
+    """No reader sees errors that are not there, and the same sweep ends as if never stopped."""
+    path = tmp_path / "a.zarr"
+    swept(error_sample=3, store=path)
+    stopped = {"to_zarr": (xr.Dataset, "to_zarr"), "rmtree": (shutil, "rmtree")}
+    for module, name in stopped.values():
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(module, name, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+            swept(error_sample=2, store=path)
+        seen = xr.open_zarr(path, chunks=None).load()
+        assert not [name for name in seen.variables if "error" in str(name)]
+        xr.testing.assert_equal(seen, gathered[list(seen.data_vars)])
+    found = swept(error_sample=2, store=path)
+    xr.testing.assert_identical(found.load(), gathered)
+
+
+def test_errors_of_every_observable():
+    """Also of whole numbers."""
+    observe = [*jr.observe.everything(True), jr.observe.Reversal(), jr.observe.WhirlSpectrum()]
+    found = swept(error_sample=2, observe=observe)
+    assert np.isfinite(found["index_error"]).all() and "reversal_watched_error" not in found
+
+
 def test_other_folders_are_refused(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").write_text("no store")

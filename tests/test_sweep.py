@@ -31,6 +31,16 @@ def whirl_rate(z: np.ndarray, steps: int) -> float:
 # === lanes
 
 
+def test_too_many_lanes_are_refused():
+    many = np.linspace(0, 1e-3, 100_000)
+    with pytest.raises(ValueError, match=r"A sweep of 1e\+10 lanes is more than one can hold"):
+        jr.sweep(
+            jr.load("limiter-rotor"),
+            {"start.radius": many, "start.angle": many},
+            start=jr.Whirl(1e-3),
+        )
+
+
 @pytest.mark.parametrize(
     "over",
     [

@@ -103,7 +103,7 @@ class OneSentence(TyperGroup):
         except UsageError as error:
             typer.echo(f"{_one_line(error.format_message())} (see --help)", err=True)
             raise typer.Exit(2) from None
-        except (ValueError, RuntimeError, OSError) as error:
+        except (ValueError, RuntimeError, OSError, ArithmeticError, MemoryError) as error:
             if ctx.params["debug"]:
                 raise
             typer.echo(_one_line(error) or type(error).__name__, err=True)

@@ -180,8 +180,8 @@ def sweep(
                     ) from None
                 shutil.rmtree(partial)
                 dataset = again()
-        seconds = time.perf_counter() - begun
-        _draw(dataset, list(axes), folder)
+            seconds = time.perf_counter() - begun
+            _draw(dataset, list(axes), folder)
     partial.rename(out / "sweep.zarr")
     counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
     written = written_to(out, _FILES)

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..effects import AbstractBodies
+from ..files import whole
 from . import colours, labels, page
 from .balancer import Rows
 from .orbit import draw_limiters, limiters_at
@@ -38,7 +39,7 @@ def animate(
         run: a `RunUp`.
         path: a `.gif`, or an `.mp4`, which needs the program ffmpeg.
         station: which of the run's stations.
-        seconds: length of the film [s].
+        seconds: length of the film [s], less where the run has too few samples.
         rate: pictures a second.
     """
     target = Path(path)
@@ -47,6 +48,11 @@ def animate(
         raise ValueError(f"`path` must end in .gif or .mp4, but is {os.fspath(path)!r}.")
     if not writer.isAvailable():
         raise ValueError("A film in .mp4 needs the program ffmpeg, which is not there; use .gif.")
+    if not (rate >= 1 and 0 < seconds < np.inf):
+        raise ValueError(
+            f"`seconds` must be above 0 and `rate` at least 1, but are {seconds!r} and {rate!r}."
+        )
+    signal(run, "displacement", station)  # refuses a station that is not there
     count = max(2, round(seconds * rate))
     last = np.asarray(run.time).size - 1
     samples: list[int] = np.unique(np.linspace(0, last, count).round().astype(int)).tolist()
@@ -56,7 +62,7 @@ def animate(
         axes = figure.subplots(1, 2 if balanced else 1, squeeze=False)[0]
         figure.subplots_adjust(0.11 if balanced else 0.2, 0.14, 0.98, 0.84, wspace=0.3)
         film = writer(fps=rate)
-        with film.saving(figure, os.fspath(target), _DPI):
+        with whole(target) as draft, film.saving(figure, os.fspath(draft), _DPI):
             for number, now in enumerate(samples):
                 for ax in axes:
                     ax.clear()

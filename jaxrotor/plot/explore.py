@@ -22,7 +22,7 @@ from .orbit import orbit
 from .whirl import whirl_spectrum
 
 
-LONGEST = 50  # revolutions of a motion that are shown
+LONGEST = 50  # revolutions of a motion that are shown, its last
 _KEYS = {"left": -1, "right": 1}
 
 
@@ -170,13 +170,13 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
     coords = status.isel(at).coords
     values = {str(name): float(c) for name, c in coords.items() if "." in str(name)}
     scene, start = placed(loads(about["scene"]), _start(about["start"]), values)
-    keep, period = min(int(about["keep"]), LONGEST), about["period"]
+    keep, period = int(about["keep"]), about["period"]
     how = {
         "revolutions": int(about["settle"]) + keep,
         "steps_per_revolution": int(about["steps_per_revolution"]),
         "start": start,
         "solver": _solver(about["solver"]),
-        "keep": keep,
+        "keep": min(keep, LONGEST),
         "at": float(about["station"]),
         "period": period if isinstance(period, float) else None,
     }

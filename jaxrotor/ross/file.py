@@ -22,8 +22,7 @@ class Element(NamedTuple):
     @property
     def name(self) -> str:
         """Its tag, as one line."""
-        words = " ".join(str(self.table.get("tag") or self.kind).split())
-        return "".join(letter for letter in words if letter.isprintable())
+        return _line(self.table.get("tag") or self.kind)
 
     @property
     def node(self) -> int:
@@ -41,6 +40,12 @@ class Element(NamedTuple):
         if value is None:
             refuse(f"{self.path}.{key}", f"is missing; a {self.kind} needs it.")
         return quantity(value, unit, f"{self.path}.{key}")
+
+
+def _line(text: Any) -> str:
+    """A text as one line, which a comment can hold."""
+    words = " ".join(str(text).split())
+    return "".join(letter for letter in words if letter.isprintable())
 
 
 class Notes:
@@ -70,7 +75,7 @@ def read(source: str) -> list[Element]:
         refuse(source, f"cannot be read ({reason}); give a file that ROSS has written.")
     tables = document.items() if isinstance(document, dict) else ()
     found = [
-        Element(name.partition("_")[0], f"{source}: {name}", table)
+        Element(_line(name.partition("_")[0]), f"{source}: {name}", table)
         for name, table in tables
         if isinstance(table, dict) and name != "parameters" and not name.startswith("_")
     ]
