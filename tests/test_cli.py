@@ -81,7 +81,15 @@ def test_show(quick_onset):
     assert shown["coordinates"] == 8 and shown["onset"]["speed"] == 600.0
     text = call("show", "limiter-rotor").stdout
     assert "unbalance.eccentricity" in text and "at 600 rad/s" in text
-    whirl = answered("show", "limiter-rotor")["whirl_frequencies"]
+    found = answered("show", "limiter-rotor")
+    critical, whirl = found["critical_speeds"], found["whirl_frequencies"]
+    for way, speeds in critical.items():
+        for speed in speeds:  # there the spin meets a whirl of the rotor without damping
+            still = {"external_damping.per_length": 0.0, "internal_damping.voigt_time": 0.0}
+            still |= {"disc_damping.translational": 0.0, "disc_damping.angular": 0.0}
+            met = jr.roots(jr.load("limiter-rotor").replace(still | {"spin.speed": speed}))
+            sense = 1 if way == "forward" else -1
+            assert np.abs(np.asarray(met).imag - sense * speed).min() < 1e-6 * speed
     assert whirl["standstill"][0] == pytest.approx(1.59636651 / TIME, rel=1e-7)
     assert whirl["forward"][0] == pytest.approx(1.74308955 / TIME, rel=1e-7)
     assert whirl["backward"][0] == pytest.approx(1.45302933 / TIME, rel=1e-7)

@@ -17,7 +17,7 @@ COMMANDS = {
     "scenes": ("scenes", "List the scenes that come with jaxrotor."),
     "show": (
         "scenes",
-        "Show the parameters of a scene, its whirl frequencies, and where it loses stability.",
+        "Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.",
     ),
     "new": (
         "new",

@@ -1,5 +1,6 @@
 """Commands `scenes` and `show`: what scenes there are, and what is in one."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,13 +8,13 @@ import equinox as eqx
 import numpy as np
 import typer
 
-from ..analysis import onset_speed
+from ..analysis import critical_speeds, onset_speed
 from ..dataset import assumed
 from ..files import dumps, shipped, source, title
 from ..scene import Scene
 from . import answer
 from .linear import described_onset, described_roots
-from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
+from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, rpm, scene_of
 from .output import draft_or_none, draw, written_to
 
 
@@ -45,7 +46,7 @@ def show(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show the parameters of a scene, its whirl frequencies, and where it loses stability.
+    """Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.
 
     The paths in the first column are those of `--set` and `--over`. With --out, DIR/rotor.png: shaft,
     discs, supports and stops to scale.
@@ -74,10 +75,8 @@ def show(
     still = _still(at_rest)
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
-    try:
-        onset, why = described_onset(onset_speed(rotor), axes), ""
-    except ValueError as error:
-        onset, why = None, str(error)
+    critical, no_critical = _or_why(lambda: _critical(rotor))
+    onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     if as_json:
         table = {path: {"value": value, "unit": unit} for path, (value, unit) in parameters.items()}
         whirl = {"standstill": still, "forward": forward, "backward": backward}
@@ -89,6 +88,8 @@ def show(
                 "parameters": table,
                 "coordinates": coordinates,
                 "whirl_frequencies": whirl,
+                "critical_speeds": critical,
+                "no_critical_speeds": no_critical or None,
                 "onset": onset,
                 "no_onset": why or None,
                 "written": written,
@@ -103,10 +104,36 @@ def show(
         ("whirl at standstill", f"{_text(still)} rad/s"),
         ("forward, at speed", f"{_text(forward)} rad/s"),
         ("backward, at speed", f"{_text(backward)} rad/s"),
+        *_critical_rows(critical, no_critical),
         ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why),
         *answer.written(written),
     ]
     answer.print_table(summary)
+
+
+def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
+    """What is found, or why there is none."""
+    try:
+        return find(), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def _critical(rotor: Scene) -> dict[str, list[float]]:
+    """First critical speeds [rad/s], undamped."""
+    found = critical_speeds(rotor, _SHOWN)
+    return {way: np.asarray(getattr(found, way)).tolist() for way in ("forward", "backward")}
+
+
+def _critical_rows(critical: dict[str, list[float]] | None, why: str) -> list[tuple[str, str]]:
+    if critical is None:
+        return [("critical speeds", why)]
+    rows = []
+    for way, speeds in critical.items():
+        if speeds:
+            rows.append((f"critical, {way}", f"{_text(speeds)} rad/s"))
+            rows.append(("", f"{_text([rpm(speed) for speed in speeds])} rpm"))
+    return rows
 
 
 def _value(scene: Scene, path: str) -> float | list[float] | None:
