@@ -315,18 +315,13 @@ def placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
     return scene.replace(own), start
 
 
-def _moves(scene: Scene, path: str, values: np.ndarray) -> bool:
-    """Whether stations depend on a path."""
-    if not path.startswith("shaft."):
-        return path.endswith(".at")
-    shafts = [scene.replace({path: value}).shaft for value in (values.min(), values.max())]
-    one, other = ([float(at) for at in (shaft.length, *shaft.stations)] for shaft in shafts)
-    return one != other
-
-
 def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:
-    """Contacts that share a port at every point of the grid, where no station passes another."""
-    lengths = {path: values for path, values in axes.items() if _moves(scene, path, values)}
+    """Contacts that share a port at every point of the grid, of which all lengths make a valid scene."""
+    lengths = {
+        path: values
+        for path, values in axes.items()
+        if path.endswith(".at") or (path.startswith("shaft.") and scene.unit(path) == "m")
+    }
     groups = set()
     for point in itertools.product(*lengths.values()):
         changed = scene.replace(dict(zip(lengths, point, strict=True)))

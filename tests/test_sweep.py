@@ -31,6 +31,17 @@ def whirl_rate(z: np.ndarray, steps: int) -> float:
 # === lanes
 
 
+def test_lengths_are_tried_together():
+    """Each is valid alone, not all pairs are."""
+    shaft = jr.FlexibleShaft(length=0.7, diameter=0.03, inner_diameter=0.01)
+    scene = jr.Scene(shaft, jr.Disc(0.7, 2.0), jr.Disc(0.4, 1.0), spin=jr.ConstantSpeed(100.0))
+    over = {"shaft.diameter": [0.02, 0.03], "shaft.inner_diameter": [0.01, 0.025]}
+    with pytest.raises(ValueError, match="inner_diameter"):
+        jr.sweep(scene, over)
+    with pytest.raises(ValueError, match="moves a station past another"):
+        jr.sweep(scene, {"discs.1.at": [0.4, 0.6], "discs.0.at": [0.5, 0.7]})
+
+
 def test_too_many_lanes_are_refused():
     many = np.linspace(0, 1e-3, 100_000)
     with pytest.raises(ValueError, match=r"A sweep of 1e\+10 lanes is more than one can hold"):
