@@ -236,7 +236,7 @@ def test_other_folders_are_refused(tmp_path):
 
 SCRIPT = """
 import sys, numpy as np, jaxrotor as jr
-over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 40), "start.angle": [0.0, 1.0, 2.0]}
+over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 16), "start.angle": [0.0, 1.0, 2.0]}
 how = {"settle": 3, "keep": 2, "steps_per_revolution": 32, "lanes_per_chunk": 3, "workers": 1}
 print("begun", flush=True)
 jr.sweep(jr.load("limiter-rotor"), over, start=jr.Whirl(7e-3, 75.0), **how, store=sys.argv[1])
