@@ -85,7 +85,7 @@ def accuracy(
             reference = dataclasses.replace(reference, nodes=FINE_NODES, rule="spectral")
     pairs = [(method, setting) for method in methods for setting in method.settings]
     rows: list[Row] = []
-    with bar(progress, len(pairs) + 2, "accuracy") as tick:
+    with bar(progress, len(pairs) + 2, "accuracy", "runs") as tick:
         coarse, best = (
             _measured(scene, measure, one, 1, 0, tick) for one in (reference, reference.finer())
         )

@@ -21,6 +21,7 @@ from .solvers.control import tuned
 from .solvers.exponential import Exponential
 from .spin import Drive
 from .start import AbstractStart, AtRest
+from .transient import massless_of
 
 
 OUTCOMES = ("balanced", "synchronous_unbalanced", "partly_captured", "captured", "failed")
@@ -113,7 +114,15 @@ def basins(
             "give one such as diffrax.Dopri8(), or a `controller`."
         )
     plan = Integration(
-        tuned(chosen), steps, dfx.ForwardMode(), 1, max_steps, 0, not scene.spin.given, False
+        solver=tuned(chosen),
+        controller=steps,
+        adjoint=dfx.ForwardMode(),
+        substeps=1,
+        max_steps=max_steps,
+        max_stops=0,
+        free=not scene.spin.given,
+        from_start=False,
+        massless=massless_of(scene),
     )
     times = jnp.linspace((1 - window) * duration, duration, samples)
     starts = np.stack([angles, rates], axis=1)

@@ -117,7 +117,7 @@ def first_alone(call: Callable) -> Callable:
 
 
 @contextlib.contextmanager
-def progress(show: bool | None, total: int, what: str, unit: str = "", each: int = 1) -> Iterator:
+def progress(show: bool | None, total: int, what: str, unit: str, each: int = 1) -> Iterator:
     """A bar on a terminal, else nothing: yields `tick(steps)`; a step is `each` of the `unit`."""
     if not (sys.stderr.isatty() if show is None else show):
         yield lambda steps: None
@@ -140,7 +140,7 @@ def progress(show: bool | None, total: int, what: str, unit: str = "", each: int
             if speed is None:
                 return Text("")
             digits = ",.0f" if speed * each >= 100 else ".3g"
-            return Text(f"{speed * each:{digits}} {unit}/s".replace(" /", "/"))
+            return Text(f"{speed * each:{digits}} {unit}/s")
 
     columns = (
         TextColumn("{task.description}"),

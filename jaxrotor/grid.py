@@ -1,7 +1,7 @@
 """Grid: the lanes of a sweep in blocks, each one chunk of a program and of a store."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,11 @@ def blocks(sizes: Mapping[str, int], block: Sequence[int]) -> list[Block]:
     return found
 
 
+def place_of(block: Block, dims: Iterable[Hashable]) -> tuple[slice, ...]:
+    """Where a block is in an array of these dimensions, whole along those that it does not cut."""
+    return tuple(block.get(str(dim), slice(None)) for dim in dims)
+
+
 class Gathered:
     """Blocks of a data set, gathered in memory; one thread at a time."""
 
@@ -56,8 +61,7 @@ class Gathered:
             self.whole = whole_of(part, self.coords)
             self.whole.attrs = self.attrs
         for name, one in part.data_vars.items():
-            where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
-            self.whole[name].values[where] = one.values
+            self.whole[name].values[place_of(block, one.dims)] = one.values
 
     def finished(self) -> xr.Dataset:
         """All of it."""

@@ -84,7 +84,7 @@ def hysteresis(
         return run_up(turning, times, start=launch, at=station, **options)
 
     found, launch, before = [], start, float(speeds[0])
-    with bar(progress, 2 * speeds.size, "speeds") as tick:
+    with bar(progress, 2 * speeds.size, "speeds", "speeds") as tick:
         for branch in BRANCHES:
             if branch == "down" and start_down is not None:
                 launch = start_down

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .chunks import first_alone, segments
 from .march import QUICKLY, March, Plan
@@ -86,7 +86,7 @@ def run_chunk(
     began = decode(y) if ends else None
     good = Outcome.good(size)
     for revolutions in segments(context.settle):
-        y, ok = stages.skip(shared, own, y, revolutions)
+        y, ok = stages.skip(shared, own, y, jnp.asarray(revolutions))
         good = good & ok
         tick(revolutions)
     contacts = sum(len(group) for group in context.plan.together)
@@ -138,8 +138,8 @@ def _going_on(ok: Any, end: Any, began: Any) -> Any:
 def _prepare(context: Context, points: np.ndarray, begin: Any):
     """Marches of the lanes, split into what all share and what each has of its own; states, bounces.
 
-    Lanes are prepared one after the other: linear algebra batched over lanes is where XLA on the
-    CPU has been seen to wait for ever (jax 0.10.2, two cores). Values tell what is shared.
+    Lanes are prepared one after the other, each in the same way whatever the size of its chunk.
+    Values tell what is shared.
     """
     plan = context.plan
     if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
@@ -210,7 +210,7 @@ def _build(
 
 
 @eqx.filter_jit
-def _skip(shared: March, own: March, y: Array, revolutions: int):
+def _skip(shared: March, own: March, y: Array, revolutions: Int[Array, ""]):
     return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
 
 

@@ -14,7 +14,7 @@ from .motion import Motion
 from .outcome import Outcome
 from .quantities import Scalar
 from .scene import Scene
-from .solvers.basis import Dense, Rotation
+from .solvers.basis import Count, Dense, Rotation
 from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential, ExponentialStep, revolution
 from .solvers.form import AbstractForm, PhysicalForm
@@ -25,8 +25,14 @@ from .system import System, assemble
 
 
 SHORT = 20  # revolutions of which every one may be a checkpoint
-# For `jax.jit`: a program that runs once or twice is slower to compile well than to run.
-QUICKLY: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
+# For `jax.jit`: a program that runs once or twice is slower to compile well than to run. Without the
+# fusion emitters and LLVM's optimisation a program compiles in a third of the time.
+QUICKLY: dict[str, Any] = {
+    "compiler_options": {
+        "xla_backend_optimization_level": 0,
+        "xla_cpu_use_fusion_emitters": False,
+    }
+}
 
 
 class Plan(eqx.Module):
@@ -124,21 +130,25 @@ class March(eqx.Module):
         found = ports * jnp.stack([goes, moves], axis=1)
         return found[jnp.argmax(found.sum(1))]
 
-    def skip(self, y: Array, revolutions: int) -> tuple[Array, Outcome]:
-        """State after whole revolutions, and how they went."""
+    def skip(self, y: Array, revolutions: Count) -> tuple[Array, Outcome]:
+        """State after whole revolutions, and how they went.
+
+        A traced number of revolutions serves any length by one program, in forward mode alone.
+        """
         if self.step is None and isinstance(self.form, PortForm):  # linear: no stepping
             return self.form.fly(y, revolutions), Outcome.good()
-
-        if not revolutions:
-            return y, Outcome.good()
 
         def turn(carry, _):
             y, good = carry
             end, _, ok = self._step(y, sample=False)
             return (end, good & ok), None
 
-        (y, good), _ = self._scan(turn, (y, Outcome.good()), revolutions)
-        return y, good
+        begin = y, Outcome.good()
+        if not isinstance(revolutions, int):
+            return jax.lax.fori_loop(0, revolutions, lambda _, carry: turn(carry, None)[0], begin)
+        if not revolutions:
+            return begin
+        return self._scan(turn, begin, revolutions)[0]
 
     def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
         """One revolution: state at its end, stations at its S + 1 samples, outcome."""

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .march import Orbit
 from .quantities import Scalar
@@ -43,6 +43,11 @@ class Turn(eqx.Module):
         z = orbit.displacement[:, 0]
         step = 2 * jnp.pi * orbit.seconds / (z.size - 1)
         return cls(z, orbit.velocity[:, 0], orbit.contact_force, number, step, orbit.s, count)
+
+    def in_centre(self) -> Bool[Array, " T"]:
+        """Samples at rest in the centre, or that pass it but for rounding."""
+        nothing = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
+        return jnp.abs(self.z) <= nothing * self.step * jnp.abs(self.velocity)
 
     def turned(self) -> Float[Array, " S"]:
         """Angle the orbit turns through in every step [rad]."""
@@ -133,7 +138,7 @@ class Precession(AbstractObservable):
     `index`: mean of Lambda over the samples. `winding`: turns of the orbit about the centre per
     revolution. `whirl_rate`: mean with a bump weight that vanishes smoothly at both ends of the
     window, which converges fast for periodic and quasi-periodic motion (Das, Saiki, Sander, Yorke,
-    Nonlinearity 30 (2017), eq. (2)). Undefined (NaN) for an orbit that sits in the centre or at
+    Nonlinearity 30 (2017), eq. (2)). Undefined (NaN) for an orbit with a sample in the centre, and at
     zero speed. Source: Azarov, Gouskov, Panovko (2023), "precession index".
     """
 
@@ -154,7 +159,7 @@ class Precession(AbstractObservable):
     def update(self, carry, turn: Turn):
         steps = turn.z.size - 1
         angle, square = turn.turned(), jnp.abs(turn.z[1:]) ** 2
-        still = square == 0
+        still = turn.in_centre()[1:]
         momentum = jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:])
         spin = jnp.where(turn.s == 0, jnp.nan, turn.s)
         rate = turn.step * momentum / jnp.where(still, 1.0, square)
@@ -305,7 +310,7 @@ class WhirlSpectrum(AbstractObservable):
         return None
 
     def update(self, carry, turn: Turn):
-        still = jnp.any(turn.z == 0) | (turn.s == 0)
+        still = jnp.any(turn.in_centre()) | (turn.s == 0)
         share = turn.turned().reshape(self.samples, -1).sum(axis=1)
         share = jnp.where(still, jnp.nan, share)
         return carry, turn.s * share * self.samples / (2 * jnp.pi)

@@ -199,7 +199,7 @@ def _eigenvectors_jvp(primals, tangents):
         moved = jnp.linalg.solve(jnp.where(simple, bordered, held), known)[:-1]
         return jnp.where(simple, moved, 0.0)
 
-    moved = jax.lax.map(one, (jnp.where(simple, values, 0.0), vectors, simple))
+    moved = jax.vmap(one)((jnp.where(simple, values, 0.0), vectors, simple))
     return (values, vectors), (root_changes(values, pencil, change), moved)
 
 
@@ -237,7 +237,7 @@ def root_changes(
         return jnp.where(twice, double / 2, simple)
 
     cases = jnp.where(finite, roots, 0.0), _twice(roots, pencil)
-    return jnp.where(finite, jax.lax.map(one, cases), 0.0)
+    return jnp.where(finite, jax.vmap(one)(cases), 0.0)
 
 
 def _twice(roots: Complex[Array, " k"], pencil: Pencil) -> Bool[Array, " k"]:

@@ -1,7 +1,7 @@
 """Run-up: motion of a scene at any spin: run-up, coast-down, a drive of limited power, balls."""
 
 import dataclasses
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import diffrax as dfx
 import equinox as eqx
@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from .analysis import first_moments
 from .effects.base import AbstractBetween, AbstractBodies
 from .extremes import larger
+from .massless_coordinates import Known
 from .quantities import Scalar, known, real
 from .scene import Scene
 from .simulate import checked_solver, solver_name
@@ -21,8 +22,8 @@ from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential
 from .spin import Drive
 from .start import AbstractStart, AtRest, Continued
-from .system import System, assemble, polar_inertia
-from .transient import Instant, Posture, Transient
+from .system import System, assemble, has_massless, polar_inertia
+from .transient import Instant, Posture, Transient, massless_of
 
 
 class Balls(eqx.Module):
@@ -100,8 +101,9 @@ def run_up(
         M q.. + (C - i Omega G) q. + (K - i Omega H) q = (Omega^2 - i Omega.) u exp(i theta) + ..
 
     Integrated in the axes of the shaft, where the response to unbalance is slow. Axes may be unequal;
-    balls and a drive that feels the rotor are solved with it. A rotation known in closed form is not
-    integrated unless a solver is named.
+    balls and a drive that feels the rotor are solved with it. Coordinates without mass are eliminated:
+    damped ones follow equations of first order, others algebraic ones. A rotation known in closed
+    form is not integrated unless a solver is named.
 
     Args:
         scene: what moves.
@@ -109,7 +111,7 @@ def run_up(
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
         at: station(s) [m] to observe, by default as `simulate`.
         solver: any diffrax solver; by default Dopri8 for a rigid or massless shaft, Kvaerno5 for a
-            flexible one, whose high modes are stiff.
+            flexible one, whose high modes are stiff, and where coordinates have no mass.
         controller: step control, by default rtol 1e-7 and atol 1e-10 of m and rad.
         substeps: steps from sample to sample of a solver without an error estimate.
         adjoint: diffrax adjoint for derivatives, forward mode by default.
@@ -134,14 +136,15 @@ def run_up(
     begun = eqx.tree_at(lambda scene: scene.spin, scene, spin)
     controller = controller or control(chosen, begun)
     plan = Integration(
-        tuned(chosen),
-        controller,
-        dfx.ForwardMode() if adjoint is None else adjoint,
-        substeps,
-        max_steps,
-        max_stops,
-        isinstance(spin, Drive) and (solver is not None or not spin.given),
-        controller is None and known(times) and float(times[0]) == 0,
+        solver=tuned(chosen),
+        controller=controller,
+        adjoint=dfx.ForwardMode() if adjoint is None else adjoint,
+        substeps=substeps,
+        max_steps=max_steps,
+        max_stops=max_stops,
+        free=isinstance(spin, Drive) and (solver is not None or not spin.given),
+        from_start=controller is None and known(times) and float(times[0]) == 0,
+        massless=massless_of(begun),
     )
     if controller is None and isinstance(spin, Drive) and spin.can_stop:
         raise ValueError(
@@ -164,7 +167,9 @@ def run_up(
 
 
 def suited(scene: Scene) -> dfx.AbstractSolver:
-    """Implicit where a flexible shaft has high modes."""
+    """Implicit where a flexible shaft has high modes, or dampers act on coordinates without mass."""
+    if has_massless(scene):
+        return dfx.Kvaerno5()
     size = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, scene).shape[0]
     return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
 
@@ -223,6 +228,7 @@ class Integration(eqx.Module):
     max_stops: int = eqx.field(static=True)
     free: bool = eqx.field(static=True)  # whether the spin is integrated too
     from_start: bool = eqx.field(static=True)  # whether fixed steps begin with the first sample
+    massless: Known | Literal["unknown"] | None = eqx.field(static=True)  # see `massless_of`
 
     def solve(self, field: Transient, begin: Scalar, y: Posture, times: Array, event=None):
         """States at `times`, whether all went well, and when and where the run ended."""
@@ -258,7 +264,7 @@ class Integration(eqx.Module):
 @eqx.filter_jit
 def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
     """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
-    field, senses = Transient.of(scene, None, launch.angle), None
+    field, senses = Transient.of(scene, None, launch.angle, plan.massless), None
     stopped = jnp.asarray(jnp.inf)
     system = field.system
     y = _posture(scene, system, launch, stations[0], field.rate, plan.free)

@@ -15,14 +15,15 @@ from .analysis import chosen_nodes
 from .march import March, Plan
 from .motion import Motion
 from .outcome import Outcome, steps_needed, too_long
+from .pencil import check_moves
 from .pilot import Pilot, refined
 from .quantities import Scalar, known
 from .scene import Scene
-from .solvers.basis import well_conditioned
+from .solvers.basis import Count, well_conditioned
 from .solvers.exponential import Exponential
 from .spin import ConstantSpeed
 from .start import AbstractStart, AtRest, Continued
-from .system import assemble, port_groups
+from .system import assemble, has_massless, port_groups
 
 
 PILOT = 20  # revolutions at the end of a run by which steps are chosen
@@ -138,7 +139,11 @@ def simulate(
         coordinates=True,
         together=port_groups(scene),
     )
-    end, orbit, good, bounce = _run(scene, plan, start, rate, stations, revolutions - keep, keep)
+    skip = revolutions - keep
+    # One program serves runs of any length, but for reverse mode.
+    if skip and plan.together and isinstance(adjoint, dfx.ForwardMode):
+        skip = jnp.asarray(skip)
+    end, orbit, good, bounce = _run(scene, plan, start, rate, stations, skip, keep)
     if known(good.ok) and not bool(good.ok):
         start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
@@ -230,7 +235,7 @@ def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
 
 
 @eqx.filter_jit
-def _run(scene, plan: Plan, start, rate, stations, skip: int, keep: int):
+def _run(scene, plan: Plan, start, rate, stations, skip: Count, keep: int):
     march = March.build(scene, plan, rate, stations)
     y, first = march.skip(march.begin(start, stations[0]), skip)
 
@@ -278,11 +283,17 @@ def check_settle(settle: Any) -> None:
 
 
 def check_constant(scene: Scene, what: str) -> None:
-    """Refuse a spin whose speed varies."""
+    """Raise unless a scene has a constant speed, and mass at all its coordinates."""
     if not isinstance(scene.spin, ConstantSpeed):
         raise ValueError(
             f"{what} is for constant speed, but the spin of the scene is a "
             f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+        )
+    if has_massless(scene):
+        check_moves(assemble(scene))  # says so where nothing has mass
+        raise ValueError(
+            f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
+            "or use `jaxrotor.run_up`."
         )
 
 

@@ -18,7 +18,7 @@ import xarray as xr
 import zarr
 import zarr.storage
 
-from .grid import Block, whole_of
+from .grid import Block, place_of, whole_of
 from .outcome import STATUS
 
 
@@ -76,8 +76,7 @@ class Store:
             return blocks
         status = self._open()["status"]
         missing = status.values == PENDING
-        place = lambda block: tuple(block.get(str(dim), slice(None)) for dim in status.dims)
-        return [block for block in blocks if missing[place(block)].any()]
+        return [block for block in blocks if missing[place_of(block, status.dims)].any()]
 
     def put(self, block: Block, part: xr.Dataset) -> None:
         """Write a block; its status when all the rest is there."""
@@ -89,8 +88,7 @@ class Store:
                 group = self._group()
                 for name in [name for name in part.data_vars if name not in last] + last:
                     one = part[name]
-                    where = tuple(block.get(str(dim), slice(None)) for dim in one.dims)
-                    group[str(name)][where] = one.values
+                    group[str(name)][place_of(block, one.dims)] = one.values
 
     def finished(self) -> xr.Dataset:
         """All of it, read where it is looked at."""
@@ -105,7 +103,6 @@ class Store:
                 group[name].attrs.update(about)
             said = more.assign_attrs(self.attrs)
             said.to_zarr(self.path, mode="a", zarr_format=2, consolidated=True)
-            zarr.consolidate_metadata(self.path, zarr_format=2)
 
     def _open(self) -> xr.Dataset:
         return xr.open_zarr(self.path, chunks=None)

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .blocks import Blocks, Load
@@ -21,6 +22,7 @@ from .shafts.line import AbstractLine
 from .spin import AbstractSpin, constant
 
 
+LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
 Branches = tuple[Float[Array, "k c"], ...]  # of laws of equal make, stacked
 
 
@@ -134,15 +136,20 @@ class System(eqx.Module):
 
 
 def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
-    """Equations of motion of a scene.
+    """Equations of motion of a scene, by one program for all scenes that are alike.
 
     `together` groups contacts that share a port; by default those known to be at one station.
     """
+    return _assembled(scene, port_groups(scene) if together is None else together)
+
+
+@eqx.filter_jit
+def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     line = scene.line()
     blocks = linear(scene, line)
     contacts = scene.of(AbstractContact)
     ports, members = [], []
-    for group in port_groups(scene) if together is None else together:
+    for group in together:
         stacks: dict = {}
         for i in group:
             law = contacts[i].law()
@@ -182,13 +189,35 @@ def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
 
 def structure(scene: Scene) -> System:
     """Which blocks, loads and ports a scene has: shapes alone, without the cost of `assemble`."""
-    return eqx.filter_eval_shape(_assembled, scene)
+    return eqx.filter_eval_shape(assemble, scene)
 
 
-_assembled = eqx.filter_jit(assemble)  # traced once for all scenes that are alike
+def has_massless(scene: Scene) -> bool | None:
+    """Whether some coordinates of a scene have no inertia; None where that is traced.
+
+    Raises where the others have some and yet a motion of them together has none.
+    """
+    if scene.shaft.has_mass:
+        return False
+    system = assemble(scene)
+    inertia = system.blocks.inertia
+    if not system.n:  # nothing moves but its angle
+        return False
+    if inertia is None:
+        return True
+    if not known(inertia):
+        return None
+    massive = np.diag(inertia) > 0
+    sizes = np.sqrt(np.diag(inertia)[massive])
+    scaled = np.asarray(inertia)[np.ix_(massive, massive)] / np.outer(sizes, sizes)
+    if sizes.size and np.linalg.cond(scaled) * np.finfo(scaled.dtype).eps > LEAST_DIGITS:
+        raise ValueError(
+            "What sits on the shaft gives it no inertia against one of its motions; give a Disc a "
+            "`diametral` moment of inertia, or put another one elsewhere."
+        )
+    return not massive.all()
 
 
-@eqx.filter_jit
 def polar_inertia(scene: Scene) -> Scalar | None:
     """Moment of inertia of a scene's shaft and discs about the axis [kg m^2]; None without any."""
     return assemble(scene).blocks.polar

@@ -1,21 +1,24 @@
 """Transient: a system's equations of motion at a speed that varies, in the axes of the shaft."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .blocks import Blocks, Load
+from .elimination import eliminated
+from .massless_coordinates import Known, MasslessCoordinates
 from .motion import check_known_in_time
 from .pencil import Pencil
-from .quantities import Scalar
+from .quantities import Scalar, known
 from .scene import Scene
 from .shafts.virtual import VirtualLine
-from .spin import Drive, Turning
-from .system import System, assemble, linear, loads
+from .spin import ConstantSpeed, Drive, Turning
+from .system import LEAST_DIGITS, System, assemble, has_massless, linear, loads
 
 
 class Posture(eqx.Module):
@@ -38,7 +41,7 @@ class Instant(NamedTuple):
     turning: Turning
     r: Complex[Array, " n"]
     drift: Complex[Array, " n"]  # r. [1/s]
-    absolute: Complex[Array, " n"]  # q.. exp(-i theta) [1/s^2]
+    absolute: Complex[Array, " n"]  # q.. exp(-i theta) [1/s^2]; 0 for coordinates without mass
     bodies: Float[Array, " b"]  # psi [rad]
     bodies_speed: Float[Array, " b"]  # phi. [rad/s]
     bodies_acceleration: Float[Array, " b"]  # phi.. [rad/s^2]
@@ -65,23 +68,35 @@ class Transient(eqx.Module):
     unequal axes. The torque that drives the shaft acts along its bent axis, so that no term `Omega. G`
     appears.
     Accelerations that depend on each other (bodies by their inertia, a spin that is fed back) are the
-    solution of a linear system, two unknowns a race and one for the spin.
+    solution of a linear system, two unknowns a race and one for the spin. Its leading minors are
+    inertias with fewer freedoms, and so of one sign.
     Sources: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Genta (2005), section 3.7.
     """
 
     system: System
-    inverse: Float[Array, "n n"]  # of the inertia
+    inverse: Float[Array, "n n"]  # of the inertia, zero for coordinates without mass
     rate: Scalar  # reference rate [rad/s]
     begin: Scalar  # angle at time 0 [rad]
     galerkin: Load | None  # loads by Galerkin on the coordinates, of a spin they feed back to
     resultant: Load | None  # and their resultants
     rotating: Blocks | None  # by Galerkin, of what turns with the shaft
+    massless: MasslessCoordinates | None  # None where all coordinates have mass
     held: Bool[Array, ""] | None = None  # whether the spin is at rest and stays
     sense: Scalar | None = None  # of rotation, that Coulomb friction is against; None: of the speed
 
     @classmethod
-    def of(cls, scene: Scene, rate: Scalar | None, begin: Scalar) -> "Transient":
-        """Equations of a scene from the angle `begin` on; `rate` None is near its first frequency."""
+    def of(
+        cls,
+        scene: Scene,
+        rate: Scalar | None,
+        begin: Scalar,
+        massless: Known | Literal["unknown"] | None = None,
+    ) -> "Transient":
+        """Equations of a scene from the angle `begin` on; `rate` None is near its first frequency.
+
+        `massless` is what `massless_of` says. Unknown ones that a nonlinear force acts on make the
+        motion not a number.
+        """
         system = assemble(scene)
         check_known_in_time(system.blocks)
         galerkin = resultant = rotating = None
@@ -90,11 +105,22 @@ class Transient(eqx.Module):
             galerkin = loads(scene, line, Blocks())
             resultant = loads(scene, VirtualLine.resultant(system.line), Blocks())
             rotating = turning_with(linear(scene, line))
-        inverse = jnp.zeros((system.n, system.n))
-        if system.blocks.inertia is not None:
-            inverse = jnp.linalg.inv(system.blocks.inertia)
+        inertia, inverse = system.blocks.inertia, jnp.zeros((system.n, system.n))
+        coordinates = None
+        if massless == "unknown":
+            coordinates = MasslessCoordinates.of(system.blocks, system.n)
+        elif massless is not None:
+            coordinates = MasslessCoordinates.known(massless)
+        if inertia is not None:
+            invert = jnp.linalg.inv if coordinates is None else coordinates.inverse
+            inverse = invert(inertia)
+        if coordinates is not None and massless == "unknown":
+            acted_on = [
+                jnp.any(jnp.where(coordinates.either, f, 0.0) != 0) for _, f in nonlinear(system)
+            ]
+            inverse = jnp.where(jnp.any(jnp.array(acted_on, bool)), jnp.nan, inverse)
         rate = _reference(system) if rate is None else rate
-        return cls(system, inverse, rate, begin, galerkin, resultant, rotating)
+        return cls(system, inverse, rate, begin, galerkin, resultant, rotating, coordinates)
 
     def hold(self, held: Array, sense: Scalar | None = None) -> "Transient":
         """The same with a free spin stopped, or not, and friction against one sense."""
@@ -107,9 +133,14 @@ class Transient(eqx.Module):
         speed, acceleration = now.turning.speed, now.turning.acceleration
         # r.. from q.. = (r.. + 2 i Omega r. + (i Omega. - Omega^2) r) exp(i theta)
         still = now.absolute - 2j * speed * now.drift - (1j * acceleration - speed**2) * now.r
-        free = y.speed.size
+        drift, free = rate * y.r_rate, y.speed.size
+        if self.massless is not None:
+            still = jnp.where(self.massless.either, 0.0, still)
+            drift = jnp.stack([now.drift.real, now.drift.imag])
+            if self.massless.undamped is not None:  # not integrated: computed at every instant
+                drift = jnp.where(self.massless.undamped, 0.0, drift)
         return Posture(
-            rate * y.r_rate,
+            drift,
             jnp.stack([still.real, still.imag]) / rate,
             rate * y.speed,
             jnp.full(free, acceleration / rate),
@@ -133,6 +164,8 @@ class Transient(eqx.Module):
         nothing = jnp.zeros_like(y.bodies)
         spinning = turning.speed + self.rate * y.bodies_rate
         now = Instant(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
+        if self.massless is not None:
+            now = self._with_massless_motion(self.massless, now)
         push = -resistance(system.blocks, now) + acting(system.load, now)
         push = push + self.contact(now, lambda port: port.column)
         torque = None if self.galerkin is None else self._torque(now)
@@ -162,6 +195,47 @@ class Transient(eqx.Module):
         zero = jnp.zeros(size)
         gain = jax.jacfwd(lambda unknown: respond(unknown)[1])(zero)
         return respond(eliminated(gain, -respond(zero)[1]))[0]
+
+    # --- coordinates without mass
+
+    def _with_massless_motion(self, massless: MasslessCoordinates, now: Instant) -> Instant:
+        """The same instant with the displacements and velocities of massless coordinates."""
+        imbalance = self._imbalance_of_forces
+        now = now._replace(drift=jnp.where(massless.either, 0.0, now.drift))
+        now = now._replace(r=massless.displacement(now.r, lambda r: imbalance(now._replace(r=r))))
+        drift = massless.velocity(now.drift, lambda drift: imbalance(now._replace(drift=drift)))
+        if massless.undamped is not None:
+            # d/dt of `A r + b = 0`: the change of `A` and `b` is balanced by `A r.`
+            angle, speed, acceleration = now.turning
+
+            def at(angle: Array, speed: Array, r: Array) -> Array:
+                return imbalance(now._replace(turning=Turning(angle, speed, acceleration), r=r))
+
+            _, rate = jax.jvp(at, (angle, speed, now.r), (speed, acceleration, drift))
+            constant = imbalance(now._replace(r=0 * now.r))
+            residual = lambda r: imbalance(now._replace(r=r)) - constant + rate
+            drift = jnp.where(massless.undamped, massless.displacement(0 * now.r, residual), drift)
+        return now._replace(drift=drift)
+
+    def _imbalance_of_forces(self, now: Instant) -> Array:
+        """What inertia has to balance, with the sign of the left side; contacts and bodies excluded."""
+        left = resistance(self.system.blocks, now) - acting(self.system.load, now)
+        if self.system.load.unbalance is not None:
+            left = left + 1j * now.turning.acceleration * self.system.load.unbalance
+        return left + jnp.zeros_like(now.r)
+
+    def condition_of_massless(self) -> Scalar:
+        """Condition number of the equations for coordinates without mass, at the first speed."""
+        assert self.massless is not None
+        zero, none = jnp.zeros(self.system.n, complex), jnp.zeros(0)
+        turning = Turning(
+            jnp.asarray(self.begin), jnp.asarray(self.system.spin.speed), jnp.zeros(())
+        )
+        now = Instant(turning, zero, zero, zero, none, none, none)
+        return self.massless.condition(
+            lambda r: self._imbalance_of_forces(now._replace(r=r)),
+            lambda drift: self._imbalance_of_forces(now._replace(drift=drift)),
+        )
 
     # --- the spin
 
@@ -273,20 +347,6 @@ class Transient(eqx.Module):
         return displacement, [plane(row @ now.velocity * now.turn) for row in rows]
 
 
-def eliminated(matrix: Float[Array, "u u"], known: Float[Array, " u"]) -> Float[Array, " u"]:
-    """Solution of a few equations in order, without pivots.
-
-    Every leading minor is one of inertias with fewer freedoms, and so of one sign. A call of LAPACK
-    at every stage of every lane would cost several times more, and two programs of many lanes at
-    once wait for each other without end (jax 0.10, CPU).
-    """
-    rows = jnp.concatenate([matrix, known[:, None]], axis=1)
-    for j in range(known.size):
-        head = rows[j] / rows[j, j]
-        rows = (rows - rows[:, j : j + 1] * head).at[j].set(head)
-    return rows[:, -1]
-
-
 def _reference(system: System) -> Scalar:
     """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
     if not system.n:
@@ -339,3 +399,52 @@ def acting(load: Load, now: Instant) -> Array:
     if load.unbalance is not None:
         force = force + now.turning.speed**2 * load.unbalance
     return force
+
+
+def nonlinear(system: System) -> list[tuple[Scalar, Array]]:
+    """Station [m] and column of everything that acts by a law of its own: contacts and races."""
+    return [(acting.at, acting.column) for acting in (*system.ports, *system.races)]
+
+
+def massless_of(scene: Scene) -> Known | Literal["unknown"] | None:
+    """Which coordinates of a scene have no mass: damped and undamped ones; None if all have some.
+
+    They are "unknown" where masses or dampings are traced, and nothing is checked then. Raises where
+    their motion is not determined or cannot be eliminated.
+    """
+    if has_massless(scene) is False:
+        return None
+    system, coordinates, condition = _massless(scene)
+    if not all(known(mask) for mask in (coordinates.damped, coordinates.undamped)):
+        return "unknown"
+    massless = np.asarray(coordinates.either)
+    acted_on = lambda column: known(column) and np.any(np.asarray(column)[massless] != 0)
+    for at, column in nonlinear(system):
+        if acted_on(column):
+            raise ValueError(
+                f"A contact or balls act at {float(at):g} m, where the rotor has no mass; "
+                "put a Disc there."
+            )
+    steady = isinstance(scene.spin, ConstantSpeed)
+    if not steady and system.load.unbalance is not None and acted_on(system.load.unbalance):
+        raise ValueError(
+            "An Unbalance acts where the rotor has no mass, which is possible at constant speed only; "
+            "put a Disc there."
+        )
+    rounding = jnp.finfo(jnp.result_type(condition)).eps
+    if known(condition) and not float(condition) * rounding < LEAST_DIGITS:
+        raise ValueError(
+            "The motion of a part of the rotor without mass is not determined: it is held or damped "
+            "along one direction only, or by gyroscopic moments alone while the rotor does not turn; put "
+            "a Disc there, give the Disc that tilts a `diametral` inertia, or damp every direction."
+        )
+    damped, undamped = (tuple(np.asarray(mask).tolist()) for mask in jax.tree.leaves(coordinates))
+    return damped, undamped
+
+
+@eqx.filter_jit
+def _massless(scene: Scene) -> tuple[System, MasslessCoordinates, Scalar]:
+    """Equations, coordinates without mass, and the condition number of what determines these."""
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), "unknown")
+    assert transient.massless is not None
+    return transient.system, transient.massless, transient.condition_of_massless()

@@ -1,11 +1,18 @@
 """Settings every test runs under: double precision, and pictures without a window."""
 
 import os
+from pathlib import Path
 
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as jaxrotor itself sets, before jax loads it
+# Programs of tests run once or twice: compiling them is most of what they cost, so they are compiled
+# without optimisation. Processes that tests start do the same.
+os.environ.setdefault(
+    "XLA_FLAGS", "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+)
 
+import durations  # noqa: E402
 import jax  # noqa: E402
 import pytest  # noqa: E402
 from hard import table  # noqa: E402
@@ -15,13 +22,31 @@ jax.config.update("jax_enable_x64", True)
 
 
 def pytest_addoption(parser):
+    parser.addoption("--all", action="store_true", help="run the slow tests, too")
     parser.addoption("--hard-table", metavar="FILE", help="write the table of hard cases there")
+    parser.addoption(
+        "--durations-table", metavar="FILE", help="write what files of tests cost there"
+    )
 
 
 def pytest_configure(config):
-    path, worker = config.getoption("--hard-table"), hasattr(config, "workerinput")
-    if path and not worker:
+    worker = hasattr(config, "workerinput")
+    if (path := config.getoption("--hard-table")) and not worker:
         config.pluginmanager.register(table.HardTable(path))
+    if path := config.getoption("--durations-table"):
+        config.pluginmanager.register(durations.Meter())
+        if not worker:
+            config.pluginmanager.register(durations.Table(path))
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out the slow tests, unless they are asked for: by `--all`, `-m`, `-k` or their names."""
+    asked = config.getoption("--all") or config.getoption("-m") or config.getoption("-k")
+    if asked or any("::" in name for name in config.args):
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    config.hook.pytest_deselected(items=slow)
+    items[:] = [item for item in items if not item.get_closest_marker("slow")]
 
 
 def pytest_itemcollected(item):
@@ -33,4 +58,19 @@ def pytest_itemcollected(item):
 def forget_programs():
     """Every compiled program holds memory maps, of which a process may have 65530."""
     yield
-    jax.clear_caches()
+    maps = Path("/proc/self/maps")
+    if not maps.exists() or len(maps.read_bytes().splitlines()) > 20_000:
+        jax.clear_caches()
+
+
+@pytest.fixture
+def rendered():
+    """Every figure that a test leaves must draw, and no test leaves a figure or a setting behind."""
+    import matplotlib.pyplot as plt
+
+    settings = dict(plt.rcParams)
+    yield
+    for number in plt.get_fignums():
+        plt.figure(number).canvas.draw()
+    plt.close("all")
+    assert dict(plt.rcParams) == settings

@@ -28,6 +28,7 @@ RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
 # === linear
 
 
+@pytest.mark.slow
 def test_onset_speed_has_the_errors_of_the_sheet():
     found = jr.accuracy(
         SCENE,
@@ -45,6 +46,7 @@ def test_onset_speed_has_the_errors_of_the_sheet():
     assert jr.loads(found.attrs["scene"]).paths() == SCENE.paths()
 
 
+@pytest.mark.slow
 def test_a_setting_that_fails_is_flagged_and_the_study_goes_on():
     odd = methods.Method("odd", (methods.Setting(nodes=99), methods.Setting(nodes=5)), "nodes")
     single = methods.in_float32(methods.by_nodes((5,), ()))
@@ -76,6 +78,7 @@ def test_what_a_study_cannot_take_is_one_sentence():
 # === motion
 
 
+@pytest.mark.slow
 def test_free_flight_is_exact_at_any_step_and_implicit_euler_is_of_first_order():
     """`x.. = -k/m x` of a massless shaft: `x = r cos(w t)`, in closed form."""
     k, mass, radius = 4e4, 10.0, 1e-3
@@ -129,6 +132,7 @@ def test_whirl_rate_of_the_backward_rub(rub):
     matplotlib.pyplot.close(ax.figure)
 
 
+@pytest.mark.slow
 def test_reaction_and_final_speed_of_the_turbine():
     """The spin is a Riccati equation, its closed solution an oracle of every integrator."""
     scene, times = jr.load("turbine-run-up"), np.linspace(0.0, 0.48, 25)
@@ -197,6 +201,7 @@ def test_auto_steps_are_refused_where_they_mean_nothing():
         jax.jit(lambda scene: jr.simulate(scene, 5, "auto").displacement)(SCENE)
 
 
+@pytest.mark.slow
 def test_auto_nodes():
     scene = SCENE.without("limiters").with_nodes(4)
     found = jr.simulate(scene, 1, 8, nodes="auto", tolerance=1e-2, start=jr.Whirl(1e-3))
@@ -230,6 +235,7 @@ def test_sweep_carries_an_error_estimate(rub):
     assert isinstance(found, xr.Dataset) and "index_error" not in finer
 
 
+@pytest.mark.slow
 def test_sweep_takes_auto_steps():
     scene = SCENE.without("limiters")
     over = {"unbalance.eccentricity": [1e-4, 2e-4]}

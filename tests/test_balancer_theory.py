@@ -322,6 +322,7 @@ ONE = dict(MACHINE, drag=[3.0], speed=250.0, damping=1.0, balls=(3,))
 ONE |= dict(ball_mass=[0.025], track_radius=[0.06])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", [THREE, ONE], ids=["three rows", "one row"])
 def test_any_rows_against_the_own_model(machine):
     groups = balancer.BalancerGroups.from_si(**machine)
@@ -564,6 +565,7 @@ def test_chart_has_its_boundary_where_the_speed_says():
 # === 3.6 zero eigenvalues
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.4 zeros of the spectrum, by count")
 @pytest.mark.hard("5.9 one ball in a row")
 @pytest.mark.parametrize(
@@ -670,6 +672,7 @@ def test_integrals_are_constant_and_give_the_end(kind):
         assert_allclose(end[1:3] + 1j * end[4:6], predicted, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.5 invariants, for angles depend on all the past")
 def test_final_position_of_the_own_model_to_second_order():
     model, eta0 = Model(SI_R), np.array([1, -2, 0.5, 1.5, -1])
@@ -923,6 +926,7 @@ def test_branch_passes_its_fold():
 # === 3.11 the slow model
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.2 two time scales")
 def test_slow_model_against_the_own_model():
     (first, second) = balancer.slow_motion(R, PSI0, [0.0, 20.0])
@@ -1006,6 +1010,7 @@ SMOOTH = {
 REVERSE = ("growth", "nearest", "boundary", "polar", "lag speed", "end")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SMOOTH)
 def test_gradients(name):
     function, x = SMOOTH[name]
@@ -1045,6 +1050,7 @@ def test_groups_of_a_scene():
     assert_allclose(scales, [100.0, 1.5e-3, 0.14 * 1.5e-3 / 0.07], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_groups_of_a_scene_that_the_theory_does_not_know():
     free = jr.RigidShaft(0.14)
     other = jr.BallBalancer(0.07, 0.02, 0.06, 2.24)

@@ -275,6 +275,7 @@ def test_grade_by_what_each_bearing_is_allotted(u, j):
 # === scenes
 
 
+@pytest.mark.slow
 def test_where_a_rotor_is_held_and_heavy():
     shaft = jr.FlexibleShaft(
         0.6, 0.02, constraints=(jr.Constraint(0.5), jr.Constraint(0.1, "guide"))
@@ -315,6 +316,7 @@ def test_first_moments_of_a_scene():
     assert float(jr.total_mass(scene)) == pytest.approx(5.0 + steel, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_first_moments_of_a_true_rotor():
     scene = jr.Scene(jr.MasslessShaft(0.4, 0.2, 1e4), jr.Disc(0.2, 1.0), spin=jr.ConstantSpeed(1.0))
     assert [complex(one) for one in jr.first_moments(scene)] == [0, 0]

@@ -61,6 +61,7 @@ def delta_of(result):
 # === reference runs
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.2 two time scales")
 def test_balances_above_the_critical_speed():
     result = run(balancer(), [1, 5, 10, 20, 50, 100, 130, 150, 200])
@@ -142,6 +143,7 @@ print(run.imbalance.dtype, *(np.abs(run.imbalance) / 1.5e-3))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.3 single precision in the rotor's axes")
 def test_single_precision_balances_to_its_rounding(record_property):
     """From axes of the rotor 1.3e-4 is left by fixed steps in float32, of 1.2e-11 in float64."""
@@ -184,7 +186,6 @@ def test_fails_below_the_critical_speed():
     assert np.allclose(angles, at_100, rtol=0, atol=1e-7)
 
 
-@pytest.mark.slow
 def test_wrong_side_state_at_low_speed():
     result = run(balancer(om=0.7), [7999, 8000], fine=False)
     angles = np.mod(np.concatenate([balls.angle[-1] for balls in result.balls]), 2 * np.pi)
@@ -193,6 +194,7 @@ def test_wrong_side_state_at_low_speed():
     assert delta_of(result)[-1] == pytest.approx(3.38884324 + 2.73738263j, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.7 several attractors: lag whirl")
 def test_lag_whirl_although_a11_is_negative():
     """Set L at om 1.5: the paper's test promises balance."""
@@ -203,7 +205,6 @@ def test_lag_whirl_although_a11_is_negative():
     assert np.sqrt(np.mean(np.abs(delta_of(result)) ** 2)) == pytest.approx(35.587, rel=2e-3)
 
 
-@pytest.mark.slow
 def test_light_set_balances_too():
     """Set L at om 2: five final angles."""
     controller = dfx.PIDController(rtol=1e-11, atol=1e-14)
@@ -322,6 +323,7 @@ def lagrangian(om, polar, imbalance, s, mu):
     return value
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.1 accelerations that depend on each other")
 def test_accelerations_follow_from_the_lagrangian(record_property):
     om, rng = 2.0, np.random.default_rng(3)
@@ -376,6 +378,7 @@ def invariants(result, om, s, mu, polar=0.2, imbalance=0.0):
     return energy, moment, jacobi - om**2 * (delta * np.conj(total)).imag
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.5 invariants, for angles depend on all the past")
 def test_invariants_of_the_undamped_balancer(record_property):
     s, mu = np.array([1, 1, 0.8, 0.8, 0.8]), 0.005
@@ -407,6 +410,7 @@ def spectrum(scene, angles):
     return np.linalg.eigvals(np.asarray(jax.jacfwd(rates)(flat))) / 100
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.4 zeros of the spectrum, by count")
 def test_spectrum_is_the_closed_one_and_zeros(record_property):
     angles = [3.57481923408, 1.97401840546, 0.4, -1.87323698343, -3.08175098303]
@@ -431,6 +435,7 @@ def test_spectrum_is_the_closed_one_and_zeros(record_property):
 # === rows, contact, basins
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.10 rows padded to one length")
 def test_places_without_balls_do_nothing():
     four = balancer(places=(2, 4))
@@ -463,6 +468,7 @@ def test_balls_that_touch_keep_apart_and_keep_momentum():
     assert np.allclose(rates[-1], [-2.0, 0.0, 3.0], rtol=0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_balls_of_two_sizes_touch_in_their_own_rows():
     radii = (0.00915, 0.00845)
     rows = [jr.BallBalancer(D, M1, RACE, 0.0, ball_radius=r, places=2) for r in radii]
@@ -484,6 +490,7 @@ def test_balls_of_two_sizes_touch_in_their_own_rows():
         jr.run_up(scene, [0.0, 0.1])
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.5 outcomes do not depend on how lanes are run")
 def test_basins_do_not_depend_on_chunks():
     angles = np.random.default_rng(0).uniform(0, 2 * np.pi, (6, 5))
@@ -505,6 +512,7 @@ def outcome(scene, angles, duration, **options):
 TOGETHER = (np.zeros(2), np.zeros(3))
 
 
+@pytest.mark.slow
 def test_outcome_in_step_but_unbalanced():
     """More imbalance than balls can balance: |s| = 0.6086 of the source stays."""
     code, ds = outcome(balancer(imbalance=5.0), PSI0, 6.0)
@@ -512,6 +520,7 @@ def test_outcome_in_step_but_unbalanced():
     assert float(ds.imbalance) / 1.5e-3 == pytest.approx(abs(0.601043 - 0.095810j), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.7 several attractors: one row captured")
 def test_outcome_partly_captured():
     """Set L from rest: row 1 in step, row 2 at 1.1851 of its 2."""
@@ -521,6 +530,7 @@ def test_outcome_partly_captured():
     assert np.allclose(ds.mean_rate[2:], 118.51, rtol=0, atol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.7 several attractors: lag whirl")
 def test_outcome_captured():
     """Set R below its critical speed: the lag whirl at 0.8846 without imbalance."""
@@ -531,6 +541,7 @@ def test_outcome_captured():
     assert np.allclose(ds.mean_rate, 88.4598, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("6.3 one lane of a basin overflows", outcome="flagged")
 def test_outcome_failed():
     apart, lost = np.array([*PSI0[0], *PSI0[1]]), np.full(5, 1e200)
@@ -539,6 +550,7 @@ def test_outcome_failed():
     assert ds.outcome.values.tolist() == [0, 4]
 
 
+@pytest.mark.slow
 def test_outcome_at_a_speed_that_varies():
     """In step with the speed over the window, not with the first."""
     ramp = jr.SpeedProfile.ramp(10.0, 200.0, 0.5)

@@ -42,6 +42,7 @@ def test_pairs_that_stay_conjugate_are_drawn_once():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("discs", [(), (jr.Disc(0.4, 3.0, 0.01, 0.018),)])
 def test_a_free_shaft_has_no_critical_speed_of_zero(discs):
     """Its rigid motions have the frequency zero, which rounding makes 4e-6 rad/s."""
@@ -54,6 +55,7 @@ def test_a_free_shaft_has_no_critical_speed_of_zero(discs):
     assert min(found.forward[0], found.backward[0]) > 100.0
 
 
+@pytest.mark.slow
 def test_branches_cross():
     """Forward whirl of a slow mode and backward whirl of a fast one keep their names."""
     rotor = jr.load("two-discs")

@@ -1,5 +1,6 @@
 """Command line: the numbers it prints, the files it leaves, and one sentence for every slip."""
 
+import gc
 import importlib
 import json
 import os
@@ -8,6 +9,8 @@ import subprocess
 import sys
 import time
 import types
+import weakref
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,6 +20,7 @@ from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor.cli import app, main
 from jaxrotor.cli.answer import _plain
+from jaxrotor.cli.interrupt import stop_on_ctrl_c
 
 
 LENGTH, TIME, SPEED = 0.7, 0.022646559709295068, 662.3522597934992  # l, T*, N = 15
@@ -344,6 +348,7 @@ def test_onset_in_axes_that_turn_with_the_shaft():
     assert "162.804316" in text and "62.316971" in text and "at 100.4873" in text
 
 
+@pytest.mark.slow
 def test_show_two_stiffnesses():
     shown = answered("show", "dual-stiffness-elastic")
     assert (
@@ -697,6 +702,7 @@ def test_reactions_of_a_steady_state(place):
     assert one["force"]["static"] == pytest.approx(2 * 9.80665)
 
 
+@pytest.mark.slow
 def test_layouts_are_said_to_be_assumed(place):
     """Row 3 by the printed cells: masses of 60 and 70 kg at 0.12 and 0.23 m of 0.37 m."""
     row = ["turbine-variants", "--row", 3]
@@ -898,6 +904,7 @@ def test_help(command):
 # === a scene of one's own
 
 
+@pytest.mark.slow
 def test_new_scene_runs_as_it_is(place):
     said = call("new", "mine.toml").stdout
     assert said.startswith("Written: mine.toml.")
@@ -922,6 +929,7 @@ def test_a_new_scene_is_stable_at_the_speeds_it_sweeps(place):
         assert np.max(np.asarray(jr.roots(scene.at_speed(speed))).real) < 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["two-discs-unequal", "limiter-rotor"])
 def test_standstill_frequencies_are_those_of_roots(name):
     """Each once, whether or not both planes have it."""
@@ -971,6 +979,7 @@ def test_new_scene_like_another(place):
 # === as a program
 
 
+@pytest.mark.slow
 def test_program(place):
     run = [sys.executable, "-m", "jaxrotor", "show", "limiter-rottor"]
     done = subprocess.run(run, capture_output=True, text=True, timeout=120)
@@ -979,6 +988,7 @@ def test_program(place):
     assert callable(main)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_ctrl_c(place):
     run = [sys.executable, "-m", "jaxrotor", "sweep", "limiter-rotor", "--settle", "1000000"]
@@ -992,6 +1002,41 @@ def test_ctrl_c(place):
     assert err == "Interrupted; nothing was written.\n" and everything_below(place) == []
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_ctrl_c_while_memory_is_freed(monkeypatch):
+    """Python cannot pass on what is raised there; the interruption comes a moment later."""
+    asked = []
+
+    def freed(phase, info):
+        if len(asked) < 3:  # again, and again
+            asked.append(phase)
+            signal.raise_signal(signal.SIGINT)
+
+    class Part:
+        pass
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        stop_on_ctrl_c()
+        gc.callbacks.append(freed)
+        with pytest.raises(KeyboardInterrupt):
+            gc.collect()
+            assert asked
+            time.sleep(10)
+        gc.callbacks.remove(freed)
+        with pytest.raises(KeyboardInterrupt):
+            part = Part()
+            reference = weakref.ref(part, lambda _: signal.raise_signal(signal.SIGINT))
+            del part
+            assert reference() is None
+            time.sleep(10)
+    finally:
+        gc.callbacks[:] = [call for call in gc.callbacks if call is not freed]
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupted_sweep_goes_on(place):
     """What is done is kept and named; the same command ends with the data of a run left alone."""
@@ -1017,7 +1062,7 @@ def test_interrupted_sweep_goes_on(place):
     assert os.listdir("run") == ["sweep-partial.zarr"]
     with pytest.MonkeyPatch.context() as patch:  # also as its picture is drawn
         drawing = importlib.import_module("jaxrotor.cli.sweep")
-        patch.setattr(drawing, "draw", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(drawing, "draw", Mock(side_effect=KeyboardInterrupt))
         assert "24 of 24 lanes are kept" in call(*small, "--out", "run", code=130).stderr
     call(*small, "--out", "run")
     assert sorted(os.listdir("run")) == ["bifurcation.png", "sweep.zarr"]
@@ -1044,6 +1089,7 @@ def test_accuracy_lists_every_setting_and_writes_data_and_pictures(place):
     assert "is none of the methods" in refused("accuracy", "limiter-rotor", "--method", "magic")
 
 
+@pytest.mark.slow
 def test_sweep_prints_its_errors_and_what_was_chosen(place):
     args = ["sweep", "limiter-rotor", *SMALL[:-2], "--steps", "auto", "--error-sample", 2]
     found = answered(*args)

@@ -54,6 +54,7 @@ def alone(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
     """Byte for byte, and written by the workers: this process puts nothing."""
     monkeypatch.setattr(Store, "put", lambda *_: pytest.fail("put by the client"))
@@ -63,12 +64,14 @@ def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
     assert not (found["status"] == PENDING).any()
 
 
+@pytest.mark.slow
 def test_without_a_store_the_data_come_here(dask):
     """Also to a client that has the address alone, and with errors by a second pass."""
     found = swept(cluster=dask.scheduler.address, error_sample=2)
     xr.testing.assert_identical(found, swept(workers=2, error_sample=2))
 
 
+@pytest.mark.slow
 def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp_path, monkeypatch):
     @contextlib.contextmanager
     def unseen(sink):
@@ -79,6 +82,7 @@ def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp
     assert files(tmp_path / "a.zarr") == files(alone)
 
 
+@pytest.mark.slow
 def test_carried_states(dask, tmp_path):
     over = {"unbalance.eccentricity": [1e-4, 5e-4], "start.angle": np.arange(6.0)}
     for name, where in (("a.zarr", {"cluster": dask}), ("b.zarr", {"workers": 2})):
@@ -95,6 +99,7 @@ def test_what_is_installed_must_be_the_same(dask, monkeypatch):
         swept(cluster=dask)
 
 
+@pytest.mark.slow
 def test_processes_of_this_machine(alone):
     """Started for a sweep, and gone after it."""
     before = set(multiprocessing.active_children())
@@ -170,6 +175,7 @@ def test_dask_is_imported_when_it_is_asked_for():
     assert found.stdout == "set()\n"
 
 
+@pytest.mark.slow
 def test_two_processes_begin_one_store(tmp_path, alone):
     part = xr.open_zarr(alone, chunks=None).load()
     place = ({"start.angle": ("start.angle", part["start.angle"].values, {})}, {"a": 1})
@@ -183,6 +189,7 @@ def test_two_processes_begin_one_store(tmp_path, alone):
 # === losses
 
 
+@pytest.mark.slow
 def test_a_worker_is_killed(dask, alone, tmp_path):
     """`kill -9` of one of two workers amid its chunks: others do them, every byte is the same."""
     store = tmp_path / "a.zarr"
@@ -200,6 +207,7 @@ def test_a_worker_is_killed(dask, alone, tmp_path):
     dask.wait_for_workers(2, timeout=60)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     """As a terminal does it, to every process at once: none is left, and the command goes on later."""
@@ -230,6 +238,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     assert not (xr.open_zarr("run/sweep.zarr")["status"] == PENDING).any()
 
 
+@pytest.mark.slow
 def test_a_chunk_that_kills_every_worker(dask):
     scheduler = dask.cluster.scheduler
     scheduler.allowed_failures, allowed = 1, scheduler.allowed_failures
@@ -245,6 +254,7 @@ def deadly(chunk, tick):
     os._exit(1)
 
 
+@pytest.mark.slow
 def test_a_cluster_that_goes():
     with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as here:
         client = Client(here, set_as_default=False)

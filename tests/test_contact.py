@@ -77,6 +77,7 @@ def test_no_force_inside_the_clearance(blend):
     assert force(limiter, edge, 1.0 * edge / abs(edge)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blend", [None, 1e-4, 5e-3])
 def test_a_stop_never_pulls(blend):
     limiter = stop(blend=blend)
@@ -245,6 +246,7 @@ def history(steps: int, stiffness: float, damping: float, order: int = 4) -> np.
     return np.array([energy(np.asarray(z), np.asarray(v), stiffness) for z, v in pairs])
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.8 energy of a passive rotor between stops")
 def test_passive_rotor_keeps_its_energy(record_property):
     """No drift; what is left swings within 3e-4, the interpolant of 12 nodes (8: 1.2e-3)."""
@@ -261,6 +263,7 @@ def test_passive_rotor_keeps_its_energy(record_property):
     assert error[1] < error[0] / 4
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.8 energy of a passive rotor between stops")
 def test_damped_stops_only_take_energy():
     kept = history(1024, 5e4, 30.0)

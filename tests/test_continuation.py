@@ -75,6 +75,7 @@ def resonance():
     return jr.continue_(orbit, "spin.speed", (0.5, 2.5))
 
 
+@pytest.mark.slow
 def test_folds_of_the_hardening_resonance(resonance):
     """The two speeds at which the amplitude jumps, by scipy."""
     folds = resonance.of("fold")
@@ -93,6 +94,7 @@ def test_folds_of_the_hardening_resonance(resonance):
     assert "fold at 1.399" in str(resonance)
 
 
+@pytest.mark.slow
 def test_multipliers_on_the_branch(resonance):
     """Of every tenth orbit along x by scipy; across, of the linear oscillator in closed form."""
     for number in range(0, resonance.values.size, 10):
@@ -105,6 +107,7 @@ def test_multipliers_on_the_branch(resonance):
             assert np.abs(resonance.multipliers[number] - value).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_orbits_of_the_branch_are_those_of_periodic(resonance):
     unstable = int(np.flatnonzero(~resonance.stable)[3])
     orbit = resonance.orbit(unstable)
@@ -130,6 +133,7 @@ def cascade():
     return branches
 
 
+@pytest.mark.slow
 def test_period_doubling_cascade(cascade):
     """Three flips, by scipy."""
     flips = [branch.of("flip")[0] for branch in cascade]
@@ -147,6 +151,7 @@ def test_period_doubling_cascade(cascade):
         assert settled.any() and after.stable[settled].all()
 
 
+@pytest.mark.slow
 def test_branchings_where_the_orbit_loses_its_symmetry():
     """Half a revolution maps orbits to their mirror images; its derivative `D` there is 1, by scipy."""
     scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0), damping=0.2, stiffness=0.1, speed=0.5)
@@ -183,6 +188,7 @@ def oscillator():
     return jr.continue_(free, "unbalance.eccentricity", (0.03, 0.14), max_step=0.1)
 
 
+@pytest.mark.slow
 def test_grazing_of_the_impact_oscillator(oscillator):
     """The amplitude of the linear response is the gap: `e Omega^2 = gap |k - m Omega^2 + i c Omega|`."""
     first = oscillator.points[0]
@@ -196,6 +202,7 @@ def test_grazing_of_the_impact_oscillator(oscillator):
     np.testing.assert_allclose(oscillator.clearance[free, 0], 0.3 - linear[free], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_multipliers_of_impacts_are_those_of_direct_integration(oscillator):
     """By scipy from event to event."""
     after = np.flatnonzero(oscillator.clearance[:, 0] < -1e-3)
@@ -233,6 +240,7 @@ def test_synchronous_whirl_loses_its_stability_at_the_onset_speed():
 # === derivatives of the modal form
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", ["limiters.stiffness", "spin.speed", "internal_damping.voigt_time"]
 )

@@ -42,12 +42,14 @@ def found(goal, alpha, nu, friction, **options):
     return float(jr.tune(loss, scene, WHERE, progress=False, **options).values[NU])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", GOALS)
 def test_right_support_anisotropy_from_both_sides(goal):
     for nu in (-0.9, 0.5):
         assert found(goal, 1, nu, False) == pytest.approx(BEST[1], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [alpha for alpha in BEST if alpha != 1])
 def test_right_support_anisotropy_at_any_compliance(alpha):
     goal, nu = ("critical_gap", 0.5) if alpha < 1 else ("anisotropy", -0.9)
@@ -61,6 +63,7 @@ OFFSETS = {  # table 4.2: with internal damping, kappa = 0.16
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", OFFSETS)
 def test_internal_damping_moves_the_optimum_by_what_the_sheet_says(goal):
     offset, half = OFFSETS[goal]

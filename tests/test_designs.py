@@ -87,6 +87,7 @@ def test_cheapest_dampers_against_scipy():
     assert float(tuned.multipliers["onset"]) == pytest.approx(slope, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_medium_of_the_limiter_rotor():
     """Table 3.2: at eta_e = 0.025, which is 7.778381808870701 N s/m^2, the onset is N = 13.9041252."""
     tuned = damping.medium(13.9041251, quick=True)

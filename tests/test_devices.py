@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 
 SCRIPT = """
 import threading
@@ -33,6 +35,7 @@ assert one.identical(two)
 """
 
 
+@pytest.mark.slow
 def test_a_sweep_over_two_devices():
     environment = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}
     done = subprocess.run(

@@ -112,6 +112,7 @@ def test_reversals_that_could_not_be_seen_are_not_counted_as_survived():
     assert found["revolution"][-1] == 51
 
 
+@pytest.mark.slow
 def test_chaotic_forward_motion_escapes_sooner_with_more_unbalance():
     """Section 3.5: above 0.0009 of the length some last for 1000 revolutions, hardly any for 3000.
 

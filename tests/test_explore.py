@@ -55,6 +55,7 @@ def drawn(explorer):
     return line.get_xdata() + 1j * line.get_ydata()
 
 
+@pytest.mark.slow
 def test_a_click_shows_the_lane_nearest_to_it(explorer, swept):
     assert explorer.response is None and "click" in explorer.orbit.texts[0].get_text()
     for number, start in ((1, 0), (1, 1), (2, 0)):
@@ -71,6 +72,7 @@ def test_a_click_shows_the_lane_nearest_to_it(explorer, swept):
         assert f"{1e3 * VALUES[number]:.6g}" in explorer.orbit.get_title(loc="left")
 
 
+@pytest.mark.slow
 def test_the_index_and_the_keys(explorer, swept):
     index = float(swept["index"][0, 1])
     click(explorer, explorer.lower, 1e3 * VALUES[0], index)
@@ -91,6 +93,7 @@ def test_of_more_parameters_one_is_chosen(swept):
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_a_motion_without_whirl_is_said():
     """At rest in the centre there is an orbit, a point, and no spectrum."""
     over = {"limiters.gap": [7e-3, 8e-3]}
@@ -102,6 +105,7 @@ def test_a_motion_without_whirl_is_said():
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_the_last_revolutions_are_shown(monkeypatch):
     """Of more that were kept, those the diagram ends with."""
     monkeypatch.setattr(importlib.import_module("jaxrotor.plot.explore"), "LONGEST", 2)
@@ -114,6 +118,7 @@ def test_the_last_revolutions_are_shown(monkeypatch):
     np.testing.assert_allclose(explorer.response.displacement, found.displacement, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_at_zero_speed_a_revolution_is_the_period_given():
     still = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
     start, over = jr.Whirl(9e-3), {"limiters.gap": [7e-3, 8e-3]}

@@ -34,6 +34,7 @@ from jaxrotor.blocks import Blocks
 from jaxrotor.effects import AbstractLinear
 from jaxrotor.files import SceneError, dumps, load, loads, save, shipped, study
 from jaxrotor.quantities import positive
+from jaxrotor.system import assemble
 
 
 NAMES = ["limiter-rotor", "limiter-rotor-2023"]
@@ -826,6 +827,7 @@ def test_mutated_files_never_end_in_another_exception():
     assert 10 < accepted < 300
 
 
+@pytest.mark.slow
 def test_from_another_folder_and_without_pint(tmp_path):
     """Shipped scenes load anywhere; units cost their import only when a file has some."""
     code = (
@@ -841,3 +843,10 @@ def test_from_another_folder_and_without_pint(tmp_path):
         "assert 'pint' not in sys.modules and 'tomlkit' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+
+
+@pytest.mark.parametrize("name", [name for name, _ in shipped()])
+def test_every_shipped_scene_has_finite_equations(name):
+    system = assemble(load(name))
+    numbers = [leaf for leaf in jax.tree.leaves(system) if eqx.is_inexact_array(leaf)]
+    assert numbers and all(np.isfinite(leaf).all() for leaf in numbers)

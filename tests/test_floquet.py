@@ -94,6 +94,7 @@ VARIANTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [0.83, 1.7, 4.0])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_against_integration(name, p):
@@ -118,6 +119,7 @@ def test_sense_of_rotation(p):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [0.5, 0.83, 2.5])
 @pytest.mark.parametrize("equal", ["supports", "shaft", "both"])
 def test_constant_coefficients_in_some_frame(equal, p):
@@ -197,6 +199,7 @@ def by_elements(speed, modes):
     return np.linalg.eigvals(half.y[:, -1].reshape(2 * size, -1)) ** 2
 
 
+@pytest.mark.slow
 def test_flexible_shaft_against_finite_elements():
     speed = 320.0
     expected = by_elements(speed, modes=8)
@@ -207,6 +210,7 @@ def test_flexible_shaft_against_finite_elements():
     np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6)
 
 
+@pytest.mark.slow
 def test_error_is_seen_by_doubling_the_steps():
     """Order 13 of a mode of 2.4 times the speed, 2.5 rad a step and then half of it."""
     scene = flexible(100.0)
@@ -226,6 +230,7 @@ def growth_by_scipy(p, values):
     return np.log(np.max(np.abs(integrated(p, **values)))) * p / (2 * np.pi)
 
 
+@pytest.mark.slow
 def test_onset_speed_with_periodic_coefficients():
     values = BASE | {"nu": 0.2, "delta": 0.15}
     scene = rotor(1.0, **values)
@@ -283,6 +288,7 @@ def test_gradient(support):
         assert float(slopes[path]) == pytest.approx(found, rel=1e-7, abs=1e-9), path
 
 
+@pytest.mark.slow
 def test_gradient_of_multipliers():
     scene, x, h = flexible(300.0, nodes=4), jnp.asarray(SHAFT), 1e-4
     at = jax.jit(lambda x: jr.floquet_multipliers(scene.put({"shaft.anisotropy": x}), 8)[:8])

@@ -262,6 +262,7 @@ FORCES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whirl", FORCES)
 @pytest.mark.parametrize("turning", [True, False])
 def test_forced_response_obeys_the_equations(turning, whirl):
@@ -354,6 +355,7 @@ def test_hysteresis_by_whirl_and_spin():
     assert not np.any(hanging.twice)
 
 
+@pytest.mark.slow
 def test_forced_response_against_finite_elements():
     """A force where the scene has no station of its own, forward and backward at once."""
     p, place, stations = 300.0, 0.21, [0.14, 0.21, 0.35, 0.7]
@@ -380,6 +382,7 @@ def test_forced_response_against_finite_elements():
 # === derivatives and refusals
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turning", [True, False])
 def test_gradients(turning):
     scene = unequal(0.8, turning)

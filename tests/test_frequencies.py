@@ -54,6 +54,7 @@ def test_conservative_frequencies():
     assert whirl[3] == pytest.approx(81.0039, abs=5e-5)  # [R], six digits
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nodes", [4, 8, 12])
 @pytest.mark.parametrize("N", [0.0, 15.0])
 def test_conservative_roots_are_imaginary(nodes, N):
@@ -84,6 +85,7 @@ ONSET = [  # eta_i, right sign (N_crit, omega), reversed sign [R]
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("eta_i", "right", "reverse"), ONSET)
 def test_onset_speed(eta_i, right, reverse):
     for sign, (speed, whirl) in ((1, right), (-1, reverse)):
@@ -133,6 +135,7 @@ def onset_and_stiffest(**shaft):
     return speed, np.max(np.abs(at(speed))) * TIME
 
 
+@pytest.mark.slow
 def test_trapezoid_converges_with_second_order():
     found = {m: onset_and_stiffest(rule="trapezoid", nodes=m) for m in TRAPEZOID}
     for m, (speed, stiffest) in TRAPEZOID.items():
@@ -143,6 +146,7 @@ def test_trapezoid_converges_with_second_order():
     assert -2.1 < slope < -1.9
 
 
+@pytest.mark.slow
 def test_spectral_converges_exponentially():
     found = {n: onset_and_stiffest(nodes=n) for n in SPECTRAL}
     for n, (speed, tolerance, stiffest) in SPECTRAL.items():
@@ -178,6 +182,7 @@ SEVERAL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("discs", SEVERAL)
 def test_discs_against_finite_elements(discs):
     """Undamped whirl with gyroscopics, forward and backward, at three speeds."""
@@ -194,6 +199,7 @@ def test_discs_against_finite_elements(discs):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.6 no spurious mode grows")
 @pytest.mark.parametrize(("reach", "nodes"), [(0.65, 8), (0.65, 5), (0.6, 5), (0.03, 12)])
 def test_no_spurious_mode_grows(reach, nodes):
@@ -229,6 +235,7 @@ def hanging(x, load, tip, where):
     return (distributed + tip * near**2 * (3 * far - near) / 6) / RIGIDITY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reach", [0.3, 0.7])
 @pytest.mark.parametrize("rule", ["spectral", "trapezoid"])
 def test_static_deflection(reach, rule):
@@ -268,6 +275,7 @@ def test_unbalance_response_against_finite_elements():
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_long_run_settles_on_the_closed_form():
     """Stepped by diffrax, which knows no closed form, from rest until transients are gone."""
     scene = limiter_rotor(N=1.2, eta_e=0.3, eps=0.001, phase=0.4, contact=False, nodes=3)

@@ -280,6 +280,7 @@ def one_file(path, random):
     checked(path, mutated(random))
 
 
+@pytest.mark.slow
 def test_every_file_is_a_scene_or_one_sentence(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     one_file(tmp_path / "my.toml")

@@ -90,6 +90,7 @@ def agree(function, exact, values, change, most=0.02):
 # === onset speed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
 def test_onset_speed_by_every_parameter(rule):
     law = {"blend": 1e-3, "slip": 1.0, "out_of_true": ASKEW}

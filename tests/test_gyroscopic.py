@@ -108,6 +108,7 @@ def closed_form_mass(pinned, at, disc, per_length):
     return per_length * l**3 * top / (35 * a**2 * (4 * l**2 - 5 * l * a + a**2) ** 2) + disc
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", COEFFICIENTS, ids=str)
 def test_stiffness_and_mass(case):
     """By reduction of the shaft, by the closed forms of MasslessShaft, and printed."""
@@ -212,6 +213,7 @@ def krylov(pinned, which, diametral, near):
     return [brentq(determinant, 0.999 * w, 1.001 * w, xtol=1e-12) for w in near]
 
 
+@pytest.mark.slow
 def test_continuous_shaft_that_turns():
     """Critical speeds and whirl of the thin disc, `I_d = I_0 / 2`."""
     published = {
@@ -234,6 +236,7 @@ def test_continuous_shaft_that_turns():
         )
 
 
+@pytest.mark.slow
 def test_rigid_hub():
     """The shaft stiff over the disc's 6.2 mm: the second frequency of the propped rotor rises to 783."""
     published = {

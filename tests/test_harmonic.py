@@ -114,6 +114,7 @@ def halved():
     return scene, response, jr.harmonic_balance(scene, response, harmonics=128, revolutions=2)
 
 
+@pytest.mark.slow
 def test_subharmonic_motion_is_that_of_scipy(halved):
     """And the error falls with the number of harmonics."""
     scene, response, orbit = halved
@@ -136,6 +137,7 @@ def test_subharmonic_motion_is_that_of_scipy(halved):
     assert apart(orbit, path) < errors[1] / 30 < errors[0] / 30**2
 
 
+@pytest.mark.slow
 def test_stop_that_is_not_touched_does_nothing(halved):
     """`z = m e Omega^2 / (k + i c Omega - m Omega^2)`, forward."""
     scene, _, orbit = halved

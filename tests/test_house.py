@@ -28,14 +28,14 @@ PACKAGE = Path(jaxrotor.__file__).parent
 # From the ground up; modules of one layer import each other only inside a package.
 LAYERS = [
     ("quantities", "units", "pilot", "extremes"),
-    ("materials", "blocks", "riccati", "outcome"),
+    ("materials", "blocks", "riccati", "outcome", "elimination"),
     ("shafts",),
     ("effects",),
     ("spin",),
     ("scene",),
     ("system",),
     ("pencil",),
-    ("motion", "variants"),
+    ("motion", "variants", "massless_coordinates"),
     ("transient",),
     ("start", "solvers", "analysis"),
     ("march",),
@@ -269,6 +269,7 @@ def test_program_answers_before_anything_is_loaded(words):
     assert "typer" in loaded and not set(HEAVY) & loaded
 
 
+@pytest.mark.slow
 def test_names_are_of_functions_whatever_is_loaded_first():
     """`jaxrotor.sweep` is a module, and `jr.sweep` the function, also once the module is loaded."""
     said = "import jaxrotor.sweep, jaxrotor.basins, jaxrotor as jr; assert callable(jr.sweep); "

@@ -50,6 +50,7 @@ def functions(name):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["roots", "onset", "critical"])
 @pytest.mark.parametrize("name", SCENES)
 def test_by_every_parameter(name, what):

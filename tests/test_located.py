@@ -88,6 +88,7 @@ def test_order_through_impacts(rub, truth, order, least, record_property):
     assert errors[-1] < {2: 2e-4, 4: 1e-8}[order]
 
 
+@pytest.mark.slow
 def test_lanes_together_are_lanes_alone(rub):
     scene, end = rub
     form, run = prepared(scene, 2)
@@ -99,6 +100,7 @@ def test_lanes_together_are_lanes_alone(rub):
     assert np.allclose(together, alone, rtol=0, atol=1e-12 * np.abs(alone).max())
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.3 several impacts in one step")
 def test_several_crossings_in_one_step(rub, truth):
     """Eight steps in a revolution with three or more changes of contact: most of it is flight."""
@@ -122,6 +124,7 @@ def on_a_line(*stops, blend=None):
     return jr.simulate(scene, 5, 32, **how)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.3 two and three stops at once")
 def test_two_stops_at_once(record_property):
     """Like stops at +a and -a act as one at 0: gap / cos a, 2 cos^2 a as stiff and damped."""
@@ -135,6 +138,7 @@ def test_two_stops_at_once(record_property):
     assert error < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.3 grazing")
 def test_grazing_is_a_touch_at_most():
     """The free orbit's radius is the gap to within 1e-9 of it."""
@@ -148,6 +152,7 @@ def test_grazing_is_a_touch_at_most():
         assert np.abs(np.abs(run.displacement) - circle).max() < 1e-5 * circle
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.3 more changes of contact than a step can locate", outcome="flagged")
 def test_steps_that_cannot_be_located_are_counted():
     """Friction that holds the rim against its slip reverses without end: stepped as it is."""
@@ -159,6 +164,7 @@ def test_steps_that_cannot_be_located_are_counted():
     assert run.unresolved > 0 and np.isfinite(run.displacement).all()
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.2 gradients through impacts")
 def test_derivatives_through_impacts(rub):
     """Forward mode against central differences, by eccentricity and stiffness of the stops."""
@@ -188,6 +194,7 @@ def test_reverse_mode_is_refused(rub):
         jr.simulate(scene, 1, 32, start=end, **how)
 
 
+@pytest.mark.slow
 def test_a_sweep_says_what_it_did_not_locate(rub):
     scene, end = rub
     over = {"unbalance.eccentricity": [0.0, 1e-5]}

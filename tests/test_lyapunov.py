@@ -1,12 +1,12 @@
 """Lyapunov exponents: against Lorenz's attractor, roots of a linear rotor, and an orbit's multipliers."""
 
-from types import SimpleNamespace
+import dataclasses
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems import LENGTH, TIME, limiter_rotor
+from systems import LENGTH, TIME, limiter_rotor, one_disc
 
 import jaxrotor as jr
 import jaxrotor.plot
@@ -95,17 +95,23 @@ def test_forward_bouncing_is_chaos():
 
 
 def test_picture():
+    """Exponents `-c / 2 m` of a damped disc, and the means of noise in their place."""
+    found = jr.lyapunov(one_disc(), revolutions=100, settle=20, count=2, steps_per_revolution=16)
     growth = np.random.default_rng(0).normal([0.5, -2.0], 1.0, (400, 2))
-    result = SimpleNamespace(
-        running=np.cumsum(growth, axis=0) / np.arange(1, 401)[:, None],
-        exponents=np.array([0.5, -2.0]),
-        error=np.array([0.05, 0.05]),
-        scene=limiter_rotor(),
+    noisy = dataclasses.replace(
+        found, exponents=np.array([0.5, -2.0]), error=np.array([0.05, 0.05]), growth=growth
     )
-    ax = jr.plot.lyapunov(result)
-    assert ax.get_xlabel() == "revolutions [1]"
-    assert ax.get_ylabel() == "mean growth of a disturbance [1/s]"
-    assert len(ax.get_lines()) == 5  # two exponents, each with its mean, and zero
+    for result, rates in ((found, [-0.05, -0.05]), (noisy, [0.5, -2.0])):
+        ax = jr.plot.lyapunov(result)
+        assert ax.get_xlabel() == "revolutions [1]"
+        assert ax.get_ylabel() == "mean growth of a disturbance [1/s]"
+        curves = ax.get_lines()
+        assert len(curves) == 5  # two exponents, each with its mean, and zero
+        for mean, curve, rate, running in zip(
+            curves[:4:2], curves[1:4:2], rates, result.running.T, strict=True
+        ):
+            assert mean.get_ydata() == pytest.approx(rate)
+            assert curve.get_ydata() == pytest.approx(running)
 
 
 @pytest.mark.parametrize(

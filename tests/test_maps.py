@@ -56,6 +56,7 @@ def test_map_and_its_curves():
     assert found.growth[16, -1] == pytest.approx(np.roots(quartic).real.max(), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_map_of_a_rotor_on_supports_of_two_stiffnesses():
     """Periodic coefficients: at a ratio of zero, where they are constant, growth is that of roots."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=0.1, damping=0.02, ends="elastic")
@@ -112,6 +113,7 @@ def slow_growth(cross, damping=0.0):
     return np.roots([1.0, damping, ground / (1 + ground)]).real.max()
 
 
+@pytest.mark.slow
 def test_slow_rotors_take_the_steps_they_need():
     """From 1/30 of the first frequency down 32 steps of half a revolution do not suffice."""
     assert float(jr.growth_rate(slow(0.4))) == pytest.approx(slow_growth(0.4), rel=1e-6)
@@ -124,6 +126,7 @@ def test_slow_rotors_take_the_steps_they_need():
     np.testing.assert_allclose(lost.values, [2 * edge], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_is_too_slow_is_not_taken_for_stable():
     over = {"spin.speed": [1e-4, 0.02, 0.1], "supports.cross_stiffness": [0.4, 0.8]}
     found = jr.stability_map(slow(0.4), over)

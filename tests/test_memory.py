@@ -33,6 +33,7 @@ def bounced(revolutions, keep=1, **options):
     return function
 
 
+@pytest.mark.slow
 def test_checkpoints_change_no_derivative():
     """23 revolutions leave some over after the last checkpoint, the 24 that are kept do not."""
     forward = lambda k: jax.jvp(bounced(47, 24), (k,), (jnp.ones(()),))
@@ -43,6 +44,7 @@ def test_checkpoints_change_no_derivative():
     assert float(found) == pytest.approx(float(exact), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_reverse_mode_keeps_few_revolutions():
     """By XLA's own count; a state kept at every revolution would be as many states more."""
 

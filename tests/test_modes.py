@@ -113,6 +113,7 @@ def ordered(speed, mu):
     return values[order], (counters / shapes)[order]
 
 
+@pytest.mark.slow
 def test_modes_are_differentiable():
     """By the share of the two stiffnesses, against central differences of numpy."""
     speed, h = 0.7, 1e-4
@@ -141,6 +142,7 @@ def test_modes_are_differentiable():
     np.testing.assert_allclose(found[4], ratios, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_equal_roots_hold_their_shapes():
     """On supports unequal by nothing, two roots in a plane are one: the mean, and no NaN."""
     shaft = jr.MasslessShaft(1.0, 0.5, STIFFNESS)
@@ -156,6 +158,7 @@ def test_equal_roots_hold_their_shapes():
         assert float(kind(frequency)(jnp.asarray(1.0))) == pytest.approx(slope, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_massless_supports_have_no_modes():
     scene = jr.load("dual-stiffness-elastic").put({"shaft.damping": None, "supports.damping": None})
     found = jr.modes(scene)

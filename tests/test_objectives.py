@@ -107,11 +107,13 @@ def of_parameters(name):
     return lambda values: objective(scene.put(dict(zip(paths, values, strict=True)))), own, step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_gradient_against_central_differences(name):
     check_forward(*of_parameters(name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["critical_gap", "anisotropy", "twice_share", "unbalance_rms"])
 def test_gradients_of_many_as_a_loop(name):
     function, own, _ = of_parameters(name)

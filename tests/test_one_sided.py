@@ -107,6 +107,7 @@ def test_a_rub_that_is_born_has_a_slope_without_bound(radius, circle):
     assert np.isnan(radius(fold.value - 1e-5, 0.0, born.start)).all()
 
 
+@pytest.mark.slow
 def test_a_contact_that_begins_at_a_sample_has_a_kink_or_jumps():
     """The mass let go from x0 = 1 m against a stop at its free swing: see `contact_peak`."""
     scene = mass(0.0)

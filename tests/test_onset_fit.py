@@ -33,6 +33,7 @@ def computed(sign, ratios):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sign", "column"), [(1, 1), (-1, 2)])
 def test_fit_through_the_sheets_onset_speeds(sign, column):
     """The same four ratios as section 3.2 [R], so the coefficients have its digits."""

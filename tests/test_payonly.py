@@ -82,6 +82,7 @@ def fields():
     return {name: field_of(bare(*effects)) for name, effects in STAGES.items()}
 
 
+@pytest.mark.slow
 def test_state_never_grows_at_the_end_of_the_shaft(fields):
     assert {size for _, size, _ in fields.values()} == {4 * 8}
 
@@ -93,6 +94,7 @@ def test_state_grows_by_a_span_for_a_kink_inside():
     assert field_of(bare(*kinked))[1] == 4 * (8 + 8 + 1)
 
 
+@pytest.mark.slow
 def test_equations_grow_only_by_what_was_added(fields):
     count = {name: len(names) for name, (names, *_) in fields.items()}
     assert count["disc"] == count["bare"]  # adds to blocks that were there
@@ -154,9 +156,10 @@ def test_absent_is_none(fields):
 def rates(scene, states):
     """Vector field of a scene at several states, at different angles."""
     motion = Motion(assemble(scene), jnp.asarray(1 / TIME))
-    return jnp.stack([motion(jnp.asarray(0.4 * k), state) for k, state in enumerate(states)])
+    return jax.vmap(motion)(0.4 * jnp.arange(len(states)), states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.kind)
 def test_zero_strength_equals_absence(effect):
     others = [one for one in EFFECTS if one.kind != effect.kind]
@@ -179,6 +182,7 @@ def test_zero_strength_equals_absence_among_harmonic_motions(effect):
     assert np.max(np.abs(np.asarray(jr.roots(here, 6)) / expected - 1)) > 1e-4
 
 
+@pytest.mark.slow
 def test_accelerations_call_no_solver():
     """Two programs of over a hundred lanes that call LAPACK wait for each other (jax 0.10, CPU)."""
     scene, spin = jr.load("ball-balancer"), jr.Drive(10.0, 1.0, polar=0.1, feedback=True)
@@ -199,13 +203,12 @@ def rates_with_bodies(scene, states, bodies):
     field = Transient.of(scene, jnp.asarray(1 / TIME), jnp.zeros(()))
     angle, rate = bodies if field.system.races else jnp.zeros((2, 0))
     none = jnp.zeros(0)
-    rates = [
-        field(jnp.asarray(1e-3 * k), Posture(*state, none, none, angle, rate))
-        for k, state in enumerate(states)
-    ]
-    return jnp.stack([r.r_rate for r in rates]), jnp.stack([r.bodies_rate for r in rates])
+    at = lambda time, state: field(time, Posture(*state, none, none, angle, rate))
+    found = jax.vmap(at)(1e-3 * jnp.arange(len(states)), states)
+    return found.r_rate, found.bodies_rate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ROLLING, ids=lambda effect: effect.kind)
 def test_zero_strength_equals_absence_among_bodies(effect):
     others = [*EFFECTS, *(one for one in ROLLING[:1] if one.kind != effect.kind)]
@@ -218,7 +221,8 @@ def test_zero_strength_equals_absence_among_bodies(effect):
     other, rolls = rates_with_bodies(here, states, bodies)
     largest = np.max(np.abs(shaft))
     np.testing.assert_allclose(same, shaft, rtol=0, atol=1e-12 * largest)
-    np.testing.assert_allclose(still[:, : balls.shape[1]], balls, rtol=1e-12)
+    # Balls feel the acceleration of the shaft, so its rounding is theirs.
+    np.testing.assert_allclose(still[:, : balls.shape[1]], balls, rtol=0, atol=1e-12 * largest)
     assert np.max(np.abs(other - shaft)) > 1e-6 * largest  # at strength it acts
     assert not np.allclose(rolls, still)
 
@@ -247,7 +251,7 @@ USES = {
     "simulate": lambda scene: jr.simulate(scene, 2, 16, start=STARTED).displacement,
     "roots": lambda scene: jr.roots(scene),
     "onset": lambda scene: jr.onset_speed(scene),
-    "assemble": lambda scene: eqx.filter_jit(assemble)(scene).blocks.inertia,
+    "assemble": lambda scene: assemble(scene).blocks.inertia,
 }
 
 
@@ -273,6 +277,7 @@ def test_new_structure_does_compile():
 # === linear scenes have no time loop
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", ["modal", "dense"])
 def test_linear_scene_skips_in_closed_form(basis):
     fields = {field.name for field in dataclasses.fields(Plan)}
@@ -303,6 +308,7 @@ def test_linear_scene_skips_in_closed_form(basis):
     assert len(many) < len(few) + 60  # at most the powers of one matrix, log2(3000)
 
 
+@pytest.mark.slow
 def test_linear_scene_is_exact_at_any_step():
     scene = bare(DISC, ExternalDamping(8.0), Unbalance(LENGTH, MASS, 1e-4), Gravity(), N=3.0)
     coarse = jr.simulate(scene, 30, 4, keep=1, start=STARTED).displacement

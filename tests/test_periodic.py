@@ -45,6 +45,7 @@ def rub():
     return scene, jr.periodic(scene, settled(scene), steps_per_revolution=512)
 
 
+@pytest.mark.slow
 def test_backward_rub_of_the_sheet():
     """Section 3.4: whirl rate and radius, every contact a third of a turn further back.
 
@@ -67,6 +68,7 @@ def test_backward_rub_of_the_sheet():
     assert "stable" in str(orbit) and "-120 degrees" in str(orbit)
 
 
+@pytest.mark.slow
 def test_multipliers_are_those_of_direct_integration(rub):
     """Of the orbit integrated by scipy from event to event, with jumps of the derivative there."""
     scene, orbit = rub
@@ -83,6 +85,7 @@ def test_multipliers_are_those_of_direct_integration(rub):
     assert np.abs(expected - 1).min() < 1e-7  # the motion itself
 
 
+@pytest.mark.slow
 def test_full_turns_are_three_thirds(rub):
     """The same orbit without use of the symmetry, and from a start instead of a response."""
     scene, orbit = rub
@@ -95,6 +98,7 @@ def test_full_turns_are_three_thirds(rub):
     assert (np.asarray(whole.duty) > 0).all()
 
 
+@pytest.mark.slow
 def test_locked_orbit_is_a_subharmonic():
     """Section 3.4: with unbalance the backward rub locks to exactly -1/2, here two revolutions."""
     scene = limiter_rotor(nodes=4, eps=1e-3)
@@ -111,6 +115,7 @@ def test_locked_orbit_is_a_subharmonic():
     assert near.revolutions == 2 and float(near.whirl_rate) == -0.5
 
 
+@pytest.mark.slow
 def test_numbers_to_tune_by(rub):
     """Those of the orbit, found again; derivatives: see below."""
     scene, orbit = rub
@@ -120,6 +125,7 @@ def test_numbers_to_tune_by(rub):
     assert float(seen.radius) == pytest.approx(np.sqrt(np.mean(radius**2)), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_linear_orbit_is_the_steady_state():
     scene = limiter_rotor(N=9.0, eps=1e-3, contact=False)
     orbit = jr.periodic(scene, jr.AtRest(), at=[LENGTH / 2, LENGTH])
@@ -251,6 +257,7 @@ def test_refusals(rub):
         )(4e6)
 
 
+@pytest.mark.slow
 def test_what_is_not_found_is_said(rub):
     """From three times the state, with two iterations."""
     scene, orbit = rub

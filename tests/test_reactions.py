@@ -203,6 +203,7 @@ class RK4(dfx.AbstractERK):
         return 4
 
 
+@pytest.mark.slow
 def test_euler_at_the_step_of_the_course(worked):
     exact, right = worked
     run, found = forces(jr.load("turbine-run-up"), TIMES[:-1], solver=dfx.Euler())
@@ -216,6 +217,7 @@ def test_euler_at_the_step_of_the_course(worked):
     printed(rounded.speed[rows], [483.642857, 412.822987, 365.103148, 259.105752, 207.552886], 6)
 
 
+@pytest.mark.slow
 def test_orders_of_integrators():
     """Errors at t = 0.16 of 8, 16, 32, 64 steps; RK4 with the course's 24 steps."""
     times, exact = np.array([0.0, 0.16]), 273.704205856
@@ -422,6 +424,7 @@ def test_coast_down_never_ends():
     assert 0.5 < run.speed[1] < 0.6  # as 1 / t
 
 
+@pytest.mark.slow
 @pytest.mark.hard("4.4 braked to a stop")
 def test_a_rotor_that_has_stopped_loads_no_bearing():
     """Case 4: without weight."""
@@ -432,6 +435,7 @@ def test_a_rotor_that_has_stopped_loads_no_bearing():
         jr.run_up(rotor(stops=True), [0.0, 1.0], solver=dfx.Euler())
 
 
+@pytest.mark.slow
 @pytest.mark.hard("4.5 no drag, no slope, no torque, D = 0, D^2 < 0")
 @pytest.mark.parametrize("name", ["torque", "slope", "drag"])
 def test_derivatives_where_the_formula_degenerates(name):
@@ -488,6 +492,7 @@ def test_wheels_anywhere(at):
     np.testing.assert_allclose(found.rotating[0], [total * (1 - share), total * share], atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("4.12 balanced: no reaction, no NaN")
 def test_balanced_rotor_loads_no_bearing():
     """Case 12: nothing, and no NaN."""
@@ -625,6 +630,7 @@ def beam(*constraints, length=2.0, discs=()):
     return found, 7850 * np.pi * 0.05**2 / 4 * 9.81
 
 
+@pytest.mark.slow
 def test_beam_on_three_supports():
     """Beam tables: 3/8, 5/4, 3/8 of q l."""
     found, q = beam(P(0.0), P(1.0), P(2.0))

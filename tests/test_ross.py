@@ -50,6 +50,7 @@ def put(element, **values):
 # === numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "speed"), CASES)
 def test_roots_are_those_of_ross(name, speed):
     """Twelve each: gyroscopic, unequal, cross-coupled and damped bearings, steps, two materials.

@@ -44,6 +44,7 @@ def integrate(acceleration, times, size=2, start=None):
 # === a given speed
 
 
+@pytest.mark.slow
 def test_ramp_through_the_critical_speed():
     times = np.linspace(0, 0.6, 121)
 
@@ -65,6 +66,7 @@ def test_ramp_through_the_critical_speed():
     assert 0.3 * still < np.abs(z).max() < 0.9 * still
 
 
+@pytest.mark.slow
 def test_flexible_rotor_through_its_first_critical_speed():
     """Gyroscopic, with internal damping; its matrices, integrated by another hand in fixed axes."""
     scene = jr.load("limiter-rotor").without("limiters").replace({"unbalance.eccentricity": 1e-4})
@@ -98,6 +100,7 @@ def test_flexible_rotor_through_its_first_critical_speed():
     assert np.abs(z).max() > 3 * np.abs(z[3])
 
 
+@pytest.mark.slow
 def test_unequal_axes_fixed_and_turning():
     """A shaft of two stiffnesses with Voigt damping in unequal supports: periodic coefficients."""
     times, mu, voigt = np.linspace(0, 0.3, 31), 0.2, 2e-4
@@ -136,6 +139,7 @@ def test_unequal_axes_fixed_and_turning():
     assert np.abs(z - q.reshape(-1, 2, 2) @ [1, 1j]).max() < 1e-8 * np.abs(z).max()
 
 
+@pytest.mark.slow
 def test_rub_on_the_way():
     """Run-up into a limiter with friction: a non-smooth field, so 1e-4 of the radius."""
     gap, stop, brake, friction, rim = 2e-4, 4e5, 50.0, 0.15, 0.03
@@ -160,6 +164,7 @@ def test_rub_on_the_way():
     assert (np.abs(run.contact_force) > 0).sum() > 3
 
 
+@pytest.mark.slow
 def test_constant_speed_is_what_simulate_gives():
     scene = jr.load("limiter-rotor").replace({"unbalance.eccentricity": 1e-4})
     scene = scene.without("limiters")
@@ -186,6 +191,7 @@ def free_jeffcott(torque, slope):
     return jeffcott(spin=drive, offset=20 * OFFSET)
 
 
+@pytest.mark.slow
 def test_feedback_of_unbalance_is_that_of_the_lagrangian():
     torque, slope, times = 6.0, 0.02, np.linspace(0, 1.0, 41)
 
@@ -206,6 +212,7 @@ def test_feedback_of_unbalance_is_that_of_the_lagrangian():
     assert np.abs(z - q[:, :2] @ [1, 1j]).max() < 1e-7 * np.abs(z).max()
 
 
+@pytest.mark.slow
 def test_a_weak_drive_is_captured_at_the_critical_speed():
     """Sommerfeld: 2 N m hang below 200 rad/s, 12 N m pass; without feedback both pass."""
     times = np.linspace(0, 8.0, 81)
@@ -250,6 +257,7 @@ def pairs(mu):
     return lambda size: lambda z: size * ((1 + mu) * z.real**2 + (1 - mu) * z.imag**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shaft", "effects", "spring", "damper"),
     [
@@ -296,6 +304,7 @@ def test_what_turns_with_the_shaft_makes_no_energy(shaft, effects, spring, dampe
     assert np.abs(energy - energy[0] + lost).max() < 1e-7 * lost[-1]
 
 
+@pytest.mark.slow
 def test_internal_damping_of_a_flexible_shaft_brakes_as_that_of_a_spring():
     """A disc amid a shaft of next to no mass: k = 48 EI / l^3."""
     bar, times = jr.Material(2e11, 1.0), np.linspace(0, 0.03, 7)
@@ -318,6 +327,7 @@ def test_internal_damping_of_a_flexible_shaft_brakes_as_that_of_a_spring():
     assert np.abs(400 - np.asarray(one.speed) - drop).max() < 1e-3 * drop[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.hard("4.4 braked to a stop")
 def test_stop_and_reversal():
     fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
@@ -350,6 +360,7 @@ def test_stop_and_reversal():
     assert np.allclose(later.angle, run.angle[-1], rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_derivative_of_the_time_of_a_stop():
     """t = w0 I / M_C."""
     fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
@@ -358,6 +369,7 @@ def test_derivative_of_the_time_of_a_stop():
     assert float(jax.jacfwd(stop)(20.0)) == pytest.approx(-10 * 2.2354 / 400, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_pendulum_with_dry_friction_swings_until_friction_holds_it():
     """Weight moment 0.981 N m at rest; scipy from one turning point to the next."""
     fixed = jr.RigidShaft(1.0, (jr.Constraint(0.0), jr.Constraint(1.0)))
@@ -416,6 +428,7 @@ def test_drag_to_the_letter_runs_away_and_odd_drag_does_not():
 # === as a function
 
 
+@pytest.mark.slow
 def test_a_run_continues():
     scene = jeffcott(spin=jr.ConstantSpeed(150.0))
     whole = jr.run_up(scene, [0.1, 0.2], controller=FINE)
@@ -425,6 +438,7 @@ def test_a_run_continues():
     assert float(second.angle[-1]) == pytest.approx(float(whole.angle[-1]), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_at_another_speed():
     """Displacement and velocity in fixed axes go on; against scipy at both speeds."""
     times = np.linspace(0, 0.1, 6)
@@ -447,6 +461,7 @@ def test_a_run_goes_on_at_another_speed():
     assert np.allclose(second.velocity[0], first.velocity[-1], rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spin",
     [
@@ -473,6 +488,7 @@ def test_a_run_goes_on_at_a_speed_that_varies(spin):
     assert np.allclose(second.angle[1:], whole.angle[1:], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_profile_that_a_run_cannot_go_on_in_is_refused():
     first = jr.run_up(jeffcott(spin=jr.SpeedProfile.ramp(100.0, 200.0, 0.1)), [0.0, 0.05])
     scene = jeffcott(spin=jr.SpeedProfile.ramp(150.0, 50.0, 0.1))
@@ -483,6 +499,7 @@ def test_a_profile_that_a_run_cannot_go_on_in_is_refused():
     assert np.allclose(run.speed, [150.0, 50.0]) and float(run.end.time) == 0.1
 
 
+@pytest.mark.slow
 def test_gradient_and_lanes():
     times = np.linspace(0, 0.4, 5)
 

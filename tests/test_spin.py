@@ -161,6 +161,7 @@ def test_a_drive_refuses_in_one_sentence(more, message):
 SPINS = [jr.ConstantSpeed(30.0), PROFILE, DRIVE]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spin", SPINS, ids=lambda spin: type(spin).__name__)
 def test_jit_and_vmap_change_nothing(spin):
     times = jnp.asarray([[0.0, 0.1], [0.35, 1.2]])
@@ -278,6 +279,7 @@ def rotor():
     return limiter_rotor(eps=0.001, contact=False, nodes=5)
 
 
+@pytest.mark.slow
 def test_analyses_at_given_speeds_ask_for_no_spin(rotor):
     varied = with_spin(rotor, PROFILE)
     speeds = [50.0, 200.0]

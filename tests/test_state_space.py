@@ -81,6 +81,7 @@ def unequal():
     return scene, jr.state_space(scene, 0.4, [0.4, 0.7])
 
 
+@pytest.mark.slow
 def test_roots_are_the_eigenvalues(unequal):
     """The slowest to the last digits, which they would lose in a matrix of displacements."""
     scene, system = unequal
@@ -92,6 +93,7 @@ def test_roots_are_the_eigenvalues(unequal):
         assert np.min(np.abs(roots - value)) < 1e-12 * abs(value)
 
 
+@pytest.mark.slow
 def test_response_is_that_of_a_harmonic_force(unequal):
     scene, system = unequal
     force = jr.HarmonicForce(0.4, angle=0.3)
@@ -113,6 +115,7 @@ def mirrored(*effects):
 ONE, OTHER = np.diag([4e5, 7e5]), np.diag([7e5, 4e5])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ats", "damping"), [(((0.0, 1.0), (0.0, 1.0)), 0.0), (((0.0,), (1.0,)), 90.0)]
 )
@@ -137,6 +140,7 @@ def test_equal_roots(ats, damping):
         np.testing.assert_allclose(backward, known.backward[i], rtol=0, atol=1e-12 * largest)
 
 
+@pytest.mark.slow
 def test_roots_at_zero():
     """Two discs of a free shaft in a medium drift and tilt at no cost: `C (i w)^-1` as `w` falls."""
     scene = mirrored(*(jr.DiscDamping(at, DAMPING) for at in (0.3, 0.7)))
@@ -150,6 +154,7 @@ def test_roots_at_zero():
         jr.state_space(scene, 0.3, modes=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("equal", [True, False])
 def test_few_modes(unequal, equal):
     """What is left out is still in the static response, and hardly missed below its own frequency."""
@@ -192,6 +197,7 @@ def test_coordinates_without_mass():
         np.testing.assert_allclose(np.diag(gain(system, frequency)), expected, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_refusals():
     stops = jr.load("limiter-rotor")
     with pytest.raises(ValueError, match="contacts or balls"):

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import diffrax as dfx
 import numpy as np
@@ -66,6 +67,7 @@ def test_store_is_what_memory_gathers(tmp_path, gathered):
     assert jr.loads(again.attrs["scene"]).get("limiters.gap")[0] == ROTOR.get("limiters.gap")[0]
 
 
+@pytest.mark.slow
 def test_carried_states_are_stored_alike(tmp_path):
     how = {"carry": "unbalance.eccentricity", "lanes_per_chunk": 2}
     inside = swept(**how)
@@ -118,6 +120,7 @@ def test_another_sweep_is_refused(tmp_path, gathered, change, words):
         jr.sweep(ROTOR, {**OVER, "start.angle": [0.0, 1.0, 2.5]}, **HOW, store=path)
 
 
+@pytest.mark.slow
 def test_every_setting_tells_a_sweep_from_another(tmp_path):
     """What is stored is asked for again with one setting changed at a time, some in the last digit."""
     scene = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
@@ -184,6 +187,7 @@ def test_begun_at_the_same_time(tmp_path, gathered):
     xr.testing.assert_equal(first.finished().load(), gathered[NAMES])
 
 
+@pytest.mark.slow
 def test_gone_while_the_sweep_runs(tmp_path, gathered, monkeypatch):
     path, put = tmp_path / "a.zarr", Store.put
 
@@ -202,14 +206,14 @@ def test_gone_while_the_sweep_runs(tmp_path, gathered, monkeypatch):
         swept(store=path)
 
 
+@pytest.mark.slow
 def test_killed_as_errors_are_written(tmp_path, gathered, monkeypatch):
     """No reader sees errors that are not there, and the same sweep ends as if never stopped."""
     path = tmp_path / "a.zarr"
     swept(error_sample=3, store=path)
-    stopped = {"to_zarr": (xr.Dataset, "to_zarr"), "rmtree": (shutil, "rmtree")}
-    for module, name in stopped.values():
+    for owner, name in ((xr.Dataset, "to_zarr"), (shutil, "rmtree")):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(module, name, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+            patch.setattr(owner, name, Mock(side_effect=KeyboardInterrupt))
             swept(error_sample=2, store=path)
         seen = xr.open_zarr(path, chunks=None).load()
         assert not [name for name in seen.variables if "error" in str(name)]
@@ -300,14 +304,14 @@ def files_of(folder):
 
 def written_in_blocks(path, whole):
     """What a sweep does to its store, from data that are known."""
-    coords = {dim: (dim, whole[dim].values, whole[dim].attrs) for dim in OVER}
-    store = Store(path, coords, whole.attrs, {"unbalance.eccentricity": 2, "start.angle": 3})
+    store = begun(path, whole)
     for block in store.pending(blocks({dim: whole.sizes[dim] for dim in OVER}, (2, 3))):
         store.put(block, whole[NAMES].isel(block))
     about = {"index": {"error": whole["index"].attrs["error"]}}
     store.add(whole[["index_error", "error_lane"]], about)
 
 
+@pytest.mark.slow
 def test_disk_that_is_full_at_any_file(tmp_path, gathered, monkeypatch):
     """Whichever file no longer finds room: a store is whole or absent, done blocks are right, and the
     next call ends with the bytes of one that always had room."""
@@ -410,6 +414,7 @@ print(json.dumps(said))
 """
 
 
+@pytest.mark.slow
 def test_small_disk(tmp_path, gathered):
     """On a file system of its own, that is full, then read-only, and then has room."""
     (tmp_path / "disk").mkdir()

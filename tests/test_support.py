@@ -53,6 +53,7 @@ def close(found, expected, tolerance):
     assert distance[linear_sum_assignment(distance)].max() < tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rotating", [False, True])
 @pytest.mark.parametrize("speed", [0.6, 3.0, -1.7])
 def test_eight_coefficients(speed, rotating):
@@ -95,6 +96,7 @@ def test_fixed_and_turning_bearings_at_once():
     close(jr.floquet_multipliers(scene), expected, 1e-9)
 
 
+@pytest.mark.slow
 def test_each_mode_of_a_pinned_shaft_in_an_anisotropic_medium():
     """`rA q.. + D q. + EI k^4 q = f`, one Jeffcott rotor a mode; `D` has axes of its own."""
     length, diameter, young, density = 1.3, 0.02, 2.1e11, 7850.0

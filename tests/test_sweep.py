@@ -12,6 +12,7 @@ import pytest
 
 import jaxrotor as jr
 from jaxrotor.observe import Turn
+from jaxrotor.outcome import STATUS
 
 
 LENGTH, UNIT = 0.7, 0.022646559709295067
@@ -52,6 +53,7 @@ def test_too_many_lanes_are_refused():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "over",
     [
@@ -86,6 +88,7 @@ def test_sweep_is_a_loop_of_simulations(over):
         assert int(lane.status) == 0
 
 
+@pytest.mark.slow
 def test_chunks_and_workers_do_not_change_results():
     over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 5)}
     whole = jr.sweep(ROTOR, over, start=RUB, workers=1, **SHORT)
@@ -95,6 +98,7 @@ def test_chunks_and_workers_do_not_change_results():
             np.testing.assert_allclose(parts[name], whole[name], rtol=1e-10, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_adaptive_solver_in_a_sweep():
     over = {"unbalance.eccentricity": [1e-4, 5e-4]}
     ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Kvaerno5(), **SHORT)
@@ -105,12 +109,14 @@ def test_adaptive_solver_in_a_sweep():
     assert ds.attrs["solver"] == "Kvaerno5"
 
 
+@pytest.mark.slow
 def test_a_solver_that_gives_up_is_one_of_the_reasons():
     over = {"unbalance.eccentricity": [1e-4]}
     ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Kvaerno5(), max_steps=2, **SHORT)
     assert ds.status.attrs["flag_meanings"].split()[ds.status.item()] == "solver_gave_up"
 
 
+@pytest.mark.slow
 def test_silent_unless_asked():
     over = {"unbalance.eccentricity": [0.0]}
     for progress in (None, True):
@@ -293,6 +299,7 @@ def test_large_eccentricity_escapes_to_the_rub_from_rest():
     assert np.count_nonzero(ds.winding < -0.4) >= 6
 
 
+@pytest.mark.slow
 def test_states_are_carried_up_and_down():
     """As by a loop of simulations, each from the end of the one before."""
     values = np.array([1e-4, 5e-4, 1e-3])
@@ -346,3 +353,14 @@ def test_refusals_of_carry(carry, more, words):
     }
     with pytest.raises(ValueError, match=words):
         jr.sweep(ROTOR, over, start=jr.Whirl(1e-3), carry=carry, **more)
+
+
+def test_a_straight_oscillation_through_the_centre_has_no_whirl():
+    """Free, at half the speed, from rest off the centre: every 16th sample is there but for rounding."""
+    scene = jr.Scene(
+        jr.MasslessShaft(1.0, 0.5, 1e4), jr.Disc(0.5, 1.0), spin=jr.ConstantSpeed(200.0)
+    )
+    start, kept = jr.Whirl(1e-3, rate=0.0), {"settle": 1, "keep": 4, "steps_per_revolution": 32}
+    dataset = jr.sweep(scene, {"start.radius": [1e-3, 2e-3]}, start=start, **kept)
+    assert np.isnan(dataset["index"]).all()
+    assert (dataset["status"] == STATUS.index("whirl_undefined")).all()

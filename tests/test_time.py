@@ -55,6 +55,7 @@ def rub(name: str, order: int, steps: int = 512) -> jr.Response:
 # === the sheet's attractors, section 3.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize(
     ("name", "rate", "low", "high"),
@@ -70,6 +71,7 @@ def test_backward_rub_of_the_sheet(name, rate, low, high, order):
     assert radii(z) == pytest.approx((low, high), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_forward_bouncing_from_rest():
     # Chaotic: the rate of a window scatters, the range is that of the sheet.
     r = jr.simulate(RIGHT, 2000, 256, start=whirl(1e-3), keep=1000)
@@ -80,6 +82,7 @@ def test_forward_bouncing_from_rest():
     assert 0.0110 < high < 0.0130
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 sign of friction smoothed over a stated width")
 @pytest.mark.parametrize(
     ("width", "rate", "low", "high"),
@@ -219,6 +222,7 @@ def located_rate(start: tuple[float, float], gyroscopic: float) -> float:
     return -(2 * np.pi / 3) * 199 / (times[-1] - times[0]) / 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("reversed_sign", "start", "rate"),
     [(False, (0.012, -10.0), -0.56762695), (True, (0.02, -13.9), -0.91840269)],
@@ -257,6 +261,7 @@ def settled_rub(nodes: int, blend: float | None) -> tuple[jr.Scene, jr.Continued
     return built, settled, np.asarray(fine.displacement[::32, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("nodes", "blend", "solver", "tolerance", "agree"),
     [
@@ -277,6 +282,7 @@ def test_adaptive_solver_agrees_on_the_rub(nodes, blend, solver, tolerance, agre
     assert abs(z - want).max() < agree * abs(want).max()
 
 
+@pytest.mark.slow
 def test_diffrax_solver_meets_the_whirl_rate():
     """Kvaerno5 carried on from the settled rub, by touch-down times of the same stop."""
     settled = rub("right", 2).end
@@ -354,6 +360,7 @@ def _loads(motion: Motion):
     return motion.constant, motion.unbalance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_order_on_a_smooth_motion(order):
     start, exact = smooth_reference()
@@ -367,6 +374,7 @@ def test_order_on_a_smooth_motion(order):
     assert slope == pytest.approx(order, abs=0.25)
 
 
+@pytest.mark.slow
 def test_adaptive_solver_meets_scipy_on_a_smooth_motion():
     start, exact = smooth_reference()
     r = jr.simulate(smooth_scene(), 2, 32, solver=dfx.Tsit5(), start=start)
@@ -379,6 +387,7 @@ def test_adaptive_solver_meets_scipy_on_a_smooth_motion():
 # === as a solver of diffrax
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_step_is_a_diffrax_solver_too(order):
     """One revolution of the rub by `diffeqsolve` is that of the library's own loop."""

@@ -66,6 +66,7 @@ OPTIMISERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OPTIMISERS)
 def test_a_bowl_by_every_optimiser(name):
     """Least at (1, -0.5), where the loss is 2."""
@@ -212,6 +213,7 @@ CONSTRAINED = {  # loss, constraint, optimum, multiplier
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [(0.0, 0.5), (4.0, 4.0)], ids=["inside", "outside"])
 @pytest.mark.parametrize("name", CONSTRAINED)
 def test_constraint_in_closed_form(name, start):
@@ -369,6 +371,7 @@ def test_tables_and_stations_that_pass_are_refused():
 # === picture
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [WELLS, {X: (-2.0, 2.0)}], ids=["two", "one"])
 def test_plot_of_a_tuning(where):
     tuned = tune(two_wells, toy(0.9, 0.1), where, starts=3, steps=15)

@@ -508,6 +508,7 @@ LEAST = {  # alpha: scheme 2 with kappa = 0.16, |P2 - P1|
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", LEAST)
 def test_least_damping_without_a_zone(alpha):
     one, two = np.asarray(jr.critical_speeds(rotor(2, alpha=alpha)).forward) / RATE

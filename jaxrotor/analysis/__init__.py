@@ -17,12 +17,11 @@ from .balancing import (
     rigid_residual as rigid_residual,
     total_mass as total_mass,
 )
-from .campbell import (
+from .campbell import Campbell as Campbell, campbell as campbell
+from .critical import (
     AxisSpeeds as AxisSpeeds,
-    Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
     axis_speeds as axis_speeds,
-    campbell as campbell,
     critical_speeds as critical_speeds,
 )
 from .floquet import floquet_multipliers as floquet_multipliers

@@ -10,6 +10,8 @@ import typer
 from platformdirs import user_cache_dir
 from typer.core import TyperGroup
 
+from .interrupt import stop_on_ctrl_c
+
 
 # Module of every command, and what `jaxrotor --help` says of it: what a command needs takes seconds
 # to load, so that is done for the one that runs.
@@ -183,7 +185,11 @@ def options(
 
 def main() -> None:
     """Entry point of the program; what it compiles is kept for the next time."""
+    # XLA takes settings of its compiler for features that the processor lacks, in every cached program.
+    if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":  # what jax itself sets when it is loaded
+        os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         os.environ["JAX_COMPILATION_CACHE_DIR"] = user_cache_dir("jaxrotor")
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+    stop_on_ctrl_c()
     app(prog_name="jaxrotor")

@@ -9,6 +9,7 @@ import typer
 
 from ..analysis import Campbell, campbell as branches_of, critical_speeds
 from ..pencil import is_rounding
+from ..scene import Scene
 from . import answer
 from .options import (
     MOST,
@@ -97,11 +98,7 @@ def critical(
 
     jaxrotor critical limiter-rotor --count 3
     """
-    found = critical_speeds(scene_with(scene, settings), count)
-    speeds = {
-        "forward": np.asarray(found.forward).tolist(),
-        "backward": np.asarray(found.backward).tolist(),
-    }
+    speeds = described_critical(scene_with(scene, settings), count)
     if as_json:
         described = {
             direction: [{"speed": s, "rpm": rpm(s), "hz": s / (2 * math.pi)} for s in values]
@@ -115,6 +112,12 @@ def critical(
         for speed in values
     ]
     answer.print_table(rows, ("whirl", "critical [rad/s]", "[rpm]", "[Hz]"), numbers=[1, 2, 3])
+
+
+def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:
+    """Critical speeds [rad/s] by the sense of their whirl."""
+    found = critical_speeds(rotor, count)
+    return {sense: np.asarray(getattr(found, sense)).tolist() for sense in ("forward", "backward")}
 
 
 def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -8,11 +8,12 @@ import equinox as eqx
 import numpy as np
 import typer
 
-from ..analysis import critical_speeds, onset_speed
+from ..analysis import onset_speed
 from ..dataset import assumed
 from ..files import dumps, shipped, source, title
 from ..scene import Scene
 from . import answer
+from .campbell import described_critical
 from .linear import described_onset, described_roots
 from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, rpm, scene_of
 from .output import draft_or_none, draw, written_to
@@ -75,7 +76,7 @@ def show(
     still = _still(at_rest)
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
-    critical, no_critical = _or_why(lambda: _critical(rotor))
+    critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     if as_json:
         table = {path: {"value": value, "unit": unit} for path, (value, unit) in parameters.items()}
@@ -117,12 +118,6 @@ def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
         return find(), ""
     except ValueError as error:
         return None, str(error)
-
-
-def _critical(rotor: Scene) -> dict[str, list[float]]:
-    """First critical speeds [rad/s], undamped."""
-    found = critical_speeds(rotor, _SHOWN)
-    return {way: np.asarray(getattr(found, way)).tolist() for way in ("forward", "backward")}
 
 
 def _critical_rows(critical: dict[str, list[float]] | None, why: str) -> list[tuple[str, str]]:

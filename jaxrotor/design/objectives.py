@@ -362,5 +362,5 @@ def _square(vectors: Array) -> Array:
 
 
 def _over(speeds: Any, of: Callable[[Scalar], Scalar]) -> Float[Array, " w"]:
-    """Values at speeds, one after the other: batched linear algebra of many can hang on a CPU."""
+    """Values at speeds, one after the other, so that memory does not grow with their number."""
     return jax.lax.map(of, jnp.atleast_1d(jnp.asarray(speeds, float)))

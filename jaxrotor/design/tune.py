@@ -103,8 +103,8 @@ def tune(
             `tolerance` says.
         steps: at most, each one look at loss and derivatives.
         starts: the scene's own values, and more by a Latin hypercube in the bounds. On a CPU each start
-            runs in a thread, one a core: as fast as all at once, whose linear algebra can hang there.
-            On an accelerator all are one program.
+            runs in a thread, one a core, which is as fast as all at once. On an accelerator all are
+            one program.
         seed: of these starts.
         constraints: pairs of a name and a function of a scene that must not be above zero.
         tolerance: of a step in the free numbers `u`, and of the gradient over its largest. A loss that
@@ -137,7 +137,7 @@ def tune(
     size = 1 if jax.default_backend() == "cpu" else starts
     chunks = [courses[i : i + size] for i in range(0, starts, size)]
     _check_first([look for chunk in chunks for look in run.measure(chunk)], limits, pairs)
-    with bar(progress, starts * steps, "tuning") as tick:
+    with bar(progress, starts * steps, "tuning", "steps") as tick:
         spread(lambda chunk, tick: run(chunk, steps, tick), chunks, workers, tick)
     return _tuned(scene, limits, pairs, courses, how.name, seed)
 

@@ -210,7 +210,7 @@ def curve_of(
         )
     scene, (low, high) = orbit.scene, _range(orbit.scene, path, between)
     together = port_groups(scene)
-    system = eqx.filter_jit(assemble)(scene, together)
+    system = assemble(scene, together)
     given = Exponential(4, located=True) if solver is None else solver
     chosen = differentiable(given, system)
     basis = {
@@ -293,9 +293,7 @@ def _images(scene: Scene, path: str, turn: float, between: Sequence[float]) -> i
     """Periods after which a motion without unbalance closes; refuses what breaks its symmetry."""
     for value in between:
         other = scene.replace({path: value})
-        apart = changes(
-            other, eqx.filter_jit(assemble)(other, port_groups(scene)), jnp.asarray(turn)
-        )
+        apart = changes(other, assemble(other, port_groups(scene)), jnp.asarray(turn))
         if float(jnp.max(jnp.abs(apart))) > SAME:
             raise ValueError(
                 f"`{path}` breaks the symmetry that an orbit without unbalance rests on; find the orbit "

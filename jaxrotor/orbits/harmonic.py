@@ -127,7 +127,7 @@ def harmonic_balance(
             f"taken for lower, but is {samples}."
         )
     check_constant(scene, "`harmonic_balance`")
-    system = eqx.filter_jit(assemble)(scene, port_groups(scene))
+    system = assemble(scene, port_groups(scene))
     _check(system)
     orders = np.arange(-harmonics, harmonics + 1)
     first = _first(scene, system, guess, orders, revolutions)

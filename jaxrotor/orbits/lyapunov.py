@@ -114,7 +114,7 @@ def lyapunov(
     check_constant(scene, "`lyapunov`")
     start = AtRest() if start is None else start_of(start, "start")
     together = port_groups(scene)
-    system = eqx.filter_jit(assemble)(scene, together)
+    system = assemble(scene, together)
     if count > 4 * system.n:
         raise ValueError(
             f"`count` must be at most {4 * system.n}, four a coordinate, but is {count}."
@@ -137,7 +137,7 @@ def lyapunov(
     y = march.begin(start, station[0])
     aligned = settle - settle // 2
     with bar(progress, settle + revolutions, f"{count} exponents", "revolutions") as tick:
-        y, good = _skip(march, y, settle - aligned)
+        y, good = _skip(march, y, jnp.asarray(settle - aligned))
         tick(settle - aligned)
         frame = random_frame(y.size, count, seed)
         growths = []
@@ -219,7 +219,7 @@ def _taper(length: int) -> Float[np.ndarray, " R"]:
 
 
 @eqx.filter_jit
-def _skip(march: March, y: Array, revolutions: int):
+def _skip(march: March, y: Array, revolutions: Int[Array, ""]):
     return march.skip(y, revolutions)
 
 

@@ -167,7 +167,7 @@ def periodic(
     check_counts(steps_per_revolution=steps_per_revolution, max_iterations=max_iterations)
     check_constant(scene, "`periodic`")
     stations, together = scene.stations(at), port_groups(scene)
-    system = eqx.filter_jit(assemble)(scene, together)
+    system = assemble(scene, together)
     solver = differentiable(solver, system)
     if revolutions is None and turn is None and period is None:
         revolutions = _revolutions(scene, system, guess)

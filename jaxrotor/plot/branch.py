@@ -73,7 +73,7 @@ def branch(
     if result.curve.decades:
         ax.set_xscale("log")
     page.legend(ax, columns=2)
-    page.assumption(ax, result)
+    page.assumption(ax, result.scene)
     return ax
 
 

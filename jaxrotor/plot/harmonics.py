@@ -47,5 +47,5 @@ def harmonics(result: Any, ax: Axes | None = None, *, station: int = 0) -> Axes:
     ax.set_xlabel("order of whirl [1]")
     ax.set_ylabel(f"amplitude [{unit}]")
     page.legend(ax, columns=3)
-    page.assumption(ax, result)
+    page.assumption(ax, result.scene)
     return ax

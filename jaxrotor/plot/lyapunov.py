@@ -40,5 +40,5 @@ def lyapunov(result: Any, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("revolutions [1]")
     ax.set_ylabel("mean growth of a disturbance [1/s]")
     page.legend(ax, columns=3)
-    page.assumption(ax, result)
+    page.assumption(ax, result.scene)
     return ax

@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ..scene import Scene
+
 
 TEXT = 8.0  # pt: axis and tick labels, legends
 RASTER = 20_000  # points above which a curve is drawn as pixels, so that a PDF stays small
@@ -116,7 +118,12 @@ def write(
 
 
 def legend(ax: Axes, columns: int) -> None:
-    """A legend above the Axes, clear of the data, its points large enough to tell their colours."""
+    """A legend above the Axes, clear of the data, its points large enough to tell their colours.
+
+    Axes in which nothing has a name get none.
+    """
+    if not ax.get_legend_handles_labels()[1]:
+        return
     drawn = ax.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
@@ -133,10 +140,9 @@ def legend(ax: Axes, columns: int) -> None:
             handle.set_markersize(8.0)
 
 
-def assumption(ax: Axes, result: Any) -> None:
-    """What is assumed of a result's scene, in grey along the right side; nothing where nothing is."""
-    note = getattr(getattr(result, "scene", None), "assumption", "")
-    if note:
+def assumption(ax: Axes, scene: Scene) -> None:
+    """What is assumed of a scene, in grey along the right side; nothing where nothing is."""
+    if scene.assumption:
         style = {
             "rotation": 270,
             "va": "center",
@@ -145,7 +151,12 @@ def assumption(ax: Axes, result: Any) -> None:
             "color": "0.4",
         }
         ax.annotate(
-            note, (1.0, 0.5), (3.0, 0.0), "axes fraction", textcoords="offset points", **style
+            scene.assumption,
+            (1.0, 0.5),
+            (3.0, 0.0),
+            "axes fraction",
+            textcoords="offset points",
+            **style,
         )
 
 

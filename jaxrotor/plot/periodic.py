@@ -66,7 +66,7 @@ def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, 
     for ax in (left, right):
         ax.set_aspect("equal", adjustable="datalim")
         page.legend(ax, columns=2)
-    page.assumption(right, result)
+    page.assumption(right, result.scene)
     return left, right
 
 

@@ -21,7 +21,7 @@ class _Bearing(NamedTuple):
     name: str | None  # None: there is nothing to see
     colour: str
     path: Complex[np.ndarray, " T"]
-    static: complex
+    static: complex | None  # None: it is not known
 
 
 def reactions(result: Any, ax: Axes | None = None, *, moment: bool = False) -> Axes:
@@ -47,7 +47,7 @@ def reactions(result: Any, ax: Axes | None = None, *, moment: bool = False) -> A
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("time [s]")
     ax.set_ylabel(what)
-    page.assumption(ax, result)
+    page.assumption(ax, result.scene)
     page.legend(ax, columns=_columns(ax, 84))
     return ax
 
@@ -89,7 +89,8 @@ def hodograph(
     """Path of the tip of every reaction; a ring where it begins, a dot where it ends.
 
     Fewer than 20 samples a revolution would draw chords: then the path between them is that of the
-    dynamic part straight in the axes of the shaft, and the picture says so.
+    dynamic part straight in the axes of the shaft, and the picture says so. Of reactions whose static
+    part is not known (NaN), chords are drawn.
 
     Args:
         result: `Reactions`.
@@ -113,7 +114,8 @@ def hodograph(
         for end, fill in ((0, "white"), (-1, one.colour)):
             ax.plot(path[end].real, path[end].imag, "o", color=one.colour, ms=4.0, mfc=fill)
     if coarse:
-        note = f"{2 * np.pi / widest:.2g} samples a revolution, interpolated"
+        known = any(one.static is not None for one in bearings)
+        note = f"{2 * np.pi / widest:.2g} samples a revolution{', interpolated' if known else ''}"
         ax.text(0.03, 0.03, note, transform=ax.transAxes, fontsize=page.TEXT - 1, color="0.4")
     _finish(ax, what, rotating, result)
     ax.set_aspect("equal", adjustable="datalim")
@@ -131,13 +133,14 @@ def _bearings(result: Any, moment: bool, rotating: bool) -> tuple[list[_Bearing]
     if rotating:
         values = values * np.exp(-1j * np.asarray(result.angle))[:, None]
     many = len(colours.CYCLE)
-    scene, top = getattr(result, "scene", None), np.abs(values).max(initial=0.0)
+    rounding = 1e-12 * np.abs(values).max(initial=0.0)
     bearings = []
     for i, name in enumerate(result.names):
-        label = name if scene is None else scene.where(name)
-        label = label if np.abs(values[:, i]).max(initial=0.0) > 1e-12 * top else None
-        paths = scale * values[:, i], complex(scale * static[i])
-        bearings.append(_Bearing(label, colours.CYCLE[i % many], *paths))
+        path, rest = values[:, i], complex(static[i])
+        label = result.scene.where(name) if np.abs(path).max(initial=0.0) > rounding else None
+        rest = None if np.isnan(rest) else rest * (abs(rest) > rounding)
+        parts = scale * path, None if rest is None else scale * rest
+        bearings.append(_Bearing(label, colours.CYCLE[i % many], *parts))
     if not bearings:
         raise ValueError("The scene has no supports, constraints or contacts to react.")
     unit = f"{prefix}N m" if moment else f"{prefix}N"
@@ -159,7 +162,9 @@ def _dashes(curves: list[np.ndarray]) -> Iterator[Any]:
 
 
 def _between(one: _Bearing, angle: np.ndarray, widest: float) -> Complex[np.ndarray, " P"]:
-    """A path with points between its samples: the dynamic part straight in the axes of the shaft."""
+    """A path with points between its samples: the dynamic part, if known, straight in the shaft's axes."""
+    if one.static is None:
+        return one.path
     dynamic = (one.path - one.static) * np.exp(-1j * angle)
     parts = int(np.ceil(_FINE * widest / (2 * np.pi)))
     samples = np.arange(angle.size)
@@ -175,5 +180,5 @@ def _finish(ax: Axes, what: str, rotating: bool, result: Any) -> None:
     ax.set_ylabel(f"y {name}{where} [{unit}")
     page.zero(ax)
     ax.axvline(0.0, color="0.6", linewidth=0.6, zorder=0.5)
-    page.assumption(ax, result)
+    page.assumption(ax, result.scene)
     page.legend(ax, columns=_columns(ax, 36))

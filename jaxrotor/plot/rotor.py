@@ -1,6 +1,5 @@
 """Rotor: what is on the shaft, from the side and to scale."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -50,7 +49,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     ax.set_ylabel("radius [mm]")
     _name_once(ax)
     page.legend(ax, columns=6)
-    page.assumption(ax, SimpleNamespace(scene=scene))
+    page.assumption(ax, scene)
     return ax
 
 

@@ -24,7 +24,7 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     _draw_speed(upper, run)
     lower.plot(np.asarray(run.time), np.asarray(run.acceleration), color=colours.ORANGE, lw=1.2)
     page.zero(lower)
-    page.assumption(lower, run)
+    page.assumption(lower, run.scene)
     lower.margins(x=0)
     lower.set_ylabel("acceleration [rad/s$^2$]")
     lower.set_xlabel("time [s]")
@@ -72,8 +72,7 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         if speed.min() < critical < speed.max():
             label = None if number else "critical speed"
             ax.axvline(critical, color="0.6", lw=0.8, ls="--", label=label, zorder=0.5)
-    if ax.get_legend_handles_labels()[1]:
-        page.legend(ax, columns=3)
+    page.legend(ax, columns=3)
     ax.set_xlabel("speed of rotation [rad/s]")
     return ax
 
@@ -91,7 +90,7 @@ def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
     factor, unit = labels.length(amplitude.max(initial=0.0))
     many = amplitude.size > page.RASTER
     ax.plot(x, factor * amplitude, color=colours.BLUE, lw=0.8, rasterized=many)
-    page.assumption(ax, run)
+    page.assumption(ax, run.scene)
     ax.margins(x=0)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel(f"amplitude [{unit}]")

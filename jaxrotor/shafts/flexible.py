@@ -1,6 +1,6 @@
 """Flexible shaft: a beam by collocation of its Green's function."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -34,6 +34,8 @@ class FlexibleShaft(AbstractShaft):
     `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, second order, as published.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """
+
+    has_mass: ClassVar[bool] = True
 
     length: Scalar = positive("length [m]")
     diameter: Scalar = positive("diameter [m]")

@@ -106,6 +106,7 @@ def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]
 class AbstractShaft(eqx.Module):
     """A shaft: the straight elastic or rigid body everything else sits on."""
 
+    has_mass: eqx.AbstractClassVar[bool]  # of its own, so that every coordinate has some
     length: eqx.AbstractVar[Scalar]
 
     @abc.abstractmethod

@@ -1,6 +1,6 @@
 """Massless shaft: elasticity only, everything on it at one station."""
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -90,6 +90,8 @@ class MasslessShaft(AbstractShaft):
     ends. `ends="elastic"`: both ends move alike, and each needs a Support, at 0 and at the length.
     Sources: Brysin, Nikiforov (2019), eq. (1); Klochkov, eqs. (1), (4)-(7).
     """
+
+    has_mass: ClassVar[bool] = False
 
     length: Scalar = positive("length [m]")
     at: Scalar = nonnegative("at [m]")

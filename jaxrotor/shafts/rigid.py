@@ -1,5 +1,7 @@
 """Rigid shaft: on a fixed axis, tilting about a pivot, or free in elastic bearings."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -72,6 +74,8 @@ class RigidShaft(AbstractShaft):
     Sources: course project of `turbine-run-up`, Newton-Euler equations; Filimonikhin, Goncharov (2011),
     (2.1).
     """
+
+    has_mass: ClassVar[bool] = False
 
     length: Scalar = positive("length [m]")
     constraints: tuple[Constraint, ...] = ()

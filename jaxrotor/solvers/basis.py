@@ -4,12 +4,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from ..quantities import Scalar
 from .lanes import product
 from .phi import phi_dense, phi_scalar
 
+
+Count = int | Int[Array, ""]  # of revolutions; one that is traced compiles once for all
 
 WORST_CONDITION = 1e5  # of the eigenvectors: beyond it modal coordinates cost over 5 digits
 
@@ -44,7 +46,7 @@ class ModalBasis(eqx.Module):
     def step(self, flow: Complex[Array, " m"]) -> "Rotation":
         return Rotation(flow.real, flow.imag)
 
-    def revolutions(self, count: int, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+    def revolutions(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
         """State after whole free revolutions."""
         return jnp.exp(2 * jnp.pi * count * self.values) * w
 
@@ -101,9 +103,16 @@ class DenseBasis(eqx.Module):
     def step(self, flow: Complex[Array, "m m"]) -> "Dense":
         return Dense(as_real(flow))
 
-    def revolutions(self, count: int, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+    def revolutions(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
         once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), complex), 0)
-        return jnp.linalg.matrix_power(once, count) @ w
+        if isinstance(count, int):
+            return jnp.linalg.matrix_power(once, count) @ w
+
+        def bit(state):  # binary powers, the lowest bit of the count first
+            w, square, left = state
+            return jnp.where(left % 2 == 1, square @ w, w), square @ square, left // 2
+
+        return jax.lax.while_loop(lambda state: state[-1] > 0, bit, (w, once, count))[0]
 
 
 class Rotation(eqx.Module):

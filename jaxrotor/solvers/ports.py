@@ -11,7 +11,7 @@ from ..motion import Motion
 from ..pencil import steady_response
 from ..quantities import Scalar
 from ..system import System
-from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
+from .basis import Count, Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
 from .form import AbstractForm
 from .lanes import product
 
@@ -129,7 +129,7 @@ class PortForm(AbstractForm):
         flow, _ = self.basis.flow(span, nothing, 0)
         return self.basis.step(flow)
 
-    def fly(self, y: Array, revolutions: int) -> Array:
+    def fly(self, y: Array, revolutions: Count) -> Array:
         """State after whole revolutions without contact, in closed form."""
         w = self.basis.revolutions(revolutions, as_complex(y))
         return jnp.concatenate([w.real, w.imag])

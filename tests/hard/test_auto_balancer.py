@@ -31,6 +31,7 @@ def crowd(n, imbalance):
     return scene, machine | dict(ball_mass=[one, two], speed=200.0, damping=MOUNT)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.10 many balls")
 @pytest.mark.parametrize("n", [5, 20, 100])
 def test_many_balls(n, record_property):
@@ -51,6 +52,7 @@ def test_many_balls(n, record_property):
     assert error < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.12 balls on a rotor that speeds up")
 def test_balls_on_a_rotor_that_speeds_up(record_property):
     """From 100 rad/s by 600 rad/s^2 through the critical speed, in fixed axes with a dense mass matrix.
@@ -90,6 +92,7 @@ def test_balls_on_a_rotor_that_speeds_up(record_property):
     np.testing.assert_allclose(angles + found.angle[:, None], own[2:7].T, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.8 exactly balanced where balance is unstable")
 def test_an_unstable_balance_stays_until_it_is_disturbed():
     """Set R at om 0.9, balls at rest where they balance."""

@@ -81,6 +81,7 @@ def off(found: np.ndarray, want: np.ndarray) -> float:
     return float(abs(found - want).max() / 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 defective modal basis: both sides of the switch to the dense one")
 def test_both_sides_of_the_switch(record_property):
     """At `T = 2 / w` a pair of roots merges: the eigenvectors' condition grows as `|T - 2 / w|^-1/2`."""
@@ -100,6 +101,7 @@ def test_both_sides_of_the_switch(record_property):
     assert max(figures) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 internal damping 0 and far over-damped")
 def test_internal_damping_from_none_to_far_over_damped(record_property):
     """Rounding of the matrix bounds its slow roots: the bound of 1e-10 holds up to eta = 1e3."""

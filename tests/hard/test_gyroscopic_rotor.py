@@ -48,6 +48,7 @@ print(jr.roots(rotor).dtype, *values)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.hard("3.12 single precision: coefficients from 1e-2 to 1e7")
 def test_single_precision(record_property):
     """The mismatches of interest are 1e-4; float64 is compared with the sheet elsewhere."""

@@ -58,6 +58,7 @@ def test_rest_in_the_centre_stays_there():
         assert np.all(np.asarray(part) == 0)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.2 gradients beside a contact that is not there")
 @pytest.mark.parametrize("path", ["limiters.gap", "limiters.stiffness", "unbalance.eccentricity"])
 def test_gradient_from_rest_in_the_centre_is_finite(path):
@@ -72,6 +73,7 @@ def test_gradient_from_rest_in_the_centre_is_finite(path):
 # === 3: several stops, grazing
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.3 two and three stops at once")
 @pytest.mark.parametrize("count", [2, 3])
 def test_several_stops_at_once(count):
@@ -117,6 +119,7 @@ def test_grazing(record_property):
 # === 4: stiffness, gap, friction
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 stops of 10 to 1e7 of the shaft's stiffness")
 @pytest.mark.parametrize("kappa", [1e1, 1e3, 1e5, 1e7])
 def test_stops_from_soft_to_rigid(kappa):
@@ -131,6 +134,7 @@ def test_stops_from_soft_to_rigid(kappa):
         assert deepest < 3 * 10.0 * np.sqrt(2.47 / stiffness)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 stops of 10 to 1e7 of the shaft's stiffness")
 def test_moderate_stiffness_against_an_implicit_solver(record_property):
     scene = ROTOR.replace({"limiters.stiffness": 30 * 1649.336143 / LENGTH**3})
@@ -149,6 +153,7 @@ def test_zero_gap_touches_always():
     assert touching.mean() > 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 friction above 1 and rolling")
 @pytest.mark.parametrize("friction", [1.0, 3.0])
 @pytest.mark.parametrize("slip", [None, 1.0])
@@ -237,6 +242,7 @@ def merged(scene: jr.Scene, period: float = 0.02) -> float:
     return float(np.linalg.cond(np.linalg.eig(np.asarray(matrix))[1]))
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 double root of an over-damped pair")
 def test_near_a_double_root_the_basis_is_dense_and_right(record_property):
     scene, period = double_root(), 0.02
@@ -261,6 +267,7 @@ def test_near_a_double_root_the_basis_is_dense_and_right(record_property):
     assert np.all(gap < 1e-10 * 1e-3 + 1e-9 * abs(want))
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 double root of an over-damped pair")
 def test_dense_basis_equals_modal_where_both_serve(record_property):
     paths = [
@@ -292,6 +299,7 @@ def test_undamped_resonance_is_refused():
 # === 6: many nodes
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.6 16 and 20 nodes: no mode grows")
 @pytest.mark.parametrize("nodes", [16, 20])
 def test_many_nodes_have_no_growing_modes(nodes, record_property):
@@ -314,6 +322,7 @@ def test_many_nodes_have_no_growing_modes(nodes, record_property):
 # === 7: long runs
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.7 a hundred thousand revolutions")
 def test_phase_of_unbalance_after_a_hundred_thousand_revolutions(record_property):
     values = {"spin.speed": 10 / UNIT, "unbalance.eccentricity": 1e-4}
@@ -330,6 +339,7 @@ def test_phase_of_unbalance_after_a_hundred_thousand_revolutions(record_property
     assert tip(r)[-1] == pytest.approx(want, rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.7 a hundred thousand revolutions in contact")
 def test_period_one_contact_does_not_drift(record_property):
     """Pressed on a stop by its weight and shaken by unbalance: the same point every revolution."""
@@ -352,6 +362,7 @@ def test_period_one_contact_does_not_drift(record_property):
 # === precision
 
 
+@pytest.mark.slow
 @pytest.mark.hard("6.1 single precision")
 def test_single_precision_runs_and_says_so(record_property):
     """With JAX_ENABLE_X64=0: the onset to 1e-2, a short rub to 1e-2, the data set says float32."""
@@ -448,6 +459,7 @@ def test_a_whirl_does_not_start_where_the_shaft_is_held():
         jr.simulate(ROTOR, 1, at=[0.0], start=jr.Whirl(1e-3, 5.0))
 
 
+@pytest.mark.slow
 @pytest.mark.hard("6.2 bad input", outcome="refused")
 def test_bad_types_get_a_sentence():
     """In a process of its own: the tests' type checker would speak first."""
@@ -501,6 +513,7 @@ def test_a_failing_lane_is_flagged_and_kept():
     assert np.isfinite(ds.radius_max[0])
 
 
+@pytest.mark.slow
 @pytest.mark.hard("6.4 a run overflows or takes too many steps", outcome="refused")
 def test_a_run_that_fails_says_so():
     with pytest.raises(RuntimeError, match="did not stay finite"):

@@ -28,6 +28,7 @@ def test_phase_of_a_free_whirl(record_property):
     assert size < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.7 100,000 revolutions in contact, whatever the steps")
 @pytest.mark.parametrize("steps", [8, 13])
 def test_phase_in_contact_does_not_drift(steps, record_property):
@@ -46,6 +47,7 @@ def test_phase_in_contact_does_not_drift(steps, record_property):
     assert off < 2e-4
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.7 phase in contact by fine steps")
 def test_phase_in_contact_converges(record_property):
     stops = [jr.Limiter(AT, a, -1.0, 0.2, 0.1) for a in np.pi / 3 * np.array([1, 3, 5])]
@@ -60,6 +62,7 @@ def test_phase_in_contact_converges(record_property):
 # === energy
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.7 energy balance of a rub: work = dissipation + change of energy")
 @pytest.mark.parametrize("voigt", [0.0, 0.05])
 def test_energy_balance_of_a_rub(voigt, record_property):

@@ -32,6 +32,7 @@ def growth(scene: jr.Scene, steps: int) -> np.ndarray:
     return np.array([abs(s - d).max() / abs(d).max() for s, d in pairs])
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: float32, a forced rotor without contact")
 def test_single_precision_of_a_linear_rotor(record_property):
     """Free motions die out, and their errors with them: what is left does not grow."""
@@ -42,6 +43,7 @@ def test_single_precision_of_a_linear_rotor(record_property):
     assert off[-1] < 2e-6
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: float32, an undamped whirl")
 def test_single_precision_of_an_undamped_whirl(record_property):
     """Its phase slips by a rounding of the frequency a revolution: linear, no faster."""
@@ -50,6 +52,7 @@ def test_single_precision_of_an_undamped_whirl(record_property):
     assert (off < 2e-6 + 4e-6 * np.array(TURNS)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: float32, a steady rub")
 def test_single_precision_of_a_rub(record_property):
     """An orbit on preloaded stops and friction, attracted: rounding does not add up."""

@@ -63,6 +63,7 @@ def difference(found: np.ndarray, want: np.ndarray) -> float:
     return float(abs(found - want).max() / abs(want).max())
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: random scenes, effects in another order")
 def test_the_order_of_effects_is_no_matter(record_property):
     worst, touch = [], 0
@@ -82,6 +83,7 @@ def test_the_order_of_effects_is_no_matter(record_property):
     assert touch >= 6
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: random scenes, turned about the axis")
 def test_a_scene_turned_about_its_axis(record_property):
     worst = []
@@ -115,6 +117,7 @@ def rescaled(scene: jr.Scene, length: float, mass: float, time: float) -> jr.Sce
     return scene.put({k: jax.numpy.asarray(v) for k, v in values.items()})
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: random scenes in other units")
 def test_other_units_of_length_mass_and_time(record_property):
     """All parameters scaled by their dimensions: lengths come out scaled, and nothing else happens."""
@@ -163,6 +166,7 @@ def test_no_energy_from_nowhere(record_property):
     record_property("measured", f"growth {max(worst):.0e} over {len(worst)} rotors")
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: random scenes in one sweep, lanes that fail", outcome="flagged")
 def test_lanes_that_cannot_be_computed_say_why(record_property):
     """A critical speed without damping and a lane whose start overflows: the others go on."""

@@ -23,6 +23,7 @@ def by_elements(speed: float) -> complex:
     return beam.response(speed, LENGTH, MASS * ECCENTRICITY, [LENGTH])[0]
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 speeds from 0 to 100 times critical")
 def test_forced_motion_at_every_speed(record_property):
     """After its free motions have died out, against Hermite elements."""
@@ -38,6 +39,7 @@ def test_forced_motion_at_every_speed(record_property):
     assert worst < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 100 times critical with internal damping", outcome="flagged")
 def test_growth_beyond_the_onset(record_property):
     """Far above the onset of whirl a free rotor grows by its root; in the sweep it is flagged."""
@@ -75,6 +77,7 @@ def test_more_nodes_than_serve_are_refused(nodes, record_property):
     record_property("measured", str(raised.value))
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.6 4 to 64 nodes")
 def test_from_four_to_sixty_four_nodes(record_property):
     """No root grows, and those of the first bending are of finite elements; 64 cells are of order 2."""

@@ -76,6 +76,7 @@ def test_automatic_steps_resolve_a_stiff_stop(record_property):
     assert off < 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 a stop too stiff for the steps, in a sweep", outcome="flagged")
 @pytest.mark.parametrize(("order", "limit"), [(2, 2.0), (4, 0.5)])
 def test_a_sweep_flags_lanes_whose_steps_are_too_long(order, limit, record_property):
@@ -105,6 +106,7 @@ def test_a_sweep_flags_lanes_whose_steps_are_too_long(order, limit, record_prope
     assert 0.6 * height < bounced[0] < 1.1 * height and bounced[1] > 2 * height
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 a ring of stops too stiff together")
 def test_stops_that_press_together_are_hard_together():
     """64 stops around a shaft, each soft enough for the steps, are together 16 times as hard."""
@@ -142,6 +144,7 @@ def test_one_preloaded_stop_bends_the_shaft(friction, record_property):
     assert touching == pytest.approx(complex(want), rel=1e-9)  # the shaft's force, k = 1
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 one to 64 preloaded stops")
 @pytest.mark.parametrize("count", [1, 3, 64])
 def test_preloaded_stops_are_springs(count, record_property):
@@ -171,6 +174,7 @@ def test_preloaded_stops_are_springs(count, record_property):
     assert error < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 gaps from preload over none to wide, files, sweep, plots")
 def test_a_sweep_through_zero_gap(tmp_path, record_property):
     """Three stops, passive and preloaded: stiffness `1 + 3 K / 2`; wide open: 1. Files keep the sign."""
@@ -204,6 +208,7 @@ def test_a_sweep_through_zero_gap(tmp_path, record_property):
 # === friction
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 friction of 0 to 5")
 def test_friction_from_none_to_five(record_property):
     """A rub on a round of four stops, thrown backwards by friction until it rolls, and SciPy."""
@@ -261,6 +266,7 @@ def test_many_stops_become_a_ring(record_property):
     assert order > 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.4 a closed round of stops without a gap is a spring")
 def test_a_round_of_stops_without_gap(record_property):
     """Of two opposite stops one presses: an even number of them is a spring of `K count / 4`."""

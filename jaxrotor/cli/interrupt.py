@@ -1,0 +1,29 @@
+"""Interrupt: Ctrl-C ends a command whatever the program is doing when it comes."""
+
+import signal
+import sys
+import threading
+from typing import Any
+
+
+LATER = 0.05  # [s]
+
+
+def stop_on_ctrl_c() -> None:
+    """Raise `KeyboardInterrupt` once more where Python cannot pass it on.
+
+    Python prints an exception that is raised while memory is being freed (in a function called at every
+    garbage collection, of which jax has one, in a weak reference or in `__del__`) and goes on, so that
+    a Ctrl-C at that moment would not end the command.
+    """
+    before = sys.unraisablehook
+
+    def hook(unraisable: Any) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            before(unraisable)
+            return
+        again = threading.Timer(LATER, signal.raise_signal, (signal.SIGINT,))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = hook

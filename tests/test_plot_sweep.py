@@ -1,0 +1,224 @@
+"""Plots of a sweep: bifurcation diagram, waterfall, the spectrum of a lane."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from drawn import check_axes, lines
+from matplotlib.colors import LogNorm, to_hex
+
+import jaxrotor as jr
+from jaxrotor import plot
+from jaxrotor.dataset import BRANCHES
+from jaxrotor.plot import colours, page
+
+
+pytestmark = pytest.mark.usefixtures("rendered")
+
+SPEED = 662.0  # [rad/s]
+ECCENTRICITY = "unbalance.eccentricity"
+ROTOR = jr.Scene(  # undamped, with a natural frequency of half of the speed
+    jr.MasslessShaft(0.7, 0.35, 2.0 * (SPEED / 2) ** 2),
+    jr.Disc(0.35, 2.0),
+    jr.Unbalance(0.35, 2.0, 0.0),
+    spin=jr.ConstantSpeed(SPEED),
+)
+OBSERVE = (jr.observe.Section(), jr.observe.Extrema(3), jr.observe.Precession())
+
+
+@pytest.fixture(scope="module")
+def swept():
+    """A sweep over three eccentricities: two revolutions, up to three extrema in each."""
+    over = {ECCENTRICITY: [0.0, 5e-4, 1e-3]}
+    return jr.sweep(ROTOR, over, settle=0, keep=2, observe=OBSERVE, steps_per_revolution=32)
+
+
+@pytest.fixture(scope="module")
+def lanes(swept):
+    """Its three lanes with values that are known: undefined, forward, backward."""
+    nan = np.nan
+    extrema = [
+        [[0.0, nan, nan], [nan, nan, nan]],
+        [[0.001, -0.002, nan], [0.003, nan, nan]],
+        [[0.004, -0.005, 0.006], [nan, nan, nan]],
+    ]
+    section = [[[0.0, 9.0]] * 2, [[0.0011, 9.0], [0.0012, 9.0]], [[0.0041, 9.0], [0.0042, 9.0]]]
+    return put(swept, extrema=extrema, section=section, index=[nan, 0.1, -0.9])
+
+
+@pytest.fixture(scope="module")
+def spectra():
+    """Five spectra of a sweep over the speed, in place of each a peak at 3 cycles a revolution."""
+    return peaks("spin.speed")
+
+
+def put(dataset, **values):
+    """The dataset with other values of some variables."""
+    return dataset.assign({name: dataset[name].copy(data=a) for name, a in values.items()})
+
+
+def peaks(path):
+    """A sweep of 100 to 500 over a parameter; its spectra are peaks of height 1 to 5."""
+    over, observe = {path: np.linspace(100.0, 500.0, 5)}, (jr.observe.WhirlSpectrum(40),)
+    run = {"start": jr.Whirl(0.01, SPEED), "settle": 0, "keep": 4, "steps_per_revolution": 40}
+    dataset = jr.sweep(ROTOR, over, observe=observe, **run)
+    frequency = dataset["frequency"].values
+    amplitude = 1e-9 + np.exp(-(((frequency - 3.0) / 0.3) ** 2))
+    return put(dataset, spectrum=np.arange(1, 6)[:, None] * amplitude)
+
+
+def test_waterfall_in_given_axes_or_a_figure_of_its_own(spectra):
+    check_axes(lambda ax: plot.waterfall(spectra, ax=ax))
+
+
+# === bifurcation
+
+
+def test_bifurcation_draws_extrema_by_direction(lanes):
+    upper, lower = plot.bifurcation(lanes)
+    drawn = lines(upper)
+    assert list(drawn) == ["forward whirl", "backward whirl", "undefined"]
+    for label, x, y, colour in (
+        ("forward whirl", [0.5] * 3, [1.0, -2.0, 3.0], colours.FORWARD),
+        ("backward whirl", [1.0] * 3, [4.0, -5.0, 6.0], colours.BACKWARD),
+        ("undefined", [0.0], [0.0], colours.UNDEFINED),
+    ):
+        np.testing.assert_allclose(drawn[label].get_xdata(), x)
+        np.testing.assert_allclose(drawn[label].get_ydata(), y)
+        assert to_hex(drawn[label].get_color()).upper() == colour
+    assert [text.get_text() for text in upper.get_legend().get_texts()] == list(drawn)
+    assert "[mm]" in upper.get_ylabel()
+    assert lower.get_xlabel() == "unbalance eccentricity [mm]"
+
+
+def test_bifurcation_draws_index_below_with_zero_line(lanes):
+    upper, lower = plot.bifurcation(lanes)
+    points = {to_hex(line.get_color()).upper(): line.get_ydata() for line in lower.lines}
+    np.testing.assert_allclose(points[colours.FORWARD], [0.1])
+    np.testing.assert_allclose(points[colours.BACKWARD], [-0.9])
+    assert any(np.array_equal(line.get_ydata(), [0.0, 0.0]) for line in lower.lines)
+    assert upper.get_xlim() == lower.get_xlim()
+    assert "[1]" in lower.get_ylabel()
+
+
+def test_bifurcation_of_a_free_whirl():
+    """`z = 10 exp(i (1 + w t))` mm, forward and backward at half of the speed."""
+    over = {"start.rate": [SPEED / 2, -SPEED / 2]}
+    run = {"settle": 0, "keep": 2, "observe": OBSERVE, "steps_per_revolution": 32}
+    dataset = jr.sweep(ROTOR, over, start=jr.Whirl(0.01, angle=1.0), **run)
+    seen = -10 * np.cos(1.0)  # after a revolution, half a turn of whirl
+    for section, expected in ((False, [-10.0, 10.0]), (True, [seen, -seen])):
+        upper, lower = plot.bifurcation(dataset, section=section)
+        for name, way in (("forward whirl", 0.5), ("backward whirl", -0.5)):
+            drawn = lines(upper)[name]
+            np.testing.assert_allclose(drawn.get_xdata(), way * SPEED)
+            np.testing.assert_allclose(np.sort(drawn.get_ydata()), expected, rtol=1e-5)
+            below = [line.get_xydata().tolist() for line in lower.lines]
+            assert [pytest.approx([way * SPEED, way])] in below
+        assert lower.get_xlabel() == "start rate [rad/s]"
+
+
+def test_bifurcation_of_section_draws_its_x(lanes):
+    upper, _ = plot.bifurcation(lanes, section=True)
+    np.testing.assert_allclose(lines(upper)["forward whirl"].get_ydata(), [1.1, 1.2])
+    assert "once a revolution" in upper.get_ylabel()
+
+
+def test_bifurcation_in_any_order_of_dimensions(lanes):
+    upper, _ = plot.bifurcation(lanes.transpose("extremum", "revolution", ECCENTRICITY, "axis"))
+    np.testing.assert_allclose(sorted(lines(upper)["forward whirl"].get_ydata()), [-2.0, 1.0, 3.0])
+
+
+def test_bifurcation_rasterises_only_huge_clouds(lanes):
+    small, _ = plot.bifurcation(lanes)
+    assert not lines(small)["forward whirl"].get_rasterized()
+    dataset = lanes.drop_vars(["extrema", "section"])
+    huge = np.zeros((3, page.RASTER + 1, 1))
+    dataset["extrema"] = ((ECCENTRICITY, "revolution", "extremum"), huge)
+    large, _ = plot.bifurcation(dataset)
+    assert lines(large)["forward whirl"].get_rasterized()
+
+
+def test_bifurcation_uses_given_axes(lanes):
+    figure, axes = plt.subplots(2)
+    assert plot.bifurcation(lanes, axes) == tuple(axes)
+    with pytest.raises(ValueError, match="`axes` must be two Axes, but are 1."):
+        plot.bifurcation(lanes, axes[0])
+
+
+def test_bifurcation_says_what_it_lacks(lanes):
+    for name in ("extrema", "index"):
+        with pytest.raises(ValueError, match=rf"has no `{name}`.*`observe=`\.$"):
+            plot.bifurcation(lanes.drop_vars(name))
+    with pytest.raises(ValueError, match="has no `section`"):
+        plot.bifurcation(lanes.drop_vars("section"), section=True)
+
+
+def test_bifurcation_takes_one_swept_dimension(lanes):
+    two = lanes.expand_dims({"spin.speed": [600.0, 700.0]})
+    with pytest.raises(ValueError, match=r"'spin.speed', 'unbalance.eccentricity'.*`\.sel`.*\.$"):
+        plot.bifurcation(two)
+    plot.bifurcation(two.isel({"spin.speed": 0}))
+    plot.bifurcation(two.rename({"spin.speed": "start.rate"}))  # starts are drawn over each other
+    ways = two.rename({"spin.speed": "branch"}).assign_coords(branch=list(BRANCHES))
+    upper, lower = plot.bifurcation(ways)
+    assert {line.get_marker() for line in lower.lines} >= {"^", "v"}
+    assert "below: up" in [text.get_text() for text in upper.get_legend().get_texts()]
+    _, lower = plot.bifurcation(lanes.rename({ECCENTRICITY: "start.radius"}))
+    assert lower.get_xlabel() == "start radius [mm]"
+    with pytest.raises(ValueError, match="`extrema` has none; select a range"):
+        plot.bifurcation(lanes.isel({ECCENTRICITY: 0}))
+
+
+def test_spectrum_of_a_dataset_is_drawn_as_stored(spectra):
+    ax = plot.whirl_spectrum(spectra.isel({"spin.speed": 1}), highest=5.0)
+    frequency, amplitude = ax.lines[0].get_data()
+    np.testing.assert_allclose(frequency, np.linspace(0.0, 5.0, 21))
+    np.testing.assert_allclose(amplitude, spectra["spectrum"].values[1, :21])
+    plot.whirl_spectrum(spectra.isel({"spin.speed": [1]}))
+
+
+def test_spectrum_of_a_dataset_says_what_to_do_next(spectra, lanes):
+    with pytest.raises(ValueError, match=r"over 'spin.speed'; select .* with `waterfall`\.$"):
+        plot.whirl_spectrum(spectra)
+    with pytest.raises(ValueError, match=r"has no `spectrum`.*`observe=`\.$"):
+        plot.whirl_spectrum(lanes.isel({ECCENTRICITY: 0}))
+
+
+# === waterfall
+
+
+def test_waterfall_maps_spectra_over_three_decades(spectra):
+    ax = plot.waterfall(spectra)
+    (mesh,) = ax.collections
+    assert mesh.get_array().shape == (41, 5)  # frequencies up to 10, lanes
+    assert isinstance(mesh.norm, LogNorm)
+    assert mesh.norm.vmax == pytest.approx(5.0)
+    assert mesh.norm.vmax / mesh.norm.vmin == pytest.approx(1e3)
+    peak = np.unravel_index(np.argmax(mesh.get_array()), (41, 5))
+    assert peak == (12, 4)  # 3 cycles per revolution, last lane
+    assert mesh.get_rasterized()
+    assert ax.get_xlabel() == "spin speed [rad/s]"
+    assert ax.get_ylabel() == "frequency [cycles per revolution]"
+    assert "[1]" in mesh.colorbar.ax.get_ylabel()
+
+
+def test_waterfall_over_another_parameter_in_any_order():
+    mixed = peaks("shaft.k11").isel({"shaft.k11": [4, 0, 2, 1, 3]})
+    ax = plot.waterfall(mixed, highest=4.0)
+    np.testing.assert_allclose(ax.collections[0].get_array()[12], [1, 2, 3, 4, 5])
+    assert ax.get_xlabel() == "shaft k11 [N/m]"
+
+
+def test_waterfall_leaves_lanes_without_spectrum_blank(spectra):
+    holed = spectra.where(spectra["spin.speed"] != 300.0)
+    array = np.ma.masked_invalid(plot.waterfall(holed).collections[0].get_array())
+    assert array.mask[:, 2].all() and array.mask.sum() == 41
+
+
+def test_waterfall_says_what_it_needs(spectra):
+    with pytest.raises(ValueError, match=r"at least two lanes.*has 1 lanes.*\.$"):
+        plot.waterfall(spectra.isel({"spin.speed": [0]}))
+    with pytest.raises(ValueError, match=r"a largest amplitude of 0\.$"):
+        plot.waterfall(spectra * 0)
+    with pytest.raises(ValueError, match="takes one swept dimension"):
+        plot.waterfall(spectra.expand_dims({"disc.mass": [1.0, 2.0]}))
