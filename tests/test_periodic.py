@@ -229,6 +229,32 @@ def test_recurrence():
         recurrence(response(np.exp(0.3 * t[:201]) * z[:201]), 1.0, turns)
 
 
+def test_recurrence_by_chance_is_refused():
+    """Of `e^(i t)` and `e^(i w t) / 2`: after 2 pi n for `w = m / n`, and never where w is irrational."""
+    t = np.arange(0, 700, 0.02)
+
+    def shown(w, t=t):
+        z = np.stack([np.exp(1j * t), 0.5 * np.exp(1j * w * t)], axis=1)
+        return types.SimpleNamespace(coordinates=z, rates=np.zeros(z.shape), time=t)
+
+    time, turn = recurrence(shown(21 / 17), 1.0, [0.0])
+    assert time == pytest.approx(17 * TURN, abs=1e-4) and turn == 0.0
+    with pytest.raises(ValueError, match="first comes back after .* seems quasi-periodic"):
+        recurrence(shown((1 + 5**0.5) / 2), 1.0, [0.0])
+    with pytest.raises(ValueError, match=f"give period={17 * TURN:.6g} and turn=0"):
+        recurrence(shown(21 / 17, t[: t.size // 4]), 1.0, [0.0])  # a second period is not shown
+
+
+@pytest.mark.slow  # a run is compiled
+def test_quasi_periodic_guess_is_refused():
+    """Two frequencies of an undamped mass: a spring that hardens along x alone."""
+    parts = jr.Disc(0.5, 1.0), jr.CubicSpring(at=0.5, angle=0.0, stiffness=1.0)
+    scene = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1.0), *parts, spin=jr.ConstantSpeed(1.0))
+    motion = jr.simulate(scene, 100, 64, start=jr.Whirl(1.0, 0.7))
+    with pytest.raises(ValueError, match="seems quasi-periodic or chaotic"):
+        jr.periodic(scene, motion)
+
+
 # === refusals
 
 

@@ -144,13 +144,14 @@ def periodic(
         turn: [rad] that leaves the scene as it is, by which the orbit is to be turned after a period;
             whole turns do not matter. By default as the guess comes back.
         period: [s] near that of an orbit of a scene without unbalance; by default as the guess
-            comes back.
+            comes back; a guess that does so after many turns by chance alone (quasi-periodic or
+            chaotic) is refused.
         steps_per_revolution: of the shaft; a short period takes 16 steps at least.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
         tolerance: of the root, of the largest of the state.
         finder: root finder of optimistix, by default its Newton; `optimistix.Dogleg` and
             `LevenbergMarquardt` take worse guesses.
-        max_iterations: of the root finder.
+        max_iterations: of the root finder; each takes as long as a period with all its tangents.
         at: station(s) [m] to observe, as in `simulate`.
         estimate: whether to repeat it with half the step, for `error`.
         throw: whether to raise an error where no orbit is found; else `converged` says so.

@@ -1,5 +1,6 @@
 """Recurrence: when a motion is back where it was, but for a turn."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,12 +10,17 @@ import numpy as np
 APART = 0.2  # of the state: farther off it has left where it was
 NEAR = 0.02  # as near as a motion that has settled is seen by its samples
 WORSE = 2.0  # times the nearest return: a return that counts as well
+LOOPS = 12  # near returns before one that counts: a longer period must show itself again
+AGAIN = 1.5  # times the distance of the first return: as far off as the next ones may be
+SEEN = 5e-3  # of the state: nearer returns are not told apart by samples
 
 
 def recurrence(response: Any, rate: float, turns: Sequence[float]) -> tuple[float, float]:
     """Time [s] and turn [rad] of `e^(-i turn) (q, q.)(t) = (q, q.)(t - time)` at the end of a response.
 
-    The shortest time after which some turn brings the motion about as near as any does.
+    The shortest time after which some turn brings the motion about as near as any does. A motion that is
+    quasi-periodic or chaotic comes near by chance after a long time, and is farther off after twice and
+    three times as long, where a periodic one is equally near: such a return is refused.
 
     Args:
         response: samples of one motion, as of `jaxrotor.simulate`.
@@ -24,8 +30,7 @@ def recurrence(response: Any, rate: float, turns: Sequence[float]) -> tuple[floa
     states = np.concatenate([response.coordinates, np.asarray(response.rates) / rate], axis=1)
     states, step = states[::-1], float(response.time[1] - response.time[0])
     size = np.linalg.norm(states[0])
-    back = np.exp(1j * np.asarray(turns))
-    off = np.linalg.norm(states[0] - back[:, None, None] * states, axis=2) / (size or 1.0)
+    off = np.stack([_distances(states, turn) for turn in turns])
     left = off.min(axis=0) > APART
     if not size or not left.any():
         raise ValueError(
@@ -36,16 +41,52 @@ def recurrence(response: Any, rate: float, turns: Sequence[float]) -> tuple[floa
     for turn, far in zip(turns, off**2, strict=True):
         for k in range(int(np.argmax(left)), far.size - 1):
             before, here, after = far[k - 1 : k + 2]
-            if here <= before and here < after:  # a parabola through the three
-                slope, bend = (after - before) / 2, after - 2 * here + before
-                nearest = np.sqrt(max(here - slope**2 / (2 * bend), 0.0))
-                found.append((step * (k - slope / bend), float(turn), nearest))
-    best = min((off for *_, off in found), default=np.inf)
+            if here <= before and here < after:
+                found.append((*_lowest(far, k), float(turn)))
+    best = min((nearest for _, nearest, _ in found), default=np.inf)
     if best > APART:
         raise ValueError(
             f"The motion of the guess is not back where it was within {float(step * len(states)):.3g} s, "
             "whatever the turn; let it settle for longer, keep more revolutions, or give `period` and "
             "`turn`."
         )
-    time, turn, _ = min(one for one in found if one[2] <= max(WORSE * best, NEAR))
-    return time, turn
+    samples, nearest, turn = min(one for one in found if one[1] <= max(WORSE * best, NEAR))
+    period = float(step * samples)
+    loops = sum(one[0] < samples for one in found) / len(turns)
+    if loops > LOOPS and not _returns_again(states, samples, turn, nearest):
+        raise ValueError(
+            f"The motion of the guess first comes back after {period:.4g} s, to {100 * nearest:.2g} % of "
+            "its state, and is not seen to be as near after each further time as long: it seems "
+            "quasi-periodic or chaotic (see `jaxrotor.lyapunov`); let it settle for longer, keep more "
+            f"revolutions, or, if this is its period, give period={period:.6g} and turn={turn:.6g}."
+        )
+    return period, turn
+
+
+def _distances(states: np.ndarray, turn: float) -> np.ndarray:
+    """Distance `|z_0 - e^(i turn) z_k|` over `|z_0|` of states of shape (T, 2 n)."""
+    size = np.linalg.norm(states[0]) or 1.0
+    return np.linalg.norm(states[0] - np.exp(1j * turn) * states, axis=1) / size
+
+
+def _lowest(far: np.ndarray, k: int) -> tuple[float, float]:
+    """Place [samples] and root of the minimum of the parabola through three squares about sample `k`."""
+    before, here, after = far[k - 1 : k + 2]
+    slope, bend = (after - before) / 2, after - 2 * here + before
+    return k - slope / bend, math.sqrt(max(here - slope**2 / (2 * bend), 0.0))
+
+
+def _returns_again(states: np.ndarray, samples: float, turn: float, nearest: float) -> bool:
+    """Whether a motion is about as near after each multiple of a period that its samples show.
+
+    False where they show no second period.
+    """
+    multiples = range(2, int((len(states) - 2) / samples) + 1)
+    for times in multiples:
+        far = _distances(states, times * turn) ** 2
+        begin = round(times * (samples - 1))
+        k = begin + int(np.argmin(far[begin : round(times * (samples + 1)) + 1]))
+        near = _lowest(far, k)[1] if 0 < k < far.size - 1 else math.sqrt(far[k])
+        if near > max(AGAIN * nearest, SEEN):
+            return False
+    return len(multiples) > 0
