@@ -1,8 +1,6 @@
 """Scene files: TOML in, TOML out.
 
-A number is SI; a text carries its unit, see `units`. Effects are
-found by the `kind` and `plural` of the classes exported in `jaxrotor.effects`, shafts and spins by
-their class names (`FlexibleShaft` is `model = "flexible"`): a new class needs no line here.
+A number is SI; a text carries its unit, see `units`. What parts are called, see `vocabulary`.
 """
 
 import contextlib
@@ -16,32 +14,25 @@ import tomllib
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import equinox as eqx
 import numpy as np
 
-from . import effects, shafts, spin
-from .effects import AbstractEffect, Disc
+from . import shafts, spin
 from .materials import NAMED, Material
-from .quantities import is_series, unit_of
+from .quantities import is_series, takes_matrix, unit_of
 from .scene import Scene, suggest
 from .shafts import AbstractShaft
-from .spin import AbstractSpin
+from .spin import AbstractSpin, ConstantSpeed
+from .toml_writer import dumps
 from .units import SceneError, quantity, refuse, show
 from .variants import CHAIN, NAME as TABLE, Variant, variant
+from .vocabulary import COUNTS, FORMS, START, TEXTS, Form, kinds, models
 
 
 Table = dict[str, Any]
 
-_DIMENSIONS = {"at": "m", "diameter": "m", "thickness": "m", "density": "kg/m^3", "bore": "m"}
-_THIN = {"at": "m", "mass": "kg", "radius": "m"}
-_OUT_OF_TRUE = ("offset", "offset_angle", "tilt", "tilt_axis", "exact")
-START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
-_COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
-_TEXTS = ("title", "assumption")
-_NOUNS = ("Shaft", "Speed")  # what the classes of a model share, and its name leaves out
 _MOST = 10_000_000  # any whole number: a greater one is a slip
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
 
@@ -122,24 +113,6 @@ def whole(target: Path) -> Iterator[Path]:
             draft.unlink()
 
 
-def dumps(scene: Scene, title: str = "") -> str:
-    """A scene as TOML: SI, every float in full, its unit behind it."""
-    import tomlkit
-
-    document = tomlkit.document()
-    for key, text in zip(_TEXTS, (title, scene.assumption), strict=True):
-        if text:
-            document[key] = text
-    document["shaft"] = _written(scene.shaft, "shaft", _models(shafts, AbstractShaft))
-    for kind in dict.fromkeys(effect.kind for effect in scene.effects):
-        members = [effect for effect in scene.effects if effect.kind == kind]
-        tables = [_written(effect, kind, _kinds()) for effect in members]
-        name, item = (members[0].plural, tables) if len(tables) > 1 else (kind, tables[0])
-        document[name] = tomlkit.item(item)
-    document["spin"] = _written(scene.spin, "spin", _models(spin, AbstractSpin))
-    return tomlkit.dumps(document)
-
-
 # === reading; a path is the file and the key so far, as in "my.toml: limiters.0.gap"
 
 
@@ -188,19 +161,20 @@ def _read(text: str, source: str) -> tuple[Scene, Table]:
 
 
 def _scene(document: Table, prefix: str) -> Scene:
-    kinds = {name: cls for cls in _kinds().values() for name in (cls.kind, cls.plural)}
-    known = (*_TEXTS, "shaft", *kinds, "spin", "sweep")
+    named = {name: cls for cls in kinds().values() for name in (cls.kind, cls.plural)}
+    known = (*TEXTS, "shaft", *named, "spin", "sweep")
     _check_keys(document, known, ("shaft", "spin"), prefix, "scene")
-    for key in _TEXTS:
+    for key in TEXTS:
         if not isinstance(document.get(key, ""), str):
             refuse(f"{prefix}{key}", f"must be a text, but is {show(document[key])}.")
-    shaft = _part(document["shaft"], "flexible", _models(shafts, AbstractShaft), f"{prefix}shaft")
-    turning = _part(document["spin"], "constant", _models(spin, AbstractSpin), f"{prefix}spin")
+    shaft = _part(document["shaft"], "flexible", models(shafts, AbstractShaft), f"{prefix}shaft")
+    turning = _part(document["spin"], "constant", models(spin, AbstractSpin), f"{prefix}spin")
     found = []
-    for key in (key for key in document if key in kinds):
+    for key in (key for key in document if key in named):
         many = isinstance(document[key], list)
         for i, table in enumerate(document[key] if many else [document[key]]):
-            found += _effects(kinds[key], table, f"{prefix}{key}.{i}" if many else f"{prefix}{key}")
+            here = f"{prefix}{key}.{i}" if many else f"{prefix}{key}"
+            found += _effects(named[key], table, here, turning)
     try:
         return Scene(shaft, *found, spin=turning, assumption=document.get("assumption", ""))
     except ValueError as error:
@@ -216,14 +190,14 @@ def _part(value: Any, default: str, models: Mapping[str, type], path: str) -> An
     return _built(models[model], table, path, f"{model} {path.rpartition(' ')[2]}")
 
 
-def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
+def _effects(cls: Any, value: Any, path: str, turning: AbstractSpin) -> Iterator[Any]:
     """The effects of one table: several if it has `angles`."""
     table = _table(value, path)
-    if cls is Disc and table.keys() & (_DIMENSIONS.keys() - {"at"}):
-        needed, noun = ("at", "diameter", "thickness"), "disc given by its dimensions"
-        yield _disc(Disc.from_dimensions, table, _DIMENSIONS, needed, path, noun)
-    elif cls is Disc and "radius" in table:
-        yield _disc(Disc.thin, table, _THIN, tuple(_THIN), path, "thin disc")
+    form = next((form for form in FORMS if form.of is cls and table.keys() & form.marks), None)
+    if form is not None:
+        if "speed" in form.units and isinstance(turning, ConstantSpeed):
+            table = {"speed": float(turning.speed)} | table
+        yield _formed(form, table, path)
     elif "angles" in table and "angle" in cls.__dataclass_fields__:
         angles = table.pop("angles")
         if "angle" in table or not isinstance(angles, list) or not angles:
@@ -235,19 +209,20 @@ def _effects(cls: Any, value: Any, path: str) -> Iterator[Any]:
         yield _built(cls, table, path, cls.kind)
 
 
-def _disc(
-    build: Callable, table: Table, units: Mapping[str, str], needed: Any, path: str, noun: str
-) -> Disc:
-    """A disc that is not given by its inertia; out of true as any other."""
-    fields = {field.name: field for field in dataclasses.fields(Disc)}
-    _check_keys(table, (*units, *_OUT_OF_TRUE), needed, f"{path}.", noun)
-    values = {
-        key: quantity(value, units[key], f"{path}.{key}")
-        if key in units
-        else _value(value, fields[key], f"{path}.{key}")
-        for key, value in table.items()
-    }
-    return _checked(build, values, path)
+def _formed(form: Form, table: Table, path: str) -> Any:
+    """A part that is given by other keys than its fields."""
+    fields = {field.name: field for field in dataclasses.fields(form.of)}
+    _check_keys(table, (*form.units, *form.fields), form.needed, f"{path}.", form.noun)
+    values = {}
+    for key, value in table.items():
+        here = f"{path}.{key}"
+        if key == "grade" and isinstance(value, str) and value.lstrip().startswith("G"):
+            values[key] = value
+        elif key in form.units:
+            values[key] = quantity(value, form.units[key], here)
+        else:
+            values[key] = _value(value, fields[key], here)
+    return _checked(form.build, values, path)
 
 
 def _built(cls: Any, table: Table, path: str, noun: str) -> Any:
@@ -271,6 +246,8 @@ def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
         if not isinstance(value, list):
             refuse(path, f"must be a list of two or more numbers, but is {show(value)}.")
         return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
+    if unit is not None and takes_matrix(field) and isinstance(value, list):
+        return _matrix(value, unit, path)
     if unit is not None:
         return quantity(value, unit, path)
     if Material in (kind, *typing.get_args(kind)) and isinstance(value, str):
@@ -293,10 +270,24 @@ def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
     return value
 
 
+def _matrix(value: list, unit: str, path: str) -> np.ndarray:
+    if len(value) != 2 or not all(isinstance(row, list) and len(row) == 2 for row in value):
+        example = "[[8e7, 1e7], [-2e7, 4e7]]"
+        refuse(
+            path, f"must be a number or a 2 by 2 matrix such as {example}, but is {show(value)}."
+        )
+    return np.array(
+        [
+            [quantity(one, unit, f"{path}.{i}.{j}") for j, one in enumerate(row)]
+            for i, row in enumerate(value)
+        ]
+    )
+
+
 def _sweep(value: Any, scene: Scene, path: str) -> Table:
     table = _table(value, path)
-    _check_keys(table, ("over", *_COUNTS, "start"), (), f"{path}.", "sweep")
-    for key, least in _COUNTS.items():
+    _check_keys(table, ("over", *COUNTS, "start"), (), f"{path}.", "sweep")
+    for key, least in COUNTS.items():
         count = table.get(key, least)
         if type(count) is not int or not least <= count <= _MOST:
             wanted = f"a whole number from {least} to {_MOST}"
@@ -353,66 +344,7 @@ def _quantities(value: Any, units: Mapping[str, str], needed: Any, path: str, no
     return {key: quantity(value, units[key], f"{path}.{key}") for key, value in table.items()}
 
 
-# === writing
-
-
-def _written(module: Any, path: str, known: Mapping[str, type] | None = None) -> Any:
-    """A module as a table; `known` are the classes that a file can name there."""
-    import tomlkit
-
-    table, nested = tomlkit.table(), {}
-    if known is not None:
-        model = next((name for name, cls in known.items() if cls is type(module)), None)
-        if model is None:
-            refuse(path, f"cannot be written: no scene file can name a {type(module).__name__}.")
-        if model != path:
-            table["model"] = model
-    for field in dataclasses.fields(module):
-        value, unit, here = getattr(module, field.name), unit_of(field), f"{path}.{field.name}"
-        if isinstance(value, eqx.Module):
-            nested[field.name] = _written(value, here)
-        elif isinstance(value, tuple):
-            tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
-            nested[field.name] = tomlkit.item(tables) if tables else []
-        elif unit is not None and value is not None:
-            item = tomlkit.item(_plain(value, here, is_series(field)))
-            table[field.name] = item if unit == "1" else item.comment(unit)
-        elif isinstance(value, bool | int | str):
-            table[field.name] = value
-        elif value is not None:
-            refuse(here, f"cannot be written: a scene file holds no {type(value).__name__}.")
-    table.update(nested)
-    return table
-
-
-def _plain(value: Any, path: str, many: bool) -> float | list[float]:
-    try:
-        numbers = np.asarray(value, float)
-        plain = numbers.ndim == many and bool(np.isfinite(numbers).all())
-    except TypeError:  # traced
-        numbers, plain = np.zeros(()), False
-    if not plain:
-        wanted = "a list of known finite numbers" if many else "one known finite number"
-        refuse(path, f"cannot be written: it must be {wanted}, but is {value}.")
-    return numbers.tolist()
-
-
 # === names and messages
-
-
-def _kinds() -> dict[str, Any]:
-    """Classes of effects by their kind: those exported in `jaxrotor.effects`."""
-    classes = [c for c in vars(effects).values() if inspect.isclass(c)]
-    named = [c for c in classes if issubclass(c, AbstractEffect) and hasattr(c, "kind")]
-    return {cls.kind: cls for cls in named if not inspect.isabstract(cls)}
-
-
-def _models(module: ModuleType, base: type) -> dict[str, type]:
-    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible", `SpeedProfile` "profile"."""
-    classes = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, base)]
-    words = {c: re.findall("[A-Z][a-z]*", c.__name__) for c in classes}
-    own = {c: [w.lower() for w in found if w not in _NOUNS] for c, found in words.items()}
-    return {"_".join(names): c for c, names in own.items() if "abstract" not in names}
 
 
 def _table(value: Any, path: str) -> Table:

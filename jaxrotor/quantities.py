@@ -58,6 +58,7 @@ def _quantity(
     checked: Callable[[Any, str], Any],
     default: Any = dataclasses.MISSING,
     many: bool = False,
+    matrix: bool = False,
 ) -> Any:
     match = _LABEL.fullmatch(label)
     if match is None:
@@ -70,6 +71,7 @@ def _quantity(
 
     options = {} if default is dataclasses.MISSING else {"default": default}
     metadata = {"unit": match["unit"], "optional": default is None, "many": many}
+    metadata |= {"matrix": matrix}
     return eqx.field(converter=convert, metadata=metadata, **options)
 
 
@@ -129,6 +131,11 @@ def _check_series(value: Any, label: str, ascending: bool) -> Array:
     return jnp.asarray(array, float)
 
 
+def as_tuple(value: Any) -> Any:
+    """A list as a tuple, anything else as it is: the converter of a field that holds several parts."""
+    return tuple(value) if isinstance(value, list) else value
+
+
 def unit_of(field: dataclasses.Field) -> str | None:
     """Unit a quantity field was declared with; None for a field that is no quantity."""
     return field.metadata.get("unit")
@@ -137,6 +144,11 @@ def unit_of(field: dataclasses.Field) -> str | None:
 def is_series(field: dataclasses.Field) -> bool:
     """Whether a quantity field holds several numbers."""
     return field.metadata.get("many", False)
+
+
+def takes_matrix(field: dataclasses.Field) -> bool:
+    """Whether a quantity field may be given as a 2 by 2 matrix, which its class takes apart."""
+    return field.metadata.get("matrix", False)
 
 
 def known(value: Any) -> bool:

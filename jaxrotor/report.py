@@ -1,7 +1,6 @@
 """Report: one HTML file of a run, with all that is in it, to keep, to send and to print."""
 
 import base64
-import contextlib
 import html
 import io
 import os
@@ -91,9 +90,10 @@ def _scene(text: str) -> str:
     said = f'<p class="note">{html.escape(scene.assumption)}</p>' if scene.assumption else ""
     rows = []
     for path in scene.paths():
-        with contextlib.suppress(ValueError):  # absent
-            values, unit = np.atleast_1d(scene.get(path)), scene.unit(path)
-            rows.append((path, ", ".join(map(_short, values)), "" if unit == "1" else unit))
+        leaves, unit = scene.leaves(path), scene.unit(path)
+        if any(leaf is not None for leaf in leaves):
+            values = ", ".join(_values(leaf) for leaf in leaves)
+            rows.append((path, values, "" if unit == "1" else unit))
     return "\n".join(
         [
             "<h2>Scene</h2>",
@@ -103,6 +103,11 @@ def _scene(text: str) -> str:
             f"<h3>Scene file</h3>\n<pre>{html.escape(text)}</pre>",
         ]
     )
+
+
+def _values(leaf: Any) -> str:
+    """A number or several; `-` where one of several effects has none."""
+    return "-" if leaf is None else ", ".join(map(_short, np.atleast_1d(leaf)))
 
 
 def _drawing(scene: Scene) -> str:

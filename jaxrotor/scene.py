@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -22,7 +23,8 @@ Address = tuple[Any, ...]  # attribute names and tuple indices from the scene to
 class Scene(eqx.Module):
     """What is simulated, and nothing else: `Scene(shaft, *effects, spin=ConstantSpeed(300.0))`.
 
-    SI units; every number is a leaf to differentiate or map over. The stations where the elastic
+    SI units; every number is a leaf to differentiate or map over. A list of effects, such as
+    `Limiter.at_angles` makes, stands for its members. The stations where the elastic
     line may have a kink are ordered once, when the scene is built. `assumption` names what is not
     known of it, such as a layout: data sets, tables and pictures of every result say it.
     """
@@ -36,11 +38,13 @@ class Scene(eqx.Module):
     def __init__(
         self,
         shaft: AbstractShaft,
-        *effects: AbstractEffect,
+        *effects: AbstractEffect | Sequence[AbstractEffect],
         spin: AbstractSpin,
         assumption: str = "",
     ):
         _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
+        lists = (one if isinstance(one, list | tuple) else (one,) for one in effects)
+        effects = tuple(itertools.chain.from_iterable(lists))
         for effect in effects:
             _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
@@ -126,7 +130,7 @@ class Scene(eqx.Module):
         lines = [type(self.shaft).__name__ + ", " + type(self.spin).__name__]
         lines[0] += f" ({self.assumption})" if self.assumption else ""
         for path in self.paths():
-            leaves = [_follow(self, address) for address in self._find(path)]
+            leaves = self.leaves(path)
             if any(leaf is not None for leaf in leaves):
                 values, unit = ", ".join(map(_text, leaves)), self.unit(path)
                 lines.append(f"  {path} = {values}" + ("" if unit == "1" else f" {unit}"))
@@ -138,10 +142,14 @@ class Scene(eqx.Module):
 
     def get(self, path: str) -> Array:
         """Value at a path; of several effects, their values in order."""
-        leaves = [_follow(self, a) for a in self._find(path)]
+        leaves = self.leaves(path)
         if any(leaf is None for leaf in leaves):
             raise ValueError(f"`{path}` is absent from this scene (None).")
         return leaves[0] if len(leaves) == 1 else jnp.stack(leaves)
+
+    def leaves(self, path: str) -> list[Array | None]:
+        """Values at a path, one of each effect; None where it is absent."""
+        return [_follow(self, address) for address in self._find(path)]
 
     def unit(self, path: str) -> str:
         """Unit of the parameter at a path."""
@@ -175,12 +183,23 @@ class Scene(eqx.Module):
         return scene.of_parts(*scene.effects)
 
     def put(self, values: Mapping[str, Any]) -> "Scene":
-        """Scene with other leaves, as they are: no checks, the spans kept. See `replace`."""
+        """Scene with other leaves, as they are: no checks, the spans kept. See `replace`.
+
+        A part that noted something of its values when it was built, as a `Support` that its axes are
+        equal, is built again.
+        """
         scene = self
+        addresses = {path: self._find(path) for path in values}
         for path, leaf in values.items():
-            for address in self._find(path):
-                where = lambda s, a=address: _follow(s, a)
-                scene = eqx.tree_at(where, scene, leaf, is_leaf=_is_none)
+            for address in addresses[path]:
+                scene = _with(scene, address, leaf)
+        parents = {
+            a[:depth] for found in addresses.values() for a in found for depth in range(len(a))
+        }
+        for address in parents:
+            part = _follow(scene, address)
+            if hasattr(part, "__post_init__"):
+                scene = _with(scene, address, dataclasses.replace(part))
         return scene
 
     def _find(self, path: str) -> list[Address]:
@@ -215,6 +234,11 @@ def _text(leaf: Any) -> str:
     if not known(leaf):
         return str(leaf)
     return ", ".join(f"{value:.6g}" for value in np.ravel(leaf).tolist())
+
+
+def _with(scene: Scene, address: Address, value: Any) -> Scene:
+    """The scene with another value at an address."""
+    return eqx.tree_at(lambda s: _follow(s, address), scene, value, is_leaf=_is_none)
 
 
 def _is_none(leaf: Any) -> bool:

@@ -1,6 +1,7 @@
 """Scene files: the shipped scenes hold the published data, and every slip gets one sentence."""
 
 import dataclasses
+import itertools
 import math
 import os
 import random
@@ -27,6 +28,8 @@ from jaxrotor import (
     RigidShaft,
     Scene,
     SpeedProfile,
+    Support,
+    Unbalance,
     effects,
     files,
 )
@@ -35,6 +38,7 @@ from jaxrotor.effects import AbstractLinear
 from jaxrotor.files import SceneError, dumps, load, loads, save, shipped, study
 from jaxrotor.quantities import positive
 from jaxrotor.system import assemble
+from jaxrotor.vocabulary import kinds
 
 
 NAMES = ["limiter-rotor", "limiter-rotor-2023"]
@@ -228,16 +232,24 @@ def test_shipped_lists_names_and_titles():
 # === round trip
 
 
+ANOTHER_WAY = {  # fields of parts that may be given in two ways, of which the scene below has one
+    Support: [letter + axes for letter in "kc" for axes in ("xx", "xy", "yx", "yy")],
+    Unbalance: ["moment"],
+}
+
+
 def every_effect() -> Scene:
     """One scene with every exported effect and numbers of awkward digits."""
     rng = random.Random(7)
     members = []
-    for cls in files._kinds().values():
+    for cls in kinds().values():
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
             numbers = {name: rng.random() / 3 for name in names}
             if "ball_radius" in numbers:  # fits into its race
                 numbers["ball_radius"] = numbers["race_radius"] / 7
+            for name in ANOTHER_WAY.get(cls, ()):
+                del numbers[name]
             members.append(cls(**numbers))
     material = Material(1e11 / 3, 7e3 / 9)
     shaft = FlexibleShaft(1 / 3, 1e-2 / 7, material, -1 / 9, nodes=5, rotary_inertia=False)
@@ -270,7 +282,18 @@ def profile_scene() -> Scene:
     return Scene(FlexibleShaft(0.7, 0.02), spin=profile)
 
 
+def film_scene() -> Scene:
+    """Bearings by their coefficients, an unbalance by its moment."""
+    bearings = [
+        Support(0.0, kxx=1e8 / 3, kxy=1e7 / 7, kyx=-2e7 / 9, kyy=4e7, cxx=2e5, cyy=1e5 / 7),
+        Support(1 / 3, kxx=8e7 / 3, angular_stiffness=1e3 / 7, rotating=True),
+    ]
+    weight = Unbalance(0.2, moment=8e-5 / 7, phase=1 / 3)
+    return Scene(RigidShaft(1 / 3), bearings, Disc(0.2, 80.0), weight, spin=ConstantSpeed(1.0))
+
+
 WRITTEN = {"every effect": every_effect(), "rigid": rigid_scene(), "profile": profile_scene()}
+WRITTEN |= {"films": film_scene()}
 
 
 @pytest.mark.parametrize("scene", [*NAMES, *WRITTEN.values()], ids=[*NAMES, *WRITTEN])
@@ -459,11 +482,156 @@ def test_one_effect_by_any_name(head):
     same(loads(good("[disc]", head)), loads(good()))
 
 
+FILM = """\
+[shaft]
+model = "rigid"
+length = 1.0
+[disc]
+at = 0.5
+mass = 80
+[[supports]]
+at = 0
+kxx = "80 MN/m"
+kxy = 1e7
+kyx = -2e7
+kyy = 4e7
+cxx = 2e5
+cyy = 1e5
+[[supports]]
+at = 1
+stiffness = [["80 MN/m", 1e7], [-2e7, 4e7]]
+damping = [[2e5, 0], [0, 1e5]]
+[unbalance]
+at = 0.5
+moment = "80 g*mm"
+[spin]
+speed = "3000 rpm"
+"""
+
+
+def test_bearings_as_their_reports_print_them():
+    """Numbers come back from a file as they were typed, whichever of the ways was taken."""
+    scene = loads(FILM)
+    matrices = {"k": [[8e7, 1e7], [-2e7, 4e7]], "c": [[2e5, 0.0], [0.0, 1e5]]}
+    for support in scene.of(Support):
+        for letter, matrix in matrices.items():
+            for i, j in itertools.product("xy", "xy"):
+                value = getattr(support, f"{letter}{i}{j}")
+                expected = matrix["xy".index(i)]["xy".index(j)]
+                assert value == expected if value is not None else expected == 0
+    text = dumps(scene)
+    assert "kxx = 80000000.0 # N/m\n" in text and "kyx = -20000000.0 # N/m\n" in text
+    assert (
+        "cyy = 100000.0 # N s/m\n" in text and "stiffness =" not in text and "\nangle" not in text
+    )
+    same(loads(text), scene)
+    assert scene.replace({"supports.1.kxx": 9e7}).get("supports.kxx").tolist() == [8e7, 9e7]
+    system, other = (
+        assemble(scene).blocks,
+        assemble(scene.of_parts(*reversed(scene.effects))).blocks,
+    )
+    for name in ("stiffness", "damping", "skew_stiffness", "fixed_stiffness", "fixed_damping"):
+        np.testing.assert_allclose(getattr(system, name), getattr(other, name), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "cyy = 1e5\n",
+            "damping = 1e5\n",
+            "supports.0: `kxx` and `damping` are of two ways to describe a support; give ",
+        ),
+        ('kxx = "80 MN/m"\n', "", "supports.0: A support needs its stiffness; give `kxx [N/m]`"),
+        (
+            '[["80 MN/m", 1e7], [-2e7, 4e7]]',
+            "[8e7, 4e7]",
+            "supports.1.stiffness must be a number or a 2 by 2 matrix such as [[8e7, 1e7], ",
+        ),
+        (
+            '[["80 MN/m", 1e7]',
+            '[["80 mm", 1e7]',
+            "supports.1.stiffness.0.0 must be in N/m, but is ",
+        ),
+        (
+            "damping = [[2e5",
+            "cxx = 1\ndamping = [[2e5",
+            "supports.1: `damping` is a matrix of cxx, cxy, cyx and cyy, which are given too; ",
+        ),
+        (
+            "damping = [[2e5, 0], [0, 1e5]]",
+            "damping = 2e5",
+            "supports.1: `kxx` and `damping` are of",
+        ),
+        (
+            "[0, 1e5]]",
+            "[0, -3e5]]",
+            "supports.1: `cxx + cyy [N s/m]` must not be negative, but is -",
+        ),
+        (
+            'moment = "80 g*mm"',
+            "moment = 1\nmass = 1",
+            "unbalance: An unbalance is given by `mass [kg]` and `eccentricity [m]`, or by `moment",
+        ),
+        ('moment = "80 g*mm"', "mass = 1", "unbalance: An unbalance is given by `mass [kg]` and "),
+    ],
+)
+def test_two_ways_at_once_are_refused(old, new, message):
+    assert old in FILM
+    found = refused(FILM.replace(old, new, 1))
+    assert found.startswith(f"my.toml: {message}"), found
+
+
+def test_unbalance_by_moment_and_by_grade():
+    """ISO 21940-11: G6.3 is e Omega = 6.3 mm/s."""
+    assert loads(FILM).get("unbalance.moment") == 8e-5
+    moment = 80 * 6.3e-3 / (100 * math.pi)
+    for given in ('"G6.3"', '"G 6.3"', "6.3", '"6.3 mm/s"'):
+        graded = FILM.replace('moment = "80 g*mm"', f"grade = {given}\nmass = 80\nphase = 1")
+        scene = loads(graded)
+        load = assemble(scene).load.unbalance
+        expected = assemble(loads(FILM).replace({"unbalance.moment": moment})).load.unbalance
+        np.testing.assert_allclose(load, expected * np.exp(1j), rtol=1e-14)
+        faster = loads(graded.replace("phase = 1", 'phase = 1\nspeed = "6000 rpm"'))
+        np.testing.assert_allclose(assemble(faster).load.unbalance, load / 2, rtol=1e-14)
+    profile = 'model = "profile"\ntimes = [0, 1]\nspeeds = [0, 1]'
+    for slip, message in [
+        (
+            ("mass = 80\nphase", "phase"),
+            "my.toml: unbalance.mass is missing; an unbalance given by its grade ",
+        ),
+        (('"6.3 mm/s"', '"G"'), "my.toml: unbalance: `grade` must be a grade such as 'G6.3', but "),
+        (('"6.3 mm/s"', "true"), "my.toml: unbalance.grade must be in mm/s, but is True."),
+        (('speed = "3000 rpm"', profile), "my.toml: unbalance.speed is missing; an unbalance "),
+        (('"3000 rpm"', "0"), "my.toml: unbalance: `speed [rad/s]` must not be zero, but is 0."),
+    ]:
+        assert refused(graded.replace(*slip)).startswith(message)
+
+
 def test_angles_make_one_effect_each():
     head, _, tail = GOOD.partition("[[limiters]]")
     rest = "gap = '7.5 mm'\nstiffness = 4087000\n[spin]" + tail.partition("[spin]")[2]
     text = f"{head}[limiters]\nat = 0.7\nangles = ['60 deg', {math.pi}]\n{rest}"
     same(loads(text), loads(good()))
+    stops = Limiter.at_angles([math.pi / 3, math.pi], at=0.7, gap=0.0075, stiffness=4087000)
+    own = loads(good()).without("limiters")
+    mixed = Scene(own.shaft, *own.effects, stops, spin=own.spin)
+    np.testing.assert_allclose(mixed.get("limiters.angle"), [math.pi / 3, math.pi], rtol=1e-15)
+    assert [e.kind for e in mixed.effects] == ["disc", "unbalance", "limiter", "limiter"]
+
+
+def test_lists_serve_as_tuples():
+    pins = [Constraint(0.0), Constraint(0.7)]
+    for listed, tupled in [
+        (
+            FlexibleShaft(0.7, 0.02, constraints=pins),
+            FlexibleShaft(0.7, 0.02, constraints=(*pins,)),
+        ),
+        (RigidShaft(0.7, pins), RigidShaft(0.7, tuple(pins))),
+    ]:
+        same(listed, tupled)
+    with pytest.raises(ValueError, match="`constraints` must be a list of Constraint, but is "):
+        RigidShaft(0.7, [0.0])
 
 
 def test_study():
@@ -514,7 +682,7 @@ def study_of(text):
             "eccentricity =",
             "e =",
             "unbalance.e is not a parameter of an unbalance; it has: at, mass, eccentricity, "
-            "phase.",
+            "phase, moment.",
         ),
         ("0.7 m", "0.7 kg", "shaft.length must be in m, but is '0.7 kg'."),
         ("0.7 m", "0,7 m", "shaft.length must be in m, but is '0,7 m'."),

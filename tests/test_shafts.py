@@ -267,8 +267,8 @@ def overhung(rpm, *bearings):
 @pytest.mark.parametrize("rpm", OVERHUNG)
 def test_overhung_disc_on_damped_bearings(rpm):
     matrix = np.diag([10e6, 20e6])
-    damped = Support.from_matrices(1.0, matrix, 60e3 * np.eye(2))
-    found = np.asarray(jr.roots(overhung(rpm, Support.from_matrices(0.0, matrix), damped), 10))
+    damped = Support(1.0, matrix, 60e3 * np.eye(2))
+    found = np.asarray(jr.roots(overhung(rpm, Support(0.0, matrix), damped), 10))
     whirl = found[found.imag > 1.0]
     np.testing.assert_allclose(whirl.real, OVERHUNG[rpm][0], atol=6e-7, rtol=3e-6)
     np.testing.assert_allclose(whirl.imag, OVERHUNG[rpm][1], rtol=1e-6)

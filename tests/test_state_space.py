@@ -23,7 +23,7 @@ def jeffcott(*effects, speed=15.0, damping=DAMPING):
 
 def flexible(k=((4e5, 5e4), (-2e4, 7e5))):
     """Two discs on a shaft in bearings, unequal and cross-coupled unless told otherwise."""
-    bearings = [jr.Support.from_matrices(at, k, [[90.0, 0.0], [0.0, 90.0]]) for at in (0.0, 1.0)]
+    bearings = [jr.Support(at, k, [[90.0, 0.0], [0.0, 90.0]]) for at in (0.0, 1.0)]
     discs = [jr.Disc(0.4, 9.0, 0.03, 0.05), jr.Disc(0.7, 4.0, 0.01, 0.02)]
     shaft = jr.FlexibleShaft(1.0, 0.03, nodes=3, constraints=())
     return jr.Scene(shaft, *discs, *bearings, spin=jr.ConstantSpeed(300.0))
@@ -123,7 +123,7 @@ def test_equal_roots(ats, damping):
     """Along x as along y, both supports at a bearing or in mirrored ones: all roots are there twice."""
     loss = damping * np.eye(2) if damping else None
     supports = [
-        jr.Support.from_matrices(at, k, loss)
+        jr.Support(at, k, loss)
         for k, places in zip((ONE, OTHER), ats, strict=True)
         for at in places
     ]

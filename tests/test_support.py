@@ -29,7 +29,7 @@ def rotor(speed, *supports):
 
 
 def support(stiffness=STIFFNESS, damping=DAMPING, **options):
-    return jr.Support.from_matrices(0.5, stiffness, damping, **options)
+    return jr.Support(0.5, stiffness, damping, **options)
 
 
 def matrices(speed, stiffness, damping, rotating):
@@ -230,7 +230,7 @@ def test_derivatives_where_the_axes_are_equal(change):
 def test_matrices_come_back(name, matrix):
     """The force of a unit displacement or velocity along x and y."""
     other = {"stiffness": "damping", "damping": "stiffness"}[name]
-    bearing = jr.Support.from_matrices(0.5, **{name: matrix, other: ONE})
+    bearing = jr.Support(0.5, **{name: matrix, other: ONE})
     blocks = bearing.blocks(rotor(1.0).line())
     part = lambda label: 0.0 if (b := getattr(blocks, label)) is None else complex(b[0, 0])
     mean, cross, deviator = part(name), part(f"skew_{name}"), part(f"fixed_{name}")
@@ -241,15 +241,64 @@ def test_matrices_come_back(name, matrix):
     assert (getattr(blocks, f"fixed_{name}") is None) == equal
 
 
+def test_coefficients_are_the_matrices():
+    """Each with the others absent, and all of them at once."""
+    of = lambda **given: jr.Support(0.5, **given).blocks(rotor(1.0).line())
+    names = [f"{letter}{axes}" for letter in "kc" for axes in ("xx", "xy", "yx", "yy")]
+    values = np.concatenate([STIFFNESS.ravel(), DAMPING.ravel()])
+    whole = of(**dict(zip(names, values, strict=True)))
+    expected = support().blocks(rotor(1.0).line())
+    for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_array_equal(one, other)
+    alone = of(kxx=2.0)
+    assert alone.stiffness[0, 0] == 1 and alone.fixed_stiffness[0, 0] == 1
+    assert alone.damping is None and alone.skew_stiffness is None
+
+
+EQUAL = [
+    jr.Support(0.5, 4.0, anisotropy=0.0, angle=0.3, cross_stiffness=0.0),
+    jr.Support(0.5, kxx=4.0, kyy=4.0, kxy=0.0, cxx=0.0),
+    jr.Support(0.5, 4.0 * ONE),
+]
+
+
+@pytest.mark.parametrize("bearing", EQUAL, ids=["means", "coefficients", "matrix"])
+def test_equal_axes_leave_no_trace(bearing):
+    """The rotor is simulated as one that is the same along every axis, and can be changed again."""
+    scene, plain = rotor(1.0, bearing), rotor(1.0, jr.Support(0.5, 4.0))
+    found, expected = jr.assemble(scene).blocks, jr.assemble(plain).blocks
+    for name in ("stiffness", "skew_stiffness", "fixed_stiffness", "fixed_damping"):
+        one, other = getattr(found, name), getattr(expected, name)
+        assert one is other is None or np.array_equal(one, other)
+    name, value = ("support.anisotropy", 0.5) if bearing.kxx is None else ("support.kxx", 12.0)
+    mean = 4.0 if bearing.kxx is None else 8.0
+    unequal = jr.Scene(scene.shaft, *scene.without("support").effects, spin=scene.spin)
+    unequal = jr.Scene(
+        scene.shaft,
+        *unequal.effects,
+        jr.Support(0.5, mean, anisotropy=0.5, angle=bearing.angle),
+        spin=scene.spin,
+    )
+    traced = jax.jit(lambda x: jr.growth_rate(scene.replace({name: x})))
+    assert jr.growth_rate(scene.replace({name: value})) == jr.growth_rate(unequal)
+    assert traced(value) == pytest.approx(float(jr.growth_rate(unequal)), rel=1e-12)
+    back = scene.replace({name: value}).replace({name: 0.0 if bearing.kxx is None else 4.0})
+    assert jr.assemble(back).blocks.fixed_stiffness is None
+
+
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
         (
             lambda: support([[1.0, 2.0]]),
-            "`stiffness` must be a 2 by 2 matrix, but has shape (1, 2)",
+            "`stiffness` must be a 2 by 2 matrix, [[kxx, kxy], [kyx, kyy]], but has shape (1, 2)",
         ),
-        (lambda: support(-ONE), "must not be negative, but is -1"),
-        (lambda: support(np.diag([1.0, -1.0])), "zero unless the mean of xx and yy is positive"),
+        (lambda: support(-ONE), "`kxx + kyy [N/m]` must not be negative, but is -2."),
+        (lambda: support("soft"), "`stiffness [N/m]` must be a number, but is 'soft'"),
+        (lambda: support([["a", 1], [2, 3]]), "must be a number or a 2 by 2 matrix of numbers"),
+        (lambda: jr.Support(0.5, kxx=1.0, angle=0.3), "`kxx` and `angle` are of two ways"),
+        (lambda: jr.Support(0.5, cxx=1.0), "A support needs its stiffness; give `kxx [N/m]`"),
+        (lambda: support(STIFFNESS, kyy=1.0), "`stiffness` is a matrix of kxx, kxy, kyx and kyy"),
         (lambda: support(np.diag([1.0, np.nan])), "must be a finite number"),
         (lambda: jr.Support(0.5, 1.0, damping_anisotropy=0.1), "give it"),
         (lambda: jr.Support(0.5, 1.0, 0.1, damping_angle=0.1), "give both or neither"),

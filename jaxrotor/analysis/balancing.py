@@ -70,7 +70,7 @@ def bearing_stations(scene: Scene) -> Float[Array, " b"]:
     else:
         own = shaft.constraints if isinstance(shaft, FlexibleShaft | RigidShaft) else ()
         held = [one.at for one in own if one.displacement]
-        held += [one.at for one in scene.of(Support) if float(one.stiffness) > 0]
+        held += [one.at for one in scene.of(Support) if float(one.mean_stiffness) > 0]
     return jnp.asarray(sorted({float(at) for at in held}))
 
 

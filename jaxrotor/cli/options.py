@@ -10,12 +10,13 @@ import numpy as np
 import typer
 
 from ..analysis import critical_speeds, settled
-from ..files import START, load, many, swept_values
+from ..files import load, many, swept_values
 from ..scene import Scene
 from ..spin import Drive
 from ..start import AbstractStart, AtRest, Whirl
 from ..system import polar_inertia
 from ..units import quantity
+from ..vocabulary import START
 
 
 MOST = 10_000_000  # of any count: a greater one is a slip

@@ -49,7 +49,8 @@ def show(
 ) -> None:
     """Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.
 
-    The paths in the first column are those of `--set` and `--over`. With --out, DIR/rotor.png: shaft,
+    The paths in the first column are those of `--set` and `--over`, as are those of absent parameters,
+    which --json lists. With --out, DIR/rotor.png: shaft,
     discs, supports and stops to scale.
 
     ```
@@ -97,10 +98,12 @@ def show(
             }
         )
         return
-    rows = [(path, _text(value), unit) for path, (value, unit) in parameters.items()]
+    given = {path: pair for path, pair in parameters.items() if pair[0] is not None}
+    rows = [(path, _text(value), unit) for path, (value, unit) in given.items()]
     answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
     summary = [
         *answer.assumed(rotor),
+        *[("absent", "parameters that have no value; --json lists them")] * (given != parameters),
         ("coordinates", f"{coordinates}, complex x + iy"),
         ("whirl at standstill", f"{_text(still)} rad/s"),
         ("forward, at speed", f"{_text(forward)} rad/s"),
@@ -131,12 +134,12 @@ def _critical_rows(critical: dict[str, list[float]] | None, why: str) -> list[tu
     return rows
 
 
-def _value(scene: Scene, path: str) -> float | list[float] | None:
-    """Value at a path, values of several effects, or None where absent."""
-    try:
-        return np.asarray(scene.get(path)).tolist()
-    except ValueError:
+def _value(scene: Scene, path: str) -> Any:
+    """Value at a path, or those of several effects; None where all are absent."""
+    values = [None if leaf is None else np.asarray(leaf).tolist() for leaf in scene.leaves(path)]
+    if all(value is None for value in values):
         return None
+    return values if len(values) > 1 else values[0]
 
 
 def _still(found: list[dict[str, Any]]) -> list[float]:
@@ -152,8 +155,8 @@ def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
     return [r["frequency"] for r in moving if r["direction"] == direction][:_SHOWN]
 
 
-def _text(value: float | list[float] | None) -> str:
-    if value is None:
+def _text(value: Any) -> str:
+    if value is None:  # of one of several effects
         return "-"
     if isinstance(value, list):
         same = len(value) > 1 and len(set(value)) == 1

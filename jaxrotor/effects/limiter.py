@@ -1,6 +1,7 @@
 """Viscoelastic stop with dry friction."""
 
-from typing import ClassVar
+from collections.abc import Iterable
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -35,6 +36,14 @@ class Limiter(AbstractContact):
     rim_radius: Scalar = nonnegative("rim_radius [m]", default=0.0)
     blend: Scalar | None = positive("blend [m]", default=None)
     slip: Scalar | None = positive("slip [m/s]", default=None)
+
+    @classmethod
+    def at_angles(cls, angles: Iterable[Any], **parameters: Any) -> list["Limiter"]:
+        """Equal stops at several angles [rad], `parameters` those of each; a scene takes the list.
+
+        `Limiter.at_angles([0.0, 2.1, 4.2], at=0.7, gap=3e-4, stiffness=1e7)`.
+        """
+        return [cls(angle=angle, **parameters) for angle in angles]
 
     def law(self) -> "ViscoelasticStop":
         return ViscoelasticStop(jnp.cos(self.angle), jnp.sin(self.angle), self)

@@ -1,6 +1,7 @@
 """Elastic support of a shaft: a bearing by its stiffness and damping."""
 
-from typing import ClassVar
+from collections.abc import Iterator
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,15 +14,33 @@ from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
 
-class Support(AbstractLinear):
-    """Linear bearing, `F = -(k + i cross_stiffness) z - k anisotropy exp(2 i angle) z* - (same of c) z.`.
+_LETTERS = {"stiffness": "k", "damping": "c"}
+_AXES = ("xx", "xy", "yx", "yy")
+_COEFFICIENTS = tuple(letter + axes for letter in _LETTERS.values() for axes in _AXES)
+_MEANS = ("stiffness", "anisotropy", "angle", "cross_stiffness")
+_MEANS += ("damping", "damping_anisotropy", "damping_angle", "cross_damping")
 
-    So the stiffness is `k (1 + anisotropy)` along the axis at `angle` and `k (1 - anisotropy)`
-    across it; of damping it is the same, along its own `damping_angle` (None: that of stiffness).
-    `cross_stiffness` turns the force ahead of the displacement (negative drives forward whirl).
+
+class Support(AbstractLinear):
+    """Linear bearing, `F = -k q - c q.` with `k = [[kxx, kxy], [kyx, kyy]]` and `q = (x, y)`.
+
+    Its coefficients are given as a bearing report prints them: `kxx`, `kxy`, .. `cyy`, where those not
+    given are zero, or `stiffness` and `damping` as 2 by 2 matrices, which are kept as coefficients.
+    Or they are given by means and axes, with `z = x + i y`:
+
+        F = -(k + i cross_stiffness) z - k anisotropy exp(2 i angle) z* - (same of c) z.
+
+    So the stiffness is `k (1 + anisotropy)` along the axis at `angle` (None: that of x) and
+    `k (1 - anisotropy)` across it; of damping it is the same, along its own `damping_angle` (None:
+    that of stiffness). `cross_stiffness` turns the force ahead of the displacement (negative drives
+    forward whirl). Both forms are the same bearing, `k = (kxx + kyy) / 2`,
+    `cross_stiffness = (kyx - kxy) / 2`, `k anisotropy exp(2 i angle) = (kxx - kyy + i kxy + i kyx) / 2`.
+    A support whose values are known to be the same along every axis when it is built, or when
+    `scene.replace` changes it, has no anisotropic part at all.
+
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     `rotating=True`: the element turns with the shaft, its axes and its damper too, which then is
-    internal damping, `z. - i Omega z` for `z.`. None is absent; matrices: `from_matrices`.
+    internal damping, `z. - i Omega z` for `z.`. None is absent.
     Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
     """
 
@@ -29,19 +48,54 @@ class Support(AbstractLinear):
     plural: ClassVar[str] = "supports"
 
     at: Scalar = nonnegative("at [m]")
-    stiffness: Scalar = nonnegative("stiffness [N/m]")
-    damping: Scalar = nonnegative("damping [N s/m]", default=None)
+    stiffness: Scalar = nonnegative("stiffness [N/m]", default=None, matrix=True)
+    damping: Scalar = nonnegative("damping [N s/m]", default=None, matrix=True)
     anisotropy: Scalar = real("anisotropy [1]", default=None)
     damping_anisotropy: Scalar = real("damping_anisotropy [1]", default=None)
-    angle: Scalar = real("angle [rad]", default=0.0)
+    angle: Scalar = real("angle [rad]", default=None)
     damping_angle: Scalar = real("damping_angle [rad]", default=None)
     cross_stiffness: Scalar = real("cross_stiffness [N/m]", default=None)
     cross_damping: Scalar = real("cross_damping [N s/m]", default=None)
+    kxx: Scalar = real("kxx [N/m]", default=None)
+    kxy: Scalar = real("kxy [N/m]", default=None)
+    kyx: Scalar = real("kyx [N/m]", default=None)
+    kyy: Scalar = real("kyy [N/m]", default=None)
+    cxx: Scalar = real("cxx [N s/m]", default=None)
+    cxy: Scalar = real("cxy [N s/m]", default=None)
+    cyx: Scalar = real("cyx [N s/m]", default=None)
+    cyy: Scalar = real("cyy [N s/m]", default=None)
     angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
+    vanishing: tuple[str, ...] = eqx.field(init=False, static=True)  # parts known to be zero
+
+    def __post_init__(self):
+        for name, letter in _LETTERS.items():
+            value = getattr(self, name)
+            if isinstance(value, list | tuple) or np.ndim(value) > 1:
+                self._spread(value, name, letter)
+        self.vanishing = tuple(self._vanishing())
 
     def __check_init__(self):
+        given = [name for name in _COEFFICIENTS if getattr(self, name) is not None]
+        means = [name for name in _MEANS if getattr(self, name) is not None]
+        if given and means:
+            raise ValueError(
+                f"`{given[0]}` and `{means[0]}` are of two ways to describe a support; give coefficients "
+                "(kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy, or both matrices), or means and axes "
+                "(stiffness, damping, anisotropy, ..)."
+            )
+        if self.stiffness is None and self.kxx is None:
+            raise ValueError(
+                "A support needs its stiffness; give `kxx [N/m]` and, if not zero, kxy, kyx and kyy, or "
+                "`stiffness [N/m]`."
+            )
+        for letter, unit in (("k", "N/m"), ("c", "N s/m")):
+            along = [getattr(self, letter + axes) for axes in ("xx", "yy")]
+            total = sum(value for value in along if value is not None)
+            if known(total):
+                label = f"{letter}xx + {letter}yy [{unit}]"
+                check(total, label, lambda x: x >= 0, "must not be negative")
         if self.damping is None and self.damping_anisotropy is not None:
             raise ValueError(
                 "`damping_anisotropy [1]` is a fraction of `damping [N s/m]`; give it."
@@ -51,27 +105,21 @@ class Support(AbstractLinear):
                 "`damping_angle [rad]` is that of `damping_anisotropy [1]`; give both or neither."
             )
 
-    @classmethod
-    def from_matrices(cls, at, stiffness, damping=None, rotating=False) -> "Support":
-        """Support of any 2 by 2 matrices `[[xx, xy], [yx, yy]]` [N/m] and [N s/m], `xx + yy >= 0`.
-
-        Where `xx = yy` and `xy = -yx` the axes of a matrix are not determined, so there it has no
-        derivative by `xy + yx` (which comes out as zero).
-        """
-        mean, share, angle, cross = _parts(stiffness, "stiffness")
-        options = {"stiffness": mean, "anisotropy": share, "angle": angle, "cross_stiffness": cross}
-        if damping is not None:
-            mean, share, angle, cross = _parts(damping, "damping")
-            options |= {"damping": mean, "damping_anisotropy": share, "cross_damping": cross}
-            options["damping_angle"] = None if share is None else angle
-        return cls(at, **options, rotating=rotating)
+    @property
+    def mean_stiffness(self) -> Scalar:
+        """`(kxx + kyy) / 2` [N/m]."""
+        return self._plane("stiffness").mean
 
     def blocks(self, line: AbstractLine) -> Blocks:
         force = jnp.outer(line.column(self.at), line.row(self.at))
-        part = lambda size: None if size is None else size * force
-        axis = self.angle if self.damping_angle is None else self.damping_angle
-        damping, cross_damping = part(self.damping), part(self.cross_damping)
-        stiffness = self.stiffness * force
+        spring, damper = (
+            {
+                part: None if value is None or f"{name} {part}" in self.vanishing else value * force
+                for part, value in self._plane(name)._asdict().items()
+            }
+            for name in _LETTERS
+        )
+        stiffness, damping = spring["mean"], damper["mean"]
         couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
         if self.angular_stiffness is not None:
             stiffness = stiffness + self.angular_stiffness * couple
@@ -82,36 +130,84 @@ class Support(AbstractLinear):
             stiffness=stiffness,
             damping=damping,
             circulatory=damping if self.rotating else None,
-            skew_stiffness=part(self.cross_stiffness),
-            skew_damping=cross_damping,
-            skew_circulatory=cross_damping if self.rotating else None,
+            skew_stiffness=spring["cross"],
+            skew_damping=damper["cross"],
+            skew_circulatory=damper["cross"] if self.rotating else None,
             **{
-                f"{frame}_stiffness": part(_deviator(self.stiffness, self.anisotropy, self.angle)),
-                f"{frame}_damping": part(_deviator(self.damping, self.damping_anisotropy, axis)),
+                f"{frame}_stiffness": spring["deviator"],
+                f"{frame}_damping": damper["deviator"],
             },
         )
 
+    def _spread(self, matrix: Any, name: str, letter: str) -> None:
+        """Keep a matrix as its coefficients."""
+        if any(getattr(self, letter + axes) is not None for axes in _AXES):
+            raise ValueError(
+                f"`{name}` is a matrix of {letter}xx, {letter}xy, {letter}yx and {letter}yy, which are "
+                "given too; leave out one of them."
+            )
+        own = np if all(map(known, jax.tree.leaves(matrix))) else jnp
+        try:
+            matrix = own.asarray(matrix, float)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"`{name}` must be a number or a 2 by 2 matrix of numbers, but is {matrix!r}."
+            ) from None
+        if matrix.shape != (2, 2):
+            raise ValueError(
+                f"`{name}` must be a 2 by 2 matrix, [[{letter}xx, {letter}xy], [{letter}yx, "
+                f"{letter}yy]], but has shape {matrix.shape}."
+            )
+        for axes, value in zip(_AXES, matrix.ravel(), strict=True):
+            setattr(self, letter + axes, value)
+        setattr(self, name, None)
 
-def _deviator(mean, share, angle):
-    return None if mean is None or share is None else mean * share * jnp.exp(2j * angle)
+    def _vanishing(self) -> Iterator[str]:
+        """Parts of `_plane` that are known to be zero, "stiffness cross" and the like."""
+        for name, letter in _LETTERS.items():
+            own = [getattr(self, letter + axes) for axes in _AXES]
+            if any(value is not None for value in own):
+                xx, xy, yx, yy = map(_number, own)
+                cross, deviator = xy - yx == 0, xx - yy == 0 and xy + yx == 0
+            else:
+                share = self.anisotropy if name == "stiffness" else self.damping_anisotropy
+                cross = _number(getattr(self, f"cross_{name}")) == 0
+                deviator = _number(share) == 0
+            yield from [f"{name} cross"] * cross
+            yield from [f"{name} deviator"] * deviator
+
+    def _plane(self, name: str) -> "_Plane":
+        """Parts of stiffness or damping, however they were given."""
+        letter = _LETTERS[name]
+        own = [getattr(self, letter + axes) for axes in _AXES]
+        if any(value is not None for value in own):
+            return _of_coefficients(*(0.0 if value is None else value for value in own))
+        if name == "stiffness":
+            share, angle = self.anisotropy, self.angle
+        else:
+            share = self.damping_anisotropy
+            angle = self.angle if self.damping_angle is None else self.damping_angle
+        mean, deviator = getattr(self, name), None
+        if mean is not None and share is not None:
+            deviator = mean * share * jnp.exp(2j * (0.0 if angle is None else angle))
+        return _Plane(mean, getattr(self, f"cross_{name}"), deviator)
 
 
-def _parts(matrix, name: str) -> tuple:
-    """Mean, anisotropy, angle and cross term of a matrix; what is known to be zero is None."""
-    values_known = all(map(known, jax.tree.leaves(matrix)))
-    own = np if values_known else jnp
-    matrix = own.asarray(matrix, float)
-    if matrix.shape != (2, 2):
-        raise ValueError(f"`{name}` must be a 2 by 2 matrix, but has shape {matrix.shape}.")
-    (xx, xy), (yx, yy) = matrix
-    mean, along, across, cross = (xx + yy) / 2, (xx - yy) / 2, (xy + yx) / 2, (yx - xy) / 2
-    equal = (along == 0) & (across == 0)  # where a root and an angle have no derivative
-    apart = own.where(equal, 1.0, along)
-    size = own.where(equal, along, own.sqrt(apart**2 + across**2))
-    held = lambda x: (mean > 0) | (x == 0)
-    rule = "must be zero unless the mean of xx and yy is positive"
-    size = check(size, f"anisotropic part of {name}", held, rule)
-    share, angle = size / own.where(mean > 0, mean, 1.0), own.arctan2(across, apart) / 2
-    if not values_known:
-        return mean, share, angle, cross
-    return mean, (None if equal else share), angle, cross or None
+class _Plane(NamedTuple):
+    """`F = -(mean + i cross) z - deviator z*`; None is absent."""
+
+    mean: Any
+    cross: Any
+    deviator: Any
+
+
+def _number(value: Any) -> float:
+    """A value as a number, None as zero; not a number where it is traced or none at all."""
+    try:
+        return 0.0 if value is None else float(value) if known(value) else np.nan
+    except (TypeError, ValueError):  # the field's own check refuses it
+        return np.nan
+
+
+def _of_coefficients(xx: Any, xy: Any, yx: Any, yy: Any) -> _Plane:
+    return _Plane((xx + yy) / 2, (yx - xy) / 2, (xx - yy) / 2 + 0.5j * (xy + yx))

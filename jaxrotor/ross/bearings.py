@@ -72,7 +72,7 @@ def supports(
                 )
         if stiffness.any() or damping.any():
             matrices = (stiffness, damping if damping.any() else None)
-            yield _made(element, Support.from_matrices, station(element, places), *matrices)
+            yield _made(element, Support, station(element, places), *matrices)
 
 
 def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndarray, np.ndarray]:

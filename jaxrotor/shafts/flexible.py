@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..blocks import Blocks
 from ..materials import Material, steel
-from ..quantities import Scalar, known, nonnegative, positive, real
+from ..quantities import Scalar, as_tuple, known, nonnegative, positive, real
 from .collocation import Held, SpectralLine
 from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
@@ -45,9 +45,9 @@ class FlexibleShaft(AbstractShaft):
     rule: Literal["spectral", "trapezoid"] = eqx.field(default="spectral", static=True)
     rotary_inertia: bool = eqx.field(default=True, static=True)
     inner_diameter: Scalar = nonnegative("inner_diameter [m]", default=None)
-    steps: tuple[Step, ...] = ()
+    steps: tuple[Step, ...] = eqx.field(default=(), converter=as_tuple)
     constraints: tuple[Constraint, ...] = eqx.field(
-        default_factory=lambda: (Constraint(0.0, "clamp"),)
+        default_factory=lambda: (Constraint(0.0, "clamp"),), converter=as_tuple
     )
     shear: bool = eqx.field(default=False, static=True)
     anisotropy: Scalar = real("anisotropy [1]", default=None)
@@ -66,9 +66,7 @@ class FlexibleShaft(AbstractShaft):
         for name, kind in (("steps", Step), ("constraints", Constraint)):
             members = getattr(self, name)
             if not isinstance(members, tuple) or not all(isinstance(m, kind) for m in members):
-                raise ValueError(
-                    f"`{name}` must be a tuple of {kind.__name__}, but is {members!r}."
-                )
+                raise ValueError(f"`{name}` must be a list of {kind.__name__}, but is {members!r}.")
         if not self.rotary_inertia and (self.shear or self.rule == "trapezoid"):
             raise ValueError(
                 "With shear, and in the trapezoidal rule, slopes are coordinates, which without "

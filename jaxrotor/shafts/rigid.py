@@ -2,11 +2,12 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks
-from ..quantities import Scalar, positive
+from ..quantities import Scalar, as_tuple, positive
 from .constraint import Constraint
 from .influence import Influence
 from .line import AbstractLine, AbstractShaft, PerLength, off_shaft
@@ -78,12 +79,12 @@ class RigidShaft(AbstractShaft):
     has_mass: ClassVar[bool] = False
 
     length: Scalar = positive("length [m]")
-    constraints: tuple[Constraint, ...] = ()
+    constraints: tuple[Constraint, ...] = eqx.field(default=(), converter=as_tuple)
 
     def __check_init__(self):
         held = self.constraints
         if not isinstance(held, tuple) or not all(isinstance(one, Constraint) for one in held):
-            raise ValueError(f"`constraints` must be a tuple of Constraint, but is {held!r}.")
+            raise ValueError(f"`constraints` must be a list of Constraint, but is {held!r}.")
         pins, guides = (sum(getattr(c, n) for c in held) for n in ("displacement", "slope"))
         if pins + guides > 2 or guides > 1:
             raise ValueError(
