@@ -277,7 +277,7 @@ FORCE = jr.HarmonicForce(0.7, 3.0, 0.2)
 FUNCTIONS: dict[str, tuple[Callable, Callable, str]] = {
     "roots": (jr.roots, flexible, MASS),
     "modes": (lambda s: shapes(jr.modes(s, 2, 3)), flexible, MASS),
-    "critical_speeds": (lambda s: tuple(jr.critical_speeds(s, 2)), flexible, MASS),
+    "critical_speeds": (lambda s: jr.critical_speeds(s, 2).forward, flexible, MASS),
     "axis_speeds": (lambda s: tuple(jr.axis_speeds(s)), lying, MASS),
     "growth_rate": (jr.growth_rate, flexible, MASS),
     "onset_speed": (lambda s: jr.onset_speed(s, (10.0, 600.0), 8).speed, damped, MASS),

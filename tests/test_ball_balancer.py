@@ -166,6 +166,7 @@ def test_final_position():
     assert abs(s_of(result)[-1]) == pytest.approx(1.2008e-11, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.8 no imbalance to balance")
 def test_zero_imbalance_is_balanced_too(record_property):
     result = run(balancer(imbalance=0.0), [299, 300])
@@ -176,6 +177,7 @@ def test_zero_imbalance_is_balanced_too(record_property):
     assert abs(s_of(result)[-1]) < 1e-7
 
 
+@pytest.mark.slow
 def test_fails_below_the_critical_speed():
     result = run(balancer(om=0.9), [10, 50, 100, 200])
     assert np.abs(s_of(result)) == pytest.approx([2.510005, 4.668583, 5.552501, 4.737814], abs=2e-6)
@@ -205,6 +207,7 @@ def test_lag_whirl_although_a11_is_negative():
     assert np.sqrt(np.mean(np.abs(delta_of(result)) ** 2)) == pytest.approx(35.587, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_light_set_balances_too():
     """Set L at om 2: five final angles."""
     controller = dfx.PIDController(rtol=1e-11, atol=1e-14)
@@ -448,6 +451,7 @@ def test_places_without_balls_do_nothing():
     assert np.allclose(one.balls[1].angle, other.balls[1].angle[:, :3], rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.11 balls that touch")
 def test_balls_that_touch_keep_apart_and_keep_momentum():
     pitch = 2 * np.arcsin(0.008 / RACE)

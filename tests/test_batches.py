@@ -22,7 +22,7 @@ ANALYSES = {
     "roots": jr.roots,
     "modes": lambda scene: jr.modes(scene).damping_ratio,
     "growth_rate": jr.growth_rate,
-    "critical_speeds": lambda scene: jnp.concatenate(jr.critical_speeds(scene)),
+    "critical_speeds": lambda scene: jr.critical_speeds(scene).speeds,
     "onset_speed": lambda scene: jr.onset_speed(scene, (10.0, 600.0), 12),
     "unbalance_response": lambda scene: jr.unbalance_response(scene, SPEEDS).major,
     "forced_response": lambda scene: jr.forced_response(scene, SPEEDS, FORCE).minor,

@@ -129,6 +129,7 @@ def test_no_scheduler(address, monkeypatch):
         swept(cluster=address)
 
 
+@pytest.mark.slow
 def test_an_address_in_a_notebook(dask):
     """Where an event loop runs already."""
 

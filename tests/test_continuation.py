@@ -221,6 +221,7 @@ def test_multipliers_of_impacts_are_those_of_direct_integration(oscillator):
 # === Neimark-Sacker
 
 
+@pytest.mark.slow
 def test_synchronous_whirl_loses_its_stability_at_the_onset_speed():
     """Of a linear rotor in closed form: a pair of multipliers leaves by `omega / Omega` turns."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, damping=0.05)

@@ -75,6 +75,7 @@ def test_internal_damping_moves_the_optimum_by_what_the_sheet_says(goal):
 # === what fails, as table 4.2 says: kinks chatter, flats stay, resonances trap
 
 
+@pytest.mark.slow
 def test_the_unsigned_gap_chatters():
     """G2: the right minimiser, but a fixed step never settles there."""
     unsigned = lambda s: jnp.abs(objectives.critical_gap(s)) / RATE

@@ -67,6 +67,7 @@ def onset_by_hand(disc, bearing):
     return whirl - series(whirl, disc, bearing).imag / 160.0
 
 
+@pytest.mark.slow
 def test_cheapest_dampers_against_scipy():
     constraint = {"type": "ineq", "fun": lambda x: (onset_by_hand(*x) - 300.0) / 100}
     price = lambda x: (10 * x[0] + 2 * x[1]) / 1000

@@ -85,6 +85,7 @@ def test_the_index_and_the_keys(explorer, swept):
     assert not any("click" in text.get_text() for text in explorer.orbit.texts)
 
 
+@pytest.mark.slow
 def test_of_more_parameters_one_is_chosen(swept):
     chosen = plot.explore(swept.isel({"start.radius": 0}))
     chosen.show(2)

@@ -273,6 +273,7 @@ def test_growth_rate_at_rest():
 PATHS = ("shaft.anisotropy", "supports.anisotropy", "supports.stiffness", "spin.speed")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("support", [None, 0.16])
 def test_gradient(support):
     """Massless supports have zero multipliers, defective without damping, which must not spoil it."""

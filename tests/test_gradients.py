@@ -134,7 +134,7 @@ def final(scene, start, revolutions, steps, **options):
     return function, values
 
 
-@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("rule", ["spectral", pytest.param("trapezoid", marks=pytest.mark.slow)])
 def test_free_trajectory_by_every_parameter(rule):
     acting = {"gravity": True, "contact": False, "out_of_true": ASKEW}
     scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **RULES[rule])

@@ -152,6 +152,7 @@ def test_stop_that_is_not_touched_does_nothing(halved):
     assert not np.any(found.contact_force)
 
 
+@pytest.mark.slow
 def test_mirrored_rotor_moves_in_the_mirror(halved):
     """Spin the other way round: forward stays forward, and every coefficient is conjugate."""
     _, response, orbit = halved
@@ -243,6 +244,7 @@ def test_refusals(halved):
         jr.harmonic_balance(unequal)
 
 
+@pytest.mark.slow
 def test_what_is_not_found_is_said(halved):
     scene, _, orbit = halved
     how = {"harmonics": 128, "revolutions": 2, "max_iterations": 2}

@@ -41,12 +41,12 @@ def roots(scene, count):
 def functions(name):
     scene = jr.load(name)
     count = jr.roots(scene).size
-    critical = np.concatenate(jr.critical_speeds(scene)).size
+    critical = jr.critical_speeds(scene).speeds.size
     low, high = SCENES[name]
     return scene, {
         "roots": lambda scene: roots(scene, count),
         "onset": lambda scene: jnp.stack(jr.onset_speed(scene, (low, high), 20)),
-        "critical": lambda scene: jnp.sort(jnp.concatenate(jr.critical_speeds(scene)))[:critical],
+        "critical": lambda scene: jr.critical_speeds(scene).speeds[:critical],
     }
 
 
@@ -98,7 +98,12 @@ DIFFERENTIABLE = {
 }
 
 
-@pytest.mark.parametrize("name", STATED)
+SLOW = {"onset_speed"}  # a derivative of a scan takes ten seconds to compile
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in STATED]
+)
 def test_what_the_readme_calls_differentiable(name):
     cantilever = jr.load("gyroscopic-cantilever")
     loads = jr.Gravity(), jr.Unbalance(0.16125, 1.0, 1e-4)

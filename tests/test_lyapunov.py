@@ -50,6 +50,7 @@ def test_lorenz():
     assert exponents.sum() == pytest.approx(-(10 + 1 + 8 / 3), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_linear_rotor_parts_by_its_roots():
     """Section 3.2: first roots at N = 15, one that grows and one that decays, of two directions each."""
     scene = limiter_rotor(contact=False)

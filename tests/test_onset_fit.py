@@ -46,6 +46,7 @@ def test_fit_through_the_sheets_onset_speeds(sign, column):
 RATIOS = np.linspace(0.5, 5.0, 10)
 
 
+@pytest.mark.slow
 def test_fit_with_the_gyroscopic_sign_of_the_figures():
     found = computed(-1, RATIOS)
     np.testing.assert_allclose(found, [2.536, 1.59, -0.0249, 1.584], rtol=5e-3)  # sheet, 3.2
@@ -53,6 +54,7 @@ def test_fit_with_the_gyroscopic_sign_of_the_figures():
     assert np.all(np.abs(np.array(found) / PRINTED - 1) < [0.03, 0.03, 0.05, 0.005])
 
 
+@pytest.mark.slow
 def test_fit_with_the_right_gyroscopic_sign():
     a, b, slope, start = computed(1, RATIOS)
     assert start == pytest.approx(1.617, abs=1e-3)  # sheet, erratum E4

@@ -87,6 +87,7 @@ def test_state_never_grows_at_the_end_of_the_shaft(fields):
     assert {size for _, size, _ in fields.values()} == {4 * 8}
 
 
+@pytest.mark.slow
 def test_state_grows_by_a_span_for_a_kink_inside():
     """Eight displacements of the second span, and the slope where the spans meet."""
     kinked = Disc(0.3, MASS), ExternalDamping(8.0), Unbalance(0.3, 1.0, 1e-4)
@@ -111,6 +112,7 @@ def test_equations_grow_only_by_what_was_added(fields):
     assert count["bare"] <= 30
 
 
+@pytest.mark.slow
 def test_products(fields):
     """One product of the state with a matrix for each block that is drawn, two for the ports."""
     products = {name: names.count("dot_general") for name, (names, *_) in fields.items()}
@@ -126,6 +128,7 @@ def test_products(fields):
     }
 
 
+@pytest.mark.slow
 def test_trigonometry_only_for_unbalance(fields):
     for name, (names, *_) in fields.items():
         drawn = any(isinstance(effect, Unbalance) for effect in STAGES[name])
@@ -173,6 +176,7 @@ def test_zero_strength_equals_absence(effect):
     assert np.max(np.abs(rates(here, states) - expected)) > 1e-10 * largest  # at strength it acts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", HARMONIC, ids=lambda effect: effect.kind)
 def test_zero_strength_equals_absence_among_harmonic_motions(effect):
     base, here = bare(*EFFECTS, N=4.0), bare(*EFFECTS, effect, N=4.0)
@@ -255,7 +259,12 @@ USES = {
 }
 
 
-@pytest.mark.parametrize("use", USES)
+SLOW = {"onset"}
+
+
+@pytest.mark.parametrize(
+    "use", [pytest.param(use, marks=[pytest.mark.slow] * (use in SLOW)) for use in USES]
+)
 def test_changing_values_never_retraces(use):
     scene = limiter_rotor(eps=1e-4, gravity=True)
     once, again = other_values(scene), other_values(other_values(scene))

@@ -173,6 +173,7 @@ def test_derivatives_against_differences(rub):
         np.testing.assert_allclose(slopes[:, k], expected, rtol=1e-5, err_msg=NAMES[k])
 
 
+@pytest.mark.slow
 def test_derivative_that_breaks_the_symmetry_is_not_a_number(rub):
     scene, orbit = rub
     turned = lambda k: kept(

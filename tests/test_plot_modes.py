@@ -21,7 +21,14 @@ pytestmark = pytest.mark.usefixtures("rendered")
 def motions(values, shapes, counter=None, stations=(0.0, 0.5, 1.0), frame="fixed", speed=30.0):
     to = lambda a: None if a is None else jnp.asarray(a, complex)
     at, speed = jnp.asarray(stations), jnp.asarray(speed)
-    return jr.Modes(to(values), to(shapes), to(counter), at, speed, frame)
+    sizes = [
+        np.sum(np.abs(np.asarray(part)) ** 2, axis=1)
+        for part in (shapes, counter)
+        if part is not None
+    ]
+    sizes = np.stack([*sizes, 0 * sizes[0]][:2], axis=1)  # of equal masses at the stations
+    shares = jnp.asarray(sizes / sizes.sum(axis=1, keepdims=True))
+    return jr.Modes(to(values), to(shapes), to(counter), shares, at, speed, frame)
 
 
 def test_mode_shapes_are_normalised_and_in_phase():
@@ -111,7 +118,19 @@ def test_campbell_marks_critical_speeds():
     # 20 + 0.1 Omega = Omega and 20 - 0.1 Omega = Omega; the fast branches stay above
     np.testing.assert_allclose(rings(upper)[colours.FORWARD], [[20 / 0.9]] * 2)
     np.testing.assert_allclose(rings(upper)[colours.BACKWARD], [[20 / 1.1]] * 2)
-    assert "critical speed" in lines(upper)
+    assert "critical speed, damped" in lines(upper)
+
+
+def test_campbell_tells_damped_from_undamped_critical_speeds():
+    """A ring has its damping ratio beside it; none is drawn where damping leaves no peak."""
+    damped = branches(GYROSCOPIC, [-2.0, -20.0, -1.0, -1.0])
+    upper, _ = plot.campbell(damped, critical=undamped([20 / 0.9, 150.0]))
+    ratios = [note.get_text() for note in upper.texts]
+    at = 20 / 0.9  # [rad/s], decay 2 /s
+    assert ratios == [f"{2.0 / np.hypot(2.0, at):.2g}"]
+    marks = lines(upper)
+    np.testing.assert_allclose(marks["critical speed, undamped"].get_xdata(), [at])
+    assert "1 damped by over 0.2" in marks
 
 
 def test_campbell_of_more_orders():
@@ -124,7 +143,7 @@ def test_campbell_of_more_orders():
     expected = [[20 / 2.4], [20 / 2.9], [20 / 2.6, 90 / 3.5], [20 / 3.1, 90 / 4]]
     for found, x in zip(crossings, expected, strict=True):
         np.testing.assert_allclose(np.sort(found), x)
-    assert "critical speed" not in lines(upper) and "crossing" in lines(upper)
+    assert "critical speed, damped" not in lines(upper) and "crossing" in lines(upper)
 
 
 def test_campbell_mirrored():
@@ -325,20 +344,27 @@ def resonance(damping=0.05, speeds=None):
     return jr.unbalance_response(scene, speeds, at=[0.2, 0.4])
 
 
+def undamped(speeds):
+    """Forward critical speeds of circular whirl."""
+    speeds = jnp.asarray(speeds)
+    senses = jnp.ones((speeds.size, 2))
+    return jr.CriticalSpeeds(speeds, jnp.ones(speeds.size), jnp.array([0.0, 0.4]), senses, None)
+
+
 def circles(speeds, stations, forward):
     speeds = jnp.asarray(speeds)
     return jr.HarmonicResponse(speeds, speeds, stations, forward, 0 * forward, None)
 
 
 def test_response_draws_amplitude_and_phase():
-    upper, lower = plot.response(resonance(), station=1, critical=[100.0, 400.0])
+    upper, lower = plot.response(resonance(), station=1, critical=undamped([100.0, 400.0]))
     speed, amplitude = upper.lines[0].get_data()
     assert amplitude[speed == 100.0] == pytest.approx([2 * 1.0 / 0.1])  # mm: 2 e / (2 D)
     phase = lower.lines[0].get_ydata()
     assert np.isnan(phase[0])  # nothing moves at rest
     assert phase[speed == 100.0] == pytest.approx([-90.0])
     assert (np.diff(phase[1:]) < 0).all() and phase[-1] < -170
-    marks = lines(upper)["critical speed"]
+    marks = lines(upper)["critical, forward"]
     np.testing.assert_allclose(marks.get_xdata(), 100.0)  # 400 rad/s is outside
     assert sum(line.get_linestyle() == "--" for line in upper.lines) == 1
     assert upper.get_ylabel() == "amplitude [mm]" and lower.get_ylabel() == "phase [deg]"

@@ -241,6 +241,7 @@ def test_orders_of_integrators():
     assert abs(slope(euler) - 1) < 0.05 and abs(slope(fourth) - 4) < 0.1
 
 
+@pytest.mark.slow
 def test_rk4_with_the_steps_of_the_course(worked):
     steps = dfx.StepTo(ts=TIMES[:-1])
     run = jr.run_up(rotor(), TIMES[:-1], solver=RK4(), controller=steps)
@@ -251,6 +252,7 @@ def test_rk4_with_the_steps_of_the_course(worked):
 # === 3.5, 3.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("drive", "speed"),
     [

@@ -68,6 +68,7 @@ def test_roots_are_those_of_ross(name, speed):
     assert (error(fine) < error(medium)).all() and (error(medium) < error(coarse) / 50).all()
 
 
+@pytest.mark.slow
 def test_what_ross_says_of_its_example():
     """Natural frequencies as the documentation of ROSS prints them, [91.79655318 96.28899977]."""
     found = oscillating(jr.from_ross(HERE / "example.toml", 0.0)[0], 2)

@@ -227,6 +227,7 @@ def test_a_weak_drive_is_captured_at_the_critical_speed():
     assert float(jr.run_up(alone, times).speed[-1]) > 1.5 * CRITICAL
 
 
+@pytest.mark.slow
 def test_friction_of_a_stop_brakes_the_drive():
     """Energy: what the drive gives is stored, or lost in dampers, stop and friction."""
     drive = jr.Drive(150.0, 3.0, 0.01, polar=0.02, feedback=True)

@@ -150,6 +150,7 @@ def test_every_setting_tells_a_sweep_from_another(tmp_path):
             ask(**{"settle": 0, "keep": 1, name: other})
 
 
+@pytest.mark.slow
 def test_carried_states_are_another_sweep(tmp_path):
     """Both ways, and the same paths in another order."""
     carried = {"carry": "unbalance.eccentricity"}

@@ -203,6 +203,7 @@ def test_precession_of_a_circle(rate):
         assert found[name][0] == pytest.approx(rate, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_precession_of_unbalance_response_is_one():
     linear = ROTOR.without("limiters").replace({"spin.speed": 0.6 * SPEED})
     ds = jr.sweep(linear, {"unbalance.eccentricity": [1e-4]}, settle=2000, keep=3, progress=False)

@@ -19,6 +19,9 @@ from .modal import natural_roots, sense_of_whirl, slowest_first
 
 CHOICE = 0.2  # how far off a root may be, relative to the next best, to be told for sure
 NARROWEST = 2.0**-12  # of an interval, down to which lines that pass each other are looked at
+OVERDAMPED = (
+    0.2  # damping ratio above which a speed is not critical: no peak, amplified less than 2.5
+)
 MIDPOINTS = 128  # speeds looked at between two given ones, at most
 
 
@@ -47,6 +50,36 @@ class Campbell(eqx.Module):
     def growth(self) -> Float[Array, "w m"]:
         """Growth rate [1/s], negative stable."""
         return self.values.real
+
+    def crossings(self, order: float | int = 1) -> "Crossings":
+        """Where the frequency of a branch is `order` times the speed, by linear interpolation.
+
+        Of `order` 1 and little damping these are the critical speeds; `critical_speeds` has those of
+        the rotor without damping, which damping moves and, past `OVERDAMPED`, hides.
+        """
+        speeds, values = np.asarray(self.speeds), np.asarray(self.values)
+        above = np.abs(values.imag) - order * np.abs(speeds)[:, None]
+        k, branch = np.nonzero((above[:-1] < 0) != (above[1:] < 0))
+        if self.circular:  # a branch that turns round has no frequency on the way
+            ways = np.asarray(self.forward)
+            whole = ways[k, branch] == ways[k + 1, branch]
+            k, branch = k[whole], branch[whole]
+        part = above[k, branch] / (above[k, branch] - above[k + 1, branch])
+        at = speeds[k] + part * (speeds[k + 1] - speeds[k])
+        roots = values[k, branch] + part * (values[k + 1, branch] - values[k, branch])
+        ways = np.asarray(self.forward)[k, branch] if self.circular else np.zeros(k.size)
+        whirls = ~is_rounding(roots.imag, roots)
+        at, roots, ways = (one[whirls][np.argsort(at[whirls])] for one in (at, roots, ways))
+        return Crossings(at, np.abs(roots.imag), -roots.real / np.abs(roots), ways)
+
+
+class Crossings(NamedTuple):
+    """Where branches cross a line of so many oscillations a revolution, in the order of speeds."""
+
+    speeds: Float[np.ndarray, " c"]  # [rad/s]
+    frequencies: Float[np.ndarray, " c"]  # [rad/s]
+    damping_ratio: Float[np.ndarray, " c"]
+    forward: Float[np.ndarray, " c"]  # +1 with the spin, -1 against it, 0 of unequal axes
 
 
 def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:

@@ -1,24 +1,72 @@
 """Critical speeds: where the spin meets a whirl of the undamped rotor."""
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
 
 from ..pencil import Pencil, check_moves, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import System, assemble
+from ..shafts.virtual import VirtualLine
+from ..system import System, assemble, linear
+from .modal import STRAIGHT, kind_of_whirl
 
 
-class CriticalSpeeds(NamedTuple):
-    """Speeds of rotation [rad/s] that equal the frequency of a forward or a backward whirl."""
+class CriticalSpeeds(eqx.Module):
+    """Speeds of rotation that equal the frequency of a whirl, `c` of them, and how each whirls.
 
-    forward: Float[Array, " f"]
-    backward: Float[Array, " b"]
+    The orbit of a whirl is `f exp(i Omega t) + b exp(-i Omega t)` at every station, a circle where the
+    rotor is the same along every axis, else an ellipse. `forward_share` is the part `f' M f / (f' M f +
+    b' M b)` of its kinetic energy. A whirl is called mixed where neither part has 60 % of it: there
+    orbits are nearly straight lines.
+    """
+
+    speeds: Float[Array, " c"]  # [rad/s], ascending; infinite for none, where traced
+    forward_share: Float[Array, " c"]  # from 0 to 1
+    stations: Float[Array, " x"]  # [m]
+    senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle
+    count: int | None = eqx.field(static=True)  # how many of each kind were asked for
+
+    @property
+    def forward(self) -> Float[Array, " f"]:
+        """Those that whirl with the spin [rad/s], ascending."""
+        return self._only(self._sense >= STRAIGHT)
+
+    @property
+    def backward(self) -> Float[Array, " b"]:
+        """Those that whirl against the spin [rad/s], ascending."""
+        return self._only(self._sense <= -STRAIGHT)
+
+    @property
+    def mixed(self) -> Float[Array, " m"]:
+        """Those that do neither [rad/s], ascending."""
+        return self._only(jnp.abs(self._sense) < STRAIGHT)
+
+    @property
+    def kinds(self) -> list[str]:
+        """Of every speed: "forward", "backward" or "mixed"."""
+        return [kind_of_whirl(sense) for sense in self._sense.tolist()]
+
+    def where(self, chosen: Bool[np.ndarray, " c"]) -> "CriticalSpeeds":
+        """Some of them, of known speeds."""
+        own = lambda whirls: (whirls.speeds, whirls.forward_share, whirls.senses)
+        return eqx.tree_at(own, self, tuple(part[chosen] for part in own(self)))
+
+    @property
+    def _sense(self) -> Float[Array, " c"]:
+        return 2 * self.forward_share - 1
+
+    def _only(self, chosen: Bool[Array, " c"]) -> Float[Array, " k"]:
+        speeds = jnp.where(chosen, self.speeds, jnp.inf)
+        if known(speeds):
+            return speeds[np.isfinite(speeds)][: self.count]
+        return jnp.sort(speeds)[: self.count]
 
 
 class AxisSpeeds(NamedTuple):
@@ -28,45 +76,58 @@ class AxisSpeeds(NamedTuple):
     across: Float[Array, " b"]
 
 
-def critical_speeds(scene: Scene, count: int | None = None) -> CriticalSpeeds:
+def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -> CriticalSpeeds:
     """Undamped synchronous whirl: `det( K - Omega^2 (M - G) ) = 0` forward, `M + G` backward.
 
     Of axes that are equal or, on unequal supports, with the pair `(q, q*)`; there whirl is elliptic
-    and counts by the larger of its parts. An unequal shaft has no backward ones: it is critical where
-    it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` of the pair in these. Solved for
-    `Omega^2` at once, not by scanning.
+    and called by the kinetic energy of its parts. An unequal shaft has no backward ones: it is critical
+    where it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` of the pair in these. Solved
+    for `Omega^2` at once, not by scanning.
 
     Args:
         scene: the rotor; its own speed does not matter, nor do damping, hysteresis and cross-coupled
             stiffness (of supports that push across), which are left out.
-        count: how many of each to return, by default all.
+        count: how many of each kind to return, by default all.
+        points: how many stations along the shaft to tell the sense of the whirl at.
 
     Returns:
-        Speeds [rad/s], ascending; those that do not exist are left out (infinite where traced).
-        Differentiable; equal ones by the mean of theirs.
+        Speeds [rad/s], ascending, and how they whirl; those that do not exist are left out (infinite
+        where traced). Differentiable; equal ones by the mean of theirs. Shares and senses are held.
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
-    speeds, forward = _synchronous(scene)
-    found = []
-    for chosen in (forward > 0, forward < 0):
-        one = jnp.sort(jnp.where(chosen, speeds, jnp.inf))
-        found.append((one[jnp.isfinite(one)] if known(one) else one)[:count])
-    return CriticalSpeeds(*found)
+    found = _synchronous(scene, count, points)
+    if not known(found.speeds):
+        return found
+    there = np.isfinite(found.speeds)
+    kept, kinds = np.zeros(there.shape, bool), np.array(found.kinds, object)
+    for kind in ("forward", "backward", "mixed"):
+        kept[np.flatnonzero(there & (kinds == kind))[:count]] = True
+    return found.where(kept)
 
 
 @eqx.filter_jit
-def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
-    """Critical speeds (infinite for none) and how far they whirl forward, in no order."""
+def _synchronous(scene: Scene, count: int | None, points: int) -> CriticalSpeeds:
+    """Critical speeds, ascending, infinite for none."""
     system = assemble(scene)
     check_moves(system)
+    stations = scene.shaft.seen(points)
+    speeds, share, senses = _whirls(scene, system, stations)
+    order = jnp.argsort(speeds)
+    share, senses = jax.lax.stop_gradient((share, senses))
+    return CriticalSpeeds(speeds[order], share[order], stations, senses[order], count)
+
+
+def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array, Array]:
+    """Critical speeds, forward shares and senses, in no order."""
     blocks, zero, part = system.blocks, _zero(system), _filled(system)
     stiffness, inertia = part(blocks.stiffness), part(blocks.inertia)
     ahead, behind = (inertia + sense * part(blocks.gyroscopic) for sense in (-1, 1))
     if isotropic(blocks):
-        one, other = _synchronous_of(stiffness, ahead), _synchronous_of(stiffness, behind)
-        sense = jnp.ones_like(one)
-        return jnp.concatenate([one, other]), jnp.concatenate([sense, -sense])
+        one, other = (_synchronous_of(stiffness, sense)[0] for sense in (ahead, behind))
+        share = jnp.repeat(jnp.array([1.0, 0.0]), one.size)
+        senses = (2 * share - 1)[:, None] * jnp.ones(stations.size)
+        return jnp.concatenate([one, other]), share, senses
     axes = frame(blocks)
     if axes == "periodic":
         raise ValueError(
@@ -78,14 +139,21 @@ def _synchronous(scene: Scene) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
         behind = ahead
     stiffness = jnp.block([[stiffness, unequal], [unequal.conj(), stiffness.conj()]])
     inertia = jnp.block([[ahead, zero], [zero, behind]])
-    speeds = _synchronous_of(stiffness, inertia)
+    speeds, vectors = _synchronous_of(stiffness, inertia, vectors=axes == "fixed")
     if axes == "rotating":
-        return speeds, jnp.ones_like(speeds)
-    # Both parts of the orbit where `(K - Omega^2 M) q = 0`.
-    last = lambda omega: jnp.linalg.svd(stiffness - omega**2 * inertia)[2][-1]
-    vectors = jax.lax.map(last, jax.lax.stop_gradient(jnp.where(jnp.isfinite(speeds), speeds, 1.0)))
-    with_, against = (jnp.sum(jnp.abs(v) ** 2, axis=1) for v in jnp.split(vectors, 2, axis=1))
-    return speeds, jax.lax.stop_gradient(with_ - against)
+        return speeds, jnp.ones(speeds.size), jnp.ones((speeds.size, stations.size))
+    parts = jnp.split(vectors, 2, axis=1)
+    energy = linear(scene, VirtualLine.galerkin(system.line)).inertia
+    share = _first_of(*(jnp.einsum("ci,ij,cj->c", v.conj(), energy, v).real for v in parts))
+    rows = jax.vmap(system.line.row)(stations)
+    senses = 2 * _first_of(*(jnp.abs(v @ rows.T) ** 2 for v in parts)) - 1
+    return speeds, share, senses
+
+
+def _first_of(one: Array, other: Array) -> Array:
+    """Share of the first in the sum of two, a half of nothing."""
+    total = one + other
+    return jnp.where(total > 0, one / jnp.where(total > 0, total, 1.0), 0.5)
 
 
 def axis_speeds(scene: Scene) -> AxisSpeeds:
@@ -127,7 +195,7 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
     inertia = part(blocks.inertia) - part(blocks.gyroscopic)
     unequal = part(blocks.rotating_stiffness)
     real = jnp.all(is_rounding(unequal.imag, jnp.max(jnp.abs(unequal))))
-    speeds = (_synchronous_of(part(blocks.stiffness) + s * unequal, inertia) for s in (1, -1))
+    speeds = (_synchronous_of(part(blocks.stiffness) + s * unequal, inertia)[0] for s in (1, -1))
     along, across = (jnp.where(real, jnp.sort(one), jnp.nan) for one in speeds)
     return along, across
 
@@ -142,15 +210,18 @@ def _filled(system: System) -> Callable[[Array | None], Array]:
     return lambda block: zero if block is None else block + 0j
 
 
-def _synchronous_of(stiffness: Array, inertia: Array) -> Float[Array, " c"]:
-    """Every real `Omega > 0` with `det(K - Omega^2 M) = 0`, else infinite.
+def _synchronous_of(
+    stiffness: Array, inertia: Array, vectors: bool = False
+) -> tuple[Float[Array, " c"], Complex[Array, "c m"] | None]:
+    """Every real `Omega > 0` with `(K - Omega^2 M) q = 0`, else infinite; and `q`, if asked for.
 
     `Omega = 0` of a free shaft is none; rounding leaves about 1e-15 of the scale in its square.
     """
-    squares, scale = _squares(stiffness, inertia), _scale(stiffness, inertia)
+    squares, shapes = _squares(vectors, stiffness, inertia)
+    scale = _scale(stiffness, inertia)
     real = jnp.isfinite(squares) & (squares.real > 1e-10 * scale)
     real = real & (jnp.abs(squares.imag) < 1e-6 * jnp.abs(squares))
-    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf)
+    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf), shapes
 
 
 def _scale(stiffness: Array, inertia: Array) -> Scalar:
@@ -158,18 +229,24 @@ def _scale(stiffness: Array, inertia: Array) -> Scalar:
     return Pencil(inertia, inertia, stiffness).rate ** 2
 
 
-@jax.custom_jvp
-def _squares(stiffness: Array, inertia: Array) -> Complex[Array, " c"]:
-    """Every `s` with `det(K - s M) = 0`, infinite for coordinates without inertia."""
-    shift = _scale(stiffness, inertia)
-    inverses = jnp.linalg.eigvals(jnp.linalg.solve(stiffness + shift * inertia, inertia))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _squares(vectors: bool, stiffness: Array, inertia: Array):
+    """Every `s` with `(K - s M) q = 0`, infinite for coordinates without inertia; and `q`, one a row."""
+    shift, shapes = _scale(stiffness, inertia), None
+    matrix = jnp.linalg.solve(stiffness + shift * inertia, inertia)
+    if vectors:
+        inverses, columns = jnp.linalg.eig(matrix)
+        shapes = columns.T
+    else:
+        inverses = jnp.linalg.eigvals(matrix)
     there = jnp.abs(inverses) * shift > 1e-10
-    return jnp.where(there, 1 / jnp.where(there, inverses, 1.0) - shift, jnp.inf)
+    return jnp.where(there, 1 / jnp.where(there, inverses, 1.0) - shift, jnp.inf), shapes
 
 
 @_squares.defjvp
-def _squares_jvp(primals, tangents):
-    """Like the derivatives of roots; of two that are equal the mean."""
-    values = _squares(*primals)
+def _squares_jvp(vectors, primals, tangents):
+    """Like the derivatives of roots; of two that are equal the mean. Vectors are held."""
+    values, shapes = _squares(vectors, *primals)
     linear = lambda stiffness, inertia: Pencil(jnp.zeros_like(inertia), -inertia, stiffness)
-    return values, root_changes(values, linear(*primals), linear(*tangents))
+    moved = root_changes(values, linear(*primals), linear(*tangents))
+    return (values, shapes), (moved, None if shapes is None else jnp.zeros_like(shapes))

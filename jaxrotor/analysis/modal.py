@@ -18,7 +18,12 @@ from ..pencil import (
 )
 from ..quantities import Scalar, known
 from ..scene import Scene
-from ..system import System, assemble
+from ..shafts.virtual import VirtualLine
+from ..system import System, assemble, linear
+
+
+KINDS = ("forward", "backward", "mixed")  # of whirl
+STRAIGHT = 0.2  # sense of an ellipse with half axes of 1 to 10: a flatter one is neither way
 
 
 class Modes(eqx.Module):
@@ -30,6 +35,7 @@ class Modes(eqx.Module):
     values: Complex[Array, " m"]  # lambda [rad/s]
     shapes: Complex[Array, "m x"]  # largest component 1
     counter: Complex[Array, "m x"] | None  # None where every orbit is a circle
+    shares: Float[Array, "m 2"]  # of shape and counter shape in `Int |z|^2 dm`, together 1
     stations: Float[Array, " x"]  # [m]
     speed: Scalar  # Omega [rad/s]
     frame: Frame = eqx.field(static=True)
@@ -44,7 +50,7 @@ class Modes(eqx.Module):
         by_shape, by_counter = self._frequencies
         larger = by_shape
         if self.counter is not None:
-            ahead, behind = (jnp.sum(part, axis=1) for part in self._sizes)
+            ahead, behind = self.shares.T
             larger = jnp.where(ahead >= (1 - 1e-6) * behind, by_shape, by_counter)
         return self.values.real + 1j * larger
 
@@ -59,8 +65,8 @@ class Modes(eqx.Module):
 
     @property
     def forward(self) -> Float[Array, " m"]:
-        """The same of the whole shaft: above 0 whirl with the spin, below 0 against it."""
-        return self._sense(*(jnp.sum(part, axis=1, keepdims=True) for part in self._sizes))[:, 0]
+        """The same of the whole rotor, by its inertia: on fixed axes shares of the kinetic energy."""
+        return self._sense(*jnp.split(self.shares, 2, axis=1))[:, 0]
 
     @property
     def damping_ratio(self) -> Float[Array, " m"]:
@@ -92,6 +98,11 @@ class Modes(eqx.Module):
         total = own + other
         moved = sum(way * part for way, part in zip(ways, (own, other), strict=True))
         return jnp.where(total > 0, moved / jnp.where(total > 0, total, 1.0), 0.0)
+
+
+def kind_of_whirl(sense: float) -> str:
+    """Name of a sense of `Modes.forward`: "mixed" where orbits are nearly straight lines."""
+    return "mixed" if abs(sense) < STRAIGHT else "forward" if sense > 0 else "backward"
 
 
 def sense_of_whirl(values: Complex[Array, "..."], speed: Scalar | Array) -> Float[Array, "..."]:
@@ -146,7 +157,9 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
         return found
     there = jnp.isfinite(found.values)
     own = lambda modes: [
-        part for part in (modes.values, modes.shapes, modes.counter) if part is not None
+        part
+        for part in (modes.values, modes.shapes, modes.counter, modes.shares)
+        if part is not None
     ]
     return eqx.tree_at(own, found, [part[there] for part in own(found)])
 
@@ -163,14 +176,26 @@ def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     order = slowest_first(values)[:count]
     stations = scene.shaft.seen(points)
     rows = jax.vmap(system.line.row)(stations)
-    halves = vectors[order].reshape(-1, vectors.shape[1] // system.n, system.n)
+    halves = vectors[order].reshape(-1, vectors.shape[1] // system.n, system.n)  # (m, 1 or 2, n)
+    shares = _shares(scene, system, halves)
     seen = halves @ rows.T  # (m, 1 or 2, x)
     flat = seen.reshape(seen.shape[0], -1)
     largest = jnp.take_along_axis(flat, jnp.argmax(jnp.abs(flat), axis=1, keepdims=True), axis=1)
     seen = seen / largest[:, None]
     counter = None if isotropic(system.blocks) else seen[:, 1]
     speed = jnp.asarray(system.spin.speed)
-    return Modes(values[order], seen[:, 0], counter, stations, speed, frame(system.blocks))
+    axes = frame(system.blocks)
+    return Modes(values[order], seen[:, 0], counter, shares, stations, speed, axes)
+
+
+def _shares(scene: Scene, system: System, halves: Array) -> Float[Array, "m 2"]:
+    """Of shape and counter shape in `q' M q`, tilting included; in fixed axes, in kinetic energy."""
+    if halves.shape[1] == 1:
+        return jnp.stack([jnp.ones(len(halves)), jnp.zeros(len(halves))], axis=1)
+    energy = linear(scene, VirtualLine.galerkin(system.line)).inertia
+    parts = jnp.einsum("mhi,ij,mhj->mh", halves.conj(), energy, halves).real
+    total = jnp.sum(parts, axis=1, keepdims=True)
+    return jnp.where(total > 0, parts / jnp.where(total > 0, total, 1.0), 0.5)
 
 
 def natural_roots(system: System) -> Complex[Array, " m"]:

@@ -39,7 +39,7 @@ COMMANDS = {
     ),
     "critical": (
         "campbell",
-        "Critical speeds: where the spin meets a forward or a backward whirl, undamped.",
+        "Critical speeds: where the spin meets a whirl of the rotor without damping.",
     ),
     "stability": (
         "stability",

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..analysis import Campbell, campbell as branches_of, critical_speeds
+from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
+from ..analysis.modal import KINDS
 from ..pencil import is_rounding
 from ..scene import Scene
 from . import answer
@@ -58,7 +59,7 @@ def campbell(
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
-            _draw(result, mirrored, folder)
+            _draw(result, _undamped(rotor), mirrored, folder)
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
@@ -90,34 +91,55 @@ def critical(
     scene: SceneName,
     settings: Settings = None,
     count: Annotated[
-        int, typer.Option(min=1, max=MOST, help="How many of each direction, the slowest first.")
+        int, typer.Option(min=1, max=MOST, help="How many of each kind, the slowest first.")
     ] = 4,
     as_json: AsJson = False,
 ) -> None:
-    """Critical speeds: where the spin meets a forward or a backward whirl, undamped.
+    """Critical speeds: where the spin meets a whirl of the rotor without damping.
+
+    An orbit is a forward and a backward circle together. Whirl is called by the one with most of the
+    kinetic energy, and mixed where neither has 60 %: orbits there are nearly straight lines. The last
+    column is the share of stations along the shaft that whirl forward.
 
     jaxrotor critical limiter-rotor --count 3
     """
-    speeds = described_critical(scene_with(scene, settings), count)
-    if as_json:
-        described = {
-            direction: [{"speed": s, "rpm": rpm(s), "hz": s / (2 * math.pi)} for s in values]
-            for direction, values in speeds.items()
+    found = critical_speeds(scene_with(scene, settings), count)
+    senses, stations = np.asarray(found.senses), np.asarray(found.stations)
+    speeds, shares = np.asarray(found.speeds).tolist(), np.asarray(found.forward_share).tolist()
+    described = [
+        {
+            "speed": speed,
+            "rpm": rpm(speed),
+            "hz": speed / (2 * math.pi),
+            "forward_share": share,
+            "senses": sense.tolist(),
         }
-        answer.print_json({"scene": scene, **described})
+        for speed, share, sense in zip(speeds, shares, senses, strict=True)
+    ]
+    if as_json:
+        pairs = list(zip(found.kinds, described, strict=True))
+        kinds = {kind: [one for k, one in pairs if k == kind] for kind in KINDS}
+        answer.print_json({"scene": scene, "stations": stations, **kinds})
         return
     rows = [
-        (direction, f"{speed:.9g}", f"{rpm(speed):.7g}", f"{speed / (2 * math.pi):.7g}")
-        for direction, values in speeds.items()
-        for speed in values
+        (
+            kind,
+            f"{one['speed']:.9g}",
+            f"{one['rpm']:.7g}",
+            f"{one['hz']:.7g}",
+            f"{100 * one['forward_share']:.4g} %",
+            f"{100 * np.mean(sense > 0):.3g} %",
+        )
+        for kind, one, sense in zip(found.kinds, described, senses, strict=True)
     ]
-    answer.print_table(rows, ("whirl", "critical [rad/s]", "[rpm]", "[Hz]"), numbers=[1, 2, 3])
+    heads = ("whirl", "undamped [rad/s]", "[rpm]", "[Hz]", "forward energy", "forward stations")
+    answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
 
 
 def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:
     """Critical speeds [rad/s] by the sense of their whirl."""
     found = critical_speeds(rotor, count)
-    return {sense: np.asarray(getattr(found, sense)).tolist() for sense in ("forward", "backward")}
+    return {kind: np.asarray(getattr(found, kind)).tolist() for kind in KINDS}
 
 
 def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -132,10 +154,18 @@ def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
     )
 
 
-def _draw(result: Campbell, mirrored: bool, folder: Path) -> None:
+def _undamped(rotor: Scene) -> CriticalSpeeds | None:
+    """Critical speeds, None where the rotor has none to compute."""
+    try:
+        return critical_speeds(rotor)
+    except ValueError:
+        return None
+
+
+def _draw(result: Campbell, critical: CriticalSpeeds | None, mirrored: bool, folder: Path) -> None:
     from .. import plot
 
     def both(axes: Any) -> None:
-        plot.campbell(result, axes, mirrored=mirrored)
+        plot.campbell(result, axes, mirrored=mirrored, critical=critical)
 
     draw(folder / "campbell.png", both, 170, 120, rows=2)

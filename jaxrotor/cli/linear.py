@@ -7,6 +7,7 @@ import numpy as np
 import typer
 
 from ..analysis import Onset, modes, onset_speed
+from ..analysis.modal import kind_of_whirl
 from ..pencil import frame, is_rounding
 from ..scene import Scene
 from ..system import structure
@@ -150,13 +151,12 @@ def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[d
 def _described(root: complex, sense: float) -> dict[str, Any]:
     """A root in numbers, as seen from fixed axes; its sense is that of `Modes.forward`."""
     whirl = 0.0 if is_rounding(root.imag, root) else root.imag
-    straight = abs(sense) < 1e-6
     return {
         "root": complex(root),
         "frequency": abs(whirl),
         "frequency_hz": abs(whirl) / (2 * math.pi),
         "damping_ratio": -root.real / abs(root) if root else math.nan,
-        "direction": "none" if straight else "forward" if sense > 0 else "backward",
+        "direction": kind_of_whirl(float(sense)) if whirl else "none",
         "stability": _stability(root),
     }
 

@@ -7,10 +7,19 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.optimize import brentq, minimize_scalar
 
-from ..analysis import HarmonicResponse, critical_speeds, growth_rate, unbalance_response
+from ..analysis import (
+    CriticalSpeeds,
+    HarmonicResponse,
+    critical_speeds,
+    growth_rate,
+    unbalance_response,
+)
 from ..effects import AbstractContact
+from ..pencil import isotropic
 from ..scene import Scene
+from ..system import structure
 from . import answer
 from .options import (
     AsJson,
@@ -31,7 +40,7 @@ from .output import about, draft_or_none, draw, labelled, write_dataset, written
 
 
 _FILES = ("response.zarr", "response.png")
-_ZOOMS, _SAMPLES = 5, 33  # a peak is found to 1e-6 of the distance between speeds
+_SAME = 1e-6  # of the range of speeds: two that are nearer count as one
 
 
 def response(
@@ -60,22 +69,25 @@ def response(
     station = rotor.stations(optional(at, "m", "--at"))
     speeds = speeds_between(rotor, low, high, points)
     with draft_or_none(out, _FILES, overwrite) as folder:
-        forward = np.asarray(critical_speeds(rotor).forward)
-        inside = forward[(forward >= speeds[0]) & (forward <= speeds[-1])]
-        critical = [_at(rotor, speed, station) for speed in inside.tolist()]
+        whirls = _excited(rotor, speeds)
+        critical = [
+            {"kind": kind, **_at(rotor, speed, station)}
+            for kind, speed in zip(whirls.kinds, np.asarray(whirls.speeds).tolist(), strict=True)
+        ]
         bounded = [one["speed"] for one in critical if one["amplitude"] is not None]
-        result = unbalance_response(rotor, np.union1d(speeds, bounded), station)
+        unbounded = np.array([one["speed"] for one in critical if one["amplitude"] is None])
+        result = unbalance_response(rotor, _merged(speeds, bounded, unbounded), station)
         if not np.asarray(result.major).any():
             raise ValueError(
                 "Nothing moves at that station; give the scene an unbalance that is not 0, as in "
                 "--set unbalance.eccentricity=0.1mm."
             )
-        peaks = _peaks(rotor, result, np.setdiff1d(inside, bounded))
+        peaks = _peaks(rotor, result, unbounded)
         growth = _growth(rotor, result.speeds)
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
-            _draw(result, inside, growth, folder)
+            _draw(result, whirls, growth, folder)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
@@ -86,7 +98,7 @@ def response(
         answer.print_json({"scene": scene, **found})
         return
     rows = [("peak", *_row(one)) for one in peaks]
-    rows += [("critical speed", *_row(one)) for one in critical]
+    rows += [(f"critical, {one['kind']}", *_row(one)) for one in critical]
     heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]", "growth [1/s]")
     if rows:
         answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
@@ -124,8 +136,25 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
     return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
 
 
+def _excited(rotor: Scene, speeds: np.ndarray) -> CriticalSpeeds:
+    """Critical speeds within a range whose whirl an unbalance drives: of circular ones, the forward."""
+    found = critical_speeds(rotor)
+    all_of_them, kinds = np.asarray(found.speeds), np.array(found.kinds)
+    inside = (all_of_them >= speeds[0]) & (all_of_them <= speeds[-1])
+    if isotropic(structure(rotor).blocks):
+        inside &= kinds == "forward"
+    return found.where(inside)
+
+
+def _merged(speeds: np.ndarray, added: list[float], unbounded: np.ndarray) -> np.ndarray:
+    """Speeds with more among them, less those that are the same as one of these or an unbounded one."""
+    taken = np.concatenate([added, unbounded])
+    near = np.abs(speeds[:, None] - taken) < _SAME * (speeds[-1] - speeds[0])
+    return np.union1d(speeds[~near.any(axis=1)], added)
+
+
 def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
-    """Local maxima of the amplitude, each sought between the neighbours of the highest sample."""
+    """Local maxima of the amplitude, each where its derivative is zero near a highest sample."""
     speeds, amplitude = np.asarray(result.speeds), np.asarray(result.major)[:, 0]
     rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
     found = []
@@ -133,13 +162,20 @@ def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> lis
         low, high = speeds[k - 1], speeds[k + 1]
         if np.any((low <= unbounded) & (unbounded <= high)):
             continue
-        for _ in range(_ZOOMS):
-            grid = np.linspace(low, high, _SAMPLES)
-            closer = np.asarray(unbalance_response(rotor, grid, result.stations).major[:, 0])
-            best = int(np.clip(np.argmax(closer), 1, _SAMPLES - 2))
-            low, high = grid[best - 1], grid[best + 1]
-        found.append(_at(rotor, float((low + high) / 2), result.stations))
+        found.append(_at(rotor, _summit(rotor, result.stations, low, high), result.stations))
     return found
+
+
+def _summit(rotor: Scene, station: Any, low: float, high: float) -> float:
+    """Speed of the highest amplitude between two, to rounding: the zero of its slope."""
+    amplitude = lambda speed: unbalance_response(rotor, speed, station).major[0, 0]
+    both = jax.jit(jax.value_and_grad(amplitude))
+    depth = lambda speed: -float(both(speed)[0])
+    slope = lambda speed: float(both(speed)[1])
+    near = minimize_scalar(depth, bounds=(low, high), method="bounded").x
+    apart = 1e-3 * (high - low)
+    below, above = max(low, near - apart), min(high, near + apart)
+    return brentq(slope, below, above) if slope(below) > 0 > slope(above) else float(near)
 
 
 def _variables(
@@ -161,7 +197,9 @@ def _variables(
     )
 
 
-def _draw(result: HarmonicResponse, critical: np.ndarray, growth: np.ndarray, folder: Path) -> None:
+def _draw(
+    result: HarmonicResponse, critical: CriticalSpeeds, growth: np.ndarray, folder: Path
+) -> None:
     from .. import plot
 
     def both(axes: Any) -> None:

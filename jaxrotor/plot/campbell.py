@@ -1,5 +1,6 @@
 """Campbell diagram: whirl frequency and growth rate against the speed of rotation."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,13 +9,17 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator, SymmetricalLogLocator
 
-from ..analysis import Campbell
+from ..analysis import Campbell, CriticalSpeeds
+from ..analysis.campbell import OVERDAMPED
 from ..pencil import is_rounding
 from . import colours, page
 
 
 Branches = Float[np.ndarray, "w m"]
 Mask = Bool[np.ndarray, "w m"]
+
+_COLOURS = {1: colours.FORWARD, -1: colours.BACKWARD, 0: colours.DARK}
+_SEEN = 0.01  # damping ratio from which it is written beside a ring
 
 
 def campbell(
@@ -24,13 +29,16 @@ def campbell(
     mirrored: bool = False,
     orders: Sequence[float | int] = (1,),
     highest: float | int | None = None,
+    critical: CriticalSpeeds | None = None,
 ) -> tuple[Axes, Axes]:
     """Whirl frequency `|Im lambda|` above and growth rate `Re lambda` below, against spin speed.
 
     Lines `n Omega` are drawn for `orders` n, with a ring where a branch crosses one: on the line 1
-    these are the critical speeds. Brysin, Nikiforov (2019), Figs. 3, 4 (their decay is minus our
-    growth). In the axes of the shaft (`result.frame` is "rotating") an unbalance stands still, so a
-    speed is critical where a frequency is zero; there the one line is that of the weight, `Omega`.
+    these are the critical speeds of the damped rotor. Beside a ring stands the damping ratio, from 0.01
+    on; past `OVERDAMPED` no peak is left and no ring drawn. Brysin, Nikiforov (2019), Figs. 3, 4 (their
+    decay is minus our growth). In the axes of the shaft (`result.frame` is "rotating") an unbalance
+    stands still, so a speed is critical where a frequency is zero; there the one line is that of the
+    weight, `Omega`.
 
     Args:
         result: branches of `jaxrotor.campbell`.
@@ -38,6 +46,7 @@ def campbell(
         mirrored: draw backward whirl at negative speeds.
         orders: cycles per revolution of the lines.
         highest: end of the frequency axis [rad/s], by default above the highest branch.
+        critical: of `jaxrotor.critical_speeds`, marked by crosses: those of the rotor without damping.
 
     Returns:
         The upper and the lower Axes.
@@ -58,17 +67,14 @@ def campbell(
         name = "weight" if rotating else "synchronous" if order == 1 else f"{order:g} a revolution"
         style = {"linestyle": "-" if order == 1 else ":", "linewidth": 0.8}
         upper.plot(ends, order * np.abs(ends), color=colours.GREY, label=name, **style)
-    rings = []
     for under, (name, colour, shown) in enumerate(directions):  # where they meet, forward is seen
         x = -speeds if mirrored and name == "backward whirl" else speeds
         for ax, part in ((upper, frequency), (lower, growth)):
             style: Any = {"linewidth": 1.2, "zorder": 2.5 - 0.1 * under}
             ax.plot(*_joined(x, part, shown), color=colour, label=name, **style)
-        rings += [(colour, _crossings(x, frequency, shown, order)) for order in lines]
-    for number, (colour, (x, y)) in enumerate(rings):
-        style = {"linestyle": "none", "marker": "o", "markersize": 4.0, "markerfacecolor": "white"}
-        name = None if number else "critical speed" if tuple(lines) == (1,) else "crossing"
-        upper.plot(x, y, color=colour, label=name, zorder=4 - 0.01 * number, **style)
+    _draw_crossings(upper, result, lines, mirrored)
+    if critical is not None and lines:
+        _draw_undamped(upper, critical, mirrored, float(speeds[-1]))
 
     for ax in (upper, lower):
         ax.margins(x=0)
@@ -80,7 +86,7 @@ def campbell(
     )
     lower.set_ylabel("growth rate [1/s]")
     lower.set_xlabel(f"spin speed [rad/s]{', backward whirl at negative' if mirrored else ''}")
-    page.legend(upper, columns=5)
+    page.legend(upper, columns=4)
     return upper, lower
 
 
@@ -119,15 +125,38 @@ def _joined(
     return np.tile(np.append(x, np.nan), width), y.ravel(order="F")
 
 
-def _crossings(
-    x: Float[np.ndarray, " w"], frequency: Branches, shown: Mask, order: float | int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Where branches cross the line `order |x|`, by linear interpolation."""
-    above = frequency - order * np.abs(x)[:, None]
-    k, branch = np.nonzero(((above[:-1] < 0) != (above[1:] < 0)) & shown[:-1] & shown[1:])
-    part = above[k, branch] / (above[k, branch] - above[k + 1, branch])
-    at = x[k] + part * (x[k + 1] - x[k])
-    return at, order * np.abs(at)
+def _draw_crossings(
+    ax: Axes, result: Campbell, orders: Sequence[float | int], mirrored: bool
+) -> None:
+    """A ring where a branch crosses a line, and its damping ratio; none where that hides a peak."""
+    name = "critical speed, damped" if tuple(orders) == (1,) else "crossing"
+    crossings = [result.crossings(order) for order in orders]
+    for (way, colour), found in itertools.product(_COLOURS.items(), crossings):
+        own = (found.forward == way) & (found.damping_ratio <= OVERDAMPED)
+        if not own.any():
+            continue
+        x = found.speeds[own] * (-1 if mirrored and way < 0 else 1)
+        style = {"linestyle": "none", "marker": "o", "markersize": 4.0}
+        style |= {"markerfacecolor": "white", "color": colour, "zorder": 4 + 0.01 * way}
+        ax.plot(x, found.frequencies[own], label=name, **style)
+        name = None
+        for *at, ratio in zip(x, found.frequencies[own], found.damping_ratio[own], strict=True):
+            if ratio >= _SEEN:
+                beside = {"xytext": (4, -8), "textcoords": "offset points", "fontsize": 7}
+                ax.annotate(f"{ratio:.2g}", at, color=colour, zorder=5, **beside)
+    hidden = sum(int(np.sum(found.damping_ratio > OVERDAMPED)) for found in crossings)
+    if hidden:
+        label = f"{hidden} damped by over {OVERDAMPED:g}"
+        ax.plot([], [], linestyle="none", label=label)
+
+
+def _draw_undamped(ax: Axes, critical: CriticalSpeeds, mirrored: bool, end: float) -> None:
+    """A cross on the synchronous line at every critical speed of the rotor without damping."""
+    speeds, kinds = np.asarray(critical.speeds), np.array(critical.kinds)
+    inside = speeds <= end
+    x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
+    style = {"linestyle": "none", "marker": "x", "markersize": 4.0, "color": colours.DARK}
+    ax.plot(x, speeds[inside], label="critical speed, undamped", zorder=4.5, **style)
 
 
 def _scale_growth(ax: Axes, growth: Branches) -> None:

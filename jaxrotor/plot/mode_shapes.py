@@ -5,15 +5,19 @@ from jaxtyping import Complex
 from matplotlib.axes import Axes
 
 from ..analysis import Modes
+from ..analysis.modal import kind_of_whirl
 from . import colours, labels, page
+
+
+_LINES = {"forward": "-", "backward": "--", "mixed": "-."}
 
 
 def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
     """Shapes along the shaft, largest displacement 1 and real, with the roots in the legend.
 
     A root `s + i w` [rad/s], as seen from fixed axes, is a motion exp(s t) that whirls with the spin
-    or, dashed, against it. A dotted curve is the imaginary part, 90 degrees ahead in the plane of
-    whirl, above a hundredth.
+    or, dashed, against it; mixed, dash-dotted, where its orbits are nearly straight lines. A dotted
+    curve is the imaginary part, 90 degrees ahead in the plane of whirl, above a hundredth.
 
     Args:
         modes: of `jaxrotor.modes`.
@@ -32,7 +36,7 @@ def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
             np.real(shape),
             color=colour,
             linewidth=1.2,
-            linestyle="--" if sense < 0 else "-",
+            linestyle=_LINES[kind_of_whirl(float(sense))] if value.imag else "-",
             marker=".",
             markersize=3.5,
             label=_described(complex(value), float(sense)),
@@ -54,5 +58,5 @@ def _normalised(shape: Complex[np.ndarray, " x"]) -> Complex[np.ndarray, " x"]:
 
 def _described(value: complex, sense: float) -> str:
     """`forward 77 rad/s, decay 5.04 /s`."""
-    way = "forward " if sense > 0 else "backward " if sense < 0 else ""
+    way = f"{kind_of_whirl(sense)} " if value.imag else ""
     return f"{way}{labels.root(value)}"

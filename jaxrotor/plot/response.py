@@ -1,6 +1,5 @@
 """Steady response of a linear rotor: amplitude and phase against speed."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -8,10 +7,12 @@ from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from ..analysis import CriticalSpeeds
 from . import colours, labels, page
 from .record import signal
 
 
+_DASHES = {"forward": "--", "backward": ":", "mixed": "-."}
 _LOOKS = {
     "forward": ("forward part", colours.FORWARD),
     "backward": ("backward part", colours.BACKWARD),
@@ -25,7 +26,7 @@ def response(
     station: int = 0,
     *,
     log: bool = False,
-    critical: Iterable[Any] = (),
+    critical: CriticalSpeeds | None = None,
     growth: Any = None,
 ) -> tuple[Axes, Axes]:
     """Amplitude of each part of a steady motion above, and its phase below, against speed.
@@ -40,7 +41,7 @@ def response(
         axes: two Axes, upper and lower; a new figure if None.
         station: which of the result's stations.
         log: draw amplitudes on a logarithmic axis.
-        critical: speeds [rad/s] to mark, as of `jaxrotor.critical_speeds(scene).forward`.
+        critical: of `jaxrotor.critical_speeds`, undamped, marked by the way they whirl.
         growth: (k,) growth rates at the speeds, as of `jaxrotor.growth_rate`: where they are positive
             no motion settles on the response, and the ground is shaded.
 
@@ -58,12 +59,7 @@ def response(
     largest = max(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
     for name, part in shown.items():
         _draw(upper, lower, speeds, part, largest, *_LOOKS[name])
-    marks = [speed for speed in map(float, critical) if speeds.min() <= speed <= speeds.max()]
-    for ax in (upper, lower):
-        for number, speed in enumerate(marks):
-            name = None if number else "critical speed"
-            style = {"color": colours.GREY, "linewidth": 0.8, "linestyle": "--", "zorder": 0.5}
-            ax.axvline(speed, label=name, **style)
+    marked = critical is not None and _mark(upper, lower, critical, speeds)
     unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
     for ax in (upper, lower) if unstable.any() else ():
         ground = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}
@@ -74,9 +70,23 @@ def response(
     else:
         upper.set_ylim(bottom=0.0)
     lower.set_xlabel("frequency [rad/s]" if forced else "spin speed [rad/s]")
-    if marks or len(shown) > 1 or "twice" in shown or unstable.any():
+    if marked or len(shown) > 1 or "twice" in shown or unstable.any():
         page.legend(upper, columns=3)
     return upper, lower
+
+
+def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> bool:
+    """A line at every critical speed between the ends, named once for each kind; whether there are any."""
+    seen = set()
+    for speed, kind in zip(np.asarray(critical.speeds).tolist(), critical.kinds, strict=True):
+        if not speeds.min() <= speed <= speeds.max():
+            continue
+        name = None if kind in seen else f"critical, {kind}"
+        seen.add(kind)
+        for ax in (upper, lower):
+            style = {"color": colours.GREY, "linewidth": 0.8, "zorder": 0.5}
+            ax.axvline(speed, label=name, linestyle=_DASHES[kind], **style)
+    return bool(seen)
 
 
 def _draw(

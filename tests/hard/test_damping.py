@@ -129,6 +129,7 @@ def test_an_over_damped_shaft_creeps(record_property):
     assert error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 without any damping amplitudes last")
 def test_no_damping_at_all(record_property):
     """Roots are imaginary, and after 3000 whirls the tip reaches no farther than it did."""

@@ -498,6 +498,7 @@ for call in (
     assert [line.partition(" must ")[0] for line in said] == starts
 
 
+@pytest.mark.slow
 @pytest.mark.hard("6.3 one lane of a sweep overflows", outcome="flagged")
 def test_a_failing_lane_is_flagged_and_kept():
     """A growing rotor without stops overflows in its lane alone."""

@@ -136,6 +136,7 @@ def test_other_units_of_length_mass_and_time(record_property):
     record_property("measured", f"path {max(worst):.0e} over {len(worst)} scenes")
 
 
+@pytest.mark.slow
 @pytest.mark.hard("also: random passive rotors between stops, no energy from nowhere (case 1.8)")
 def test_no_energy_from_nowhere(record_property):
     """No speed, no load, no friction: `|z.|^2 + |z|^2 + Sum_j K (depth)^2` never grows."""
