@@ -117,6 +117,7 @@ from .orbits import (
     periodic as periodic,
 )
 from .pilot import Pilot as Pilot
+from .plausibility import ImplausibleWarning as ImplausibleWarning
 from .reactions import Reactions as Reactions, reactions as reactions
 from .report import report as report
 from .riccati import (

@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
+from .plausibility import warn_implausible
 from .quantities import known, quantity_units, unit_of
 from .shafts.line import AbstractLine, AbstractShaft
 from .spin import AbstractSpin, constant
@@ -56,6 +58,7 @@ class Scene(eqx.Module):
                 "jax.grad and give it traced values with `scene.replace`."
             )
         self.spans = _spans(shaft, effects, stations)
+        warn_implausible(_known_values(self))
 
     def line(self) -> AbstractLine:
         """The elastic line of the shaft."""
@@ -102,6 +105,13 @@ class Scene(eqx.Module):
     def of(self, kind: type) -> tuple:
         """The effects that have a capability or are of a class."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))
+
+    def name_of(self, effect: AbstractEffect) -> str:
+        """How parameter paths call an effect of the scene: `support`, or `supports.1` of several."""
+        alike = [other for other in self.effects if other.kind == effect.kind]
+        if len(alike) == 1:
+            return effect.kind
+        return f"{effect.plural}.{next(i for i, other in enumerate(alike) if other is effect)}"
 
     def of_parts(self, *effects: AbstractEffect) -> "Scene":
         """The scene with these effects in place of its own."""
@@ -179,6 +189,7 @@ class Scene(eqx.Module):
         if stations is None:
             return scene
         if _spans(scene.shaft, scene.effects, stations) == self.spans:
+            warn_implausible(_known_values(scene))
             return scene
         return scene.of_parts(*scene.effects)
 
@@ -317,6 +328,20 @@ def _addresses(scene: Scene) -> dict[str, list[Address]]:
                 if len(members) > 1:
                     table[".".join(map(str, (group, number, *leaf)))] = [address]
     return table
+
+
+def _known_values(scene: Scene) -> dict[str, tuple[float, str]]:
+    """Value, of a table the largest, and unit of every number by its own path; {} while any is traced."""
+    found = {}
+    if not all(map(known, jax.tree.leaves(scene))):
+        return found
+    for path, (address, *more) in _addresses(scene).items():
+        leaf = _follow(scene, address)
+        if more or leaf is None:
+            continue
+        unit = quantity_units(_follow(scene, address[:-1]))[address[-1]]
+        found[path] = float(max(np.ravel(leaf), key=abs)), unit
+    return found
 
 
 def _aliases(path: str, effects: Sequence[AbstractEffect]) -> list[str]:

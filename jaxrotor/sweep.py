@@ -290,13 +290,18 @@ def _axes(
             if path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
+    check_lanes(axes)
+    return axes
+
+
+def check_lanes(axes: Mapping[str, Sequence[float] | np.ndarray]) -> None:
+    """Raise where a grid has more lanes than one sweep can hold."""
     lanes = math.prod(map(len, axes.values()))
     if lanes > MOST_LANES:
         raise ValueError(
             f"A sweep of {lanes:.3g} lanes is more than one can hold ({MOST_LANES:.0e}); cut it along an "
             "axis, a sweep and a store each."
         )
-    return axes
 
 
 def placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):

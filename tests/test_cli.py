@@ -558,6 +558,31 @@ def test_overwrite_replaces_its_own_files_only(fake, place):
     assert (place / "out" / "notes.txt").read_text() == "mine"
 
 
+def test_data_of_two_commands_are_not_mixed(fake, place):
+    """What is left of the same command's run is no other's; a drawing of the rotor may lie beside any."""
+    fake(lanes)
+    (place / "out" / "response.zarr").mkdir(parents=True)
+    for more in ((), ("--overwrite",)):
+        sentence = refused("sweep", "limiter-rotor", "--out", "out", *more)
+        assert sentence == (
+            "out holds the data of another command (response.zarr); choose another --out."
+        )
+    (place / "out" / "response.zarr").rename(place / "out" / "sweep-partial.zarr")
+    call("sweep", "limiter-rotor", "--out", "out")
+    assert "(sweep.zarr)" in refused("campbell", "two-discs", "--out", "out")
+    output = importlib.import_module("jaxrotor.cli.output")
+    with output.draft(place / "out", ["rotor.png"], overwrite=False):
+        pass
+
+
+def test_a_sweep_too_large_is_refused_before_its_folder(fake, place):
+    fake(lanes)
+    call("sweep", "limiter-rotor", "--out", "out")
+    many = [f"--over={path}=1:2:100000" for path in ("disc.mass", "spin.speed")]
+    sentence = refused("sweep", "limiter-rotor", *many, "--out", "out")
+    assert "1e+10 lanes is more than one can hold" in sentence
+
+
 def broken(error):
     def how(axes):
         raise error

@@ -1,15 +1,19 @@
 """App: the commands together, and what happens when one cannot go on."""
 
+import contextlib
 import functools
 import importlib
 import importlib.metadata
 import os
+import warnings
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
 from platformdirs import user_cache_dir
 from typer.core import TyperGroup
 
+from ..plausibility import ImplausibleWarning
 from .interrupt import stop_on_ctrl_c
 
 
@@ -96,7 +100,8 @@ class OneSentence(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with _doubts_in_a_line():
+                return super().invoke(ctx)
         except (typer.Exit, typer.Abort):  # RuntimeErrors, but typer's own
             raise
         except KeyboardInterrupt:
@@ -110,6 +115,24 @@ class OneSentence(TyperGroup):
                 raise
             typer.echo(_one_line(error) or type(error).__name__, err=True)
             raise typer.Exit(2) from None
+
+
+@contextlib.contextmanager
+def _doubts_in_a_line() -> Iterator[None]:
+    """Every number that no machine has is noted once, in a line on stderr."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", ImplausibleWarning)
+        other, noted = warnings.showwarning, set()
+
+        def show(message: Any, category: type[Warning], *rest: Any, **more: Any) -> None:
+            if not issubclass(category, ImplausibleWarning):
+                other(message, category, *rest, **more)
+            elif str(message) not in noted:
+                noted.add(str(message))
+                typer.echo(f"Note: {message}", err=True)
+
+        warnings.showwarning = show
+        yield
 
 
 def _one_line(error: object) -> str:

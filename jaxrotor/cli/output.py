@@ -24,17 +24,22 @@ def draft_or_none(
 
 
 @contextlib.contextmanager
-def draft(out: Path, names: Sequence[str], overwrite: bool) -> Iterator[Path]:
+def draft(
+    out: Path, names: Sequence[str], overwrite: bool, *, unfinished: str = ""
+) -> Iterator[Path]:
     """A hidden folder inside `out` to write into; in the end all that is in it moves to `out`.
 
-    Files of `names` that are in `out` already are refused, or else replaced; others are left alone.
-    When anything goes wrong, Ctrl-C included, `out` is as it was before.
+    Files of `names` that are in `out` already are refused, or else replaced; others are left alone. Data
+    are not put beside those of another command, but for what is left `unfinished` of this one. When
+    anything goes wrong, Ctrl-C included, `out` is as it was before.
     """
     present = [out / name for name in names if os.path.lexists(out / name)]
     if present and not overwrite:
         raise ValueError(
             f"{present[0]} exists already; add --overwrite to replace it, or choose another --out."
         )
+    if any(name.endswith(".zarr") for name in names):
+        _check_own(out, {*names, unfinished})
     missing = [folder for folder in (out, *out.parents) if not folder.exists()]
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -51,6 +56,15 @@ def draft(out: Path, names: Sequence[str], overwrite: bool) -> Iterator[Path]:
         for folder in missing:
             with contextlib.suppress(OSError):  # not empty, as it should be
                 folder.rmdir()
+
+
+def _check_own(out: Path, names: set[str]) -> None:
+    """Raise where a folder holds the data of another command."""
+    others = sorted(path.name for path in out.glob("*.zarr") if path.name not in names)
+    if others:
+        raise ValueError(
+            f"{out} holds the data of another command ({', '.join(others)}); choose another --out."
+        )
 
 
 def _publish(folder: Path, out: Path, present: Sequence[Path]) -> None:

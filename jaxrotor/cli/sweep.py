@@ -19,7 +19,7 @@ from ..outcome import STATUS, failed
 from ..scene import Scene
 from ..solvers import Exponential
 from ..store import PENDING, OtherSweepError
-from ..sweep import sweep as run
+from ..sweep import check_lanes, sweep as run
 from . import answer
 from .options import (
     MOST,
@@ -144,6 +144,7 @@ def sweep(
     """
     rotor, table = scene_with(scene, settings), study(scene)
     axes = _axes(rotor, table, over)
+    check_lanes(axes)
     for path in assignments("--set", settings, ""):
         if path in axes:
             raise ValueError(f"--set {path} has no effect: it is swept; sweep others with --over.")
@@ -166,7 +167,7 @@ def sweep(
     }
     out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep") if out is None else out
     partial = out / _PARTIAL
-    with draft(out, _FILES, overwrite) as folder:
+    with draft(out, _FILES, overwrite, unfinished=_PARTIAL) as folder:
         begun = time.perf_counter()
         again = lambda: run(rotor, axes, start=start, **counts, **options, store=partial).load()
         with _kept(partial):
