@@ -1,11 +1,10 @@
 """Materials: what a shaft is made of."""
 
-import equinox as eqx
-
 from .quantities import Scalar, positive
+from .representation import AbstractPart
 
 
-class Material(eqx.Module):
+class Material(AbstractPart):
     """Linear elastic material: Young's modulus `E`, density `rho`, shear modulus `G` (for shear)."""
 
     youngs_modulus: Scalar = positive("youngs_modulus [Pa]")

@@ -15,6 +15,7 @@ import numpy as np
 from .export import data_of
 from .files import dumps, loads, whole
 from .scene import Scene
+from .tables import html_table
 
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
@@ -99,7 +100,7 @@ def _scene(text: str) -> str:
             "<h2>Scene</h2>",
             said,
             _drawing(scene),
-            _table(rows, ("parameter", "value", "unit")),
+            html_table(rows, ("parameter", "value", "unit")),
             f"<h3>Scene file</h3>\n<pre>{html.escape(text)}</pre>",
         ]
     )
@@ -170,10 +171,13 @@ def _numbers(data: Any) -> str:
         if key in one.attrs
     ]
     if accuracy:
-        parts += ["<h3>Accuracy</h3>", _table(accuracy, ())]
-    parts += ["<h3>Numbers</h3>", _table(_ranges(data), _HEADS, numbers=(2, 3, 4, 5))]
+        parts += ["<h3>Accuracy</h3>", html_table(accuracy, ())]
+    parts += ["<h3>Numbers</h3>", html_table(_ranges(data), _HEADS, numbers=(2, 3, 4, 5))]
     if settings:
-        parts += ["<h3>Settings</h3>", _table([(k, _short(v)) for k, v in settings.items()], ())]
+        parts += [
+            "<h3>Settings</h3>",
+            html_table([(k, _short(v)) for k, v in settings.items()], ()),
+        ]
     return "\n".join(parts)
 
 
@@ -201,7 +205,7 @@ def _statuses(status: Any) -> str:
     found, counts = np.unique(np.asarray(status.values), return_counts=True)
     named = [words[int(k)] if 0 <= int(k) < len(words) else str(k) for k in found]
     rows = [(name.replace("_", " "), str(count)) for name, count in zip(named, counts, strict=True)]
-    return "<h3>Lanes</h3>\n" + _table(rows, ("status", "lanes"), numbers=(1,))
+    return "<h3>Lanes</h3>\n" + html_table(rows, ("status", "lanes"), numbers=(1,))
 
 
 def _made(data: Sequence[Any]) -> str:
@@ -211,21 +215,7 @@ def _made(data: Sequence[Any]) -> str:
     rows = [
         (str(one.attrs.get("title", "data")), str(one.attrs.get("versions", ""))) for one in data
     ]
-    return "<h2>Versions</h2>\n" + _table([*rows, ("this page", versions())], ())
-
-
-def _table(rows: Sequence[Sequence[str]], heads: Sequence[str], numbers: Sequence[int] = ()) -> str:
-    head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
-    lines = [f"<tr>{head}</tr>"] if heads else []
-    for row in rows:
-        cells = (
-            f'<td class="number">{html.escape(text)}</td>'
-            if column in numbers
-            else f"<td>{html.escape(text)}</td>"
-            for column, text in enumerate(row)
-        )
-        lines.append(f"<tr>{''.join(cells)}</tr>")
-    return "<table>\n" + "\n".join(lines) + "\n</table>"
+    return "<h2>Versions</h2>\n" + html_table([*rows, ("this page", versions())], ())
 
 
 def _short(value: Any) -> str:

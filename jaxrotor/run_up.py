@@ -23,6 +23,7 @@ from .solvers.exponential import Exponential
 from .spin import Drive
 from .start import AbstractStart, AtRest, Continued
 from .system import System, assemble, has_massless, polar_inertia
+from .tables import notebook_table
 from .transient import Instant, Posture, Transient, massless_of
 
 
@@ -73,6 +74,14 @@ class RunUp(eqx.Module):
         angles = [balls.angle for balls in self.balls]
         none = jnp.zeros((*self.time.shape, 0))
         return imbalance_of(self.scene, jnp.concatenate([none, *angles], axis=-1))
+
+    def _repr_html_(self) -> str:
+        sizes, rows = np.abs(self.displacement), []
+        for at, size in zip(self.stations, sizes.T, strict=True):
+            k = int(np.argmax(size))
+            rows.append((at, size[k], self.time[k], self.speed[k]))
+        heads = ("station [m]", "largest displacement [m]", "at time [s]", "at speed [rad/s]")
+        return notebook_table(str(self), heads, rows)
 
     def __str__(self) -> str:
         first, last = float(self.speed[0]), float(self.speed[-1])

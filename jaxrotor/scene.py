@@ -15,8 +15,10 @@ from jaxtyping import Array, ArrayLike, Float
 from .effects.base import AbstractContact, AbstractEffect
 from .plausibility import warn_implausible
 from .quantities import known, quantity_units, unit_of
+from .representation import number_text
 from .shafts.line import AbstractLine, AbstractShaft
 from .spin import AbstractSpin, constant
+from .tables import notebook_table
 
 
 Address = tuple[Any, ...]  # attribute names and tuple indices from the scene to a leaf
@@ -135,6 +137,11 @@ class Scene(eqx.Module):
                 return f"{name} at {1e3 * float(_follow(self, table[path][0])):.6g} mm"
         return name
 
+    def __repr__(self) -> str:
+        parts = [repr(part) for part in (self.shaft, *self.effects)] + [f"spin={self.spin!r}"]
+        parts += [f"assumption={self.assumption!r}"] * bool(self.assumption)
+        return "\n".join(["Scene(", *(f"    {part}," for part in parts), ")"])
+
     def __str__(self) -> str:
         """Every parameter with its value and unit, those of several effects one after the other."""
         lines = [type(self.shaft).__name__ + ", " + type(self.spin).__name__]
@@ -145,6 +152,16 @@ class Scene(eqx.Module):
                 values, unit = ", ".join(map(_text, leaves)), self.unit(path)
                 lines.append(f"  {path} = {values}" + ("" if unit == "1" else f" {unit}"))
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head = f"{type(self.shaft).__name__}, {type(self.spin).__name__}"
+        head += f" ({self.assumption})" if self.assumption else ""
+        rows = [
+            (path, ", ".join(map(_text, leaves)), self.unit(path))
+            for path, leaves in ((path, self.leaves(path)) for path in self.paths())
+            if any(leaf is not None for leaf in leaves)
+        ]
+        return notebook_table(head, ("parameter", "value", "unit"), rows, most=len(rows))
 
     def paths(self) -> list[str]:
         """Paths of all parameters: of the shaft, the spin, and each kind of effect."""
@@ -239,12 +256,7 @@ def _check_together(module: Any, path: str) -> None:
 
 
 def _text(leaf: Any) -> str:
-    """A number or several, as they are read; what is traced as jax shows it, and `-` for nothing."""
-    if leaf is None:
-        return "-"
-    if not known(leaf):
-        return str(leaf)
-    return ", ".join(f"{value:.6g}" for value in np.ravel(leaf).tolist())
+    return "-" if leaf is None else number_text(leaf)
 
 
 def _with(scene: Scene, address: Address, value: Any) -> Scene:

@@ -24,6 +24,7 @@ from .solvers.exponential import Exponential
 from .spin import ConstantSpeed
 from .start import AbstractStart, AtRest, Continued
 from .system import assemble, has_massless, port_groups
+from .tables import notebook_table
 
 
 PILOT = 20  # revolutions at the end of a run by which steps are chosen
@@ -48,6 +49,11 @@ class Response(eqx.Module):
     steps_per_revolution: int = eqx.field(static=True)
     solver: str = eqx.field(static=True)
     pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # what chose "auto" settings
+
+    def _repr_html_(self) -> str:
+        largest = np.abs(self.displacement).max(axis=0)
+        heads = ("station [m]", "largest displacement [m]")
+        return notebook_table(str(self), heads, list(zip(self.stations, largest, strict=True)))
 
     def __str__(self) -> str:
         turns = (self.time.size - 1) / self.steps_per_revolution

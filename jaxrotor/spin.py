@@ -9,10 +9,11 @@ from jaxtyping import Array, ArrayLike
 
 from .extremes import larger
 from .quantities import Scalar, Series, check, known, nonnegative, positive, real, series
+from .representation import AbstractPart
 from .riccati import Turning as Turning, riccati
 
 
-class AbstractSpin(eqx.Module):
+class AbstractSpin(AbstractPart):
     """Law of rotation `theta(t)`, `theta(0) = 0`; positive spin turns x into y."""
 
     if TYPE_CHECKING:  # where an abstract variable would be an argument of every spin

@@ -2,15 +2,15 @@
 
 import abc
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
 from .quantities import Scalar, known, nonnegative, real
+from .representation import AbstractPart
 from .system import System
 
 
-class AbstractStart(eqx.Module):
+class AbstractStart(AbstractPart):
     """Where a motion begins, at revolution angle zero."""
 
     @abc.abstractmethod

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
+from shown import shown
 from switched import TURN, Switched
 from systems import LENGTH, TIME, limiter_rotor, one_disc
 
@@ -92,6 +93,10 @@ def test_folds_of_the_hardening_resonance(resonance):
     assert resonance.values[0] == 0.5 and resonance.values[-1] == 2.5
     assert "spin.speed = 2.5 is the end of the range" in resonance.reasons[1]
     assert "fold at 1.399" in str(resonance)
+    said, heads, rows = shown(resonance)
+    assert said.startswith(str(resonance).splitlines()[0]) and "ends: " in said
+    assert heads[1] == "spin.speed" and [row[0] for row in rows] == ["fold", "fold"]
+    assert [row[1] for row in rows] == [f"{point.value:.6g}" for point in folds]
 
 
 @pytest.mark.slow

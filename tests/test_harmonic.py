@@ -10,6 +10,7 @@ import optimistix as optx
 import pytest
 from differences import central
 from scipy.integrate import solve_ivp
+from shown import shown
 from systems import LENGTH, limiter_rotor
 
 import jaxrotor as jr
@@ -256,3 +257,5 @@ def test_what_is_not_found_is_said(halved):
     assert not lost.converged and np.isnan(lost.displacement).all() and np.isfinite(lost.residual)
     found = jr.harmonic_balance(scene, orbit, **how)
     assert found.converged and "Orbit of 2 revolutions by 128 harmonics" in str(found)
+    assert shown(found)[0] == str(found)
+    assert shown(found)[2][0][2] == f"{np.abs(found.displacement).max():.6g}"

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
+from shown import shown
 from switched import TURN, Switched
 from systems import LENGTH, TIME, limiter_rotor
 
@@ -66,6 +67,12 @@ def test_backward_rub_of_the_sheet():
     # one stop is met in a period, and by the images of the orbit each of the three
     assert sorted(np.asarray(orbit.duty) > 0) == [False, False, True]
     assert "stable" in str(orbit) and "-120 degrees" in str(orbit)
+    row = [f"{value:.6g}" for value in (LENGTH, low * LENGTH, high * LENGTH)]
+    assert shown(orbit) == (
+        str(orbit),
+        ["station [m]", "least radius [m]", "largest radius [m]"],
+        [row],
+    )
 
 
 @pytest.mark.slow

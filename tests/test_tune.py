@@ -14,6 +14,7 @@ import optax
 import optimistix as optx
 import pytest
 from scipy.optimize import least_squares
+from shown import shown
 
 import jaxrotor as jr
 from jaxrotor import plot
@@ -280,6 +281,8 @@ def test_history_and_words():
     text = str(tuned).splitlines()
     assert text[0].startswith("Loss 2 after") and "optimistix BFGS: gradient below" in text[0]
     assert text[1] == "  gravity.angle = 1 rad, from 3"
+    said, _, rows = shown(tuned)
+    assert said == text[0] and rows[0] == ["gravity.angle", "1", "3", "rad"]
 
 
 def test_progress_is_shown_when_asked(capfd):

@@ -15,6 +15,7 @@ from ..quantities import Scalar, known
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from ..system import System, assemble, linear
+from ..tables import RPM, notebook_table
 from .modal import STRAIGHT, kind_of_whirl
 
 
@@ -32,6 +33,16 @@ class CriticalSpeeds(eqx.Module):
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle
     count: int | None = eqx.field(static=True)  # how many of each kind were asked for
+
+    def _repr_html_(self) -> str:
+        columns = self.speeds.tolist(), self.kinds, self.forward_share.tolist()
+        rows = [
+            (speed, speed * RPM, kind, share)
+            for speed, kind, share in zip(*columns, strict=True)
+            if np.isfinite(speed)
+        ]
+        heads = ("critical speed [rad/s]", "[rpm]", "whirl", "forward share of its energy")
+        return notebook_table("Critical speeds of the undamped rotor", heads, rows)
 
     @property
     def forward(self) -> Float[Array, " f"]:

@@ -13,6 +13,7 @@ from ..pencil import Pencil, frame, isotropic
 from ..quantities import Scalar, known, nonnegative, real
 from ..scene import Scene
 from ..system import System, assemble, structure
+from ..tables import RPM, notebook_table
 
 
 CRITICAL = 1e-9  # relative distance from resonance at which a response has no digits
@@ -62,6 +63,9 @@ class HarmonicResponse(eqx.Module):
     backward: Complex[Array, "k s"]  # [m]
     sidebands: Complex[Array, "2 k s"] | None  # [m]
 
+    def _repr_html_(self) -> str:
+        return _peaks("Response", self.speeds, self.frequencies, self.stations, self.major)
+
     @property
     def major(self) -> Float[Array, "k s"]:
         """Larger half axis [m] of the ellipse of the first two parts."""
@@ -80,6 +84,22 @@ class WeightResponse(eqx.Module):
     stations: Float[Array, " s"]  # [m]
     deflection: Complex[Array, "k s"]  # [m]
     twice: Complex[Array, "k s"]  # [m], zero where the shaft is equally stiff along every axis
+
+    def _repr_html_(self) -> str:
+        what = "Twice-per-revolution response"
+        return _peaks(what, self.speeds, 2 * self.speeds, self.stations, self.twice)
+
+
+def _peaks(what: str, speeds: Array, frequencies: Array, stations: Array, parts: Array) -> str:
+    """For a notebook: the largest displacement at every station, and where it is."""
+    sizes, rows = np.abs(parts), []
+    for at, size in zip(np.asarray(stations), sizes.T, strict=True):
+        k = int(np.argmax(size))
+        rows.append((at, size[k], speeds[k], speeds[k] * RPM, frequencies[k]))
+    heads = ("station [m]", "largest half axis [m]", "at speed [rad/s]", "[rpm]")
+    ends = f"{np.min(speeds):.6g} to {np.max(speeds):.6g} rad/s"
+    head = f"{what} of {speeds.size} cases, speeds {ends}"
+    return notebook_table(head, (*heads, "frequency [rad/s]"), rows)
 
 
 def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:

@@ -20,6 +20,7 @@ from ..quantities import Scalar, known
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from ..system import System, assemble, linear
+from ..tables import RPM, notebook_table
 
 
 KINDS = ("forward", "backward", "mixed")  # of whirl
@@ -39,6 +40,18 @@ class Modes(eqx.Module):
     stations: Float[Array, " x"]  # [m]
     speed: Scalar  # Omega [rad/s]
     frame: Frame = eqx.field(static=True)
+
+    def _repr_html_(self) -> str:
+        parts = (self.fixed_values, self.damping_ratio, self.forward)
+        rows = [
+            (k, value.real, value.imag, abs(value.imag) * RPM, ratio, kind_of_whirl(sense))
+            for k, (value, ratio, sense) in enumerate(
+                zip(*(part.tolist() for part in parts), strict=True), 1
+            )
+        ]
+        heads = ("mode", "growth [1/s]", "frequency [rad/s]", "[rpm]", "damping ratio", "whirl")
+        speed = float(self.speed)
+        return notebook_table(f"Modes at {speed:.6g} rad/s ({speed * RPM:.6g} rpm)", heads, rows)
 
     @property
     def fixed_values(self) -> Complex[Array, " m"]:

@@ -13,6 +13,7 @@ from ..chunks import cores, progress as bar, spread
 from ..quantities import Scalar
 from ..scene import Scene
 from ..simulate import check_counts
+from ..tables import notebook_table
 from .bounds import Bounds, bounds
 from .course import FLAT, Course
 from .descent import AbstractDescent, descent
@@ -51,6 +52,17 @@ class Tuned(eqx.Module):
     def steps(self) -> int:
         """Steps that the best start took."""
         return int(np.isfinite(self.history.loss[self.start]).sum())
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple] = [
+            (path, value, self.history.values[path][self.start, 0], self.scene.unit(path))
+            for path, value in self.values.items()
+        ]
+        rows += [
+            (name, excess, None, f"at most 0; multiplier {float(self.multipliers[name]):.4g}")
+            for name, excess in self.excess.items()
+        ]
+        return notebook_table(str(self).split("\n")[0], ("", "found", "at the start", "unit"), rows)
 
     def __str__(self) -> str:
         found = f"Loss {float(self.loss):.6g} after {self.steps} steps of {self.optimiser}: {self.reason}"

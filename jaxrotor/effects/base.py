@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..blocks import Blocks, Load
 from ..quantities import Scalar
+from ..representation import AbstractPart
 from ..shafts.line import AbstractLine
 
 
@@ -19,7 +20,7 @@ Plane = Float[Array, " 2"]  # a vector (x, y) of the plane of whirl
 Branch = Float[Array, " c"]  # of every condition of a law, 1 where it holds, else 0
 
 
-class AbstractEffect(eqx.Module):
+class AbstractEffect(AbstractPart):
     """Anything on or around a shaft; `kind` names it in scene files and parameter paths."""
 
     kind: eqx.AbstractClassVar[str]

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ..scene import Scene
+from ..tables import notebook_table
 from .bifurcations import KINDS, Found, least
 from .corrector import Corrector, LostError, Point, Unknowns
 from .curve import Curve, Gauge, Look
@@ -129,6 +130,13 @@ class Branch(eqx.Module):
     @property
     def _corrector(self) -> Corrector:
         return Corrector(self.curve, self.tolerance, self.max_iterations)
+
+    def _repr_html_(self) -> str:
+        first, *rest = str(self).split("\n")
+        told = [line.strip() for line in rest[len(self.points) :]]
+        rows = [(p.kind, p.value, p.whirl_rate, p.radius_max.max(), p.contact) for p in self.points]
+        heads = ("point", self.path, "whirl rate", "largest radius [m]", "contact")
+        return notebook_table("\n".join([first, *told]), heads, rows)
 
     def __str__(self) -> str:
         values, turns = self.values, np.flatnonzero(np.diff(np.sign(np.diff(self.values)))) + 1

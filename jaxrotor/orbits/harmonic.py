@@ -24,6 +24,7 @@ from ..scene import Scene
 from ..simulate import Response, check_constant, check_counts, simulate
 from ..start import Continued
 from ..system import System, assemble, port_groups
+from ..tables import notebook_table
 from .periodic import start_of
 
 
@@ -62,6 +63,12 @@ class HarmonicOrbit(eqx.Module):
         """Smallest and largest distance from the centre [m] at the samples."""
         radius = jnp.abs(self.displacement)
         return -largest(-radius), largest(radius)
+
+    def _repr_html_(self) -> str:
+        low, high = self.radius
+        heads = ("station [m]", "least radius [m]", "largest radius [m]")
+        rows = list(zip(self.stations.tolist(), low.tolist(), high.tolist(), strict=True))
+        return notebook_table(str(self), heads, rows)
 
     def __str__(self) -> str:
         return (

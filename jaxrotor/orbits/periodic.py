@@ -29,6 +29,7 @@ from ..simulate import (
 from ..solvers.exponential import Exponential
 from ..start import AbstractStart, Continued
 from ..system import System, assemble, port_groups
+from ..tables import notebook_table
 from .recurrence import recurrence
 from .shooting import Shooting, again, differentiable, missed
 from .symmetry import SAME, changes, kept, order
@@ -96,6 +97,12 @@ class PeriodicOrbit(eqx.Module):
         if self.contact_force is None:
             raise ValueError("The scene of this orbit has no contact.")
         return self.contact_force
+
+    def _repr_html_(self) -> str:
+        low, high = self.radius
+        heads = ("station [m]", "least radius [m]", "largest radius [m]")
+        rows = list(zip(self.stations.tolist(), low.tolist(), high.tolist(), strict=True))
+        return notebook_table(str(self), heads, rows)
 
     def __str__(self) -> str:
         if self.revolutions is None:

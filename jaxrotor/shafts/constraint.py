@@ -5,9 +5,10 @@ from typing import Literal
 import equinox as eqx
 
 from ..quantities import Scalar, nonnegative
+from ..representation import AbstractPart
 
 
-class Constraint(eqx.Module):
+class Constraint(AbstractPart):
     """What is held fast at a station: displacement (pin), slope (guide) or both (clamp)."""
 
     at: Scalar = nonnegative("at [m]")

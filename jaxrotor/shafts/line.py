@@ -11,6 +11,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
 from ..quantities import Scalar, known
+from ..representation import AbstractPart
 from .influence import Influence
 
 
@@ -103,7 +104,7 @@ def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]
     return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
 
 
-class AbstractShaft(eqx.Module):
+class AbstractShaft(AbstractPart):
     """A shaft: the straight elastic or rigid body everything else sits on."""
 
     has_mass: eqx.AbstractClassVar[bool]  # of its own, so that every coordinate has some

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 
 from ..materials import Material
 from ..quantities import Scalar, known, nonnegative, positive
+from ..representation import AbstractPart
 
 
 class Section(eqx.Module):
@@ -71,7 +72,7 @@ class Section(eqx.Module):
             )
 
 
-class Step(eqx.Module):
+class Step(AbstractPart):
     """Another section from the station `at` onwards: to the next step or the end of the shaft."""
 
     at: Scalar = positive("at [m]")
