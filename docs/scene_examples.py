@@ -1,0 +1,236 @@
+"""Examples of `docs/scene-files.md`: tables of a file, which together have every key of their part."""
+
+EXAMPLES = {
+    "flexible": [
+        """\
+[shaft]
+model = "flexible"                 # may be left out
+length = "1.2 m"
+diameter = "100 mm"
+inner_diameter = "20 mm"           # a bore
+material = "steel"
+nodes = 8                          # in each span between stations, 2 to 24
+shear = true
+rotary_inertia = true
+polar_ratio = 2.0                  # polar over diametral inertia of a section; 0 has no gyroscopics
+rule = "spectral"
+constraints = [{at = "0 m", holds = "pin"}, {at = "0.9 m"}]
+steps = [{at = "0.3 m", diameter = "120 mm"}, {at = "0.9 m", diameter = "80 mm"}]
+""",
+        """\
+[shaft]                            # clamped at 0, of two stiffnesses
+length = "0.7 m"
+diameter = "20 mm"
+anisotropy = 0.1                   # 10 % stiffer along one axis than the mean, 10 % softer across
+""",
+    ],
+    "massless": [
+        """\
+[shaft]
+model = "massless"
+length = "1 m"
+at = "0.4 m"                       # the one station that is known
+k11 = "2e5 N/m"
+k12 = "-1e4 N"
+k22 = "5e3 N m"
+anisotropy = 0.05
+damping = "10 N s/m"
+ends = "rigid"
+"""
+    ],
+    "rigid": [
+        """\
+[shaft]
+model = "rigid"
+length = "0.453 m"
+constraints = [{at = "93 mm"}, {at = "360 mm"}]  # two pins; [] leaves it to its supports
+"""
+    ],
+    "step": [
+        """\
+[[shaft.steps]]                    # in the order of their stations
+at = "0.3 m"
+diameter = "120 mm"
+inner_diameter = "20 mm"
+material = "steel"
+"""
+    ],
+    "constraint": [
+        """\
+[[shaft.constraints]]
+at = "0 m"
+holds = "clamp"                    # displacement and slope; a pin holds the one, a guide the other
+"""
+    ],
+    "material": [
+        """\
+[shaft.material]
+youngs_modulus = "211 GPa"
+density = "7810 kg/m^3"
+shear_modulus = "81.2 GPa"
+"""
+    ],
+    "disc": [
+        """\
+[[disc]]
+at = "0.4 m"
+mass = "80 kg"
+diametral = "1.8 kg m^2"
+polar = "3.6 kg m^2"
+offset = "20 um"
+offset_angle = "30 deg"
+tilt = "0.1 deg"
+tilt_axis = "90 deg"
+exact = true
+"""
+    ],
+    "disc given by its dimensions": [
+        """\
+[disc]
+at = "0.4 m"
+diameter = "250 mm"
+thickness = "40 mm"
+bore = "40 mm"
+density = "7850 kg/m^3"
+"""
+    ],
+    "thin disc": ['[disc]\nat = "0.4 m"\nmass = "80 kg"\nradius = "300 mm"\n'],
+    "unbalance": [
+        '[[unbalance]]\nat = "0.4 m"\nmass = "80 kg"\neccentricity = "20 um"\nphase = "90 deg"\n',
+        '[unbalance]\nat = "0.4 m"\nmoment = "1600 g*mm"             # m e, as balancing sheets have it\n',
+    ],
+    "unbalance given by its grade": [
+        """\
+[unbalance]
+at = "0.4 m"
+grade = "G6.3"                     # e Omega = 6.3 mm/s, ISO 21940-11
+mass = "80 kg"                     # of the rotor
+speed = "3000 rpm"                 # of service; that of a constant [spin] unless given
+"""
+    ],
+    "support": [
+        """\
+[[support]]                        # as bearing reports print it
+at = "0.1 m"
+kxx = "8e7 N/m"
+kxy = "1e7 N/m"
+kyx = "-2e7 N/m"
+kyy = "4e7 N/m"
+cxx = "2e5 N s/m"
+cxy = "0 N s/m"
+cyx = "0 N s/m"
+cyy = "1e5 N s/m"
+angular_stiffness = "1e4 N m/rad"
+angular_damping = "10 N m s/rad"
+rotating = false                   # true: it turns with the shaft
+""",
+        """\
+[[support]]                        # the same as matrices, [[xx, xy], [yx, yy]]
+at = "0.1 m"
+stiffness = [[8e7, 1e7], [-2e7, 4e7]]
+damping = [[2e5, 0], [0, 1e5]]
+""",
+        """\
+[[support]]                        # by means and axes
+at = "0.1 m"
+stiffness = "20 MN/m"
+anisotropy = 0.2                   # 24 MN/m along the axis at `angle`, 16 MN/m across it
+angle = "30 deg"
+cross_stiffness = "-1 MN/m"
+damping = "500 N s/m"
+damping_anisotropy = 0.1
+damping_angle = "0 deg"
+cross_damping = "0 N s/m"
+""",
+    ],
+    "limiter": [
+        """\
+[[limiter]]
+at = "0.4 m"
+angles = ["0 deg", "120 deg", "240 deg"]
+gap = "0.3 mm"
+stiffness = "5 MN/m"
+damping = "50 N s/m"
+friction = 0.1
+rim_radius = "125 mm"
+""",
+        """\
+[limiter]                          # smoothed
+at = "0.4 m"
+angle = "90 deg"
+gap = "0.3 mm"
+stiffness = "5 MN/m"
+blend = "10 um"
+slip = "0.1 m/s"
+""",
+    ],
+    "cubic_spring": ['[cubic_spring]\nat = "0.4 m"\nangle = "0 deg"\nstiffness = "1e12 N/m^3"\n'],
+    "gravity": ['[gravity]\nacceleration = "9.81 m/s^2"\nangle = "-90 deg"\n'],
+    "external_damping": [
+        '[external_damping]\nper_length = "9 N s/m^2"\nanisotropy = 0.1\nangle = "0 deg"\n'
+    ],
+    "disc_damping": [
+        '[disc_damping]\nat = "0.4 m"\ntranslational = "100 N s/m"\nangular = "5 N m s"\n'
+    ],
+    "internal_damping": ['[internal_damping]\nvoigt_time = "0.2 ms"\n'],
+    "hysteretic_damping": ["[hysteretic_damping]\nloss_factor = 0.01\n"],
+    "ball_balancer": [
+        """\
+[ball_balancer]
+at = "0.4 m"
+ball_mass = "12 g"
+race_radius = "90 mm"
+drag_coefficient = "0.02 kg/s"
+places = 5
+in_use = 4
+rolling = 1.4
+ball_radius = "8 mm"
+"""
+    ],
+    "ball_contact": ['[ball_contact]\nstiffness = "1e5 N/m"\ndamping = "1 N s/m"\n'],
+    "constant": [
+        '[spin]\nmodel = "constant"                 # may be left out\nspeed = "1500 rpm"\n'
+    ],
+    "profile": [
+        """\
+[spin]
+model = "profile"
+times = ["0 s", "2 s", "5 s"]
+speeds = ["0 rpm", "3000 rpm", "3000 rpm"]
+"""
+    ],
+    "drive": [
+        """\
+[spin]
+model = "drive"                    # I Omega. = torque - slope Omega - drag Omega^2 - ..
+speed = "600 rad/s"                # to begin with
+torque = "1950 N m"
+slope = "1.57 N m s"
+drag = "0.039 N m s^2"
+odd = true
+coulomb = "2 N m"
+table_speeds = ["0 rad/s", "300 rad/s"]
+table_torques = ["10 N m", "0 N m"]
+polar = "2.2 kg m^2"               # that of the scene unless given
+feedback = false
+stops = true
+"""
+    ],
+    "sweep": [
+        """\
+[sweep]                            # what `jaxrotor sweep` does when nothing else is said
+settle = 200
+keep = 50
+steps_per_revolution = 256
+
+[sweep.over]
+"spin.speed" = "1000 rpm : 4000 rpm : 41"
+"unbalance.eccentricity" = ["10 um", "20 um"]
+
+[sweep.start]
+radius = "0.7 mm"
+rate = "-400 rad/s"                # negative: a backward whirl
+angle = "0 deg"
+"""
+    ],
+}

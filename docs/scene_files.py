@@ -1,0 +1,170 @@
+"""Writes `docs/scene-files.md`: every key of a scene file, from the classes that read it.
+
+`python docs/scene_files.py` writes the page anew; `tests/test_scene_files.py` holds it to the classes and
+loads every example.
+"""
+
+import dataclasses
+import inspect
+import re
+import typing
+from pathlib import Path
+
+from scene_examples import EXAMPLES
+
+from jaxrotor import shafts, spin
+from jaxrotor.materials import NAMED, Material
+from jaxrotor.quantities import is_series, takes_matrix, unit_of
+from jaxrotor.shafts import AbstractShaft, Constraint, Step
+from jaxrotor.spin import AbstractSpin
+from jaxrotor.vocabulary import COUNTS, FORMS, START, kinds, models
+
+
+PAGE = Path(__file__).with_name("scene-files.md")
+INTRODUCTION = """\
+# Scene files
+
+<!-- Written by docs/scene_files.py from the classes; change these, or the examples there. -->
+
+A scene is a TOML file: one `[shaft]`, one `[spin]`, and a table for each thing that sits on the shaft.
+What is not written is not simulated. `jaxrotor new my-rotor.toml` writes a commented one to begin with,
+and `jaxrotor show my-rotor.toml` lists what was understood.
+
+* A number is SI; a text carries its unit: `0.7`, `"0.7 m"`, `"700 mm"`, `"1500 rpm"`, `"60 deg"`.
+* One part is `[disc]`. Of several, each is `[[disc]]` or `[[discs]]`, with two brackets.
+* Stations (`at`) are measured from the left end of the shaft.
+* `angles = ["0 deg", "90 deg"]` in place of `angle` stands for one part at each of these angles.
+* "needed" is a key without which the part is refused; "absent" one that has no effect unless it is given.
+* A parameter is called by its table and key: `disc.mass`, `limiters.0.gap`. So do `--set`, `--over` and
+  `scene.replace`.
+
+At the top of the file may stand `title`, a text that pictures show, and `assumption`, a text that names
+what is not known of the rotor and that every result repeats.
+"""
+
+
+def page() -> str:
+    """The whole page."""
+    parts = [INTRODUCTION, "## The shaft\n", "One of these, by its `model`.\n"]
+    parts += [_part(name, cls, "[shaft]") for name, cls in models(shafts, AbstractShaft).items()]
+    parts += [_part("step", Step, "[[shaft.steps]]")]
+    parts += [_part("constraint", Constraint, "[[shaft.constraints]]")]
+    parts += [_part("material", Material, "[shaft.material]"), "## What sits on the shaft\n"]
+    for kind, cls in kinds().items():
+        parts.append(_part(kind, cls, f"[{kind}]"))
+        parts += [_form(form) for form in FORMS if form.of is cls]
+    parts += ["## How it turns\n", "One of these, by its `model`.\n"]
+    parts += [_part(name, cls, "[spin]") for name, cls in models(spin, AbstractSpin).items()]
+    return "\n".join([*parts, _sweep()])
+
+
+def examples(name: str) -> list[str]:
+    """Examples of a part."""
+    if not EXAMPLES.get(name):
+        raise KeyError(
+            f"Give {name!r} examples with every key in EXAMPLES of docs/scene_examples.py."
+        )
+    return EXAMPLES[name]
+
+
+def _part(name: str, cls: type, table: str) -> str:
+    fields = [field for field in dataclasses.fields(cls) if field.init]
+    rows = [(field.name, _unit(field), _default(field)) for field in fields]
+    noun = f'model = "{name}"' if table in ("[shaft]", "[spin]") else ""
+    return _section(name, f"`{table}` {noun and f'with `{noun}`'}".rstrip(), cls, rows)
+
+
+def _form(form) -> str:
+    rows, parameters = [], inspect.signature(form.build).parameters
+    for key, unit in form.units.items():
+        if key == "speed":
+            needed = "that of a constant spin"
+        else:
+            needed = "needed" if key in form.needed else f"`{parameters[key].default:g}`"
+        rows.append((key, 'mm/s, or `"G6.3"`' if key == "grade" else unit, needed))
+    noun = form.noun[0].upper() + form.noun[1:]
+    text = _section(form.noun, noun, form.build, rows)
+    others = ", ".join(f"`{key}`" for key in form.fields)
+    return f"{text}\n{others} as above.\n"
+
+
+def _sweep() -> str:
+    rows = [("over", "of each parameter", "absent")]
+    rows += [(key, f"whole number from {least}", "absent") for key, least in COUNTS.items()]
+    rows += [(f"start.{key}", unit, "absent") for key, unit in START.items()]
+    head = [
+        "## What a sweep does\n",
+        'Values are a list, or `"start : stop : count"`; the command line goes before them.\n',
+    ]
+    return "\n".join([*head, _table("sweep", rows), *_blocks("sweep")])
+
+
+def _section(name: str, title: str, described: typing.Any, rows: list) -> str:
+    told = inspect.cleandoc(described.__doc__).partition("Args:")[0].rstrip()
+    head = [f"### {title}\n", f"{told}\n", _table(name, rows)]
+    return "\n".join([*head, *_blocks(name)])
+
+
+def _blocks(name: str) -> list[str]:
+    return [f"```toml\n{text}```\n" for text in examples(name)]
+
+
+def _table(name: str, rows: list) -> str:
+    lines = ["| key | unit | default | example |", "|---|---|---|---|"]
+    lines += [
+        f"| `{key}` | {unit} | {default} | `{example_of(name, key)}` |"
+        for key, unit, default in rows
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def example_of(name: str, key: str) -> str:
+    """Value of a key in the examples of a part."""
+    own = key.rpartition(".")[2]
+    value = r"(\"[^\"]*\"|\[.*\]|[^\s,}\]#]+)"
+    for text in examples(name):
+        text = re.sub(" +#.*", "", text)
+        found = re.search(rf"(?<![\w.]){own}\s*=\s*{value}", text)
+        if found is not None:
+            return found[1]
+    if key == "over":
+        return '"spin.speed" = "1000 rpm : 4000 rpm : 41"'
+    raise KeyError(f"Give `{key}` of {name!r} an example in EXAMPLES of docs/scene_examples.py.")
+
+
+def _unit(field: dataclasses.Field) -> str:
+    unit, kind = unit_of(field), typing.cast(typing.Any, field.type)
+    if unit is not None:
+        unit = "number" if unit == "1" else unit
+        if is_series(field):
+            return f"list in {unit}"
+        return f"{unit}, or a 2 by 2 matrix" if takes_matrix(field) else unit
+    choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
+    if choices:
+        return " or ".join(f'`"{one}"`' for one in choices)
+    if Material in (kind, *typing.get_args(kind)):
+        return f"table, or {' or '.join(f'`{name!r}`' for name in NAMED)}".replace("'", '"')
+    if typing.get_origin(kind) is tuple:
+        return "list of tables"
+    return {bool: "true or false", int: "whole number"}[kind]
+
+
+def _default(field: dataclasses.Field) -> str:
+    default = field.default
+    if field.default_factory is not dataclasses.MISSING:
+        default = field.default_factory()
+    if default is dataclasses.MISSING:
+        return "needed"
+    if isinstance(default, Material):
+        return '`"steel"`'
+    if default is None:
+        return "that of the shaft" if field.name == "material" else "absent"
+    if isinstance(default, tuple):
+        return "none" if not default else "a clamp at 0"
+    if isinstance(default, bool | str):
+        return f"`{str(default).lower()}`" if isinstance(default, bool) else f'`"{default}"`'
+    return f"`{float(default):.6g}`"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), "utf-8", newline="\n")

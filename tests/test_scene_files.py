@@ -1,0 +1,62 @@
+"""The page of scene files: as its script writes it from the classes, and every example a scene."""
+
+import importlib
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from jaxrotor.files import _read, loads
+from jaxrotor.vocabulary import FORMS, kinds
+
+
+DOCS = Path(__file__).parents[1] / "docs"
+BASE = {
+    "shaft": '[shaft]\nlength = "1.2 m"\ndiameter = "40 mm"\n',
+    "spin": '[spin]\nspeed = "1500 rpm"\n',
+    "sweep": '[unbalance]\nat = "0.4 m"\nmoment = 1e-4\n',
+}
+
+
+@pytest.fixture(scope="module")
+def script():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(DOCS))
+        yield importlib.import_module("scene_files")
+
+
+def test_page_is_as_the_classes_are(script):
+    """`python docs/scene_files.py` writes it anew."""
+    assert (DOCS / "scene-files.md").read_text("utf-8") == script.page()
+
+
+def test_every_example_is_a_scene(script):
+    for name, texts in script.EXAMPLES.items():
+        for text in texts:
+            own = tomllib.loads(text)
+            base = [part for key, part in BASE.items() if key not in own and key != "sweep"]
+            if name in ("step", "constraint", "material"):  # a table within the shaft
+                base = [BASE["shaft"], text, BASE["spin"]]
+            elif name == "sweep":
+                base = [*BASE.values(), text]
+            else:
+                base.append(text)
+            scene, study = _read("\n".join(base), name)
+            assert scene.effects or "shaft" in own or "spin" in own
+            assert bool(study) == (name == "sweep")
+
+
+def test_every_part_has_examples_of_all_its_keys(script):
+    """A new effect, or a new key, is refused by the script until it has one."""
+    assert set(kinds()) | {form.noun for form in FORMS} < set(script.EXAMPLES)
+    with pytest.raises(KeyError, match="Give 'magnet' examples with every key"):
+        script.examples("magnet")
+    with pytest.raises(KeyError, match="Give `colour` of 'disc' an example"):
+        script.example_of("disc", "colour")
+
+
+def test_examples_of_one_bearing_are_the_same_bearing(script):
+    base = "\n".join([BASE["shaft"], BASE["spin"]])
+    first, second, _ = (loads(f"{base}\n{text}") for text in script.EXAMPLES["support"])
+    for name in ("kxx", "kxy", "kyx", "kyy", "cxx", "cxy", "cyx", "cyy"):
+        assert first.get(f"support.{name}") == second.get(f"support.{name}")
