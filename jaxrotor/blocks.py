@@ -43,6 +43,11 @@ class Blocks(eqx.Module):
     def __add__(self, other: "Blocks") -> "Blocks":
         return Blocks(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
 
+    @property
+    def present(self) -> list[str]:
+        """Names of the blocks that are not absent."""
+        return [name for name in _parts(self) if getattr(self, name) is not None]
+
 
 class Load(eqx.Module):
     """External load `constant + (Omega^2 - i Omega.) unbalance exp(i theta)`; None means absent.

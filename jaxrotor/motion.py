@@ -4,12 +4,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from .blocks import Blocks
-from .pencil import check_moves, isotropic
+from .pencil import check_alike, check_moves
 from .quantities import Scalar
 from .system import Port, System
 
 
+RUN_UP = "use `jaxrotor.run_up`, which takes any rotor and any spin"
 State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in metres
 
 
@@ -39,12 +39,9 @@ class Motion(eqx.Module):
     def __init__(self, system: System, rate: Scalar):
         blocks, load = system.blocks, system.load
         check_moves(system)
-        check_known_in_time(blocks)
-        if not isotropic(blocks) or system.races:
-            raise ValueError(
-                "Revolution by revolution a rotor is simulated that is the same along every axis, "
-                "without balls; take `jaxrotor.run_up`, which does all and any spin."
-            )
+        check_known_in_time(system)
+        check_alike(system, "Simulation by whole revolutions", RUN_UP)
+        check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
         speed = system.spin.speed
         columns = rows = None
         if system.ports:
@@ -132,12 +129,21 @@ def _sum(*terms: tuple[Scalar | float, Array | None]) -> Array | None:
     return sum(products[1:], products[0]) if products else None
 
 
-def check_known_in_time(blocks: Blocks) -> None:
+def check_known_in_time(system: System) -> None:
     """Refuse what is defined for harmonic motions only."""
-    if blocks.hysteretic is not None:
+    if system.blocks.hysteretic is not None:
         raise ValueError(
-            "Hysteretic damping is known for harmonic motions only (roots, Campbell diagrams), not in "
-            'time; take `scene.without("hysteretic_damping")` and InternalDamping in its place.'
+            f"Hysteretic damping ({system.owners_of('hysteretic')}) is known for harmonic motions only "
+            '(roots, Campbell diagrams), not in time; take `scene.without("hysteretic_damping")` and '
+            "InternalDamping in its place."
+        )
+
+
+def check_no_balls(system: System, what: str, instead: str) -> None:
+    """Refuse bodies that run round the shaft."""
+    if system.races:
+        raise ValueError(
+            f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."
         )
 
 

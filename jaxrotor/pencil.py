@@ -35,16 +35,45 @@ def frame(blocks: Blocks) -> Frame:
 
 
 def _has(blocks: Blocks, axes: str) -> bool:
-    parts = (getattr(blocks, f"{axes}_{name}") for name in ("damping", "stiffness"))
-    return any(part is not None for part in parts)
+    return any(getattr(blocks, name) is not None for name in _unequal(axes))
 
 
-def check_circular(blocks: Blocks) -> None:
-    """Refuse hysteresis where whirl is not circular."""
-    if blocks.hysteretic is not None and not isotropic(blocks):
+def _unequal(*axes: str) -> list[str]:
+    """Blocks of what is not the same along every axis."""
+    return [f"{one}_{name}" for one in axes for name in ("damping", "stiffness")]
+
+
+def unequal_parts(system: System, *axes: str) -> str:
+    """Names of the parts that are not the same along every one of the "fixed" or "rotating" axes."""
+    return system.owners_of(*_unequal(*(axes or ("fixed", "rotating"))))
+
+
+def check_alike(system: System, what: str, instead: str) -> None:
+    """Raise, with `what` is for equal axes alone and what to do `instead`, unless they are equal."""
+    if not isotropic(system.blocks):
         raise ValueError(
-            "Hysteretic damping is defined for circular whirl only, but the rotor is not the same "
-            "along every axis; use InternalDamping."
+            f"{what} is for a rotor that is the same along every axis, but the axes of "
+            f"{unequal_parts(system)} are unequal; {instead}."
+        )
+
+
+def check_axes(system: System, what: str, instead: str) -> None:
+    """Raise unless there are axes in which the coefficients of the equations are constant."""
+    if frame(system.blocks) == "periodic":
+        still, turning = (unequal_parts(system, axes) for axes in ("fixed", "rotating"))
+        raise ValueError(
+            f"{what} where some unequal axes stand still ({still}) and others turn with the shaft "
+            f"({turning}); {instead}."
+        )
+
+
+def check_circular(system: System) -> None:
+    """Refuse hysteresis where whirl is not circular."""
+    if system.blocks.hysteretic is not None and not isotropic(system.blocks):
+        raise ValueError(
+            f"Hysteretic damping ({system.owners_of('hysteretic')}) is defined for circular whirl only, "
+            f"but the rotor is not the same along every axis ({unequal_parts(system)}); use "
+            "InternalDamping in its place."
         )
 
 
@@ -100,12 +129,8 @@ class Pencil(eqx.Module):
         if isotropic(blocks):
             return own
         axes = frame(blocks)
-        if axes == "periodic":
-            raise ValueError(
-                "A shaft of two stiffnesses on supports of two stiffnesses has no constant "
-                "coefficients in any frame, so it has no roots; look at `floquet_multipliers`."
-            )
-        check_circular(blocks)
+        check_axes(system, "There are no roots", "look at `jaxrotor.floquet_multipliers`")
+        check_circular(system)
         inertia, damping, stiffness = own.inertia, own.damping, own.stiffness
         if axes == "rotating":
             stiffness = stiffness + 1j * speed * damping - speed**2 * inertia

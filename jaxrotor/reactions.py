@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .effects import AbstractContact, AbstractEffect, Support
+from .effects import AbstractContact, Support
 from .pencil import Pencil, frame
 from .quantities import Scalar, known
 from .run_up import RunUp
@@ -112,14 +112,14 @@ def reactions(response: RunUp | Response) -> Reactions:
     """
     scene = response.scene
     instants = response.instants if isinstance(response, RunUp) else _instants(scene, response)
-    names = [_named(scene, effect) for effect in scene.of(Support)]
+    names = [scene.name_of(effect) for effect in scene.of(Support)]
     influence = scene.shaft.influence()
     if influence is not None:
         names += [f"constraints.{i}" for i in dict.fromkeys(influence.owners)]
     force, moment, static, static_moment = _all(scene, instants)
     if response.contact_force is not None:
         contacts = scene.of(AbstractContact)
-        names += [_named(scene, effect) for effect in contacts]
+        names += [scene.name_of(effect) for effect in contacts]
         force = jnp.concatenate([force, response.contact_force], axis=1)
         moment = jnp.pad(moment, [(0, 0), (0, len(contacts))])
         static, static_moment = (jnp.pad(a, (0, len(contacts))) for a in (static, static_moment))
@@ -228,12 +228,3 @@ def _instants(scene: Scene, response: Response) -> Instant:
         return transient.instant(time, Posture(plane(r), plane(drift), none, none, none, none))
 
     return jax.vmap(instant)(response.time, response.coordinates, response.rates)
-
-
-def _named(scene: Scene, effect: AbstractEffect) -> str:
-    """How parameter paths call an effect: `support`, or `supports.1` of several."""
-    alike = [other for other in scene.effects if other.kind == effect.kind]
-    if len(alike) == 1:
-        return effect.kind
-    number = next(i for i, other in enumerate(alike) if other is effect)
-    return f"{effect.plural}.{number}"

@@ -1,5 +1,7 @@
 """System: the equations of motion of a scene."""
 
+from collections.abc import Iterator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -105,11 +107,17 @@ class System(eqx.Module):
     between: tuple[AbstractBetween, ...]  # what acts between the bodies of every race
     spin: AbstractSpin
     members: tuple[int, ...] = eqx.field(static=True)  # scene's contact behind each law
+    owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # what, and a part that adds to it
 
     @property
     def n(self) -> int:
         """Number of complex coordinates."""
         return self.line.stiffness.shape[0]
+
+    def owners_of(self, *what: str) -> str:
+        """Parts of the scene that add to some blocks, are a "contact" or have "bodies", in words."""
+        names = list(dict.fromkeys(part for one, part in self.owners if one in what))
+        return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
     def at_speed(self, speed: ArrayLike) -> "System":
         """The same rotor at a constant speed: nothing assembled depends on how it turns."""
@@ -146,7 +154,8 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
 @eqx.filter_jit
 def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     line = scene.line()
-    blocks = linear(scene, line)
+    parts = _parts(scene, line)
+    blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
     ports, members = [], []
     for group in together:
@@ -168,15 +177,27 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         scene.of(AbstractBetween),
         scene.spin,
         tuple(members),
+        tuple(_owners(scene, parts)),
     )
+
+
+def _owners(scene: Scene, parts: dict[str, Blocks]) -> Iterator[tuple[str, str]]:
+    """Names of blocks, "contact" and "bodies", each with a part of the scene that adds to it."""
+    for part, own in parts.items():
+        yield from ((block, part) for block in own.present)
+    for what, kind in (("contact", AbstractContact), ("bodies", AbstractBodies)):
+        yield from ((what, scene.name_of(effect)) for effect in scene.of(kind))
 
 
 def linear(scene: Scene, line: AbstractLine) -> Blocks:
     """Blocks of the shaft and of all effects, as they enter the equations of a line."""
-    blocks = scene.shaft.blocks(line)
-    for effect in scene.of(AbstractLinear):
-        blocks = blocks + effect.blocks(line)
-    return blocks
+    return sum(_parts(scene, line).values(), Blocks())
+
+
+def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
+    """Blocks of the shaft and of every linear effect by its name."""
+    effects = {scene.name_of(effect): effect.blocks(line) for effect in scene.of(AbstractLinear)}
+    return {"the shaft": scene.shaft.blocks(line)} | effects
 
 
 def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:

@@ -98,7 +98,7 @@ class Transient(eqx.Module):
         motion not a number.
         """
         system = assemble(scene)
-        check_known_in_time(system.blocks)
+        check_known_in_time(system)
         galerkin = resultant = rotating = None
         if isinstance(scene.spin, Drive) and scene.spin.feedback:
             line = VirtualLine.galerkin(system.line)

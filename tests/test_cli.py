@@ -859,7 +859,7 @@ def test_balance_with_balls(place):
         (["simulate", "limiter-rotor", "--start-radius", "1 kg"], "--start-radius must be in m"),
         (["simulate", "limiter-rotor", "--keep", "200"], "must not exceed"),
         (["simulate", "limiter-rotor", "--at", "2 m"], "on the shaft"),
-        (["simulate", "limiter-rotor", "--set", "spin.speed=0"], "`period`"),
+        (["simulate", "limiter-rotor", "--set", "spin.speed=0"], "give --period"),
         (["run-up", "limiter-rotor", "--set", "spin.speed=0"], "add --duration"),
         (["run-up", "limiter-rotor", "--duration", "0"], "must be above 0"),
         (["run-up", "limiter-rotor", "--duration", "1s", "--film"], "add --out"),

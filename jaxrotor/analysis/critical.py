@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from ..pencil import Pencil, check_moves, frame, is_rounding, isotropic, root_changes
+from ..pencil import Pencil, check_axes, check_moves, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
@@ -140,11 +140,11 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
         senses = (2 * share - 1)[:, None] * jnp.ones(stations.size)
         return jnp.concatenate([one, other]), share, senses
     axes = frame(blocks)
-    if axes == "periodic":
-        raise ValueError(
-            "A shaft of two stiffnesses on supports of two stiffnesses has no critical speeds, but "
-            "bands of them; look at `floquet_multipliers`."
-        )
+    check_axes(
+        system,
+        "There are no critical speeds, but bands of them,",
+        "look at `jaxrotor.floquet_multipliers`",
+    )
     unequal = part(getattr(blocks, f"{axes}_stiffness"))
     if axes == "rotating":  # seen from the shaft, both parts of a synchronous whirl stand still
         behind = ahead
@@ -200,7 +200,7 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
     if frame(blocks) != "rotating":
         raise ValueError(
             "Only axes that turn with the shaft part its critical speeds in two, but no part of this "
-            "rotor alone does; look at `critical_speeds`."
+            "rotor alone does; look at `jaxrotor.critical_speeds`."
         )
     part = _filled(system)
     inertia = part(blocks.inertia) - part(blocks.gyroscopic)

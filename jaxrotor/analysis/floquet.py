@@ -48,7 +48,8 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
     speed = scene.spin.speed
     if known(speed) and float(speed) == 0:
         raise ValueError(
-            "Floquet multipliers are those of one revolution, but the speed is 0; look at `roots`."
+            "Floquet multipliers are those of one revolution, but the speed is 0; look at "
+            "`jaxrotor.roots`."
         )
     values = _multipliers(scene, steps)
     if known(values) and jnp.any(jnp.isnan(values)):
@@ -90,7 +91,7 @@ def _multipliers(scene: Scene, steps: int) -> Complex[Array, " m"]:
 
 def half_revolution(system: System, steps: int) -> tuple[Complex[Array, " m"], Scalar]:
     """Multipliers of half a revolution, in no order, and its time [s]; any time at rest."""
-    check_circular(system.blocks)
+    check_circular(system)
     speed, first = system.spin.speed, _first_frequency(system)
     turning = speed != 0
     time = jnp.where(turning, jnp.pi / jnp.abs(jnp.where(turning, speed, 1.0)), jnp.pi / first)

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..effects import AbstractBodies, Disc
-from ..pencil import Pencil, frame, isotropic
+from ..effects import AbstractBodies, AbstractContact, Disc
+from ..pencil import Pencil, check_axes, frame, isotropic
 from ..quantities import Scalar, known, nonnegative, real
 from ..scene import Scene
 from ..system import System, assemble, structure
@@ -240,16 +240,17 @@ def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " 
     """Speeds or frequencies, and stations, of a rotor that has a closed-form response."""
     system = structure(scene)
     if system.ports:
+        kinds = sorted({effect.plural for effect in scene.of(AbstractContact)})
         raise ValueError(
-            "The closed-form response is that of a linear rotor, but the scene has contacts; remove "
-            'them with `scene.without("limiters")` or use `simulate`.'
+            "The closed-form response is that of a linear rotor, but the scene has contacts "
+            f"({system.owners_of('contact')}); remove them, as by "
+            f"{', '.join(f'`scene.without({kind!r})`' for kind in kinds)}, or use `jaxrotor.simulate`."
         )
-    if frame(system.blocks) == "periodic":
-        raise ValueError(
-            "A shaft of two stiffnesses on supports of two stiffnesses answers a harmonic load with "
-            "a whole series of frequencies, not in closed form; give either the same stiffness along "
-            "every axis."
-        )
+    check_axes(
+        system,
+        "A harmonic load is answered by a whole series of frequencies, not in closed form,",
+        "use `jaxrotor.run_up`, or make either of them equal",
+    )
     return jnp.atleast_1d(jnp.asarray(cases, float)), scene.stations(at)
 
 

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..pencil import isotropic
+from ..pencil import check_alike
 from ..quantities import Scalar, check, known
 from ..scene import Scene
 from ..shafts import MasslessShaft
@@ -65,10 +65,7 @@ def _static(scene: Scene, at: Scalar) -> tuple[Array, Array, Scalar]:
     """
     system = assemble(scene)
     line, blocks = system.line, system.blocks
-    if not isotropic(blocks):
-        raise ValueError(
-            "A rotor that is not the same along every axis has no single reduction; reduce each axis."
-        )
+    check_alike(system, "A single reduction", "reduce each axis by itself")
     rows = jnp.stack([line.row(at), line.slope_row(at)])
     columns = jnp.stack([line.column(at), line.couple_column(at)], axis=1)
     inertia = jnp.zeros_like(line.stiffness) if blocks.inertia is None else blocks.inertia

@@ -103,14 +103,17 @@ def onset_speed(
         (jnp.any(jnp.isnan(sign)), "The slowest speeds are too slow for Floquet multipliers"),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
-        (~jnp.any(rising), "The rotor never loses its stability; search a wider range than"),
+        (~jnp.any(rising), "The rotor never loses its stability"),
     ]
     for wrong, sentence in refusals if throw else ():
         if known(wrong):
             if bool(wrong):
-                raise ValueError(f"{sentence} from {speeds[0]:g} to {speeds[-1]:g} rad/s.")
+                raise ValueError(
+                    f"{sentence} from {speeds[0]:g} to {speeds[-1]:g} rad/s; search other speeds by "
+                    "`within`."
+                )
         else:
-            speeds = eqx.error_if(speeds, wrong, f"{sentence} the speeds searched.")
+            speeds = eqx.error_if(speeds, wrong, f"{sentence} at the speeds searched.")
     first = jnp.argmax(rising)
     found = _refine(scene, speeds[first], speeds[first + 1])
     if throw:

@@ -11,7 +11,7 @@ from ..effects.base import AbstractBodies, AbstractContact
 from ..motion import check_known_in_time
 from ..pencil import ROUNDING, Pencil, isotropic
 from ..scene import Scene
-from ..system import assemble
+from ..system import assemble, structure
 from .forced import ending_span
 from .modal import less_rounding, slowest_first
 
@@ -45,8 +45,9 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
 
     if scene.of(AbstractContact) or scene.of(AbstractBodies):
         raise ValueError(
-            "A state space is that of a linear rotor, but the scene has contacts or balls; remove them, "
-            'as by `scene.without("limiters")`.'
+            "A state space is that of a linear rotor, but the scene has contacts or balls "
+            f"({structure(scene).owners_of('contact', 'bodies')}); remove them, as by "
+            '`scene.without("limiters")`.'
         )
     if modes is not None and (isinstance(modes, bool) or not isinstance(modes, int) or modes < 1):
         raise ValueError(f"`modes` must be a whole number from 1 on, but is {modes!r}.")
@@ -55,7 +56,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     for at in into:
         scene = ending_span(scene, at)
     equations, blocks = _equations(scene, into, seen)
-    check_known_in_time(blocks)
+    check_known_in_time(structure(scene))
     circular = isotropic(blocks)
     values, enter, leave, still, through = _motions(circular, *map(np.asarray, equations))
     if circular:

@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 
 from ..plausibility import ImplausibleWarning
 from .interrupt import stop_on_ctrl_c
+from .typed import typed
 
 
 # Module of every command, and what `jaxrotor --help` says of it: what a command needs takes seconds
@@ -96,6 +97,7 @@ class OneSentence(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself, in place of what is listed."""
         name, listed, rest = super().resolve_command(ctx, args)
+        ctx.meta[__name__] = name, list(rest)
         return name, loaded(name) if name else listed, rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -113,7 +115,9 @@ class OneSentence(TyperGroup):
         except (ValueError, RuntimeError, OSError, ArithmeticError, MemoryError) as error:
             if ctx.params["debug"]:
                 raise
-            typer.echo(_one_line(error) or type(error).__name__, err=True)
+            name, words = ctx.meta[__name__]
+            sentence = typed(_one_line(error), name, words, list(COMMANDS), loaded(name))
+            typer.echo(sentence or type(error).__name__, err=True)
             raise typer.Exit(2) from None
 
 

@@ -18,7 +18,8 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..extremes import largest
 from ..march import QUICKLY
-from ..pencil import Pencil, check_moves, isotropic
+from ..motion import RUN_UP, check_no_balls
+from ..pencil import Pencil, check_alike, check_moves
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..simulate import Response, check_constant, check_counts, simulate
@@ -356,11 +357,8 @@ def _power_of_two(least: int) -> int:
 def _check(system: System) -> None:
     """Refuse what has no harmonic balance."""
     check_moves(system)
-    if not isotropic(system.blocks) or system.races:
-        raise ValueError(
-            "Harmonic balance is for a rotor that is the same along every axis, without balls; take "
-            "`jaxrotor.run_up`, which does all."
-        )
+    check_alike(system, "Harmonic balance", RUN_UP)
+    check_no_balls(system, "Harmonic balance", RUN_UP)
     if any(law.kinked for port in system.ports for law in port.laws):
         raise ValueError(
             "Harmonic balance takes smooth contact, but there are sharp stops; give them `blend` and "
