@@ -28,7 +28,7 @@ from .spin import AbstractSpin, ConstantSpeed
 from .toml_writer import dumps
 from .units import SceneError, quantity, refuse, show
 from .variants import CHAIN, NAME as TABLE, Variant, variant
-from .vocabulary import COUNTS, FORMS, START, TEXTS, Form, kinds, models
+from .vocabulary import COUNTS, FORMS, START, TEXTS, Form, kinds, models, twice
 
 
 Table = dict[str, Any]
@@ -140,7 +140,9 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         called = {path.stem: path.name for path in Path(source).parent.glob("*.toml")}
         called |= {name: name for name in ours}
         near, names = suggest(Path(source).stem, called, called.get), ", ".join(sorted(ours))
-        refuse(source, f"is no file and no shipped scene{near}; shipped are: {names}.")
+        new = source if source.endswith(".toml") else f"{source or 'NAME'}.toml"
+        hint = near or f"; `jaxrotor new {new}` writes one to begin with"
+        refuse(source, f"is neither a file nor a shipped scene{hint}; shipped are: {names}.")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         refuse(source, f"cannot be read ({reason}); give a TOML file in UTF-8.")
@@ -150,7 +152,7 @@ def _read(text: str, source: str) -> tuple[Scene, Table]:
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        refuse(source, f"is not valid TOML: {error}.")
+        refuse(source, twice(text, str(error)) or f"is not valid TOML: {error}.")
     if not document:
         refuse(source, "is empty; a scene needs at least [shaft] and [spin].")
     try:
@@ -162,8 +164,16 @@ def _read(text: str, source: str) -> tuple[Scene, Table]:
 
 def _scene(document: Table, prefix: str) -> Scene:
     named = {name: cls for cls in kinds().values() for name in (cls.kind, cls.plural)}
-    known = (*TEXTS, "shaft", *named, "spin", "sweep")
-    _check_keys(document, known, ("shaft", "spin"), prefix, "scene")
+    known = (*TEXTS, "shaft", *kinds(), "spin", "sweep")
+    for key in document:
+        if key not in (*known, *named):
+            names = {
+                name: f"[{named[name].kind if name in named else name}]"
+                for name in (*known, *named)
+            }
+            near = suggest(key, names, names.get)
+            refuse(f"{prefix}{key}", f"is not a part of a scene{near}; it has: {', '.join(known)}.")
+    _check_keys(document, document, ("shaft", "spin"), prefix, "scene")
     for key in TEXTS:
         if not isinstance(document.get(key, ""), str):
             refuse(f"{prefix}{key}", f"must be a text, but is {show(document[key])}.")
@@ -230,7 +240,12 @@ def _built(cls: Any, table: Table, path: str, noun: str) -> Any:
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
     required = [n for n, p in inspect.signature(cls).parameters.items() if p.default is p.empty]
     _check_keys(table, list(fields), required, f"{path}.", noun)
-    return _checked(cls, {k: _value(v, fields[k], f"{path}.{k}") for k, v in table.items()}, path)
+    values = {}
+    for key, value in table.items():
+        unit = unit_of(fields[key])
+        matrix = next((n for n, f in fields.items() if takes_matrix(f) and unit_of(f) == unit), "")
+        values[key] = _value(value, fields[key], f"{path}.{key}", matrix)
+    return _checked(cls, values, path)
 
 
 def _checked(build: Callable, values: Table, path: str) -> Any:
@@ -240,7 +255,8 @@ def _checked(build: Callable, values: Table, path: str) -> Any:
         raise SceneError(f"{path}: {error}") from None
 
 
-def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
+def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") -> Any:
+    """A value of a field; `matrix` names the field that takes a matrix of such values."""
     unit, kind = unit_of(field), typing.cast(Any, field.type)
     if unit is not None and is_series(field):
         if not isinstance(value, list):
@@ -248,6 +264,10 @@ def _value(value: Any, field: dataclasses.Field, path: str) -> Any:
         return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
     if unit is not None and takes_matrix(field) and isinstance(value, list):
         return _matrix(value, unit, path)
+    if unit is not None and isinstance(value, list):
+        one = "one number" + ("" if unit == "1" else f" in {unit}")
+        also = f", or {matrix} = [[xx, xy], [yx, yy]] in its place" if matrix else ""
+        refuse(path, f"must be {one}, but is the list {show(value)}; write one{also}.")
     if unit is not None:
         return quantity(value, unit, path)
     if Material in (kind, *typing.get_args(kind)) and isinstance(value, str):

@@ -77,3 +77,26 @@ def models(module: ModuleType, base: type) -> dict[str, type]:
     words = {c: re.findall("[A-Z][a-z]*", c.__name__) for c in classes}
     own = {c: [w.lower() for w in found if w not in _NOUNS] for c, found in words.items()}
     return {"_".join(names): c for c, names in own.items() if "abstract" not in names}
+
+
+_LINE = re.compile(r"\(at line (\d+),")
+_HEAD = re.compile(r"\s*\[\[?\s*([\w.]+)\s*\]\]?.*")
+_KEY = re.compile(r"\s*([\w.\"-]+?)\s*=.*")
+
+
+def twice(text: str, error: str) -> str:
+    """What to write in place of a table or key that is there twice, "" where `error` is another."""
+    found = _LINE.search(error)
+    if found is None or not ("twice" in error or "overwrite" in error):
+        return ""
+    number = int(found[1])
+    line = text.split("\n")[number - 1]
+    if head := _HEAD.fullmatch(line):
+        name = head[1]
+        named = {name for cls in kinds().values() for name in (cls.kind, cls.plural)}
+        if name in named:
+            return f"has [{name}] a second time, at line {number}; write [[{name}]] for each of several."
+        return f"has [{name}] a second time, at line {number}; it can have one, so join the two."
+    if key := _KEY.fullmatch(line):
+        return f"gives {key[1]} a second time, at line {number}; keep one of the two."
+    return ""

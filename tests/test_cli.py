@@ -989,8 +989,14 @@ def test_all_that_a_new_scene_prepares_is_valid(place):
     call("new", "mine.toml")
     _, _, rest = (place / "mine.toml").read_text().partition("title =")
     lines = [line.removeprefix("# ") for line in rest.splitlines()]
-    whole = "title =" + "\n".join(lines).replace("[disc]", "[[discs]]")
-    scene = jr.loads(whole)
+    whole = "title =" + "\n".join(lines).replace("\n[disc]", "\n[[disc]]")
+    first, second, third = whole.split("[spin]")  # the second of them in place of the first
+    scene = jr.loads(f"{first}[spin]{third.partition('[sweep]')[0]}")
+    assert isinstance(scene.spin, jr.SpeedProfile) and 'speed = "1500 rpm"' in second
+    assert [float(step.diameter) for step in scene.shaft.steps] == [0.04, 0.03]
+    film, same = scene.of(jr.Support)[2:]
+    for name in ("kxx", "kxy", "kyx", "kyy", "cxx", "cyy"):
+        assert float(getattr(film, name)) == float(getattr(same, name)) != 0
     assert {effect.kind for effect in scene.effects} == {
         *("disc", "unbalance", "support", "internal_damping", "external_damping"),
         *("disc_damping", "gravity", "limiter"),
@@ -1017,7 +1023,7 @@ def test_new_scene_like_another(place):
     assert answered("show", "mine.toml", "--out", "run")["written"] == [
         os.path.join("run", "rotor.png")
     ]
-    assert "no shipped scene" in refused("new", "other.toml", "--like", "nothing")
+    assert "nor a shipped scene" in refused("new", "other.toml", "--like", "nothing")
     assert not (place / "other.toml").exists()
 
 

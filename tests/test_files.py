@@ -371,7 +371,7 @@ class Magnet(AbstractLinear):
 
 def test_new_effect_needs_an_export_and_nothing_else(monkeypatch):
     text = good("[spin]", "[[magnets]]\nstrength = '2 kN/m'\n[spin]")
-    assert "magnets is not a parameter of a scene" in refused(text)
+    assert "magnets is not a part of a scene" in refused(text)
     with pytest.raises(SceneError, match="no scene file can name a Magnet"):
         dumps(Scene(FlexibleShaft(1, 0.1), Magnet(1.0), spin=ConstantSpeed(1.0)))
     monkeypatch.setattr(effects, "Magnet", Magnet, raising=False)
@@ -543,6 +543,12 @@ def test_bearings_as_their_reports_print_them():
             "damping = 1e5\n",
             "supports.0: `kxx` and `damping` are of two ways to describe a support; give ",
         ),
+        (
+            'kxx = "80 MN/m"',
+            "kxx = [[8e7, 1e7], [-2e7, 4e7]]",
+            "supports.0.kxx must be one number in N/m, but is the list [[80000000.0, 10000000.0], "
+            "[-20000000.0, 40000000.0]]; write one, or stiffness = [[xx, xy], [yx, yy]] in its place.",
+        ),
         ('kxx = "80 MN/m"\n', "", "supports.0: A support needs its stiffness; give `kxx [N/m]`"),
         (
             '[["80 MN/m", 1e7], [-2e7, 4e7]]',
@@ -697,7 +703,11 @@ def study_of(text):
         ('"0.7 m"', "-inf", "shaft.length must be in m and finite, but is -inf."),
         ('"0.7 m"', "1e999", "shaft.length must be in m and finite, but is inf."),
         ('"0.7 m"', "true", "shaft.length must be in m, but is True."),
-        ('"0.7 m"', "[0.7]", "shaft.length must be in m, but is [0.7]."),
+        (
+            '"0.7 m"',
+            "[0.7]",
+            "shaft.length must be one number in m, but is the list [0.7]; write one.",
+        ),
         ('"0.7 m"', "{m = 1}", "shaft.length must be in m, but is {'m': 1}."),
         ('"0.7 m"', "1979-05-27", "shaft.length must be in m, but is datetime.date(1979, 5, 27)."),
         (
@@ -780,16 +790,18 @@ def study_of(text):
         (
             "[disc]",
             "[disk]",
-            "disk is not a parameter of a scene (did you mean `disc`?); it has: title, assumption, "
-            "shaft, ball_balancer, ball_balancers, ball_contact, ball_contacts, cubic_spring, "
-            "cubic_springs, disc, discs, ",
+            "disk is not a part of a scene (did you mean `[disc]`?); it has: title, assumption, "
+            "shaft, ball_balancer, ball_contact, cubic_spring, disc, ",
         ),
         (
             "[disc]",
             "[[disc]]\nat = 0\nmass = 1\n[[disc]]\nmas = 1",
             "disc.1.mas is not a parameter",
         ),
-        ("[shaft]", "[spindle]", "spindle is not a parameter of a scene"),
+        ("[disc]", "[dics]", "dics is not a part of a scene (did you mean `[disc]`?)"),
+        ("[disc]", "[dicss]", "dicss is not a part of a scene (did you mean `[disc]`?)"),
+        ("[shaft]", "[shfat]", "shfat is not a part of a scene (did you mean `[shaft]`?)"),
+        ("[shaft]", "[spindle]", "spindle is not a part of a scene"),
         ('[spin]\nspeed = "1500 rpm"\n', "", "spin is missing; a scene needs: shaft, spin."),
         (
             "[shaft]",
@@ -919,7 +931,23 @@ def test_every_slip_gets_one_sentence(old, new, message):
         ),
         (
             "[shaft]\n[shaft]\n",
-            "my.toml is not valid TOML: Cannot declare ('shaft',) twice (at line 2",
+            "my.toml has [shaft] a second time, at line 2; it can have one, so join the two.",
+        ),
+        (
+            good("[unbalance]", "[disc]\n[unbalance]"),
+            "my.toml has [disc] a second time, at line 8; write [[disc]] for each of several.",
+        ),
+        (
+            good("[unbalance]", "[[discs]]\n[discs]\n[unbalance]"),
+            "my.toml has [discs] a second time, at line 9; write [[discs]] for each of several.",
+        ),
+        (
+            good("[unbalance]", "[[disc]]\n[unbalance]"),
+            "my.toml has [disc] a second time, at line 8; write [[disc]] for each of several.",
+        ),
+        (
+            good("mass = 2.5", "mass = 2.5\nmass = 3"),
+            "my.toml gives mass a second time, at line 8; keep one of the two.",
         ),
         ("[shaft]\na = " + "9" * 5000, "my.toml is not valid TOML: Exceeds the limit"),
         ("a = " + "[" * 9000, "my.toml is not valid TOML: "),
@@ -948,12 +976,14 @@ def test_unreadable_files(tmp_path):
             assert str(caught.value).endswith(".")
 
     near = f"(did you mean `limiter-rotor`?); shipped are: {', '.join(sorted(OTHERS + NAMES))}."
-    sentence("limiter-roter", f"is no file and no shipped scene {near}")
+    sentence("limiter-roter", f"is neither a file nor a shipped scene {near}")
     (tmp_path / "my-rotor.toml").touch()
     near = "(did you mean `my-rotor.toml`?)"
     for slip in ("my-rotr.toml", "my-rotor"):
-        sentence(tmp_path / slip, f"is no file and no shipped scene {near}; shipped are: ")
-    sentence(tmp_path / "no.toml", "is no file and no shipped scene; shipped are: ")
+        sentence(tmp_path / slip, f"is neither a file nor a shipped scene {near}; shipped are: ")
+    for name in ("my-fan.toml", "my-fan"):
+        begin = "`jaxrotor new my-fan.toml` writes one to begin with; shipped are: "
+        sentence(name, f"is neither a file nor a shipped scene; {begin}")
     sentence(tmp_path, "cannot be read (Is a directory); give a TOML file in UTF-8.")
     sentence("", "cannot be read (Is a directory)")
     sentence("a\x00b", "cannot be read (embedded null byte)")
