@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .chunks import first_alone, segments
-from .march import QUICKLY, March, Plan
+from .compiled import QUICKLY
+from .march import March, Plan
 from .observe import AbstractObservable, Turn
 from .outcome import Outcome
 from .scene import Scene

@@ -25,14 +25,6 @@ from .system import System, assemble
 
 
 SHORT = 20  # revolutions of which every one may be a checkpoint
-# For `jax.jit`: a program that runs once or twice is slower to compile well than to run. Without the
-# fusion emitters and LLVM's optimisation a program compiles in a third of the time.
-QUICKLY: dict[str, Any] = {
-    "compiler_options": {
-        "xla_backend_optimization_level": 0,
-        "xla_cpu_use_fusion_emitters": False,
-    }
-}
 
 
 class Plan(eqx.Module):

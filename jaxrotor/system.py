@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .blocks import Blocks, Load
+from .compiled import compiled_quickly
 from .effects.base import (
     AbstractBetween,
     AbstractBodies,
@@ -151,7 +152,7 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     return _assembled(scene, port_groups(scene) if together is None else together)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     line = scene.line()
     parts = _parts(scene, line)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
+from ..compiled import compiled_quickly
 from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -177,7 +178,7 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
     return right._replace(slopes=slopes), sure
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _values_and_slopes(system: System, speed: Scalar, count: int):
     """The slowest roots, some more than `count` of (pairs of) them, and their derivatives."""
     values = natural_roots(system.at_speed(speed))

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..compiled import compiled_quickly
 from ..pencil import Pencil, check_axes, check_moves, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -117,7 +118,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     return found.where(kept)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _synchronous(scene: Scene, count: int | None, points: int) -> CriticalSpeeds:
     """Critical speeds, ascending, infinite for none."""
     system = assemble(scene)
@@ -192,7 +193,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
     return AxisSpeeds(*speeds)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
     system = assemble(scene)
     check_moves(system)

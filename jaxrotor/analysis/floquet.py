@@ -1,12 +1,12 @@
 """Stability of a linear rotor over a revolution, whether its coefficients are constant or not."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.polynomial import legendre
 
+from ..compiled import compiled_quickly
 from ..pencil import Pencil, check_circular, eigenvalues, frame, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -74,7 +74,7 @@ def exponents(system: System, steps: int = 32) -> Complex[Array, " m"]:
     return jnp.where(there, jnp.log(jnp.where(there, values, 1.0)) / time, -jnp.inf)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _multipliers(scene: Scene, steps: int) -> Complex[Array, " m"]:
     system = assemble(scene)
     if frame(system.blocks) == "periodic":

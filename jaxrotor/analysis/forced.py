@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..compiled import compiled_quickly
 from ..effects import AbstractBodies, AbstractContact, Disc
 from ..pencil import Pencil, check_axes, frame, isotropic
 from ..quantities import Scalar, known, nonnegative, real
@@ -197,7 +198,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
     return q, velocity
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _steady(scene: Scene):
     system = assemble(scene)
     speed = system.spin.speed
@@ -269,7 +270,7 @@ def _respond(scene: Scene, speeds, frequencies, stations, load):
     return parts
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _parts_of_all(scene: Scene, speeds, frequencies, stations, load):
     rotor = assemble(scene)
 

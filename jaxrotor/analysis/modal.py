@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..blocks import Blocks
+from ..compiled import compiled_quickly
 from ..pencil import (
     ROUNDING,
     Frame,
@@ -153,7 +154,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     return values[:count]
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _roots(scene: Scene) -> Complex[Array, " m"]:
     values = natural_roots(assemble(scene))
     return values[slowest_first(values)]
@@ -177,7 +178,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     return eqx.tree_at(own, found, [part[there] for part in own(found)])
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     system = assemble(scene)
     if system.blocks.hysteretic is None:

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..compiled import compiled_quickly
 from ..effects import AbstractLoad, Disc, HystereticDamping
 from ..scene import Scene
 from ..shafts import MasslessShaft
@@ -25,7 +26,7 @@ class Perturbation(eqx.Module):
     valid: Bool[Array, " 4"]  # whether the first order may be trusted
 
 
-@eqx.filter_jit
+@compiled_quickly
 def perturbed_roots(scene: Scene) -> Perturbation:
     """`Omega = Lambda (1 + i e_h)`, `Lambda = lambda (1 + e_w)`; returned as `i Omega`.
 

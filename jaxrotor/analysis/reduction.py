@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..compiled import compiled_quickly
 from ..pencil import check_alike
 from ..quantities import Scalar, check, known
 from ..scene import Scene
@@ -56,7 +57,7 @@ def reduction(scene: Scene, at) -> Reduction:
     return Reduction(shaft, mass, (condensed + condensed.T) / 2)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _static(scene: Scene, at: Scalar) -> tuple[Array, Array, Scalar]:
     """Flexibility by force and couple, `Int m x_i x_j ds` of both deflections, condition number.
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..compiled import compiled_quickly
 from ..extremes import largest
 from ..pencil import Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..quantities import Scalar, known
@@ -44,7 +45,7 @@ def growth_rate(scene: Scene) -> Scalar:
     return growth
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _growth_rate(scene: Scene, steps: int) -> Scalar:
     return growth_of(assemble(scene), steps)[0]
 
@@ -161,7 +162,7 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
     return jnp.asarray(within[0], float), jnp.asarray(within[1], float)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
     """Speeds and the sign of the growth rate there, 0 marginal: samples and turning points."""
     system = assemble(jax.lax.stop_gradient(scene))
@@ -219,7 +220,7 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
     return speed, sign * top
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
     system = assemble(scene)
     speed = _crossing(system, low, high)

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
 from ..motion import check_known_in_time
 from ..pencil import ROUNDING, Pencil, isotropic
@@ -77,7 +77,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     return StateSpace(*_paired(values, enter, leave), rest.real)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _equations(scene: Scene, forces, displacements):
     """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift; the blocks.
 

@@ -217,6 +217,6 @@ def main() -> None:
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         os.environ["JAX_COMPILATION_CACHE_DIR"] = user_cache_dir("jaxrotor")
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     stop_on_ctrl_c()
     app(prog_name="jaxrotor")

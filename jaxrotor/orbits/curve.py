@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..march import QUICKLY, Outcome, Plan
+from ..compiled import QUICKLY
+from ..march import Outcome, Plan
 from ..quantities import Scalar
 from ..scene import Scene
 from ..simulate import choose, joined, solver_name

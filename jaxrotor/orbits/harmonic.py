@@ -16,8 +16,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..compiled import QUICKLY
 from ..extremes import largest
-from ..march import QUICKLY
 from ..motion import RUN_UP, check_no_balls
 from ..pencil import Pencil, check_alike, check_moves
 from ..quantities import Scalar, known

@@ -12,8 +12,9 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
+from ..compiled import QUICKLY
 from ..extremes import largest
-from ..march import QUICKLY, Plan
+from ..march import Plan
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..simulate import (

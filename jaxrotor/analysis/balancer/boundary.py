@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ...compiled import compiled_quickly
 from ...quantities import Scalar, known
 from ..maps import CHUNK, traced
 from .groups import BalancerGroups
@@ -62,7 +63,7 @@ def stability_speed(
     return speed - (residual - jax.lax.stop_gradient(residual)) / slope
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _regained(groups: BalancerGroups, beta: Array, low: Array, high: Array):
     """Speed between an unstable and a stable one where growth is zero, and its slope there."""
     growth = lambda om: growth_rate(_at_speed(groups, om), beta)
@@ -85,12 +86,12 @@ def _at_speed(groups: BalancerGroups, speed: Any) -> BalancerGroups:
     return eqx.tree_at(lambda g: g.speed, groups, jnp.asarray(speed, float))
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _growth_at(groups: BalancerGroups, beta: Array, speeds: Array) -> Float[Array, " k"]:
     return jax.lax.map(lambda om: growth_rate(_at_speed(groups, om), beta), speeds)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
     """Largest polar inertia C with which balance is stable at high speed, without damping and drag.
 
@@ -193,6 +194,6 @@ def _chart(groups: BalancerGroups, beta: Array, names: tuple[str, ...], *values:
     return np.stack([found[:count]] * 2)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _chart_chunk(groups: BalancerGroups, beta: Array, names: tuple[str, ...], points: Array):
     return jax.lax.map(lambda point: growth_rate(_with(groups, names, point), beta), points)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ...compiled import compiled_quickly
 from ...extremes import larger, largest
 from ...quantities import Scalar, known
 from .groups import BalancerGroups
@@ -105,7 +106,7 @@ def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
     return _nearest(groups, checked(groups, start))
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _nearest(groups: BalancerGroups, rows: Positions) -> Positions:
     cuts = [sum(groups.balls[: i + 1]) for i in range(groups.rows - 1)]
     moments = groups.per_ball(groups.moment)

@@ -9,6 +9,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
+from ...compiled import compiled_quickly
 from ...extremes import largest
 from ...quantities import Scalar
 from .groups import BalancerGroups
@@ -51,7 +52,7 @@ def _angles(others: Array) -> Array:
     return jnp.concatenate([jnp.zeros(1), others])
 
 
-@eqx.filter_jit
+@compiled_quickly
 def lag_branch(groups: BalancerGroups, rates: Any) -> LagBranch:
     """The branch of lag whirls from slow rotation on, by the rate Om, past its folds in the speed.
 
@@ -152,7 +153,7 @@ def _at_fold(x: Array, groups: BalancerGroups) -> Array:
     return jnp.append(at(x[1:]), jnp.linalg.det(jax.jacfwd(at)(x[1:])))
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _solve(residual: Any, start: Array, groups: BalancerGroups) -> Array:
     solver = optx.Newton(rtol=1e-12, atol=1e-13)
     return optx.root_find(residual, solver, start, groups, max_steps=100).value

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ...compiled import compiled_quickly
 from ...extremes import largest
 from ...pencil import Pencil, root_changes
 from ...quantities import Scalar
@@ -16,7 +16,7 @@ from .family import checked, second_harmonics
 from .groups import BalancerGroups
 
 
-@eqx.filter_jit
+@compiled_quickly
 def closed_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, "k k"]:
     """`x' = A x` of the closed linear equations in axes of the rotor, `k = 4 + 4 r`.
 
@@ -32,7 +32,7 @@ def closed_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[A
     return jnp.concatenate([upper, jnp.concatenate([place, rates], axis=1)])
 
 
-@eqx.filter_jit
+@compiled_quickly
 def settling_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, "k k"]:
     """The closed system without the drift along the family, `k = 6 + 2 r`: no counted zeros.
 
@@ -71,7 +71,7 @@ def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
     return rates, place
 
 
-@eqx.filter_jit
+@compiled_quickly
 def spectrum(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Complex[Array, " k"]:
     """Roots of the closed linear system at a balanced position, without its `2 (r - 1)` zeros.
 

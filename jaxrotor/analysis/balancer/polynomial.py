@@ -6,11 +6,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ...compiled import compiled_quickly
 from ...quantities import Scalar
 from .groups import BalancerGroups
 
 
-@eqx.filter_jit
+@compiled_quickly
 def characteristic_polynomial(
     groups: BalancerGroups, beta: Complex[Array, " r"]
 ) -> Float[Array, " k"]:
@@ -35,7 +36,7 @@ def characteristic_polynomial(
     return _total(drags, free, first, pull, second, turn)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def slow_polynomial(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, " k"]:
     """Characteristic polynomial of slow motion, the rotor in quasi-static balance, degree `2 + 2 r`.
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ...compiled import compiled_quickly
 from ...quantities import Scalar
 from .family import checked
 from .groups import BalancerGroups
@@ -40,7 +41,7 @@ def whirl_spectrum(
     return _roots(groups, place, rate)
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _roots(groups: BalancerGroups, place: Float[Array, " k"], rate: Scalar) -> Complex[Array, " _"]:
     still = jnp.zeros_like(place)
     slope = lambda which: jax.jacfwd(_residual, argnums=which)(place, still, still, groups, rate)

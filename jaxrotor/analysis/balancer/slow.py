@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import diffrax as dfx
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...compiled import compiled_quickly
 from .family import Positions, checked
 from .groups import BalancerGroups
 
@@ -32,7 +32,7 @@ def slow_motion(
     return tuple(jnp.split(angles, np.cumsum(groups.balls)[:-1], axis=1))
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _motion(groups: BalancerGroups, start: Array, times: Array, tolerance: float) -> Array:
     solution = dfx.diffeqsolve(
         dfx.ODETerm(_rates),
@@ -50,7 +50,7 @@ def _motion(groups: BalancerGroups, start: Array, times: Array, tolerance: float
     return solution.ys
 
 
-@eqx.filter_jit
+@compiled_quickly
 def _rates(time: Any, psi: Float[Array, " n"], groups: BalancerGroups) -> Float[Array, " n"]:
     moment, drag, coupling = map(groups.per_ball, (groups.moment, groups.drag, groups.coupling))
     turned = jnp.exp(1j * psi)

@@ -1,0 +1,28 @@
+"""Programs compiled without optimisation give the same numbers, alone and inside others."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrotor.compiled import compiled_quickly
+
+
+def test_alone_inside_a_program_mapped_and_differentiated():
+    """jax refuses settings of the compiler inside another program: there the function is plain."""
+    traced = []
+
+    @compiled_quickly
+    def solved(k, names=("static",)):
+        traced.append(names)
+        return jnp.linalg.solve(jnp.array([[k, 1.0], [1.0, 3.0]]), jnp.ones(2))
+
+    exact = lambda k: np.array([2.0, k - 1]) / (3 * k - 1)
+    np.testing.assert_allclose(solved(2.0), exact(2.0), rtol=1e-14)
+    np.testing.assert_allclose(solved(4.0), exact(4.0), rtol=1e-14)
+    assert len(traced) == 1  # one for all values
+    np.testing.assert_allclose(jax.jit(lambda k: 2 * solved(k))(2.0), 2 * exact(2.0), rtol=1e-14)
+    np.testing.assert_allclose(
+        jax.vmap(solved)(jnp.array([2.0, 5.0])), [exact(2.0), exact(5.0)], rtol=1e-14
+    )
+    np.testing.assert_allclose(jax.jacfwd(solved)(2.0), np.array([-6, 2]) / 25, rtol=1e-13)
+    assert solved.__name__ == "solved" and traced[-1] == ("static",)
