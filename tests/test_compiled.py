@@ -17,8 +17,8 @@ def test_alone_inside_a_program_mapped_and_differentiated():
         return jnp.linalg.solve(jnp.array([[k, 1.0], [1.0, 3.0]]), jnp.ones(2))
 
     exact = lambda k: np.array([2.0, k - 1]) / (3 * k - 1)
-    np.testing.assert_allclose(solved(2.0), exact(2.0), rtol=1e-14)
-    np.testing.assert_allclose(solved(4.0), exact(4.0), rtol=1e-14)
+    np.testing.assert_allclose(solved(jnp.asarray(2.0)), exact(2.0), rtol=1e-14)
+    np.testing.assert_allclose(solved(jnp.asarray(4.0)), exact(4.0), rtol=1e-14)
     assert len(traced) == 1  # one for all values
     np.testing.assert_allclose(jax.jit(lambda k: 2 * solved(k))(2.0), 2 * exact(2.0), rtol=1e-14)
     np.testing.assert_allclose(
