@@ -1,14 +1,12 @@
-"""Chunks: lanes that run as one compiled program, spread over cores or GPUs, with a bar of progress."""
+"""Chunks: lanes that run as one compiled program, spread over cores or GPUs."""
 
 import concurrent.futures
-import contextlib
 import dataclasses
 import itertools
 import os
 import queue
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -114,43 +112,3 @@ def first_alone(call: Callable) -> Callable:
             return out
 
     return run
-
-
-@contextlib.contextmanager
-def progress(show: bool | None, total: int, what: str, unit: str, each: int = 1) -> Iterator:
-    """A bar on a terminal, else nothing: yields `tick(steps)`; a step is `each` of the `unit`."""
-    if not (sys.stderr.isatty() if show is None else show):
-        yield lambda steps: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        ProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    from rich.table import Column
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        def render(self, task: Any) -> Text:
-            speed = task.finished_speed or task.speed
-            if speed is None:
-                return Text("")
-            digits = ",.0f" if speed * each >= 100 else ".3g"
-            return Text(f"{speed * each:{digits}} {unit}/s")
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=16),  # the line is one of 80 columns
-        TextColumn("{task.percentage:3.0f} %"),
-        Rate(table_column=Column(no_wrap=True)),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda steps: bar.advance(task, steps)

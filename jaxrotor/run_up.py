@@ -15,6 +15,7 @@ from .analysis import first_moments
 from .effects.base import AbstractBetween, AbstractBodies
 from .extremes import larger
 from .massless_coordinates import Known
+from .progress import waiting
 from .quantities import Scalar, known, real
 from .scene import Scene
 from .simulate import checked_solver, solver_name
@@ -104,6 +105,7 @@ def run_up(
     adjoint: dfx.AbstractAdjoint | None = None,
     max_steps: int = 1_000_000,
     max_stops: int = 64,
+    progress: bool | None = None,
 ) -> RunUp:
     """Motion at a speed that varies, whatever the spin: `ConstantSpeed`, `SpeedProfile`, `Drive`.
 
@@ -126,6 +128,7 @@ def run_up(
         adjoint: diffrax adjoint for derivatives, forward mode by default.
         max_steps: steps an adaptive solver may take.
         max_stops: how often a drive with feedback may come to rest or break loose.
+        progress: whether to say after two seconds that it is under way; by default on a terminal.
 
     Returns:
         A `RunUp`. A run that fails raises; when traced, it is not finite.
@@ -163,8 +166,10 @@ def run_up(
     if isinstance(spin, Drive) and spin.polar is None:
         spin.inertia(polar_inertia(begun))  # refuses what cannot turn
     launch = _whole(launch, counts)
-    instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
-    if known(good) and not bool(good):
+    with waiting(progress, "run-up"):
+        instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
+        failed = known(good) and not bool(good)
+    if failed:
         launch.shaft.state(assemble(begun), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "

@@ -17,6 +17,7 @@ from .motion import Motion
 from .outcome import Outcome, steps_needed, too_long
 from .pencil import check_moves
 from .pilot import Pilot, refined
+from .progress import waiting
 from .quantities import Scalar, known
 from .scene import Scene
 from .solvers.basis import Count, well_conditioned
@@ -80,6 +81,7 @@ def simulate(
     period: float | None = None,
     adjoint: dfx.AbstractAdjoint | None = None,
     max_steps: int = 4096,
+    progress: bool | None = None,
 ) -> Response:
     """Motion `M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contact forces` in time.
 
@@ -102,6 +104,7 @@ def simulate(
         adjoint: diffrax adjoint for derivatives: forward mode by default,
             `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
         max_steps: steps an adaptive solver may take in one revolution.
+        progress: whether to say after two seconds that it is under way; by default on a terminal.
 
     Returns:
         A `Response`. A run that fails or overflows raises; when traced, it is not finite. One that
@@ -149,8 +152,10 @@ def simulate(
     # One program serves runs of any length, but for reverse mode.
     if skip and plan.together and isinstance(adjoint, dfx.ForwardMode):
         skip = jnp.asarray(skip)
-    end, orbit, good, bounce = _run(scene, plan, start, rate, stations, skip, keep)
-    if known(good.ok) and not bool(good.ok):
+    with waiting(progress, "simulation"):
+        end, orbit, good, bounce = _run(scene, plan, start, rate, stations, skip, keep)
+        failed = known(good.ok) and not bool(good.ok)
+    if failed:
         start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "

@@ -13,7 +13,6 @@ import jax
 import numpy as np
 import xarray as xr
 
-from .chunks import progress as bar
 from .cluster import crew
 from .dataset import chosen
 from .effects.base import AbstractContact
@@ -24,6 +23,7 @@ from .march import Plan
 from .observe import AbstractObservable, everything
 from .outcome import failed
 from .pilot import Pilot
+from .progress import progress as bar
 from .scene import Scene
 from .simulate import (
     check_constant,

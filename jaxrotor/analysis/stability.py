@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from ..compiled import compiled_quickly
 from ..extremes import largest
 from ..pencil import Pencil, eigenvalues, frame, is_rounding, isotropic
+from ..progress import waiting
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
@@ -72,6 +73,7 @@ def onset_speed(
     samples: int = 200,
     *,
     throw: bool = True,
+    progress: bool | None = None,
 ) -> Onset:
     """Lowest speed at which the straight rotor turns unstable: `max Re lambda(Omega) = 0`, rising.
 
@@ -83,6 +85,7 @@ def onset_speed(
             calls. Bands where an unequal shaft stands bent are never missed.
         throw: whether to raise where there is no onset. False gives NaN instead, so that one rotor of
             many under jax.vmap does not end all.
+        progress: whether to say after two seconds that it is under way; by default on a terminal.
 
     Returns:
         Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
@@ -97,7 +100,14 @@ def onset_speed(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
-    speeds, sign = _scan(scene, _checked(within, samples), samples)
+    with waiting(progress, "onset of instability"):
+        speeds, sign = _scan(scene, _checked(within, samples), samples)
+        found = _onset(scene, speeds, sign, samples, throw)
+        return jax.block_until_ready(found) if known(found.speed) else found
+
+
+def _onset(scene: Scene, speeds: Array, sign: Array, samples: int, throw: bool) -> Onset:
+    """The first loss of stability among speeds where growth has a sign."""
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [

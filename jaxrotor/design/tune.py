@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..chunks import cores, progress as bar, spread
+from ..chunks import cores, spread
+from ..progress import progress as bar
 from ..quantities import Scalar
 from ..scene import Scene
 from ..simulate import check_counts
@@ -148,8 +149,8 @@ def tune(
     workers = cores(None)
     size = 1 if jax.default_backend() == "cpu" else starts
     chunks = [courses[i : i + size] for i in range(0, starts, size)]
-    _check_first([look for chunk in chunks for look in run.measure(chunk)], limits, pairs)
     with bar(progress, starts * steps, "tuning", "steps") as tick:
+        _check_first([look for chunk in chunks for look in run.measure(chunk)], limits, pairs)
         spread(lambda chunk, tick: run(chunk, steps, tick), chunks, workers, tick)
     return _tuned(scene, limits, pairs, courses, how.name, seed)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..chunks import progress as bar
+from ..progress import progress as bar
 from ..simulate import check_counts
 from ..solvers.exponential import Exponential
 from .bifurcations import Found, bifurcations, halved

@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..chunks import progress as bar, segments
+from ..chunks import segments
 from ..march import March, Plan
 from ..outcome import Outcome
+from ..progress import progress as bar
 from ..scene import Scene
 from ..simulate import (
     check_constant,

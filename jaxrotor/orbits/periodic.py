@@ -15,6 +15,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 from ..compiled import QUICKLY
 from ..extremes import largest
 from ..march import Plan
+from ..progress import waiting
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..simulate import (
@@ -135,6 +136,7 @@ def periodic(
     at: Any = None,
     estimate: bool = False,
     throw: bool = True,
+    progress: bool | None = None,
 ) -> PeriodicOrbit:
     """The periodic motion near a guess: `z(t + T) = e^(i turn) z(t)`, stable or not.
 
@@ -163,6 +165,7 @@ def periodic(
         at: station(s) [m] to observe, as in `simulate`.
         estimate: whether to repeat it with half the step, for `error`.
         throw: whether to raise an error where no orbit is found; else `converged` says so.
+        progress: whether to say after two seconds that it is under way; by default on a terminal.
 
     Returns:
         A `PeriodicOrbit`. Differentiable in forward mode, by the implicit function theorem. Under
@@ -197,8 +200,10 @@ def periodic(
     settings = chosen, together, finder, tolerance
     traced = not all(map(known, jax.tree.leaves((system, aim))))
     find = _COMPILED if traced else _COMPILED_QUICKLY
-    found = find(scene, system, stations, aim, *settings, max_iterations)
-    if throw and known(found.converged) and not bool(found.converged):
+    with waiting(progress, "periodic orbit"):
+        found = find(scene, system, stations, aim, *settings, max_iterations)
+        failed = known(found.converged) and not bool(found.converged)
+    if throw and failed:
         residual = float(found.residual)
         still = f"a period still misses {residual:.1e} of the state"
         raise RuntimeError(

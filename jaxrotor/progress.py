@@ -1,0 +1,110 @@
+"""Progress: what takes long says so on a terminal, by a bar where there are steps to count.
+
+One thing is shown at a time: what is called on the way by what is shown already is silent.
+"""
+
+import contextlib
+import sys
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+
+PATIENCE = 2.0  # seconds that need no word
+COMPILING = "compiling .."
+_SHOWN = threading.Lock()
+
+
+@contextlib.contextmanager
+def _alone(show: bool | None) -> Iterator[bool]:
+    """Whether to show: as asked for, else on a terminal; nothing beside what is shown already."""
+    asked = sys.stderr.isatty() if show is None else show
+    held = asked and _SHOWN.acquire(blocking=False)
+    try:
+        yield held
+    finally:
+        if held:
+            _SHOWN.release()
+
+
+@contextlib.contextmanager
+def waiting(show: bool | None, what: str) -> Iterator[None]:
+    """A line on a terminal, after `PATIENCE`, that says `what` is under way and for how long.
+
+    It is for a single program, which is compiled and run without steps that could be counted.
+    """
+    with _alone(show) as shown:
+        if not shown:
+            yield
+            return
+        done = threading.Event()
+        line = threading.Thread(target=_line, args=(what, done), daemon=True)
+        line.start()
+        try:
+            yield
+        finally:
+            done.set()
+            line.join()
+
+
+def _line(what: str, done: threading.Event) -> None:
+    if done.wait(PATIENCE):
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=console.is_terminal) as bar:
+        bar.add_task(f"{what}: compiling and running", total=None)
+        done.wait()
+
+
+@contextlib.contextmanager
+def progress(show: bool | None, total: int, what: str, unit: str, each: int = 1) -> Iterator:
+    """A bar on a terminal, else nothing: yields `tick(steps)`; a step is `each` of the `unit`.
+
+    Until the first step is done it says that it is compiling.
+    """
+    with _alone(show) as shown:
+        if not shown:
+            yield lambda steps: None
+            return
+        with _bar(total, what, unit, each) as tick:
+            yield tick
+
+
+@contextlib.contextmanager
+def _bar(total: int, what: str, unit: str, each: int) -> Iterator:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.table import Column
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        def render(self, task: Any) -> Text:
+            speed = task.finished_speed or task.speed
+            if speed is None:
+                return Text("")
+            digits = ",.0f" if speed * each >= 100 else ".3g"
+            return Text(f"{speed * each:{digits}} {unit}/s")
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=16),  # the line is one of 80 columns
+        TextColumn("{task.percentage:3.0f} %"),
+        Rate(table_column=Column(no_wrap=True)),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(COMPILING, total=total)
+        yield lambda steps: bar.update(task, advance=steps, description=what)
