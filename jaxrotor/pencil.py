@@ -5,7 +5,7 @@ from typing import Any, Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Complex
+from jaxtyping import Array, Bool, Complex, Float, Inexact
 
 from .blocks import Blocks
 from .quantities import Scalar
@@ -98,9 +98,10 @@ class Pencil(eqx.Module):
     without mass are allowed.
     """
 
-    inertia: Complex[Array, "m m"]
-    damping: Complex[Array, "m m"]
-    stiffness: Complex[Array, "m m"]
+    inertia: Inexact[Array, "m m"]
+    damping: Inexact[Array, "m m"]
+    stiffness: Inexact[Array, "m m"]
+    paired: bool = eqx.field(static=True, default=False)  # whether the unknowns are (q, q*)
 
     @classmethod
     def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
@@ -142,7 +143,15 @@ class Pencil(eqx.Module):
             pair(inertia, zero),
             pair(damping, part(getattr(blocks, f"{axes}_damping"))),
             pair(stiffness, part(getattr(blocks, f"{axes}_stiffness"))),
+            paired=True,
         )
+
+    @property
+    def along_axes(self) -> "Pencil":
+        """The same of real unknowns `(x, y)`, `q = x + i y`, where they are pairs: solved much faster."""
+        if not self.paired:
+            return self
+        return Pencil(*map(_along_axes, (self.inertia, self.damping, self.stiffness)))
 
     @property
     def rate(self) -> Scalar:
@@ -166,7 +175,7 @@ class Pencil(eqx.Module):
         """`q` of the steady motion `q exp(i frequency t)` under `force exp(i frequency t)`."""
         return jnp.linalg.solve(self.dynamic(frequency), force)
 
-    def inverse(self, shift: Scalar) -> Complex[Array, "m2 m2"]:
+    def inverse(self, shift: Scalar) -> Inexact[Array, "m2 m2"]:
         """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.
 
         Zero eigenvalues stand for coordinates without mass. The time of `q.` is scaled by the shift.
@@ -181,7 +190,31 @@ class Pencil(eqx.Module):
 
 def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
     """All `lambda` with `det P(lambda) = 0`, in no order; infinite for coordinates without mass."""
-    return _eigenvalues(pencil.inertia, pencil.damping, pencil.stiffness)
+    own = pencil.along_axes
+    return _eigenvalues(own.inertia, own.damping, own.stiffness)
+
+
+def moving_eigenvalues(
+    pencil: Pencil, change: Pencil
+) -> tuple[Complex[Array, " m2"], Complex[Array, " m2"]]:
+    """Eigenvalues and how they move with a change of the pencil, by one decomposition for all.
+
+    `d mu = (V^-1 dA V)_ii` of `A = V diag(mu) V^-1`, `mu = 1 / (lambda - shift)`. Equal ones get the mean
+    of theirs; close to a defective pair, whose vectors coincide, the result has few digits or is not
+    finite. See `root_changes` for exact derivatives of single roots.
+    """
+    own, moving = pencil.along_axes, change.along_axes
+    shift = own.rate
+    inverse, moved = jax.jvp(lambda p: p.inverse(shift), (own,), (moving,))
+    inverses, vectors = jnp.linalg.eig(inverse)
+    values = _values(inverses, shift)
+    rates = -jnp.diagonal(jnp.linalg.solve(vectors, moved @ vectors)) / inverses**2
+    finite = jnp.isfinite(values)
+    rates = jnp.where(finite, rates, 0.0)
+    known = jnp.where(finite, values, 0.0)
+    same = finite & (jnp.abs(known[:, None] - known) <= ROUNDING * jnp.abs(known)[:, None])
+    same = same | jnp.eye(values.size, dtype=bool)
+    return values, (same @ rates) / jnp.sum(same, axis=1)
 
 
 def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
@@ -189,7 +222,19 @@ def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, 
 
     The derivative of a vector is that of a simple root; vectors of equal roots are held.
     """
-    return _eigenvectors(pencil.inertia, pencil.damping, pencil.stiffness)
+    own = pencil.along_axes
+    values, vectors = _eigenvectors(own.inertia, own.damping, own.stiffness)
+    if pencil.paired:
+        x, y = jnp.split(vectors, 2, axis=1)
+        vectors = jnp.concatenate([x + 1j * y, x - 1j * y], axis=1)
+    return values, vectors
+
+
+def _along_axes(pair: Complex[Array, "m m"]) -> Float[Array, "m m"]:
+    """`A q + B q*` of `q = x + i y` as real equations of `(x, y)`."""
+    n = pair.shape[0] // 2
+    ahead, across = pair[:n, :n] + pair[:n, n:], pair[:n, :n] - pair[:n, n:]
+    return jnp.block([[ahead.real, -across.imag], [ahead.imag, across.real]])
 
 
 @jax.custom_jvp

@@ -11,11 +11,11 @@ from jaxtyping import Array, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
 from ..compiled import compiled_quickly
-from ..pencil import Frame, Pencil, frame, is_rounding, isotropic, root_changes
+from ..pencil import Frame, frame, is_rounding, isotropic
 from ..quantities import Scalar, known
 from ..scene import Scene
 from ..system import System, assemble
-from .modal import natural_roots, sense_of_whirl, slowest_first
+from .modal import moving_roots, sense_of_whirl, slowest_first
 
 
 CHOICE = 0.2  # how far off a root may be, relative to the next best, to be told for sure
@@ -181,14 +181,11 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
 @compiled_quickly
 def _values_and_slopes(system: System, speed: Scalar, count: int):
     """The slowest roots, some more than `count` of (pairs of) them, and their derivatives."""
-    values = natural_roots(system.at_speed(speed))
+    values, slopes = moving_roots(system, speed)
     # No mass, no motion: a root beyond all others.
     values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
-    values = values[slowest_first(values)[: 4 * count + 8]]
-    pencil = lambda speed: Pencil.of(system.at_speed(speed))
-    own, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
-    slopes = root_changes(values, own, change)
-    return values, jnp.where(jnp.isfinite(slopes), slopes, 0.0)
+    chosen = slowest_first(values)[: 4 * count + 8]
+    return values[chosen], _finite(slopes[chosen])
 
 
 def _finite(values: Array) -> Array:

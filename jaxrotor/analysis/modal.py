@@ -16,6 +16,7 @@ from ..pencil import (
     frame,
     is_rounding,
     isotropic,
+    moving_eigenvalues,
 )
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -218,6 +219,21 @@ def natural_roots(system: System) -> Complex[Array, " m"]:
         return less_rounding(eigenvalues(Pencil.of(system)), system.blocks)
     pairs = [(values, values) for w in (1, -1) for values in [eigenvalues(Pencil.of(system, w))]]
     return _by_whirl(system.spin.speed, *pairs)[0]
+
+
+def moving_roots(
+    system: System, speed: Scalar
+) -> tuple[Complex[Array, " m"], Complex[Array, " m"]]:
+    """`natural_roots` at a speed and their derivatives by it; see `moving_eigenvalues`."""
+
+    def at_whirl(whirl: int):
+        pencil = lambda speed: Pencil.of(system.at_speed(speed), whirl)
+        return moving_eigenvalues(*jax.jvp(pencil, (speed,), (jnp.ones_like(speed),)))
+
+    if system.blocks.hysteretic is None:
+        values, slopes = at_whirl(0)
+        return less_rounding(values, system.blocks), slopes
+    return _by_whirl(speed, at_whirl(1), at_whirl(-1))
 
 
 def _by_whirl(speed, faster, slower):
