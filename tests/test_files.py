@@ -32,6 +32,7 @@ from jaxrotor import (
     Unbalance,
     effects,
     files,
+    roots,
 )
 from jaxrotor.blocks import Blocks
 from jaxrotor.effects import AbstractLinear
@@ -51,6 +52,7 @@ OTHERS = [
     "gyroscopic-cantilever",
     "gyroscopic-propped",
     "overhung-disc",
+    "overhung-fan",
     "turbine-run-up",
     "turbine-variants",
     "two-discs",
@@ -222,6 +224,37 @@ def test_other_shipped_scene(name):
     """Every number survives a round trip; what they amount to is in the tests of the sheets."""
     same(load(name), loads(dumps(load(name))))
     assert study(name) == {}
+
+
+def test_overhung_fan_is_what_its_sheets_say():
+    """And it is written again as its sheets say it."""
+    scene = load("overhung-fan")
+    for name, value in {
+        "kxx": 8e7,
+        "kxy": 1e7,
+        "kyx": -2e7,
+        "kyy": 4e7,
+        "cxx": 2e5,
+        "cyy": 1e5,
+    }.items():
+        assert scene.get(f"supports.{name}").tolist() == [value] * 2
+        assert dumps(scene).count(f"\n{name} = {value} # N") == 2
+    speed, disc = 50 * math.pi, scene.of(Disc)[0]
+    assert scene.get("unbalance.eccentricity") * speed == pytest.approx(6.3e-3, rel=1e-12)
+    assert (disc.mass, disc.polar) == pytest.approx((80.0, 80.0 * 0.4**2 / 2), rel=1e-12)
+    stops = np.exp(1j * scene.get("limiters.angle"))
+    np.testing.assert_allclose(stops, np.exp(1j * np.pi / 6 * np.arange(12)), atol=1e-15)
+    assert set(scene.get("limiters.gap").tolist()) == {3e-4}
+
+
+@pytest.mark.slow  # roots of fifty coordinates
+def test_overhung_fan_runs_smoothly_in_service():
+    """The films drive whirl by their cross-coupling, but damp it more."""
+    scene = load("overhung-fan")
+    for rpm in (0, 1500, 6000):
+        assert float(roots(scene.at_speed(rpm * math.pi / 30)).real.max()) < -10
+    undamped = {f"supports.{name}": 0.0 for name in ("cxx", "cyy")}
+    assert float(roots(scene.replace(undamped)).real.max()) > 10
 
 
 def test_shipped_lists_names_and_titles():
