@@ -188,9 +188,12 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     before, here, after = growth[:-2], growth[1:-1], growth[2:]
     peak = (here < 0) & (here >= before) & (here >= after)
     dip = (here > 0) & (here <= before) & (here <= after)
-    calls = jnp.argsort(jnp.where(peak | dip, jnp.abs(here), jnp.inf))[:TURNS]
+    closest = jnp.where(peak | dip, jnp.abs(here), jnp.inf)
+    calls = jnp.argsort(closest)[:TURNS]
     turn = lambda i: _turn(growth_at, jax.lax.dynamic_slice(speeds, (i,), (3,)), here[i])
-    turns = jax.lax.map(turn, calls)
+    as_it_is = lambda i: (speeds[i + 1], here[i])  # most rotors have fewer turning points
+    either = lambda i: jax.lax.cond(jnp.isfinite(closest[i]), turn, as_it_is, i)
+    turns = jax.lax.map(either, calls)
     speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
     order = jnp.argsort(speeds)
     return speeds[order], jnp.sign(growth)[order]
