@@ -118,6 +118,7 @@ from .orbits import (
 )
 from .pilot import Pilot as Pilot
 from .plausibility import ImplausibleWarning as ImplausibleWarning
+from .program_cache import keep_programs as keep_programs
 from .reactions import Reactions as Reactions, reactions as reactions
 from .report import report as report
 from .riccati import (

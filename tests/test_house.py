@@ -27,7 +27,17 @@ PACKAGE = Path(jaxrotor.__file__).parent
 
 # From the ground up; modules of one layer import each other only inside a package.
 LAYERS = [
-    ("quantities", "units", "pilot", "extremes", "plausibility", "progress", "tables", "compiled"),
+    (
+        "quantities",
+        "units",
+        "pilot",
+        "extremes",
+        "plausibility",
+        "progress",
+        "tables",
+        "compiled",
+        "program_cache",
+    ),
     ("representation",),
     ("materials", "blocks", "riccati", "outcome", "elimination"),
     ("shafts",),

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
-from platformdirs import user_cache_dir
 from typer.core import TyperGroup
 
 from ..plausibility import ImplausibleWarning
+from ..program_cache import keep_programs_of_commands
 from .interrupt import stop_on_ctrl_c
 from .typed import typed
 
@@ -215,8 +215,6 @@ def main() -> None:
     # XLA takes settings of its compiler for features that the processor lacks, in every cached program.
     if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":  # what jax itself sets when it is loaded
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
-    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        os.environ["JAX_COMPILATION_CACHE_DIR"] = user_cache_dir("jaxrotor")
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+    keep_programs_of_commands()
     stop_on_ctrl_c()
     app(prog_name="jaxrotor")
