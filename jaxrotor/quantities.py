@@ -7,6 +7,7 @@ A table is a `Series`, `times: Series = series("times [s]")`: one leaf of severa
 
 import dataclasses
 import functools
+import math
 import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -134,6 +135,22 @@ def _check_series(value: Any, label: str, ascending: bool) -> Array:
 def as_tuple(value: Any) -> Any:
     """A list as a tuple, anything else as it is: the converter of a field that holds several parts."""
     return tuple(value) if isinstance(value, list) else value
+
+
+def number_or_nan(value: Any) -> float:
+    """A value as a number, None as zero; not a number where it is traced, or no number at all."""
+    try:
+        return 0.0 if value is None else float(value) if known(value) else math.nan
+    except (TypeError, ValueError):  # the check of its field refuses it
+        return math.nan
+
+
+def with_static(module: Any, **values: Any) -> Any:
+    """The same module with other static fields, its leaves as they are: no checks."""
+    copy = object.__new__(type(module))
+    for field in dataclasses.fields(module):
+        object.__setattr__(copy, field.name, values.get(field.name, getattr(module, field.name)))
+    return copy
 
 
 def unit_of(field: dataclasses.Field) -> str | None:

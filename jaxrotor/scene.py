@@ -213,8 +213,8 @@ class Scene(eqx.Module):
     def put(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other leaves, as they are: no checks, the spans kept. See `replace`.
 
-        A part that noted something of its values when it was built, as a `Support` that its axes are
-        equal, is built again.
+        What a part noted of its values when it was built, as a `Support` that its axes are equal, is
+        noted anew.
         """
         scene = self
         addresses = {path: self._find(path) for path in values}
@@ -226,8 +226,8 @@ class Scene(eqx.Module):
         }
         for address in parents:
             part = _follow(scene, address)
-            if hasattr(part, "__post_init__"):
-                scene = _with(scene, address, dataclasses.replace(part))
+            if hasattr(part, "noted"):
+                scene = _with(scene, address, part.noted())
         return scene
 
     def _find(self, path: str) -> list[Address]:

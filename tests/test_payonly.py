@@ -35,6 +35,7 @@ from jaxrotor import (
 )
 from jaxrotor.march import March, Plan
 from jaxrotor.motion import Motion
+from jaxrotor.system import structure
 from jaxrotor.transient import Posture, Transient
 
 
@@ -150,6 +151,17 @@ def test_absent_is_none(fields):
     thin = bare(rotary_inertia=False)
     assert assemble(thin).blocks.gyroscopic is None and field_of(thin)[2].gyroscopic is None
     assert len(field_of(thin)[0]) < len(fields["bare"][0])
+
+
+def test_damping_that_is_known_to_be_the_same_along_every_axis():
+    """It adds one block, and another once its anisotropy has a value or is traced."""
+    path, scene = "external_damping.anisotropy", bare(ExternalDamping(8.0, anisotropy=0.0))
+    there = lambda scene: structure(scene).blocks.fixed_damping is not None
+    assert scene.get(path) == 0 and not there(scene)
+    assert there(scene.replace({path: 0.1}))
+    assert not there(scene.replace({path: 0.1}).replace({path: 0.0}))
+    block = lambda value: structure(scene.replace({path: value})).blocks.fixed_damping.shape
+    assert jax.eval_shape(lambda value: jnp.zeros(block(value)), 0.0).shape == (8, 8)
 
 
 # === strength zero equals absence

@@ -286,6 +286,12 @@ def test_equal_axes_leave_no_trace(bearing):
     assert jr.assemble(back).blocks.fixed_stiffness is None
 
 
+def test_traced_values_are_placed_without_checks():
+    scene = rotor(1.0, jr.Support(0.5, kxx=4.0, kyy=4.0))
+    placed = jax.make_jaxpr(lambda k: scene.put({"support.kxx": k}).leaves("support.kxx"))(5.0)
+    assert not placed.eqns
+
+
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [

@@ -2,10 +2,11 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative, real
+from ..quantities import Scalar, nonnegative, number_or_nan, real, with_static
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
@@ -14,7 +15,8 @@ class ExternalDamping(AbstractLinear):
     """Shaft in a medium: `p = -d (z. + a exp(2 i angle) z.*)` per length, with `d` in N s/m^2.
 
     `anisotropy` a: `d (1 + a)` along the axis at `angle` and `d (1 - a)` across it, fixed in space;
-    None is the same along every axis. Source: Azarov, Gouskov, Panovko (2023), eq. (5);
+    None, or a value known to be zero, is the same along every axis.
+    Source: Azarov, Gouskov, Panovko (2023), eq. (5);
     `eta_e = d l^4 / (2 sqrt(M l^3 E I))`.
     """
 
@@ -24,10 +26,18 @@ class ExternalDamping(AbstractLinear):
     per_length: Scalar = nonnegative("per_length [N s/m^2]")
     anisotropy: Scalar = real("anisotropy [1]", default=None)
     angle: Scalar = real("angle [rad]", default=0.0)
+    isotropic: bool = eqx.field(init=False, static=True)  # as far as is known
+
+    def __post_init__(self):
+        self.isotropic = number_or_nan(self.anisotropy) == 0
+
+    def noted(self) -> "ExternalDamping":
+        """The same, noted anew whether it is isotropic: for a change of values."""
+        return with_static(self, isotropic=number_or_nan(self.anisotropy) == 0)
 
     def blocks(self, line: AbstractLine) -> Blocks:
         damping, unequal = line.forces_along(self.per_length), None
-        if self.anisotropy is not None:
+        if not self.isotropic:
             unequal = self.anisotropy * jnp.exp(2j * self.angle) * damping
         return Blocks(damping=damping, fixed_damping=unequal)
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..blocks import Blocks
-from ..quantities import Scalar, check, known, nonnegative, real
+from ..quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_static
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
@@ -105,6 +105,10 @@ class Support(AbstractLinear):
                 "`damping_angle [rad]` is that of `damping_anisotropy [1]`; give both or neither."
             )
 
+    def noted(self) -> "Support":
+        """The same, its parts that are known to be zero noted anew: for a change of values."""
+        return with_static(self, vanishing=tuple(self._vanishing()))
+
     @property
     def mean_stiffness(self) -> Scalar:
         """`(kxx + kyy) / 2` [N/m]."""
@@ -167,12 +171,12 @@ class Support(AbstractLinear):
         for name, letter in _LETTERS.items():
             own = [getattr(self, letter + axes) for axes in _AXES]
             if any(value is not None for value in own):
-                xx, xy, yx, yy = map(_number, own)
+                xx, xy, yx, yy = map(number_or_nan, own)
                 cross, deviator = xy - yx == 0, xx - yy == 0 and xy + yx == 0
             else:
                 share = self.anisotropy if name == "stiffness" else self.damping_anisotropy
-                cross = _number(getattr(self, f"cross_{name}")) == 0
-                deviator = _number(share) == 0
+                cross = _is_zero(getattr(self, f"cross_{name}"))
+                deviator = _is_zero(share)
             yield from [f"{name} cross"] * cross
             yield from [f"{name} deviator"] * deviator
 
@@ -201,12 +205,8 @@ class _Plane(NamedTuple):
     deviator: Any
 
 
-def _number(value: Any) -> float:
-    """A value as a number, None as zero; not a number where it is traced or none at all."""
-    try:
-        return 0.0 if value is None else float(value) if known(value) else np.nan
-    except (TypeError, ValueError):  # the field's own check refuses it
-        return np.nan
+def _is_zero(value: Any) -> bool:
+    return value is not None and number_or_nan(value) == 0
 
 
 def _of_coefficients(xx: Any, xy: Any, yx: Any, yy: Any) -> _Plane:
