@@ -98,7 +98,6 @@ from .files import (
     load as load,
     loads as loads,
     save as save,
-    shipped as shipped,
     study as study,
     title as title,
 )
@@ -149,6 +148,7 @@ from .simulate import (
     simulate as simulate,
 )
 from .solvers import Exponential as Exponential
+from .sources import shipped as shipped
 from .spin import (
     ConstantSpeed as ConstantSpeed,
     Drive as Drive,

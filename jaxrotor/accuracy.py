@@ -10,11 +10,11 @@ import jax
 import numpy as np
 import xarray as xr
 
-from .dataset import assumed, versions
 from .files import dumps
 from .measures import FINE_NODES, AbstractMeasure
 from .methods import Method, Setting, name_of
 from .progress import progress as bar
+from .provenance import assumed, versions
 from .scene import Scene
 from .simulate import check_counts
 

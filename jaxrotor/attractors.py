@@ -10,8 +10,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from .dataset import ensemble_of
 from .outcome import failed
+from .provenance import ensemble_of
 
 
 FEATURES = ("whirl_rate", "radius_rms")

@@ -11,10 +11,10 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from .chunks import chunk_size, cores, spread
-from .dataset import assumed, versions
 from .effects.base import AbstractBodies
 from .files import dumps
 from .progress import progress as bar
+from .provenance import assumed, versions
 from .run_up import Balls, Integration, Launch, by_race, control, imbalance_of, integrate
 from .scene import Scene
 from .simulate import check_counts, checked_solver, solver_name

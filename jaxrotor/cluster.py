@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 
 from .chunks import Threads, cores
-from .dataset import versions
+from .provenance import versions
 from .simulate import check_counts
 from .store import Store, plainly
 

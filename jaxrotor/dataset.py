@@ -1,7 +1,5 @@
 """Dataset: results as labelled arrays, with units and what made them."""
 
-import importlib.metadata
-from collections.abc import Hashable, Iterable
 from typing import Any
 
 import numpy as np
@@ -9,20 +7,13 @@ import xarray as xr
 
 from .effects import AbstractBodies
 from .files import dumps
-from .pilot import Pilot
+from .provenance import assumed, chosen, versions
 from .reactions import Reactions
 from .run_up import RunUp
-from .scene import Scene
 from .simulate import Response
 
 
 Variables = dict[str, Any]
-BRANCHES = ("up", "down")  # ways through the values of a parameter that states are carried along
-
-
-def ensemble_of(dims: Iterable[Hashable]) -> tuple[str, ...]:
-    """Dimensions that tell lanes of equal parameters apart: starting states, and the way there."""
-    return tuple(dim for dim in map(str, dims) if dim.startswith("start.") or dim == "branch")
 
 
 def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
@@ -138,19 +129,3 @@ def _vector(dims: tuple[str, ...], values: Any, units: str, long_name: str) -> t
 
 def _about(units: str, long_name: str) -> dict[str, str]:
     return {"units": units, "long_name": long_name}
-
-
-def chosen(pilots: tuple[Pilot, ...]) -> dict[str, str]:
-    """Attributes that tell what was chosen by pilots."""
-    return {"chosen": "; ".join(map(str, pilots))} if pilots else {}
-
-
-def assumed(scene: Scene) -> dict[str, str]:
-    """The attribute that says what is assumed of a scene, or none."""
-    return {"assumption": scene.assumption} if scene.assumption else {}
-
-
-def versions() -> str:
-    """Versions of the packages a result depends on."""
-    names = ("jaxrotor", "jax", "diffrax", "equinox")
-    return " ".join(f"{name} {importlib.metadata.version(name)}" for name in names)

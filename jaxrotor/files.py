@@ -5,7 +5,6 @@ A number is SI; a text carries its unit, see `units`. What parts are called, see
 
 import contextlib
 import dataclasses
-import importlib.resources
 import inspect
 import os
 import re
@@ -22,8 +21,9 @@ import numpy as np
 from . import shafts, spin
 from .materials import NAMED, Material
 from .quantities import is_series, takes_matrix, unit_of
-from .scene import Scene, suggest
+from .scene import Scene
 from .shafts import AbstractShaft
+from .sources import suggest, text_of
 from .spin import AbstractSpin, ConstantSpeed
 from .toml_writer import dumps
 from .units import SceneError, quantity, refuse, show
@@ -47,7 +47,7 @@ def load(
     """
     if row is not None or layout is not None:
         return _variant(name_or_path, row).scene(layout or CHAIN)
-    return _read(*_text(name_or_path))[0]
+    return _read(*text_of(name_or_path))[0]
 
 
 def loads(text: str, source: str = "<text>") -> Scene:
@@ -63,12 +63,7 @@ def study(name_or_path: str | os.PathLike[str]) -> Table:
         `steps_per_revolution` and `start` (`radius` [m], `rate` [rad/s], `angle` [rad]) those that
         the file gives.
     """
-    return _read(*_text(name_or_path))[1]
-
-
-def source(name_or_path: str | os.PathLike[str]) -> str:
-    """Text of a scene file, comments and all."""
-    return _text(name_or_path)[0]
+    return _read(*text_of(name_or_path))[1]
 
 
 def title(
@@ -77,13 +72,7 @@ def title(
     """Title of a scene file, "" without one; of a `row` see `Variant.title`."""
     if row is not None or layout is not None:
         return _variant(name_or_path, row).title(layout or CHAIN)
-    return tomllib.loads(_text(name_or_path)[0]).get("title", "")
-
-
-def shipped() -> list[tuple[str, str]]:
-    """Names and titles of the scenes that come with jaxrotor."""
-    texts = {name: file.read_text("utf-8") for name, file in sorted(_shipped().items())}
-    return [(name, tomllib.loads(text).get("title", "")) for name, text in texts.items()]
+    return tomllib.loads(text_of(name_or_path)[0]).get("title", "")
 
 
 def save(scene: Scene, path: str | os.PathLike[str], title: str = "") -> None:
@@ -116,11 +105,6 @@ def whole(target: Path) -> Iterator[Path]:
 # === reading; a path is the file and the key so far, as in "my.toml: limiters.0.gap"
 
 
-def _shipped() -> dict[str, Any]:
-    folder = importlib.resources.files("jaxrotor") / "scenes"
-    return {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
-
-
 def _variant(name_or_path: str | os.PathLike[str], row: int | None) -> Variant:
     if os.fspath(name_or_path) != TABLE:
         refuse(
@@ -129,23 +113,6 @@ def _variant(name_or_path: str | os.PathLike[str], row: int | None) -> Variant:
     if row is None:
         refuse(TABLE, "needs the row that the layout is for; add `row`, from 1 to 30.")
     return variant(row)
-
-
-def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
-    """Text of a scene file, and what to call it."""
-    source, ours = os.fspath(name_or_path), _shipped()
-    try:
-        return ours.get(source, Path(source)).read_bytes().decode("utf-8-sig"), source
-    except FileNotFoundError:
-        called = {path.stem: path.name for path in Path(source).parent.glob("*.toml")}
-        called |= {name: name for name in ours}
-        near, names = suggest(Path(source).stem, called, called.get), ", ".join(sorted(ours))
-        new = source if source.endswith(".toml") else f"{source or 'NAME'}.toml"
-        hint = near or f"; `jaxrotor new {new}` writes one to begin with"
-        refuse(source, f"is neither a file nor a shipped scene{hint}; shipped are: {names}.")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        refuse(source, f"cannot be read ({reason}); give a TOML file in UTF-8.")
 
 
 def _read(text: str, source: str) -> tuple[Scene, Table]:

@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 
 from .analysis import balancer
-from .dataset import BRANCHES, assumed, versions
 from .effects.base import AbstractBodies
 from .files import dumps
 from .progress import progress as bar
+from .provenance import BRANCHES, assumed, versions
 from .run_up import Launch, RunUp, run_up
 from .scene import Scene
 from .spin import SpeedProfile

@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .dataset import BRANCHES, assumed, versions
 from .files import dumps
 from .grid import Block
 from .lanes import Context, Lanes, Stages, run_chunk, run_rows
 from .observe import Variable
 from .outcome import STATUS, failed, statuses, too_long
+from .provenance import BRANCHES, assumed, versions
 from .quantities import quantity_units
 from .simulate import solver_name
 from .solvers.exponential import Exponential

@@ -210,7 +210,7 @@ def _statuses(status: Any) -> str:
 
 def _made(data: Sequence[Any]) -> str:
     """By what the results and this page were made."""
-    from .dataset import versions
+    from .provenance import versions
 
     rows = [
         (str(one.attrs.get("title", "data")), str(one.attrs.get("versions", ""))) for one in data

@@ -1,9 +1,8 @@
 """Scene: a shaft, what sits on it, and how it spins."""
 
 import dataclasses
-import difflib
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -17,6 +16,7 @@ from .plausibility import warn_implausible
 from .quantities import known, quantity_units, unit_of
 from .representation import number_text
 from .shafts.line import AbstractLine, AbstractShaft
+from .sources import suggest
 from .spin import AbstractSpin, constant
 from .tables import notebook_table
 
@@ -266,12 +266,6 @@ def _with(scene: Scene, address: Address, value: Any) -> Scene:
 
 def _is_none(leaf: Any) -> bool:
     return leaf is None
-
-
-def suggest(word: str, words: Sequence[str] | Mapping[str, Any], called: Callable = str) -> str:
-    """A closing hint, " (did you mean `..`?)", or nothing; `called` tells what to write for a word."""
-    close = difflib.get_close_matches(word, list(words), n=1)
-    return f" (did you mean `{called(close[0])}`?)" if close else ""
 
 
 # === stations

@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 
 from .cluster import crew
-from .dataset import chosen
 from .effects.base import AbstractContact
 from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, coords_of, errors_of, points_of, provenance
@@ -24,6 +23,7 @@ from .observe import AbstractObservable, everything
 from .outcome import failed
 from .pilot import Pilot
 from .progress import progress as bar
+from .provenance import chosen
 from .scene import Scene
 from .simulate import (
     check_constant,

@@ -70,7 +70,7 @@ def test_scenes():
 @pytest.fixture
 def quick_onset(monkeypatch):
     """An onset search that costs no compilation; `test_onset` runs the true one."""
-    module = importlib.import_module("jaxrotor.cli.scenes")
+    module = importlib.import_module("jaxrotor.cli.show")
     monkeypatch.setattr(module, "onset_speed", lambda scene: jr.Onset(600.0, 76.0))
     return monkeypatch, module
 

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings, strategies as st
 from typer.main import get_command
 
-from jaxrotor import SceneError, files
+from jaxrotor import SceneError, files, sources
 from jaxrotor.cli import app
 from jaxrotor.units import quantity
 
@@ -23,7 +23,7 @@ from jaxrotor.units import quantity
 pytestmark = pytest.mark.filterwarnings("ignore::jaxrotor.plausibility.ImplausibleWarning")
 PROGRAM: Any = get_command(app)
 COUNT = int(os.environ.get("JAXROTOR_FUZZ", "2500"))
-SHIPPED = [file.read_text("utf-8") for file in files._shipped().values()]
+SHIPPED = [file.read_text("utf-8") for file in sources._shipped().values()]
 LONGEST = 3100  # characters of a sentence
 
 CODE = "__import__('os').system('touch touched')"

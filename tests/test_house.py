@@ -38,13 +38,13 @@ LAYERS = [
         "compiled",
         "program_cache",
     ),
-    ("representation",),
+    ("representation", "sources"),
     ("materials", "blocks", "riccati", "outcome", "elimination"),
     ("shafts",),
     ("effects",),
     ("spin",),
     ("scene",),
-    ("system",),
+    ("system", "provenance"),
     ("pencil",),
     ("motion", "variants", "massless_coordinates"),
     ("transient",),
@@ -271,13 +271,33 @@ def test_nothing_is_loaded_before_it_is_asked_for(done):
 
 @pytest.mark.parametrize(
     "words",
-    [["--version"], ["--help"], ["nonsense"]],
+    [
+        ["--version"],
+        ["--help"],
+        ["nonsense"],
+        ["scenes"],
+        ["new", "mine.toml"],
+        ["show", "limiter-rottor"],
+    ],
+    ids=" ".join,
 )
-def test_program_answers_before_anything_is_loaded(words):
+def test_program_answers_before_anything_is_loaded(words, tmp_path):
     run = [sys.executable, "-X", "importtime", "-m", "jaxrotor", *words]
-    err = subprocess.run(run, capture_output=True, text=True).stderr
+    path = os.pathsep.join(filter(None, [str(PACKAGE.parent), os.environ.get("PYTHONPATH")]))
+    run_in = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": path}}
+    err = subprocess.run(run, capture_output=True, text=True, **run_in).stderr
     loaded = {line.rpartition("|")[2].strip() for line in err.splitlines()}
     assert "typer" in loaded and not set(HEAVY) & loaded
+
+
+def test_analyses_are_loaded_when_they_are_asked_for():
+    """`roots` needs neither the theory of the balancer nor maps, which load scipy and xarray."""
+    said = "import sys; from jaxrotor.analysis import roots, campbell; assert callable(campbell); "
+    said += "import jaxrotor.analysis.campbell; assert callable(jaxrotor.analysis.campbell); "
+    said += "print(*sys.modules)"
+    run = [sys.executable, "-c", said]
+    found = subprocess.run(run, capture_output=True, check=True, text=True).stdout.split()
+    assert not {"jaxrotor.analysis.balancer", "jaxrotor.analysis.maps", "xarray"} & set(found)
 
 
 @pytest.mark.slow

@@ -56,7 +56,7 @@ def test_what_no_machine_has(build, sentence):
 
 def test_machines_and_scenes_without_dimensions_say_nothing():
     """All that is shipped, a turbine of a power station, and a Jeffcott rotor of order 1."""
-    for name, _ in jr.files.shipped():
+    for name, _ in jr.shipped():
         jr.load(name)
     scene(shaft(12.0, 0.9), mass=4e4, speed=314.0, stiffness=1e9)
     ones = jr.FlexibleShaft(1.0, 1.0, jr.Material(1.0, 1.0))

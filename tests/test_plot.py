@@ -39,7 +39,7 @@ def test_rotor_is_drawn_to_scale():
     assert names == ["shaft", "disc", "limiter", "clamp", "unbalance"]
 
 
-@pytest.mark.parametrize("name", [name for name, _ in jr.files.shipped()])
+@pytest.mark.parametrize("name", [name for name, _ in jr.shipped()])
 def test_every_shipped_rotor_can_be_drawn(name):
     scene = jr.load(name)
     low, high = plot.rotor(scene).get_xlim()

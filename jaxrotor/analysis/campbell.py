@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.optimize import linear_sum_assignment
 
 from ..compiled import compiled_quickly
 from ..pencil import Frame, frame, is_rounding, isotropic
@@ -161,6 +160,8 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
 
     From afar lines that cross look like those that bend away.
     """
+    from scipy.optimize import linear_sum_assignment  # half a second
+
     step = right.speed - left.speed
     ahead, back = left.values + step * left.slopes, right.values - step * right.slopes
     cost = np.abs(ahead[:, None] - right.values) + np.abs(left.values[:, None] - back)

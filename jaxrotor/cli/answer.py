@@ -3,12 +3,13 @@
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from ..scene import Scene
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and nothing else.")]
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
@@ -57,9 +58,9 @@ def _plain(value: Any) -> Any:
             return _plain(np.asarray(value).tolist())
 
 
-def assumed(scene: Scene) -> list[tuple[str, str]]:
+def assumed(assumption: str) -> list[tuple[str, str]]:
     """A row of a table that says what is assumed of a scene, or none."""
-    return [("note", scene.assumption)] if scene.assumption else []
+    return [("note", assumption)] if assumption else []
 
 
 def note_large(radius: float, length: float) -> None:

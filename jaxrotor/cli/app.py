@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from ..plausibility import ImplausibleWarning
 from ..program_cache import keep_programs_of_commands
+from ..sources import source
 from .interrupt import stop_on_ctrl_c
 from .typed import typed
 
@@ -23,7 +24,7 @@ from .typed import typed
 COMMANDS = {
     "scenes": ("scenes", "List the scenes that come with jaxrotor."),
     "show": (
-        "scenes",
+        "show",
         "Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.",
     ),
     "new": (
@@ -88,6 +89,7 @@ COMMANDS = {
         "Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.",
     ),
 }
+_WITHOUT_SCENE = ("scenes", "new", "explore", "export", "report")
 UsageError: Any = typer.BadParameter.__base__  # of the click that typer brings
 
 
@@ -97,6 +99,8 @@ class OneSentence(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself, in place of what is listed."""
         name, listed, rest = super().resolve_command(ctx, args)
+        if name in COMMANDS and name not in _WITHOUT_SCENE and rest and not rest[0].startswith("-"):
+            source(rest[0])  # refuses a wrong name before the seconds that a command takes to load
         ctx.meta[__name__] = name, list(rest)
         return name, loaded(name) if name else listed, rest
 
@@ -115,9 +119,11 @@ class OneSentence(TyperGroup):
         except (ValueError, RuntimeError, OSError, ArithmeticError, MemoryError) as error:
             if ctx.params["debug"]:
                 raise
-            name, words = ctx.meta[__name__]
-            sentence = typed(_one_line(error), name, words, list(COMMANDS), loaded(name))
-            typer.echo(sentence or type(error).__name__, err=True)
+            sentence = _one_line(error) or type(error).__name__
+            if __name__ in ctx.meta:
+                name, words = ctx.meta[__name__]
+                sentence = typed(sentence, name, words, list(COMMANDS), loaded(name))
+            typer.echo(sentence, err=True)
             raise typer.Exit(2) from None
 
 

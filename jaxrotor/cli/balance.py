@@ -21,8 +21,8 @@ from ..analysis import (
     settled,
     total_mass,
 )
-from ..dataset import assumed
 from ..effects import AbstractBodies, Disc, Unbalance
+from ..provenance import assumed
 from ..scene import Scene
 from ..shafts import RigidShaft
 from ..spin import Drive, SpeedProfile
@@ -92,7 +92,7 @@ def balance(
         answer.print_json(found)
         return
     speeds = [("speed", f"{service:.6g} rad/s, {rpm(service):.6g} rpm, {origin}")]
-    answer.print_table([*speeds, *answer.assumed(rotor)])
+    answer.print_table([*speeds, *answer.assumed(rotor.assumption)])
     if "planes" in found:
         _print_planes(found["planes"], grade)
     if "balancer" in found:

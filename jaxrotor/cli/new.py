@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ..files import dumps, source
-from ..ross import from_ross as read
-from .options import optional
+from ..sources import source
+from ..units import quantity
 
 
 def new(
@@ -52,7 +51,7 @@ def new(
     if like is not None:
         text = source(like)
     elif from_ross is not None:
-        text, notes = _of_ross(from_ross, optional(speed, "rad/s", "--speed"))
+        text, notes = _of_ross(from_ross, speed)
     elif speed is not None:
         raise ValueError("--speed is that of --from-ross; other scenes have theirs.")
     try:
@@ -69,11 +68,14 @@ def new(
     typer.echo(f"Written: {path}. Edit it, and look at it with `jaxrotor show {path}`.")
 
 
-def _of_ross(path: Path, speed: float | None) -> tuple[str, tuple[str, ...]]:
+def _of_ross(path: Path, speed: str | None) -> tuple[str, tuple[str, ...]]:
     """Text of a scene, and what is not in it."""
+    from ..files import dumps  # jax, which no other way to begin needs
+    from ..ross import from_ross as read
+
     if speed is None:
         raise ValueError("The file of ROSS says no speed; add --speed, such as --speed 6000rpm.")
-    scene, notes = read(path, speed)
+    scene, notes = read(path, quantity(speed, "rad/s", "--speed"))
     told = tuple(f"Not as in {path.name}: {note}" for note in notes)
     head = [f"# {note}." for note in told]
     return "\n".join([*head, dumps(scene, f"Rotor of ROSS, {path.name}")]), told

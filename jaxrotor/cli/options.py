@@ -17,6 +17,7 @@ from ..start import AbstractStart, AtRest, Whirl
 from ..system import polar_inertia
 from ..units import quantity
 from ..vocabulary import START
+from .answer import AsJson as AsJson
 
 
 MOST = 10_000_000  # of any count: a greater one is a slip
@@ -42,7 +43,6 @@ Layout = Annotated[
     str | None,
     typer.Option(help="Layout assumed of that row: chain or example31. [default: chain]"),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and nothing else.")]
 Radius = Annotated[
     str | None,
     typer.Option(

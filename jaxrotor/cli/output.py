@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import typer
-import xarray as xr
 
-from ..dataset import assumed, versions
 from ..files import dumps
+from ..provenance import assumed, versions
 from ..scene import Scene
 
 
@@ -90,8 +89,10 @@ def written_to(out: Path | None, names: Sequence[str]) -> list[str]:
     return [] if out is None else [str(out / name) for name in names if (out / name).exists()]
 
 
-def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Scene) -> xr.Dataset:
-    """Dataset of variables and coordinates, with the scene and the versions that made it."""
+def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Scene) -> Any:
+    """`xarray.Dataset` of variables and coordinates, with the scene and the versions that made it."""
+    import xarray as xr  # a second, so only where data are written
+
     about = {"title": title, "scene": dumps(scene), **assumed(scene), "versions": versions()}
     return xr.Dataset(*parts, about)
 
@@ -101,8 +102,8 @@ def about(units: str, long_name: str) -> dict[str, str]:
     return {"units": units, "long_name": long_name}
 
 
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Zarr format 2: there texts and consolidated metadata are standard, so nothing warns."""
+def write_dataset(dataset: Any, path: Path) -> None:
+    """An `xarray.Dataset` in Zarr format 2: there texts and consolidated metadata are standard."""
     dataset.to_zarr(path, zarr_format=2, consolidated=True)
 
 

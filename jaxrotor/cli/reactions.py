@@ -7,8 +7,9 @@ import numpy as np
 import typer
 
 from ..analysis import steady_state
-from ..dataset import assumed, dataset
+from ..dataset import dataset
 from ..effects import AbstractBodies
+from ..provenance import assumed
 from ..reactions import Reactions, reactions as reactions_of
 from ..run_up import run_up as run
 from ..scene import Scene
@@ -86,7 +87,7 @@ def reactions(
         if one[part] is not None
     ]
     answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    answer.print_table([*answer.assumed(rotor), *answer.written(written)])
+    answer.print_table([*answer.assumed(rotor.assumption), *answer.written(written)])
 
 
 def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None):

@@ -6,8 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..dataset import assumed, dataset
+from ..dataset import dataset
 from ..files import study
+from ..provenance import assumed
 from ..run_up import Launch, RunUp, run_up as run
 from . import answer
 from .options import (
@@ -85,7 +86,9 @@ def run_up(
         answer.print_json({"scene": scene, **assumed(rotor), **summary, "written": written})
         return
     typer.echo(f"{motion}")
-    answer.print_table([*_rows(summary), *answer.assumed(rotor), *answer.written(written)])
+    answer.print_table(
+        [*_rows(summary), *answer.assumed(rotor.assumption), *answer.written(written)]
+    )
 
 
 def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:

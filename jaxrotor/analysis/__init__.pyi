@@ -1,0 +1,59 @@
+"""Analyses of the linear rotor: by its roots, or over a revolution where coefficients are periodic."""
+
+from . import balancer as balancer
+from .balancing import (
+    FirstMoments as FirstMoments,
+    Grade as Grade,
+    allocated_unbalance as allocated_unbalance,
+    balance_grade as balance_grade,
+    bearing_grade as bearing_grade,
+    bearing_stations as bearing_stations,
+    centre_of_mass as centre_of_mass,
+    correction_masses as correction_masses,
+    first_moments as first_moments,
+    influence_coefficients as influence_coefficients,
+    permissible_unbalance as permissible_unbalance,
+    rigid_correction as rigid_correction,
+    rigid_residual as rigid_residual,
+    total_mass as total_mass,
+)
+from .campbell import Campbell as Campbell, campbell as campbell
+from .critical import (
+    AxisSpeeds as AxisSpeeds,
+    CriticalSpeeds as CriticalSpeeds,
+    axis_speeds as axis_speeds,
+    critical_speeds as critical_speeds,
+)
+from .floquet import floquet_multipliers as floquet_multipliers
+from .forced import (
+    HarmonicForce as HarmonicForce,
+    HarmonicResponse as HarmonicResponse,
+    WeightResponse as WeightResponse,
+    forced_response as forced_response,
+    steady_state as steady_state,
+    unbalance_response as unbalance_response,
+    weight_response as weight_response,
+)
+from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
+from .maps import (
+    Boundary as Boundary,
+    StabilityMap as StabilityMap,
+    stability_boundary as stability_boundary,
+    stability_map as stability_map,
+)
+from .modal import Modes as Modes, modes as modes, roots as roots
+from .nodes import chosen_nodes as chosen_nodes
+from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
+from .reduction import (
+    Reduction as Reduction,
+    inertia_from_frequency as inertia_from_frequency,
+    reduction as reduction,
+)
+from .settling import Settled as Settled, settled as settled
+from .stability import (
+    Onset as Onset,
+    growth_rate as growth_rate,
+    onset_speed as onset_speed,
+    stability_crossings as stability_crossings,
+)
+from .state_space import state_space as state_space

@@ -1,0 +1,156 @@
+"""Command `show`: what is in a scene."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import equinox as eqx
+import numpy as np
+import typer
+
+from ..analysis import onset_speed
+from ..files import dumps, title
+from ..provenance import assumed
+from ..scene import Scene
+from ..sources import source
+from . import answer
+from .campbell import described_critical
+from .linear import described_onset, described_roots
+from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, rpm, scene_of
+from .output import draft_or_none, draw, written_to
+
+
+_FILES = ("rotor.png",)
+SAME = 1e-6  # of two frequencies that are shown as one
+_SHOWN = 3  # whirl frequencies of each kind
+
+
+def show(
+    scene: SceneName,
+    settings: Settings = None,
+    row: Row = None,
+    layout: Layout = None,
+    toml: Annotated[
+        bool, typer.Option("--toml", help="Print the scene file itself, to start one's own from.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for a drawing of the rotor.")
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.
+
+    The paths in the first column are those of `--set` and `--over`, as are those of absent parameters,
+    which --json lists. With --out, DIR/rotor.png: shaft,
+    discs, supports and stops to scale.
+
+    ```
+    jaxrotor show limiter-rotor
+    jaxrotor show limiter-rotor --out run
+    jaxrotor show limiter-rotor --toml > my-rotor.toml
+    jaxrotor show limiter-rotor --set disc.mass=3kg --set "limiters.0.gap=5 mm"
+    ```
+    """
+    rotor, name = scene_of(scene, settings, row, layout), title(scene, row, layout)
+    if toml:
+        as_it_is = not settings and row is None
+        typer.echo(source(scene) if as_it_is else dumps(rotor, name), nl=False)
+        return
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        if folder is not None:
+            from ..plot import rotor as drawn
+
+            draw(folder / "rotor.png", lambda ax: drawn(rotor, ax), 170, 75)
+    written = written_to(out, _FILES)
+    parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
+    axes, found = described_roots(rotor)
+    at_rest = described_roots(rotor.at_speed(0.0))[1]
+    still = _still(at_rest)
+    forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
+    coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
+    critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
+    onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
+    if as_json:
+        table = {path: {"value": value, "unit": unit} for path, (value, unit) in parameters.items()}
+        whirl = {"standstill": still, "forward": forward, "backward": backward}
+        answer.print_json(
+            {
+                "scene": scene,
+                "title": name,
+                **assumed(rotor),
+                "parameters": table,
+                "coordinates": coordinates,
+                "whirl_frequencies": whirl,
+                "critical_speeds": critical,
+                "no_critical_speeds": no_critical or None,
+                "onset": onset,
+                "no_onset": why or None,
+                "written": written,
+            }
+        )
+        return
+    given = {path: pair for path, pair in parameters.items() if pair[0] is not None}
+    rows = [(path, _text(value), unit) for path, (value, unit) in given.items()]
+    answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
+    summary = [
+        *answer.assumed(rotor.assumption),
+        *[("absent", "parameters that have no value; --json lists them")] * (given != parameters),
+        ("coordinates", f"{coordinates}, complex x + iy"),
+        ("whirl at standstill", f"{_text(still)} rad/s"),
+        ("forward, at speed", f"{_text(forward)} rad/s"),
+        ("backward, at speed", f"{_text(backward)} rad/s"),
+        *_critical_rows(critical, no_critical),
+        ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why),
+        *answer.written(written),
+    ]
+    answer.print_table(summary)
+
+
+def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
+    """What is found, or why there is none."""
+    try:
+        return find(), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def _critical_rows(critical: dict[str, list[float]] | None, why: str) -> list[tuple[str, str]]:
+    if critical is None:
+        return [("critical speeds", why)]
+    rows = []
+    for way, speeds in critical.items():
+        if speeds:
+            rows.append((f"critical, {way}", f"{_text(speeds)} rad/s"))
+            rows.append(("", f"{_text([rpm(speed) for speed in speeds])} rpm"))
+    return rows
+
+
+def _value(scene: Scene, path: str) -> Any:
+    """Value at a path, or those of several effects; None where all are absent."""
+    values = [None if leaf is None else np.asarray(leaf).tolist() for leaf in scene.leaves(path)]
+    if all(value is None for value in values):
+        return None
+    return values if len(values) > 1 else values[0]
+
+
+def _still(found: list[dict[str, Any]]) -> list[float]:
+    """First whirl frequencies at rest [rad/s]: there a direction is nothing but rounding."""
+    values = sorted(root["frequency"] for root in found if root["frequency"])
+    ends = zip([0.0, *values], values, strict=False)
+    return [value for last, value in ends if value > last * (1 + SAME)][:_SHOWN]
+
+
+def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
+    """First whirl frequencies of one direction [rad/s], in fixed axes."""
+    moving = [r for r in found if r["frequency"] and r.get("shaft_frequency", 1.0)]
+    return [r["frequency"] for r in moving if r["direction"] == direction][:_SHOWN]
+
+
+def _text(value: Any) -> str:
+    if value is None:  # of one of several effects
+        return "-"
+    if isinstance(value, list):
+        same = len(value) > 1 and len(set(value)) == 1
+        return f"{value[0]:.7g} each" if same else ", ".join(_text(one) for one in value)
+    return f"{value:.7g}"
