@@ -47,19 +47,19 @@ class Scene(eqx.Module):
         assumption: str = "",
     ):
         _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
-        lists = (one if isinstance(one, list | tuple) else (one,) for one in effects)
-        effects = tuple(itertools.chain.from_iterable(lists))
-        for effect in effects:
+        lists: Any = (one if isinstance(one, list | tuple) else (one,) for one in effects)
+        members: tuple[AbstractEffect, ...] = tuple(itertools.chain.from_iterable(lists))
+        for effect in members:
             _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
-        self.shaft, self.effects, self.spin, self.assumption = shaft, effects, spin, assumption
-        stations = _known_stations(shaft, effects)
+        self.shaft, self.effects, self.spin, self.assumption = shaft, members, spin, assumption
+        stations = _known_stations(shaft, members)
         if stations is None:
             raise ValueError(
                 "A scene must be built from known stations and length; build it outside jax.jit or "
                 "jax.grad and give it traced values with `scene.replace`."
             )
-        self.spans = _spans(shaft, effects, stations)
+        self.spans = _spans(shaft, members, stations)
         warn_implausible(_known_values(self))
 
     def line(self) -> AbstractLine:
@@ -169,8 +169,8 @@ class Scene(eqx.Module):
 
     def get(self, path: str) -> Array:
         """Value at a path; of several effects, their values in order."""
-        leaves = self.leaves(path)
-        if any(leaf is None for leaf in leaves):
+        leaves = [leaf for leaf in self.leaves(path) if leaf is not None]
+        if len(leaves) < len(self._find(path)):
             raise ValueError(f"`{path}` is absent from this scene (None).")
         return leaves[0] if len(leaves) == 1 else jnp.stack(leaves)
 

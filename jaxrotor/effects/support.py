@@ -126,7 +126,7 @@ class Support(AbstractLinear):
         stiffness, damping = spring["mean"], damper["mean"]
         couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
         if self.angular_stiffness is not None:
-            stiffness = stiffness + self.angular_stiffness * couple
+            stiffness = (0.0 if stiffness is None else stiffness) + self.angular_stiffness * couple
         if self.angular_damping is not None:
             damping = (0.0 if damping is None else damping) + self.angular_damping * couple
         frame = "rotating" if self.rotating else "fixed"

@@ -1,7 +1,7 @@
 """Mass unbalance."""
 
 import re
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -40,7 +40,7 @@ class Unbalance(AbstractLoad):
             )
 
     @classmethod
-    def from_grade(cls, grade: str | float, mass, speed, at, phase=0.0) -> "Unbalance":
+    def from_grade(cls, grade: Any, mass, speed, at, phase=0.0) -> "Unbalance":
         """Unbalance that a grade of balance permits, `e = G / Omega`, so `U = m G / Omega`.
 
         Args:
