@@ -24,6 +24,7 @@ from rich.table import Table
 
 import jaxrotor as jr
 from jaxrotor import march
+from jaxrotor.compiled import QUICKLY
 from jaxrotor.plot import colours
 
 
@@ -57,7 +58,7 @@ def derivative(way: str, revolutions: int):
     function = forward if way == "forward mode" else jax.grad(size)
     stiffness = SCENE.get("limiters.stiffness")[0]
     with mock.patch.object(march, "SHORT", short):
-        return jax.jit(function, **march.QUICKLY).lower(stiffness).compile(), stiffness
+        return jax.jit(function, **QUICKLY).lower(stiffness).compile(), stiffness
 
 
 def grown(once) -> float | None:

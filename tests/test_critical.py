@@ -17,7 +17,7 @@ def fan(*more):
     shaft = jr.FlexibleShaft(
         1.2, 0.08, steps=(jr.Step(0.3, 0.1), jr.Step(0.9, 0.07)), constraints=(), shear=True
     )
-    bearings = (jr.Support.from_matrices(at, OIL) for at in (0.2, 0.8))
+    bearings = (jr.Support(at, stiffness=OIL) for at in (0.2, 0.8))
     return jr.Scene(shaft, jr.Disc(1.15, 80.0, 2.0, 3.8), *bearings, *more, spin=SPIN)
 
 

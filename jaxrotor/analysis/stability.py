@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..compiled import compiled_quickly
 from ..extremes import largest
-from ..pencil import Pencil, eigenvalues, frame, is_rounding, isotropic
+from ..pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..progress import waiting
 from ..quantities import Scalar, known
 from ..scene import Scene
@@ -238,10 +238,20 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
     system = assemble(scene)
     speed = _crossing(system, low, high)
     values = _roots_at(system, speed)
-    whirl = values[jnp.argmax(values.real)].imag
+    whirl = values[_crosses(system, speed, values, low, high)].imag
     if system.blocks.hysteretic is not None:
         whirl = jnp.where(_synchronous(values, speed), speed, whirl)
     return Onset(speed, whirl if isotropic(system.blocks) else jnp.abs(whirl))
+
+
+def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Scalar) -> Array:
+    """Which root crosses: that of the largest growth or, of several marginal ones, the next to grow."""
+    way = jnp.where(_growth(system)(high) > 0, 1e-3, -1e-3)  # to where it is unstable
+    beyond = _roots_at(system, speed + way * (high - low))
+    growing = beyond[jnp.argmax(beyond.real)].imag
+    size = jnp.maximum(_first(system), jnp.max(jnp.where(jnp.isfinite(values), abs(values), 0.0)))
+    tied = values.real >= _largest(values) - ROUNDING * size
+    return jnp.argmin(jnp.where(tied, jnp.abs(values.imag - growing), jnp.inf))
 
 
 @eqx.filter_custom_jvp
