@@ -250,7 +250,8 @@ def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Sc
     beyond = _roots_at(system, speed + way * (high - low))
     growing = beyond[jnp.argmax(beyond.real)].imag
     size = jnp.maximum(_first(system), jnp.max(jnp.where(jnp.isfinite(values), abs(values), 0.0)))
-    tied = values.real >= _largest(values) - ROUNDING * size
+    # Beside a double root, where a band of divergence ends, all have few digits.
+    tied = values.real >= _largest(values) - 1e3 * ROUNDING * size
     return jnp.argmin(jnp.where(tied, jnp.abs(values.imag - growing), jnp.inf))
 
 
