@@ -90,6 +90,7 @@ def starts():
     return jr.sweep(scene, over, start=start, settle=300, keep=100, steps_per_revolution=128)
 
 
+@pytest.mark.slow
 def test_three_attractors_of_the_sheet(starts):
     """Section 3.4: whirl rates of forward bouncing, backward rub and violent whip."""
     found = jr.attractors(starts, ["whirl_rate", "radius_max"])["attractor"]

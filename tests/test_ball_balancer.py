@@ -103,6 +103,7 @@ def test_balances_above_the_critical_speed():
     assert tilt.imag == pytest.approx(0.00496945646, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("5.6 not settled within the run", outcome="flagged")
 def test_settling_time():
     """The last time that an exponential or a whirl is above its share, on samples of our own."""

@@ -558,6 +558,7 @@ def test_overwrite_replaces_its_own_files_only(fake, place):
     assert (place / "out" / "notes.txt").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_data_of_two_commands_are_not_mixed(fake, place):
     """What is left of the same command's run is no other's; a drawing of the rotor may lie beside any."""
     fake(lanes)
@@ -690,6 +691,7 @@ def test_run_up_of_what_cannot_move(place):
     assert sorted(os.listdir("run")) == ["run-up.zarr", "speed.png"]
 
 
+@pytest.mark.slow
 def test_run_up_looks_at_what_moves():
     """Balls are 0.14 m above the joint, where disc and springs are; 50 revolutions are run."""
     shown = answered("run-up", "ball-balancer", "--samples", 11)
@@ -967,6 +969,7 @@ def test_new_scene_runs_as_it_is(place):
     assert "cannot be written" in refused("new", "no/where.toml")
 
 
+@pytest.mark.slow
 def test_a_new_scene_is_stable_at_the_speeds_it_sweeps(place):
     call("new", "mine.toml")
     scene, speeds = jr.load("mine.toml"), jr.study("mine.toml")["over"]["spin.speed"]
@@ -1071,10 +1074,12 @@ def test_ctrl_c_while_memory_is_freed(monkeypatch):
     try:
         stop_on_ctrl_c()
         gc.callbacks.append(freed)
+        began = time.monotonic()
         with pytest.raises(KeyboardInterrupt):
             gc.collect(0)  # of a few objects: those of a whole session take long
             assert asked
             time.sleep(10)
+        assert time.monotonic() - began < 5  # whoever sleeps is woken
         gc.callbacks.remove(freed)
         with pytest.raises(KeyboardInterrupt):
             part = Part()

@@ -337,6 +337,7 @@ def test_locked_rub_is_left_for_a_torus_on_both_sides():
 # === refusals and pictures
 
 
+@pytest.mark.slow
 def test_refusals(resonance):
     orbit = resonance.orbit(0)
     for how, sentence in (

@@ -74,6 +74,7 @@ def test_as_many_of_each_kind_as_asked_for():
     assert found.kinds == ["mixed", "backward", "forward"]
 
 
+@pytest.mark.slow
 def test_traced_speeds_are_those_of_each_kind():
     """Infinite ones stand for those that do not exist."""
     scene = two()

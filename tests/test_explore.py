@@ -147,6 +147,7 @@ def test_refusals(swept):
         plot.explore(swept.expand_dims(branch=["up", "down"]))
 
 
+@pytest.mark.slow
 def test_command(swept, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     swept.to_zarr("sweep.zarr", zarr_format=2)

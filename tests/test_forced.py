@@ -282,6 +282,7 @@ def test_forced_response_obeys_the_equations(turning, whirl):
     assert (found.sidebands is None) is not turning
 
 
+@pytest.mark.slow
 def test_forced_response_is_reached_from_rest():
     """By scipy, a two-stiffness shaft; the supports' first-order equation solved for v0."""
     p, w = 0.6, 0.85

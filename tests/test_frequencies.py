@@ -257,6 +257,7 @@ def test_internal_damping_turns_the_static_deflection():
     np.testing.assert_allclose(found, straight / (1 - 1j * speeds * 3e-4), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_unbalance_response_against_finite_elements():
     stations = [0.14, 0.35, 0.7]
     elements = beam().disc(0.35, MASS, DIAMETRAL, 2 * DIAMETRAL, 0.6, 0.05).damp(8.0, 1e-4)

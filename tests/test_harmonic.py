@@ -223,6 +223,7 @@ def test_derivatives_against_differences():
 # === refusals
 
 
+@pytest.mark.slow
 def test_refusals(halved):
     scene, response, orbit = halved
     sharp = one_stop(HALVED, blend=None)

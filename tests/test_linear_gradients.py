@@ -98,7 +98,7 @@ DIFFERENTIABLE = {
 }
 
 
-SLOW = {"onset_speed"}  # a derivative of a scan takes ten seconds to compile
+SLOW = {"onset_speed", "stability_crossings"}  # a derivative of a scan takes ten seconds to compile
 
 
 @pytest.mark.parametrize(

@@ -136,6 +136,7 @@ def test_trigonometry_only_for_unbalance(fields):
         assert names.count("cos") == names.count("sin") == int(drawn), name
 
 
+@pytest.mark.slow
 def test_absent_is_none(fields):
     absent = {
         "bare": ("damping", "circulatory", "constant", "unbalance", "columns", "rows"),

@@ -266,6 +266,7 @@ def test_quasi_periodic_guess_is_refused():
 # === refusals
 
 
+@pytest.mark.slow
 def test_refusals(rub):
     scene, orbit = rub
     driven = limiter_rotor(nodes=4, eps=1e-3)

@@ -8,8 +8,8 @@ from matplotlib.colors import LogNorm, to_hex
 
 import jaxrotor as jr
 from jaxrotor import plot
-from jaxrotor.dataset import BRANCHES
 from jaxrotor.plot import colours, page
+from jaxrotor.provenance import BRANCHES
 
 
 pytestmark = pytest.mark.usefixtures("rendered")

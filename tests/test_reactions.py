@@ -588,6 +588,7 @@ def test_weight_of_a_horizontal_rotor():
     printed(dynamic, TABLE[:9, 7:], 4)
 
 
+@pytest.mark.slow
 def test_supports_of_two_stiffnesses():
     """Reactions against x and y integrated apart by scipy; one mass between two like bearings."""
     m, e, speed, k, mu, c = 12.0, 2e-4, 180.0, 4e5, 0.3, 900.0

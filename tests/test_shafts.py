@@ -91,6 +91,7 @@ def test_end_conditions(pair):
     assert np.sum(np.abs(values) < 1e-2 * expected[0]) == 2 * RIGID.get(pair, 0)
 
 
+@pytest.mark.slow
 def test_convergence_is_exponential():
     """Error of the third frequency of the pinned beam falls by a factor with every node."""
     exact = (3 * np.pi) ** 2 * np.sqrt(RIGIDITY / PER_LENGTH) / LENGTH**2

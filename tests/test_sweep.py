@@ -126,6 +126,7 @@ def test_silent_unless_asked():
         assert bool(noise.getvalue()) == (progress is True)
 
 
+@pytest.mark.slow
 def test_provenance_brings_the_scene_back():
     scene = ROTOR.replace({"limiters.gap": 1 / 300, "unbalance.phase": 0.1})
     ds = jr.sweep(scene, {"unbalance.eccentricity": [0.0]}, start=RUB, **SHORT)
@@ -282,6 +283,7 @@ def test_spectrum_of_the_rub_peaks_at_three_whirls():
 # === section 3.5 of the sheet
 
 
+@pytest.mark.slow
 def test_forward_at_small_and_backward_at_large_eccentricity():
     """Started on the rub, large unbalance locks it to -1/2; from rest, small leaves it forward."""
     small = {"unbalance.eccentricity": np.array([0.0, 1e-4, 2e-4, 3e-4]) * LENGTH}

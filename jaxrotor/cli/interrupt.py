@@ -22,8 +22,16 @@ def stop_on_ctrl_c() -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             before(unraisable)
             return
-        again = threading.Timer(LATER, signal.raise_signal, (signal.SIGINT,))
+        again = threading.Timer(LATER, _interrupt)
         again.daemon = True
         again.start()
 
     sys.unraisablehook = hook
+
+
+def _interrupt() -> None:
+    """Ctrl-C once more, and so that a main thread that waits wakes up."""
+    if hasattr(signal, "pthread_kill") and (main := threading.main_thread().ident) is not None:
+        signal.pthread_kill(main, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)

@@ -31,6 +31,7 @@ def tip(response: jr.Response) -> np.ndarray:
 # === 1 and 2: the centre, and gradients
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.1 at rest in the centre: the whirl index is 0/0", outcome="flagged")
 def test_rest_in_the_centre_is_undefined_whirl_not_a_number_elsewhere():
     ds = jr.sweep(
@@ -51,6 +52,7 @@ def test_rest_in_the_centre_is_undefined_whirl_not_a_number_elsewhere():
         assert np.all(still[name].values == 0)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.1 at rest in the centre it stays")
 def test_rest_in_the_centre_stays_there():
     r = jr.simulate(ROTOR, 3, 64)
@@ -180,6 +182,7 @@ def test_zero_speed_needs_a_period():
         jr.simulate(still, 1, period=-1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 zero speed")
 def test_zero_speed_against_the_matrix_exponential(record_property):
     still = LINEAR.replace({"spin.speed": 0.0})
