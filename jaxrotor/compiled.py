@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import equinox as eqx
-import jax
+import jax.core
 
 
 # For `jax.jit`: a program that runs once or twice is slower to compile well than to run. Without the

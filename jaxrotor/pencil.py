@@ -151,7 +151,8 @@ class Pencil(eqx.Module):
         """The same of real unknowns `(x, y)`, `q = x + i y`, where they are pairs: solved much faster."""
         if not self.paired:
             return self
-        return Pencil(*map(_along_axes, (self.inertia, self.damping, self.stiffness)))
+        inertia, damping, stiffness = self.inertia, self.damping, self.stiffness
+        return Pencil(_along_axes(inertia), _along_axes(damping), _along_axes(stiffness))
 
     @property
     def rate(self) -> Scalar:

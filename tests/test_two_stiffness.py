@@ -1040,6 +1040,7 @@ def derivative(function, at, h=1e-4):
     return sum(w * (function(at + k * h) - function(at - k * h)) for k, w in weights.items()) / h
 
 
+@pytest.mark.slow
 def test_derivative_of_the_third_boundary():
     """By nu, through the implicit function theorem."""
 
@@ -1081,6 +1082,7 @@ def test_double_root_gets_the_mean_of_the_derivatives():
         assert slope == pytest.approx(0.140196, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_derivative_grows_towards_an_exceptional_point():
     """kappa = 0, p = 0.75: the abscissa is flat between -0.46614 and 0.03830, left as square roots."""

@@ -57,7 +57,8 @@ class Campbell(eqx.Module):
         Of `order` 1 and little damping these are the critical speeds; `critical_speeds` has those of
         the rotor without damping, which damping moves and, past `OVERDAMPED`, hides.
         """
-        speeds, values = np.asarray(self.speeds), np.asarray(self.values)
+        speeds: Any = np.asarray(self.speeds)
+        values: Any = np.asarray(self.values)
         above = np.abs(values.imag) - order * np.abs(speeds)[:, None]
         k, branch = np.nonzero((above[:-1] < 0) != (above[1:] < 0))
         if self.circular:  # a branch that turns round has no frequency on the way

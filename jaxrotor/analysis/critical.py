@@ -154,6 +154,7 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
     speeds, vectors = _synchronous_of(stiffness, inertia, vectors=axes == "fixed")
     if axes == "rotating":
         return speeds, jnp.ones(speeds.size), jnp.ones((speeds.size, stations.size))
+    assert vectors is not None
     parts = jnp.split(vectors, 2, axis=1)
     energy = linear(scene, VirtualLine.galerkin(system.line)).inertia
     share = _first_of(*(jnp.einsum("ci,ij,cj->c", v.conj(), energy, v).real for v in parts))

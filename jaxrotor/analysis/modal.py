@@ -236,7 +236,7 @@ def moving_roots(
     return _by_whirl(speed, at_whirl(1), at_whirl(-1))
 
 
-def _by_whirl(speed, faster, slower):
+def _by_whirl(speed, faster, slower) -> tuple[Array, Array]:
     """Of two sets of roots, those that whirl faster and those that whirl slower than the shaft.
 
     The sign of the loss hardly moves a frequency, so both sets have one order by frequency.
@@ -247,7 +247,8 @@ def _by_whirl(speed, faster, slower):
     )
     chosen = faster[0].imag > speed
     pick = lambda a, b: jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-    return tuple(pick(a, b) for a, b in zip(faster, slower, strict=True))
+    values, beside = (pick(a, b) for a, b in zip(faster, slower, strict=True))
+    return values, beside
 
 
 def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:

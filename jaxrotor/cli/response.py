@@ -175,7 +175,10 @@ def _summit(rotor: Scene, station: Any, low: float, high: float) -> float:
     near = minimize_scalar(depth, bounds=(low, high), method="bounded").x
     apart = 1e-3 * (high - low)
     below, above = max(low, near - apart), min(high, near + apart)
-    return brentq(slope, below, above) if slope(below) > 0 > slope(above) else float(near)
+    if not slope(below) > 0 > slope(above):
+        return float(near)
+    zero: Any = brentq(slope, below, above)
+    return float(zero)
 
 
 def _variables(

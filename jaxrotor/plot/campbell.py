@@ -136,14 +136,15 @@ def _draw_crossings(
         if not own.any():
             continue
         x = found.speeds[own] * (-1 if mirrored and way < 0 else 1)
-        style = {"linestyle": "none", "marker": "o", "markersize": 4.0}
+        style: Any = {"linestyle": "none", "marker": "o", "markersize": 4.0}
         style |= {"markerfacecolor": "white", "color": colour, "zorder": 4 + 0.01 * way}
         ax.plot(x, found.frequencies[own], label=name, **style)
         name = None
-        for *at, ratio in zip(x, found.frequencies[own], found.damping_ratio[own], strict=True):
+        ratios = found.damping_ratio[own]
+        for speed, frequency, ratio in zip(x, found.frequencies[own], ratios, strict=True):
             if ratio >= _SEEN:
-                beside = {"xytext": (4, -8), "textcoords": "offset points", "fontsize": 7}
-                ax.annotate(f"{ratio:.2g}", at, color=colour, zorder=5, **beside)
+                beside: Any = {"xytext": (4, -8), "textcoords": "offset points", "fontsize": 7}
+                ax.annotate(f"{ratio:.2g}", (speed, frequency), color=colour, zorder=5, **beside)
     hidden = sum(int(np.sum(found.damping_ratio > OVERDAMPED)) for found in crossings)
     if hidden:
         label = f"{hidden} damped by over {OVERDAMPED:g}"
