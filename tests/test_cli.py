@@ -757,11 +757,11 @@ def test_layouts_are_said_to_be_assumed(place):
     shown = answered("balance", *row)
     assert shown["assumption"] == layout and shown["planes"]["mass"] == 130.0
     assert layout in call("balance", *row).stdout
-    run = ["--times", "0, 0.1", "--out", "run", "--layout", "example31"]
+    run = ["--times", "0, 0.1", "--layout", "example31"]
     for command in ("reactions", "run-up"):
-        text = call(command, *row, *run).stdout
+        text = call(command, *row, *run, "--out", command).stdout
         assert "layout assumed: example31" in text
-        name = f"run/{command}.zarr"
+        name = f"{command}/{command}.zarr"
         assert xr.open_zarr(name).attrs["assumption"] == "layout assumed: example31"
     assert "variant 3" in call("show", *row, "--toml").stdout
     assert "needs the row" in refused("balance", "turbine-variants", "--layout", "chain")

@@ -20,7 +20,6 @@ from jaxrotor.cli import app
 from jaxrotor.units import quantity
 
 
-pytestmark = pytest.mark.filterwarnings("ignore::jaxrotor.plausibility.ImplausibleWarning")
 PROGRAM: Any = get_command(app)
 COUNT = int(os.environ.get("JAXROTOR_FUZZ", "2500"))
 SHIPPED = [file.read_text("utf-8") for file in sources._shipped().values()]

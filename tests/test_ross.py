@@ -287,7 +287,6 @@ def test_no_file_of_ross(tmp_path, text):
 ODD = [None, -1, 0, 1e300, float("nan"), "2 furlongs", True, [], {}, [1, "x"]]
 
 
-@pytest.mark.filterwarnings("ignore:.*check its unit")
 @pytest.mark.parametrize("element", [SHAFT, FRONT, "DiskElement_middle"])
 def test_odd_values_end_in_a_sentence(changed, element):
     """Every key of an element without a value and with odd ones: read, or refused in one sentence."""

@@ -197,18 +197,18 @@ def options(
     jaxrotor show limiter-rotor
     jaxrotor new my-rotor.toml
     jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
-    jaxrotor campbell limiter-rotor --out run
+    jaxrotor campbell limiter-rotor --out runs/campbell
     jaxrotor critical limiter-rotor
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
-    jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --out run
+    jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --out runs/response
     jaxrotor balance turbine-run-up --planes 0m,0.453m
-    jaxrotor run-up turbine-run-up --out run
-    jaxrotor reactions turbine-run-up --out run
-    jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
+    jaxrotor run-up turbine-run-up --out runs/run-up
+    jaxrotor reactions turbine-run-up --out runs/reactions
+    jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out runs/simulate
     jaxrotor sweep limiter-rotor
-    jaxrotor accuracy limiter-rotor --quantity onset-speed --out run
-    jaxrotor export run/response.zarr orbit.csv
-    jaxrotor report run
+    jaxrotor accuracy limiter-rotor --quantity onset-speed --out runs/accuracy
+    jaxrotor export runs/response/response.zarr orbit.csv
+    jaxrotor report runs/response
     ```
 
     Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.
