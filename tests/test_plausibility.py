@@ -54,6 +54,7 @@ def test_what_no_machine_has(build, sentence):
     assert found[0].filename == __file__  # the line that wrote the number, not one of the package
 
 
+@pytest.mark.filterwarnings("error")
 def test_machines_and_scenes_without_dimensions_say_nothing():
     """All that is shipped, a turbine of a power station, and a Jeffcott rotor of order 1."""
     for name, _ in jr.shipped():
