@@ -14,17 +14,24 @@ def stop_on_ctrl_c() -> None:
 
     Python prints an exception that is raised while memory is being freed (in a function called at every
     garbage collection, of which jax has one, in a weak reference or in `__del__`) and goes on, so that
-    a Ctrl-C at that moment would not end the command.
+    a Ctrl-C at that moment would not end the command. However many are lost in the meantime, it is
+    raised once.
     """
     before = sys.unraisablehook
+    pending = threading.Event()
 
     def hook(unraisable: Any) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             before(unraisable)
-            return
-        again = threading.Timer(LATER, _interrupt)
-        again.daemon = True
-        again.start()
+        elif not pending.is_set():
+            pending.set()
+            again = threading.Timer(LATER, interrupt)
+            again.daemon = True
+            again.start()
+
+    def interrupt() -> None:
+        pending.clear()
+        _interrupt()
 
     sys.unraisablehook = hook
 
