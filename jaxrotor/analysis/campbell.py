@@ -19,9 +19,8 @@ from .modal import moving_roots, sense_of_whirl, slowest_first
 
 CHOICE = 0.2  # how far off a root may be, relative to the next best, to be told for sure
 NARROWEST = 2.0**-12  # of an interval, down to which lines that pass each other are looked at
-OVERDAMPED = (
-    0.2  # damping ratio above which a speed is not critical: no peak, amplified less than 2.5
-)
+# Damping ratio above which a speed is not critical: it amplifies less than 2.5 times, so no peak is left.
+OVERDAMPED = 0.2
 MIDPOINTS = 128  # speeds looked at between two given ones, at most
 
 

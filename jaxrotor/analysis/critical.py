@@ -14,10 +14,9 @@ from ..compiled import compiled_quickly
 from ..pencil import Pencil, check_axes, check_moves, frame, is_rounding, isotropic, root_changes
 from ..quantities import Scalar, known
 from ..scene import Scene
-from ..shafts.virtual import VirtualLine
-from ..system import System, assemble, linear
+from ..system import System, assemble
 from ..tables import RPM, notebook_table
-from .modal import STRAIGHT, kind_of_whirl
+from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 
 
 class CriticalSpeeds(eqx.Module):
@@ -155,18 +154,12 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
     if axes == "rotating":
         return speeds, jnp.ones(speeds.size), jnp.ones((speeds.size, stations.size))
     assert vectors is not None
-    parts = jnp.split(vectors, 2, axis=1)
-    energy = linear(scene, VirtualLine.galerkin(system.line)).inertia
-    share = _first_of(*(jnp.einsum("ci,ij,cj->c", v.conj(), energy, v).real for v in parts))
-    rows = jax.vmap(system.line.row)(stations)
-    senses = 2 * _first_of(*(jnp.abs(v @ rows.T) ** 2 for v in parts)) - 1
+    halves = vectors.reshape(-1, 2, system.n)  # of `exp(i Omega t)`, conjugate of `exp(-i Omega t)`
+    share = inertia_shares(scene, system, halves)[:, 0]
+    ahead, behind = jnp.moveaxis(jnp.abs(halves @ jax.vmap(system.line.row)(stations).T) ** 2, 1, 0)
+    total = ahead + behind
+    senses = jnp.where(total > 0, (ahead - behind) / jnp.where(total > 0, total, 1.0), 0.0)
     return speeds, share, senses
-
-
-def _first_of(one: Array, other: Array) -> Array:
-    """Share of the first in the sum of two, a half of nothing."""
-    total = one + other
-    return jnp.where(total > 0, one / jnp.where(total > 0, total, 1.0), 0.5)
 
 
 def axis_speeds(scene: Scene) -> AxisSpeeds:

@@ -192,7 +192,7 @@ def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     stations = scene.shaft.seen(points)
     rows = jax.vmap(system.line.row)(stations)
     halves = vectors[order].reshape(-1, vectors.shape[1] // system.n, system.n)  # (m, 1 or 2, n)
-    shares = _shares(scene, system, halves)
+    shares = inertia_shares(scene, system, halves)
     seen = halves @ rows.T  # (m, 1 or 2, x)
     flat = seen.reshape(seen.shape[0], -1)
     largest = jnp.take_along_axis(flat, jnp.argmax(jnp.abs(flat), axis=1, keepdims=True), axis=1)
@@ -203,8 +203,13 @@ def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     return Modes(values[order], seen[:, 0], counter, shares, stations, speed, axes)
 
 
-def _shares(scene: Scene, system: System, halves: Array) -> Float[Array, "m 2"]:
-    """Of shape and counter shape in `q' M q`, tilting included; in fixed axes, in kinetic energy."""
+def inertia_shares(
+    scene: Scene, system: System, halves: Complex[Array, "m h n"]
+) -> Float[Array, "m 2"]:
+    """Of shape and counter shape in `q' M q`, tilting included; in fixed axes, in kinetic energy.
+
+    `halves` are the coordinates of both, or of the shape alone where every orbit is a circle.
+    """
     if halves.shape[1] == 1:
         return jnp.stack([jnp.ones(len(halves)), jnp.zeros(len(halves))], axis=1)
     energy = linear(scene, VirtualLine.galerkin(system.line)).inertia

@@ -1,6 +1,7 @@
 """Command `response`: steady whirl under unbalance, its peaks and what it is at critical speeds."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -157,21 +158,21 @@ def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> lis
     """Local maxima of the amplitude, each where its derivative is zero near a highest sample."""
     speeds, amplitude = np.asarray(result.speeds), np.asarray(result.major)[:, 0]
     rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
+    height = lambda speed: unbalance_response(rotor, speed, result.stations).major[0, 0]
+    height_and_slope = jax.jit(jax.value_and_grad(height))  # one program for all peaks
     found = []
     for k in np.flatnonzero(rises & falls) + 1:
         low, high = speeds[k - 1], speeds[k + 1]
         if np.any((low <= unbounded) & (unbounded <= high)):
             continue
-        found.append(_at(rotor, _summit(rotor, result.stations, low, high), result.stations))
+        found.append(_at(rotor, _summit(height_and_slope, low, high), result.stations))
     return found
 
 
-def _summit(rotor: Scene, station: Any, low: float, high: float) -> float:
-    """Speed of the highest amplitude between two, to rounding: the zero of its slope."""
-    amplitude = lambda speed: unbalance_response(rotor, speed, station).major[0, 0]
-    both = jax.jit(jax.value_and_grad(amplitude))
-    depth = lambda speed: -float(both(speed)[0])
-    slope = lambda speed: float(both(speed)[1])
+def _summit(height_and_slope: Callable, low: float, high: float) -> float:
+    """Speed of the greatest height between two, to rounding: the zero of its slope."""
+    depth = lambda speed: -float(height_and_slope(speed)[0])
+    slope = lambda speed: float(height_and_slope(speed)[1])
     near = minimize_scalar(depth, bounds=(low, high), method="bounded").x
     apart = 1e-3 * (high - low)
     below, above = max(low, near - apart), min(high, near + apart)
