@@ -108,7 +108,7 @@ class Pencil(eqx.Module):
         """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
         blocks, speed = system.blocks, system.spin.speed
         check_moves(system)
-        zero = jnp.zeros(system.line.stiffness.shape, complex)
+        zero = jnp.zeros((system.n, system.n), complex)
         part = lambda block: zero if block is None else block
         inertia = zero + part(blocks.inertia)
         damping = part(blocks.damping) + 1j * (

@@ -96,7 +96,8 @@ def check(value: Any, label: str, holds: Callable[[Any], Any], rule: str) -> Sca
         raise ValueError(f"`{label}` must be a finite number, but is {number:g}.")
     if not holds(number):
         raise ValueError(f"`{label}` {rule}, but is {number:g}.")
-    return jnp.asarray(number)
+    fits = isinstance(value, Array) and value.dtype == number.dtype and not value.weak_type
+    return value if fits else jnp.asarray(number)
 
 
 def _check_shape(array: Array | np.ndarray, label: str) -> None:

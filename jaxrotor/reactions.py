@@ -112,11 +112,9 @@ def reactions(response: RunUp | Response) -> Reactions:
     """
     scene = response.scene
     instants = response.instants if isinstance(response, RunUp) else _instants(scene, response)
+    force, moment, static, static_moment, constraints = _all(scene, instants)
     names = [scene.name_of(effect) for effect in scene.of(Support)]
-    influence = scene.shaft.influence()
-    if influence is not None:
-        names += [f"constraints.{i}" for i in dict.fromkeys(influence.owners)]
-    force, moment, static, static_moment = _all(scene, instants)
+    names += [f"constraints.{i}" for i in constraints]
     if response.contact_force is not None:
         contacts = scene.of(AbstractContact)
         names += [scene.name_of(effect) for effect in contacts]
@@ -138,10 +136,12 @@ def reactions(response: RunUp | Response) -> Reactions:
 
 @eqx.filter_jit
 def _all(scene: Scene, instants: Instant):
+    """Forces, moments, both of the rotor at rest, and which constraints there are."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
     parts = [_support(transient.system, support) for support in scene.of(Support)]
-    influence = scene.shaft.influence()
+    influence, constraints = scene.shaft.influence(), ()
     if influence is not None:
+        constraints = tuple(dict.fromkeys(influence.owners))
         parts.append(_constraints(scene, transient, influence))
 
     def act(now: Instant):
@@ -151,7 +151,7 @@ def _all(scene: Scene, instants: Instant):
 
     force, moment = jax.vmap(act)(instants)
     static, static_moment = act(_at_rest(transient.system))
-    return force, moment, static, static_moment
+    return force, moment, static, static_moment, constraints
 
 
 def _support(system: System, support: Support) -> Act:

@@ -23,7 +23,7 @@ from .solvers.control import step_control, tuned
 from .solvers.exponential import Exponential
 from .spin import Drive
 from .start import AbstractStart, AtRest, Continued
-from .system import System, assemble, has_massless, polar_inertia
+from .system import System, assemble, has_massless
 from .tables import notebook_table
 from .transient import Instant, Posture, Transient, massless_of
 
@@ -136,16 +136,18 @@ def run_up(
     Sources: Filimonikhin, Goncharov (2011); course project of `turbine-run-up`.
     """
     times = _checked_times(times)
-    chosen: Any = checked_solver(solver if solver is not None else suited(scene))
+    launch = start if isinstance(start, Launch) else Launch(start or AtRest())
+    counts = [bodies.places for bodies in scene.of(AbstractBodies)]
+    spin = scene.spin.after(launch.time, launch.speed)
+    begun = scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
+    drives = isinstance(spin, Drive) and spin.polar is None
+    system = assemble(begun) if drives or not begun.shaft.has_mass else None
+    chosen: Any = checked_solver(suited(begun, system) if solver is None else solver)
     if isinstance(chosen, Exponential):
         raise ValueError(
             "`solver` Exponential() is for constant speed; give a diffrax solver or none."
         )
-    launch = start if isinstance(start, Launch) else Launch(start or AtRest())
-    counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     times, stations = jnp.asarray(times, float), scene.stations(at)
-    spin = scene.spin.after(launch.time, launch.speed)
-    begun = eqx.tree_at(lambda scene: scene.spin, scene, spin)
     controller = controller or control(chosen, begun)
     plan = Integration(
         solver=tuned(chosen),
@@ -156,19 +158,19 @@ def run_up(
         max_stops=max_stops,
         free=isinstance(spin, Drive) and (solver is not None or not spin.given),
         from_start=controller is None and known(times) and float(times[0]) == 0,
-        massless=massless_of(begun),
+        massless=massless_of(begun, system),
     )
     if controller is None and isinstance(spin, Drive) and spin.can_stop:
         raise ValueError(
             "A drive that can come to rest needs steps that end there; give a solver with an error "
             "estimate, such as diffrax.Tsit5()."
         )
-    if isinstance(spin, Drive) and spin.polar is None:
-        spin.inertia(polar_inertia(begun))  # refuses what cannot turn
+    if drives and system is not None:
+        spin.inertia(system.blocks.polar)  # refuses what cannot turn
     launch = _whole(launch, counts)
     with waiting(progress, "run-up"):
-        instants, stopped, good, seen = integrate(begun, times, launch, stations, plan)
-        failed = known(good) and not bool(good)
+        motion = _motion(begun, times, launch, stations, plan)
+        failed = known(motion.good) and not bool(motion.good)
     if failed:
         launch.shaft.state(assemble(begun), stations[0])  # says so if the start is what is wrong
         raise RuntimeError(
@@ -176,15 +178,15 @@ def run_up(
             "`max_steps` or more `substeps`, look whether the drive runs away (`Drive(odd=True)` "
             "brakes at any sign of the speed), or take more `max_stops` if it stops often."
         )
-    name = solver_name(chosen)
-    return _result(scene, times, stations, instants, stopped, seen, launch.time, name)
+    return _result(scene, times, stations, motion, solver_name(chosen))
 
 
-def suited(scene: Scene) -> dfx.AbstractSolver:
+def suited(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
     """Implicit where a flexible shaft has high modes, or dampers act on coordinates without mass."""
-    if has_massless(scene):
+    if has_massless(scene, system):
         return dfx.Kvaerno5()
-    size = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, scene).shape[0]
+    line = lambda scene: scene.line().stiffness
+    size = eqx.filter_eval_shape(line, scene).shape[0] if system is None else system.n
     return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
 
 
@@ -218,6 +220,8 @@ def _checked_times(times: Any) -> Any:
 
 def _whole(launch: Launch, counts: list[int]) -> Launch:
     """A launch with an entry for every race."""
+    if not counts and launch.balls is None:
+        return launch
     if launch.balls is None:
         spread = [2 * jnp.pi * jnp.arange(count) / count for count in counts]
         balls = tuple(Balls(angle, jnp.zeros_like(angle)) for angle in spread)
@@ -424,21 +428,41 @@ def _seen(system: System, instants: Instant, stations: Array):
     return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces
 
 
-def _result(scene, times, stations, instants: Instant, stopped, seen, begin, name: str) -> RunUp:
-    turning = instants.turning
-    displacement, velocity, contact_force = seen
-    rates = instants.bodies_speed - turning.speed[:, None]
+class _Motion(NamedTuple):
+    """What a run computes, and the state it ends with."""
+
+    instants: Instant
+    stopped: Scalar
+    good: Array
+    seen: tuple[Array, Array, Array | None]
+    balls: tuple[Balls, ...]
+    end: dict[str, Any]
+
+
+@eqx.filter_jit
+def _motion(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
+    """All of a run in one program: array by array outside, it would cost more than the integration."""
+    instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
+    rates = instants.bodies_speed - instants.turning.speed[:, None]
     pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
     balls = tuple(Balls(*pair) for pair in pairs)
-    last: Any = jax.tree.map(lambda leaf: leaf[-1], instants)
-    end = Launch(
-        Continued(last.r * last.turn, last.velocity * last.turn),
-        last.turning.angle,
-        jax.tree.map(lambda leaf: leaf[-1], balls),
-        last.turning.speed,
-        begin + times[-1],
-        jnp.isfinite(stopped) & (isinstance(scene.spin, Drive) and scene.spin.stops),
-    )
+    last: Any = jax.tree.map(lambda leaf: leaf[-1], (instants, balls))
+    end, thrown = last
+    stops = isinstance(scene.spin, Drive) and scene.spin.stops
+    state = {
+        "shaft": Continued(end.r * end.turn, end.velocity * end.turn),
+        "angle": end.turning.angle,
+        "balls": thrown,
+        "speed": end.turning.speed,
+        "time": launch.time + times[-1],
+        "stopped": jnp.isfinite(stopped) & stops,
+    }
+    return _Motion(instants, stopped, good, seen, balls, state)
+
+
+def _result(scene: Scene, times: Array, stations: Array, motion: _Motion, name: str) -> RunUp:
+    turning = motion.instants.turning
+    displacement, velocity, contact_force = motion.seen
     return RunUp(
         time=times,
         angle=turning.angle,
@@ -447,11 +471,11 @@ def _result(scene, times, stations, instants: Instant, stopped, seen, begin, nam
         displacement=displacement,
         velocity=velocity,
         contact_force=contact_force,
-        balls=balls,
+        balls=motion.balls,
         stations=stations,
-        stopped=stopped,
-        instants=instants,
-        end=end,
+        stopped=motion.stopped,
+        instants=motion.instants,
+        end=Launch(**motion.end),
         scene=scene,
         solver=name,
     )

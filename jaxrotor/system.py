@@ -107,13 +107,9 @@ class System(eqx.Module):
     races: tuple[Race, ...]
     between: tuple[AbstractBetween, ...]  # what acts between the bodies of every race
     spin: AbstractSpin
+    n: int = eqx.field(static=True)  # number of complex coordinates
     members: tuple[int, ...] = eqx.field(static=True)  # scene's contact behind each law
     owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # what, and a part that adds to it
-
-    @property
-    def n(self) -> int:
-        """Number of complex coordinates."""
-        return self.line.stiffness.shape[0]
 
     def owners_of(self, *what: str) -> str:
         """Parts of the scene that add to some blocks, are a "contact" or have "bodies", in words."""
@@ -177,6 +173,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         tuple(races),
         scene.of(AbstractBetween),
         scene.spin,
+        line.stiffness.shape[0],
         tuple(members),
         tuple(_owners(scene, parts)),
     )
@@ -214,14 +211,15 @@ def structure(scene: Scene) -> System:
     return eqx.filter_eval_shape(assemble, scene)
 
 
-def has_massless(scene: Scene) -> bool | None:
+def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     """Whether some coordinates of a scene have no inertia; None where that is traced.
 
-    Raises where the others have some and yet a motion of them together has none.
+    `system` are its equations, where they are at hand. Raises where the others have some and yet a
+    motion of them together has none.
     """
     if scene.shaft.has_mass:
         return False
-    system = assemble(scene)
+    system = assemble(scene) if system is None else system
     inertia = system.blocks.inertia
     if not system.n:  # nothing moves but its angle
         return False

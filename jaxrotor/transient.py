@@ -406,13 +406,14 @@ def nonlinear(system: System) -> list[tuple[Scalar, Array]]:
     return [(acting.at, acting.column) for acting in (*system.ports, *system.races)]
 
 
-def massless_of(scene: Scene) -> Known | Literal["unknown"] | None:
+def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["unknown"] | None:
     """Which coordinates of a scene have no mass: damped and undamped ones; None if all have some.
 
-    They are "unknown" where masses or dampings are traced, and nothing is checked then. Raises where
-    their motion is not determined or cannot be eliminated.
+    They are "unknown" where masses or dampings are traced, and nothing is checked then. `system` are
+    the equations of the scene, where they are at hand. Raises where their motion is not determined or
+    cannot be eliminated.
     """
-    if has_massless(scene) is False:
+    if has_massless(scene, system) is False:
         return None
     system, coordinates, condition = _massless(scene)
     if not all(known(mask) for mask in (coordinates.damped, coordinates.undamped)):

@@ -207,7 +207,7 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
 
 
 def _zero(system: System) -> Complex[Array, "n n"]:
-    return jnp.zeros(system.line.stiffness.shape, complex)
+    return jnp.zeros((system.n, system.n), complex)
 
 
 def _filled(system: System) -> Callable[[Array | None], Array]:

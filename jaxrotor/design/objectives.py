@@ -107,7 +107,7 @@ def anisotropy(scene: Scene, speeds: Any, at: Any = None) -> Scalar:
             "The rotor is the same along every axis, so there is no anisotropy to tune; give a shaft or "
             "support its `anisotropy`."
         )
-    still = jnp.zeros(system.line.stiffness.shape)
+    still = jnp.zeros((system.n, system.n))
     blocks = dataclasses.replace(blocks, inertia=still, gyroscopic=None)
     held = dataclasses.replace(system, blocks=blocks)
     pair = lambda part: jax.scipy.linalg.block_diag(part[None], part[None])
