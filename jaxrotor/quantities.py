@@ -146,11 +146,10 @@ def number_or_nan(value: Any) -> float:
         return math.nan
 
 
-def with_static(module: Any, **values: Any) -> Any:
-    """The same module with other static fields, its leaves as they are: no checks."""
+def with_values(module: Any, **values: Any) -> Any:
+    """The same module with other values of fields, static ones too: no checks."""
     copy = object.__new__(type(module))
-    for field in dataclasses.fields(module):
-        object.__setattr__(copy, field.name, values.get(field.name, getattr(module, field.name)))
+    vars(copy).update(vars(module), **values)
     return copy
 
 

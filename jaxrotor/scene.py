@@ -1,6 +1,7 @@
 """Scene: a shaft, what sits on it, and how it spins."""
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
 from .plausibility import warn_implausible
-from .quantities import known, quantity_units, unit_of
+from .quantities import known, quantity_units, unit_of, with_values
 from .representation import number_text
 from .shafts.line import AbstractLine, AbstractShaft
 from .sources import suggest
@@ -216,19 +217,8 @@ class Scene(eqx.Module):
         What a part noted of its values when it was built, as a `Support` that its axes are equal, is
         noted anew.
         """
-        scene = self
-        addresses = {path: self._find(path) for path in values}
-        for path, leaf in values.items():
-            for address in addresses[path]:
-                scene = _with(scene, address, leaf)
-        parents = {
-            a[:depth] for found in addresses.values() for a in found for depth in range(len(a))
-        }
-        for address in parents:
-            part = _follow(scene, address)
-            if hasattr(part, "noted"):
-                scene = _with(scene, address, part.noted())
-        return scene
+        leaves = {address: leaf for path, leaf in values.items() for address in self._find(path)}
+        return _with(self, leaves)
 
     def _find(self, path: str) -> list[Address]:
         table = _addresses(self)
@@ -259,13 +249,18 @@ def _text(leaf: Any) -> str:
     return "-" if leaf is None else number_text(leaf)
 
 
-def _with(scene: Scene, address: Address, value: Any) -> Scene:
-    """The scene with another value at an address."""
-    return eqx.tree_at(lambda s: _follow(s, address), scene, value, is_leaf=_is_none)
-
-
-def _is_none(leaf: Any) -> bool:
-    return leaf is None
+def _with(part: Any, leaves: Mapping[Address, Any]) -> Any:
+    """The scene, or a part of it, with other leaves at addresses, and what parts note noted anew."""
+    if () in leaves:
+        return leaves[()]
+    within: dict[Any, dict[Address, Any]] = {}
+    for (step, *rest), leaf in leaves.items():
+        within.setdefault(step, {})[tuple(rest)] = leaf
+    if isinstance(part, tuple):
+        return tuple(_with(one, within[i]) if i in within else one for i, one in enumerate(part))
+    others = {name: _with(getattr(part, name), within[name]) for name in within}
+    changed = with_values(part, **others)
+    return changed.noted() if hasattr(changed, "noted") else changed
 
 
 # === stations
@@ -306,16 +301,23 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
 def _leaves(module: eqx.Module) -> list[Address]:
     """Addresses of the quantities of a module and of the modules in it."""
     found: list[Address] = []
-    for field in dataclasses.fields(module):
-        value = getattr(module, field.name)
-        if unit_of(field) is not None:
-            found.append((field.name,))
-        elif isinstance(value, eqx.Module):
-            found += [(field.name, *rest) for rest in _leaves(value)]
+    for name, is_quantity in _fields(type(module)):
+        if is_quantity:
+            found.append((name,))
+            continue
+        value = getattr(module, name)
+        if isinstance(value, eqx.Module):
+            found += [(name, *rest) for rest in _leaves(value)]
         elif isinstance(value, tuple):
             parts = [(i, part) for i, part in enumerate(value) if isinstance(part, eqx.Module)]
-            found += [(field.name, i, *rest) for i, part in parts for rest in _leaves(part)]
+            found += [(name, i, *rest) for i, part in parts for rest in _leaves(part)]
     return found
+
+
+@functools.cache
+def _fields(kind: type[eqx.Module]) -> tuple[tuple[str, bool], ...]:
+    """Names of the fields of a class, each with whether it is a quantity."""
+    return tuple((field.name, unit_of(field) is not None) for field in dataclasses.fields(kind))
 
 
 def _addresses(scene: Scene) -> dict[str, list[Address]]:

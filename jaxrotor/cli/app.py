@@ -2,11 +2,12 @@
 
 import contextlib
 import functools
+import gc
 import importlib
 import importlib.metadata
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 import typer
@@ -132,17 +133,24 @@ def _doubts_in_a_line() -> Iterator[None]:
     """Every number that no machine has is noted once, in a line on stderr."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", ImplausibleWarning)
-        other, noted = warnings.showwarning, set()
-
-        def show(message: Any, category: type[Warning], *rest: Any, **more: Any) -> None:
-            if not issubclass(category, ImplausibleWarning):
-                other(message, category, *rest, **more)
-            elif str(message) not in noted:
-                noted.add(str(message))
-                typer.echo(f"Note: {message}", err=True)
-
-        warnings.showwarning = show
+        warnings.showwarning = functools.partial(_noted_once, warnings.showwarning, set())
         yield
+
+
+def _noted_once(
+    other: Callable[..., None],
+    noted: set[str],
+    message: Any,
+    category: type[Warning],
+    *rest: Any,
+    **more: Any,
+) -> None:
+    """Print an implausible number unless it has been printed; leave any `other` warning alone."""
+    if not issubclass(category, ImplausibleWarning):
+        other(message, category, *rest, **more)
+    elif str(message) not in noted:
+        noted.add(str(message))
+        typer.echo(f"Note: {message}", err=True)
 
 
 def _one_line(error: object) -> str:
@@ -223,4 +231,7 @@ def main() -> None:
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     keep_programs_of_commands()
     stop_on_ctrl_c()
+    # Tracing makes millions of objects that stay; looking through all of them for garbage is a tenth of
+    # what a command costs.
+    gc.set_threshold(50_000, 20, 50)
     app(prog_name="jaxrotor")

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative, number_or_nan, real, with_static
+from ..quantities import Scalar, nonnegative, number_or_nan, real, with_values
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
@@ -33,7 +33,7 @@ class ExternalDamping(AbstractLinear):
 
     def noted(self) -> "ExternalDamping":
         """The same, noted anew whether it is isotropic: for a change of values."""
-        return with_static(self, isotropic=number_or_nan(self.anisotropy) == 0)
+        return with_values(self, isotropic=number_or_nan(self.anisotropy) == 0)
 
     def blocks(self, line: AbstractLine) -> Blocks:
         damping, unequal = line.forces_along(self.per_length), None

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..blocks import Blocks
-from ..quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_static
+from ..quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_values
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
@@ -107,7 +107,7 @@ class Support(AbstractLinear):
 
     def noted(self) -> "Support":
         """The same, its parts that are known to be zero noted anew: for a change of values."""
-        return with_static(self, vanishing=tuple(self._vanishing()))
+        return with_values(self, vanishing=tuple(self._vanishing()))
 
     @property
     def mean_stiffness(self) -> Scalar:
