@@ -265,6 +265,7 @@ def test_response(place):
     assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
 
 
+@pytest.mark.slow
 def test_response_without_damping_is_unbounded():
     shown = answered("response", damped(0.0), "--points", 42)
     assert shown["peaks"] == [] and shown["critical"][0]["amplitude"] is None
@@ -293,6 +294,7 @@ def test_response_at_critical_speeds_of_every_kind(place):
     assert (place / "run" / "response.png").stat().st_size > 0
 
 
+@pytest.mark.slow
 @pytest.mark.hard("2.1 finite response inside the unstable band")
 def test_response_says_where_it_is_unstable(place):
     """Sheet, 3.8: +0.049703 of w_0 = 100 rad/s at p = 1, in a band from 0.906 to 1.081."""

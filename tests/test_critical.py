@@ -50,7 +50,9 @@ TWO = fem.critical_speeds(
 STOPS = [jr.Limiter(at, 0.0, 3e-4, 1e6) for at in (0.07, 0.6)]
 
 
-@pytest.mark.parametrize("more", [(), STOPS], ids=["bare", "stops"])
+@pytest.mark.parametrize(
+    "more", [pytest.param((), marks=pytest.mark.slow), STOPS], ids=["bare", "stops"]
+)
 @pytest.mark.parametrize("scene, expected", [(fan, FAN), (two, TWO)], ids=["fan", "two-discs"])
 def test_speeds_and_senses_are_those_of_finite_elements(scene, expected, more):
     """And stops, which add stations and nothing else, do not move them."""

@@ -205,6 +205,7 @@ def test_zero_speed_against_the_matrix_exponential(record_property):
     assert float(r.time[-1]) == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 speed N = 100")
 def test_high_speed(record_property):
     fast = ROTOR.replace({"spin.speed": 100 / UNIT, "internal_damping.voigt_time": 0.0})
@@ -216,6 +217,7 @@ def test_high_speed(record_property):
     assert error < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.5 no internal damping")
 def test_without_internal_damping_forward_whirl_dies_out():
     scene = ROTOR.replace({"internal_damping.voigt_time": 0.0})
