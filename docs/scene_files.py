@@ -13,6 +13,7 @@ from pathlib import Path
 from scene_examples import EXAMPLES
 
 from jaxrotor import shafts, spin
+from jaxrotor.files import choices_of
 from jaxrotor.materials import NAMED, Material
 from jaxrotor.quantities import is_series, takes_matrix, unit_of
 from jaxrotor.shafts import AbstractShaft, Constraint, Step
@@ -139,14 +140,13 @@ def _unit(field: dataclasses.Field) -> str:
         if is_series(field):
             return f"list in {unit}"
         return f"{unit}, or a 2 by 2 matrix" if takes_matrix(field) else unit
-    choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
-    if choices:
-        return " or ".join(f'`"{one}"`' for one in choices)
     if Material in (kind, *typing.get_args(kind)):
         return f"table, or {' or '.join(f'`{name!r}`' for name in NAMED)}".replace("'", '"')
     if typing.get_origin(kind) is tuple:
         return "list of tables"
-    return {bool: "true or false", int: "whole number"}[kind]
+    words, plain = choices_of(kind)
+    names = {bool: "true or false", int: "whole number"}
+    return " or ".join([*(names[one] for one in plain), *(f'`"{one}"`' for one in words)])
 
 
 def _default(field: dataclasses.Field) -> str:

@@ -10,6 +10,7 @@ import os
 import re
 import secrets
 import tomllib
+import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -249,12 +250,22 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
                 refuse(path, f"must be a list of tables, but is {show(value)}.")
             parts = [(_table(one, f"{path}.{i}"), f"{path}.{i}") for i, one in enumerate(value)]
             return tuple(_built(own, *part, own.__name__.lower()) for part in parts)
-    choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
-    wrong = value not in choices if choices else kind in _WORDS and type(value) is not kind
-    if wrong or (kind is int and abs(value) > _MOST):
-        wanted = _either(choices) if choices else _WORDS[kind]
+    words, plain = choices_of(kind)
+    fits = type(value) in plain and not (type(value) is int and abs(value) > _MOST)
+    if (words or plain) and not fits and value not in words:
+        wanted = " or ".join(
+            [*([_either(words)] if words else []), *(_WORDS[one] for one in plain)]
+        )
         refuse(path, f"must be {wanted}, but is {show(value)}.")
     return value
+
+
+def choices_of(kind: Any) -> tuple[list[str], list[type]]:
+    """Texts that a field takes as they are, and the classes of plain values that it takes."""
+    kinds = typing.get_args(kind) if typing.get_origin(kind) is types.UnionType else (kind,)
+    literals = [one for one in kinds if typing.get_origin(one) is typing.Literal]
+    words = [word for one in literals for word in typing.get_args(one)]
+    return words, [one for one in _WORDS if one in kinds]
 
 
 def _matrix(value: list, unit: str, path: str) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
+from .effects.support import Support
 from .plausibility import warn_implausible
 from .quantities import known, quantity_units, unit_of, with_values
 from .representation import number_text
@@ -38,6 +39,7 @@ class Scene(eqx.Module):
     effects: tuple[AbstractEffect, ...]
     spin: AbstractSpin
     spans: tuple[int, ...] = eqx.field(static=True)
+    resolution: tuple[int, ...] = eqx.field(static=True)  # nodes of every span
     assumption: str = eqx.field(static=True)
 
     def __init__(
@@ -61,11 +63,12 @@ class Scene(eqx.Module):
                 "jax.grad and give it traced values with `scene.replace`."
             )
         self.spans = _spans(shaft, members, stations)
+        self.resolution = shaft.resolution(stations, self.spans, _held(members))
         warn_implausible(_known_values(self))
 
     def line(self) -> AbstractLine:
         """The elastic line of the shaft."""
-        return self.shaft.line(_stations(self.shaft, self.effects), self.spans)
+        return self.shaft.line(_stations(self.shaft, self.effects), self.spans, self.resolution)
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations [m] to observe: those given, each on the shaft, or one the scene suggests.
@@ -97,8 +100,11 @@ class Scene(eqx.Module):
         """Scene that turns at a constant speed [rad/s], whatever its spin."""
         return eqx.tree_at(lambda scene: scene.spin, self, constant(speed))
 
-    def with_nodes(self, nodes: int, rule: str | None = None) -> "Scene":
-        """Scene whose shaft is computed with other `nodes`, and by another `rule`."""
+    def with_nodes(self, nodes: int | str, rule: str | None = None) -> "Scene":
+        """Scene whose shaft is computed with other `nodes`, and by another `rule`.
+
+        `scene.replace({"shaft.nodes": 12})` is the same, beside other values.
+        """
         if not hasattr(self.shaft, "nodes"):
             raise ValueError(f"A {type(self.shaft).__name__} has no nodes; a FlexibleShaft has.")
         other: dict[str, Any] = {"nodes": nodes} | ({} if rule is None else {"rule": rule})
@@ -188,8 +194,12 @@ class Scene(eqx.Module):
         """Scene with other values: `scene.replace({"unbalance.eccentricity": 1e-3})`.
 
         `limiters.gap` sets all of a kind, `limiters.0.gap` one; a table such as `spin.times` is set
-        as a whole. Values may be traced; then the spans of the shaft stay as they are.
+        as a whole. `shaft.nodes` is replaced too, by a number or "auto". Values may be traced; then the
+        spans of the shaft and the nodes of each stay as they are.
         """
+        if "shaft.nodes" in values:
+            others = {path: value for path, value in values.items() if path != "shaft.nodes"}
+            return self.with_nodes(values["shaft.nodes"]).replace(others)
         checked = {}
         for path, value in values.items():
             *parents, name = self._find(path)[0]
@@ -206,10 +216,10 @@ class Scene(eqx.Module):
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
-        if _spans(scene.shaft, scene.effects, stations) == self.spans:
-            warn_implausible(_known_values(scene))
-            return scene
-        return scene.of_parts(*scene.effects)
+        if _spans(scene.shaft, scene.effects, stations) != self.spans or _by_need(scene.shaft):
+            return scene.of_parts(*scene.effects)
+        warn_implausible(_known_values(scene))
+        return scene
 
     def put(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other leaves, as they are: no checks, the spans kept. See `replace`.
@@ -293,6 +303,16 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
         if reason is not None:
             raise ValueError(f"The {owner} at {at:g} m {reason}.")
     return shaft.spans(stations)
+
+
+def _held(effects) -> int:
+    """At how many stations effects hold the shaft, or hold it while it is in contact."""
+    return len({float(e.at) for e in effects if isinstance(e, Support | AbstractContact)})
+
+
+def _by_need(shaft) -> bool:
+    """Whether the nodes of its spans follow from values, all of them known."""
+    return getattr(shaft, "nodes", None) == "auto" and all(map(known, jax.tree.leaves(shaft)))
 
 
 # === parameter paths

@@ -860,17 +860,17 @@ def study_of(text):
         (
             "[shaft]",
             "[shaft]\nnodes = 8.0",
-            "shaft.nodes must be a whole number up to 10000000, but is 8.0.",
+            "shaft.nodes must be 'auto' or a whole number up to 10000000, but is 8.0.",
         ),
         (
             "[shaft]",
             "[shaft]\nnodes = true",
-            "shaft.nodes must be a whole number up to 10000000, but is True.",
+            "shaft.nodes must be 'auto' or a whole number up to 10000000, but is True.",
         ),
         (
             "[shaft]",
             "[shaft]\nrule = 'trapezoid'\nnodes = 0x" + "f" * 5000,
-            "shaft.nodes must be a whole number up to 10000000, but is a huge number.",
+            "shaft.nodes must be 'auto' or a whole number up to 10000000, but is a huge number.",
         ),
         ("[shaft]", "[shaft]\nnodes = 99", "shaft: `nodes` must be 2 to 24"),
         (

@@ -38,7 +38,7 @@ class SpectralLine(AbstractLine):
 
     kernel: AbstractKernel
     ends: Float[Array, " ends"]  # of the spans [m]
-    degree: int = eqx.field(static=True)
+    degrees: tuple[int, ...] = eqx.field(static=True)  # of the interpolants, span by span
     held: Held = eqx.field(static=True)
     free: tuple[int, ...] = eqx.field(static=True)  # ends of auxiliary constraints: 0 or -1
     anisotropy: Scalar | None
@@ -50,9 +50,7 @@ class SpectralLine(AbstractLine):
     @property
     def nodes(self) -> Float[Array, " nodes"]:
         """Stations of the displacements, held ones too [m]."""
-        inner = jnp.asarray(lobatto(self.degree))[1:]  # (degree,)
-        beyond = self.ends[:-1, None] + self._widths[:, None] * inner
-        return jnp.append(self.ends[0], beyond)
+        return spread(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -133,7 +131,7 @@ class SpectralLine(AbstractLine):
 
     def _quadrature(self, x: Array) -> tuple[Array, Array, Array]:
         """Gauss points (x, spans, g) on both sides of `s = x_i`, exact for the kernel times h_j."""
-        points, weights = np.polynomial.legendre.leggauss(self.degree // 2 + 4)
+        points, weights = np.polynomial.legendre.leggauss(max(self.degrees) // 2 + 4)
         start, stop = self.ends[:-1], self.ends[1:]
         kink = within(x[:, None], start, stop)
         low = jnp.stack([jnp.broadcast_to(start, kink.shape), kink], axis=-1)
@@ -157,16 +155,17 @@ class SpectralLine(AbstractLine):
     @property
     def _free_nodes(self) -> list[int]:
         """Nodes of the auxiliary constraints."""
-        last = self.degree * (self.ends.size - 1)
-        return [0 if end == 0 else last for end in self.free]
+        places = node_of_ends(self.degrees)
+        return [int(places[end]) for end in self.free]
 
     @property
     def _kept(self) -> np.ndarray:
         """Which displacements and slopes are coordinates: all that no constraint holds."""
-        count, held = self.nodes.size, []
+        places, held = node_of_ends(self.degrees), []
+        count = places[-1] + 1
         for end, (displacement, slope) in enumerate(self.held):
             if displacement:
-                held.append(self.degree * end)
+                held.append(places[end])
             if slope and 0 < end < self.ends.size - 1:
                 held.append(count + end - 1)
         return np.delete(np.arange(count + self._inner.size), held)
@@ -181,18 +180,22 @@ class SpectralLine(AbstractLine):
     def _shapes(self, local: Array, derivative: int = 0) -> tuple[Array, np.ndarray]:
         """Interpolants (.., spans, g, shapes) of every span, and which coordinates they take.
 
-        Shapes of a span are by its displacements, then by its slopes at either end.
+        Shapes of a span are by its displacements, then by its slopes at either end. Where spans differ
+        in degree, those of fewer nodes have zeros for the shapes they lack.
         """
-        spans, degree = self._widths.size, self.degree
-        coefficients = np.stack([_to_legendre(degree, k > 0, k < spans - 1) for k in range(spans)])
+        spans, degree = len(self.degrees), max(self.degrees)
+        coefficients = np.stack(
+            [_to_legendre(n, degree, k > 0, k < spans - 1) for k, n in enumerate(self.degrees)]
+        )
         basis = legendre_polynomials(degree + 2, local, derivative)
         shapes = jnp.einsum("...pgd,pdj->...pgj", basis, coefficients)
         scale = jnp.ones((spans, 1, degree + 3))
         scale = scale.at[..., degree + 1 :].set((self._widths / self.ends[-1])[:, None, None])
-        places = np.zeros((spans, degree + 3, spans * degree + 1 + spans - 1))
-        places[:, : degree + 1] = neighbours(spans, degree, places.shape[2])
+        count = sum(self.degrees) + 1
+        places = np.zeros((spans, degree + 3, count + spans - 1))
+        places[:, : degree + 1] = neighbours(self.degrees, places.shape[2])
         for k in range(spans - 1):  # the slope between span k and the next
-            places[k, -1, spans * degree + 1 + k] = places[k + 1, -2, spans * degree + 1 + k] = 1
+            places[k, -1, count + k] = places[k + 1, -2, count + k] = 1
         return scale * shapes, places
 
     def _slopes(self, local: Array) -> tuple[Array, np.ndarray]:
@@ -200,11 +203,23 @@ class SpectralLine(AbstractLine):
         return slopes / self._widths[:, None, None], places
 
 
-def neighbours(spans: int, degree: int, count: int) -> np.ndarray:
+def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:
+    """Which of all nodes every end of spans is: (ends,)."""
+    return np.concatenate([[0], np.cumsum(degrees)])
+
+
+def spread(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array, " nodes"]:
+    """Lobatto nodes of all spans, neighbours sharing ends [m]."""
+    own = np.repeat(np.arange(len(degrees)), degrees)
+    inner = np.concatenate([lobatto(degree)[1:] for degree in degrees])
+    return jnp.append(ends[0], ends[own] + jnp.diff(ends)[own] * inner)
+
+
+def neighbours(degrees: tuple[int, ...], count: int) -> np.ndarray:
     """Nodes of every span among all, neighbours sharing ends: 0 or 1 of (span, own node, node)."""
-    places = np.zeros((spans, degree + 1, count))
-    for k in range(spans):
-        places[k, range(degree + 1), range(k * degree, (k + 1) * degree + 1)] = 1
+    places = np.zeros((len(degrees), max(degrees) + 1, count))
+    for k, (first, degree) in enumerate(zip(node_of_ends(degrees)[:-1], degrees, strict=True)):
+        places[k, range(degree + 1), range(first, first + degree + 1)] = 1
     return places
 
 
@@ -220,11 +235,11 @@ def lobatto(degree: int) -> np.ndarray:
 
 
 @functools.cache
-def _to_legendre(degree: int, left: bool, right: bool) -> np.ndarray:
+def _to_legendre(degree: int, most: int, left: bool, right: bool) -> np.ndarray:
     """Legendre coefficients of the interpolants of the Lobatto nodes and the slopes at either end.
 
-    Columns are values, then both slopes (by the coordinate in [0, 1]); a slope that is not kept is
-    a column of zeros, and the polynomials have a degree less.
+    Columns are `most + 1` values, then both slopes (by the coordinate in [0, 1]); a value beyond the
+    degree, or a slope that is not kept, is a column of zeros.
     """
     kept = [*range(degree + 1), *[degree + 1] * left, *[degree + 2] * right]
     values = legendre.legvander(2 * lobatto(degree) - 1, degree + 2)
@@ -232,8 +247,9 @@ def _to_legendre(degree: int, left: bool, right: bool) -> np.ndarray:
         [legendre.legval([-1, 1], legendre.legder(e)) for e in np.eye(degree + 3)]
     )
     conditions = np.concatenate([values, slopes.T])[kept, : len(kept)]
-    coefficients = np.zeros((degree + 3, degree + 3))
-    coefficients[: len(kept), kept] = np.linalg.inv(conditions)
+    columns = [k if k <= degree else k + most - degree for k in kept]
+    coefficients = np.zeros((most + 3, most + 3))
+    coefficients[: len(kept), columns] = np.linalg.inv(conditions)
     return coefficients
 
 

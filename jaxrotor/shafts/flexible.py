@@ -3,7 +3,9 @@
 from typing import ClassVar, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks import Blocks
@@ -14,6 +16,7 @@ from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
 from .line import AbstractLine, AbstractShaft, check_ratio, off_shaft
+from .resolution import nodes_by_need
 from .section import Section, Step
 from .shear import ShearLine
 from .trapezoid import TrapezoidLine
@@ -30,7 +33,8 @@ class FlexibleShaft(AbstractShaft):
     shear, so the slope is that of the sections. `anisotropy` mu: bending stiffness `(1 + mu)` of the
     given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere; stiffness in
     shear and rotary inertia stay those of the round section, the same along both.
-    `rule="spectral"`: `nodes` a span between stations, exponential convergence;
+    `rule="spectral"`: `nodes` a span between stations, exponential convergence, or with
+    `nodes="auto"` up to 8, as many as the span needs for its share of a wave (see `nodes_by_need`);
     `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, second order, as published.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """
@@ -41,7 +45,7 @@ class FlexibleShaft(AbstractShaft):
     diameter: Scalar = positive("diameter [m]")
     material: Material = eqx.field(default_factory=steel)
     polar_ratio: Scalar = real("polar_ratio [1]", default=2.0)
-    nodes: int = eqx.field(default=8, static=True)
+    nodes: int | Literal["auto"] = eqx.field(default=8, static=True)
     rule: Literal["spectral", "trapezoid"] = eqx.field(default="spectral", static=True)
     rotary_inertia: bool = eqx.field(default=True, static=True)
     inner_diameter: Scalar = nonnegative("inner_diameter [m]", default=None)
@@ -55,14 +59,7 @@ class FlexibleShaft(AbstractShaft):
     def __check_init__(self):
         if self.rule not in ("spectral", "trapezoid"):
             raise ValueError(f"`rule` must be 'spectral' or 'trapezoid', but is {self.rule!r}.")
-        if isinstance(self.nodes, bool) or not isinstance(self.nodes, int):
-            raise ValueError(f"`nodes` must be a whole number, but is {self.nodes!r}.")
-        least = 2 if self.rule == "spectral" else 1
-        if self.nodes < least or (self.rule == "spectral" and self.nodes > 24):
-            raise ValueError(
-                f"`nodes` must be {least} to 24 (any number from 1 for the trapezoidal rule), but is "
-                f"{self.nodes}; more accuracy on a long shaft comes from more spans."
-            )
+        self._check_nodes()
         for name, kind in (("steps", Step), ("constraints", Constraint)):
             members = getattr(self, name)
             if not isinstance(members, tuple) or not all(isinstance(m, kind) for m in members):
@@ -79,6 +76,20 @@ class FlexibleShaft(AbstractShaft):
             raise ValueError(
                 "The trapezoidal rule serves the uniform shaft clamped at 0, without shear; take "
                 'rule="spectral".'
+            )
+
+    def _check_nodes(self) -> None:
+        nodes, spectral = self.nodes, self.rule == "spectral"
+        if nodes == "auto" and spectral:
+            return
+        if isinstance(nodes, bool) or not isinstance(nodes, int):
+            wanted = "a whole number" + (' or "auto"' if spectral else " in the trapezoidal rule")
+            raise ValueError(f"`nodes` must be {wanted}, but is {nodes!r}.")
+        least = 2 if spectral else 1
+        if nodes < least or (spectral and nodes > 24):
+            raise ValueError(
+                f"`nodes` must be {least} to 24 (any number from 1 for the trapezoidal rule), but is "
+                f"{nodes}; more accuracy on a long shaft comes from more spans."
             )
 
     @property
@@ -146,14 +157,33 @@ class FlexibleShaft(AbstractShaft):
             raise ValueError(f"`steps` must be in the order of their stations, but are at {steps}.")
         return (first, *sorted(inner, key=stations.__getitem__), last)
 
-    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> AbstractLine:
+    def resolution(
+        self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
+    ) -> tuple[int, ...]:
+        if self.nodes != "auto":
+            return (self.nodes,) * (len(spans) - 1)
+        if not all(map(known, jax.tree.leaves(self))):
+            raise ValueError(
+                '`nodes="auto"` needs a shaft of known sections; build it outside jax.jit or jax.grad '
+                "and give it traced values with `scene.replace`."
+            )
+        held += sum(one.displacement + one.slope for one in self.constraints)
+        with jax.ensure_compile_time_eval():
+            ends = self._ends(stations, spans)
+            slowness = jnp.stack([section.slowness for section in self._sections])
+            waves = slowness[self._of_span(ends)] * jnp.diff(ends)
+        return nodes_by_need(np.asarray(waves), held, self.shear)
+
+    def line(
+        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+    ) -> AbstractLine:
         beam = self._beam
         if self.rule == "trapezoid":
+            (cells,) = resolution
             return TrapezoidLine(
-                kernel=beam, length=self.length, cells=self.nodes, anisotropy=self.anisotropy
+                kernel=beam, length=self.length, cells=cells, anisotropy=self.anisotropy
             )
-        inner = [stations[k] for k in spans[1:-1]]
-        ends = jnp.stack([jnp.zeros_like(self.length), *inner, self.length])
+        ends = self._ends(stations, spans)
         held, free = self._held(spans)
         if self.shear:
             rigidity = jnp.stack([section.rigidity for section in self._sections])
@@ -163,7 +193,7 @@ class FlexibleShaft(AbstractShaft):
                 bending=rigidity[own],
                 shear=stiff[own],
                 ends=ends,
-                degree=self.nodes,
+                degrees=resolution,
                 held=held,
                 anisotropy=self.anisotropy,
             )
@@ -177,11 +207,18 @@ class FlexibleShaft(AbstractShaft):
         return SpectralLine(
             kernel=kernel,
             ends=ends,
-            degree=self.nodes,
+            degrees=resolution,
             held=held,
             free=free,
             anisotropy=self.anisotropy,
         )
+
+    def _ends(
+        self, stations: tuple[Scalar, ...] | tuple[float, ...], spans: tuple[int, ...]
+    ) -> Float[Array, " ends"]:
+        """Ends of the spans [m]."""
+        inner = [jnp.asarray(stations[k], float) for k in spans[1:-1]]
+        return jnp.stack([jnp.zeros_like(self.length), *inner, self.length])
 
     def _held(self, spans: tuple[int, ...]) -> tuple[Held, tuple[int, ...]]:
         """Displacement and slope held at every end of spans; ends of auxiliary constraints."""

@@ -131,8 +131,19 @@ class AbstractShaft(AbstractPart):
         """
 
     @abc.abstractmethod
-    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> AbstractLine:
-        """The elastic line, smooth between the stations that `spans` lists."""
+    def resolution(
+        self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
+    ) -> tuple[int, ...]:
+        """Nodes of every span, between the known `stations` [m] that `spans` lists.
+
+        `held` counts the stations at which effects hold the shaft: the more, the shorter its waves.
+        """
+
+    @abc.abstractmethod
+    def line(
+        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+    ) -> AbstractLine:
+        """The elastic line, smooth between the stations that `spans` lists, of so many nodes each."""
 
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:

@@ -184,8 +184,16 @@ class MasslessShaft(AbstractShaft):
                     )
         return ()
 
-    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> MasslessLine:
-        del spans
+    def resolution(
+        self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
+    ) -> tuple[int, ...]:
+        del stations, spans, held
+        return ()
+
+    def line(
+        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+    ) -> MasslessLine:
+        del spans, resolution
         elasticity = jnp.reshape(self.k11, (1, 1))
         if self.k12 is not None:
             elasticity = jnp.array([[self.k11, self.k12], [self.k12, self.k22]])

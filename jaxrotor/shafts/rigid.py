@@ -108,8 +108,16 @@ class RigidShaft(AbstractShaft):
             raise ValueError(f"Both constraints are at {own[0]:g} m; put the bearings apart.")
         return ()
 
-    def line(self, stations: tuple[Scalar, ...], spans: tuple[int, ...]) -> RigidLine:
-        del stations, spans
+    def resolution(
+        self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
+    ) -> tuple[int, ...]:
+        del stations, spans, held
+        return ()
+
+    def line(
+        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+    ) -> RigidLine:
+        del stations, spans, resolution
         one, zero = jnp.ones_like(self.length), jnp.zeros_like(self.length)
         shift, tilt = jnp.stack([one, zero]), jnp.stack([zero, one])
         pins = [c.at for c in self.constraints if c.displacement]

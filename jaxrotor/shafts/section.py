@@ -45,6 +45,11 @@ class Section(eqx.Module):
         return self.material.density * self.second_moment
 
     @property
+    def slowness(self) -> Scalar:
+        """`(rho A / EI)^(1/4)` [s^(1/2)/m]: times the root of a frequency, the number of its wave."""
+        return (self.mass_per_length / self.rigidity) ** 0.25
+
+    @property
     def shear_stiffness(self) -> Scalar:
         """`k G A` [N] with the shear coefficient of a hollow circle.
 

@@ -12,7 +12,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..quantities import Scalar
-from .collocation import Held, by_span, legendre_polynomials, lobatto, neighbours
+from .collocation import (
+    Held,
+    by_span,
+    legendre_polynomials,
+    lobatto,
+    neighbours,
+    node_of_ends,
+    spread,
+)
 from .line import AbstractLine, PerLength
 
 
@@ -22,7 +30,7 @@ class ShearLine(AbstractLine):
     ends: Float[Array, " ends"]  # of the spans [m]
     bending: Float[Array, "#spans"]  # EI [N m^2]
     shear: Float[Array, "#spans"]  # kGA [N]
-    degree: int = eqx.field(static=True)
+    degrees: tuple[int, ...] = eqx.field(static=True)  # of the polynomials, span by span
     held: Held = eqx.field(static=True)
     anisotropy: Scalar | None
 
@@ -33,8 +41,7 @@ class ShearLine(AbstractLine):
     @property
     def nodes(self) -> Float[Array, " nodes"]:
         """Stations of the coordinates, held ones too [m]."""
-        inner = jnp.asarray(lobatto(self.degree))[1:]
-        return jnp.append(self.ends[0], self.ends[:-1, None] + self._widths[:, None] * inner)
+        return spread(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -79,7 +86,7 @@ class ShearLine(AbstractLine):
         return self._bent(self._integral(per_length, psi, psi))
 
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
-        unit = jnp.ones((self._widths.size, self.degree + 1, 1))
+        unit = jnp.ones((self._widths.size, max(self.degrees) + 1, 1))
         return self._bent(self._integral(per_length, self._at_gauss(0, 0), unit)[:, 0])
 
     # --- energy
@@ -93,7 +100,7 @@ class ShearLine(AbstractLine):
 
     def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
         """`Int per_length left right dx` of forms at the Gauss points (spans, g, n)."""
-        weights = self._widths[:, None] * np.polynomial.legendre.leggauss(self.degree + 1)[1] / 2
+        weights = self._widths[:, None] * self._gauss[1] / 2
         return jnp.einsum("pg,pgn,pgm->nm", weights * by_span(per_length), left, right)
 
     @property
@@ -119,28 +126,41 @@ class ShearLine(AbstractLine):
     def _kept(self) -> np.ndarray:
         """Which displacements and slopes are coordinates: all that no constraint holds."""
         count = self.nodes.size
-        places = self.degree * np.arange(self.ends.size)
+        places = node_of_ends(self.degrees)
         held = np.array(self.held, bool).T  # displacement, slope
         return np.delete(np.arange(2 * count), [*places[held[0]], *count + places[held[1]]])
 
+    @property
+    def _gauss(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss points on [-1, 1], the same of every span, and their weights."""
+        return np.polynomial.legendre.leggauss(max(self.degrees) + 1)
+
     def _at_gauss(self, which: int, derivative: int) -> Float[Array, "spans g n"]:
         """Forms of `z` (0) or `l psi` (1), or of its derivative, at the Gauss points of spans."""
-        local = (1 + np.polynomial.legendre.leggauss(self.degree + 1)[0]) / 2
-        shapes = self._shapes(jnp.asarray(local), derivative)  # (g, shapes)
-        forms = jnp.einsum("gj,pjn->pgn", shapes, self._places(which))
+        local = jnp.asarray((1 + self._gauss[0]) / 2)
+        basis = legendre_polynomials(max(self.degrees), local, derivative)  # (g, k)
+        forms = jnp.einsum("gk,pkj,pjn->pgn", basis, self._to_legendre, self._places(which))
         return forms / self._widths[:, None, None] ** derivative
 
     def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:
         span = jnp.searchsorted(self.ends[1:-1], at)
         local = (at - self.ends[span]) / self._widths[span]
-        return self._shapes(local) @ jnp.asarray(self._places(which))[span]
+        basis = legendre_polynomials(max(self.degrees), local)
+        forms = self._to_legendre @ self._places(which)  # (span, k, n)
+        return basis @ jnp.asarray(forms)[span]
 
-    def _shapes(self, local: Array, derivative: int = 0) -> Float[Array, "*x shapes"]:
-        nodes = np.polynomial.legendre.legvander(2 * lobatto(self.degree) - 1, self.degree)
-        return legendre_polynomials(self.degree, local, derivative) @ np.linalg.inv(nodes)
+    @property
+    def _to_legendre(self) -> np.ndarray:
+        """Legendre coefficients of the interpolants of every span: (span, k, node)."""
+        most = max(self.degrees) + 1
+        found = np.zeros((len(self.degrees), most, most))
+        for k, degree in enumerate(self.degrees):
+            nodes = np.polynomial.legendre.legvander(2 * lobatto(degree) - 1, degree)
+            found[k, : degree + 1, : degree + 1] = np.linalg.inv(nodes)
+        return found
 
     def _places(self, which: int) -> np.ndarray:
         """Coordinates of the displacements (0) or slopes (1) of every span: (span, node, n)."""
         count = self.nodes.size
-        places = neighbours(self._widths.size, self.degree, 2 * count)
+        places = neighbours(self.degrees, 2 * count)
         return np.roll(places, which * count, axis=2)[..., self._kept]

@@ -1,0 +1,106 @@
+"""Nodes by need: fewer coordinates for the same first roots, and the paths that give nodes."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import jaxrotor as jr
+from jaxrotor.shafts.resolution import nodes_by_need
+
+
+FAN = jr.load("overhung-fan").replace({"shaft.nodes": 8})
+
+
+def test_the_fan_has_fewer_coordinates_and_the_same_roots():
+    by_need = FAN.replace({"shaft.nodes": "auto"})
+    assert by_need.resolution == (7, 6, 6, 8, 6, 8)
+    assert by_need.line().stiffness.shape[0] < 0.9 * FAN.line().stiffness.shape[0]
+    np.testing.assert_allclose(jr.roots(by_need, 4), jr.roots(FAN, 4), rtol=1e-8)
+
+
+@pytest.mark.parametrize("shear", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_steps_and_uneven_spans(shear):
+    """The root of a stepped shaft on two soft and two hard supports, within 1e-8 of 8 nodes a span."""
+    shaft = jr.FlexibleShaft(
+        1.6,
+        0.06,
+        constraints=[],
+        steps=[jr.Step(0.25, 0.11), jr.Step(0.3, 0.05), jr.Step(1.2, 0.09)],
+        shear=shear,
+    )
+    at, stiffness = (0.1, 0.4, 0.9, 1.5), (1e6, 1e9, 1e9, 1e6)
+    supports = [jr.Support(x, k, damping=1e3) for x, k in zip(at, stiffness, strict=True)]
+    scene = jr.Scene(shaft, supports, jr.Disc(0.6, 12.0, 0.1, 0.2), spin=jr.ConstantSpeed(200.0))
+    by_need = scene.replace({"shaft.nodes": "auto"})
+    assert sum(by_need.resolution) < sum(scene.resolution)
+    np.testing.assert_allclose(jr.roots(by_need, 4), jr.roots(scene, 4), rtol=1e-8)
+
+
+def test_a_uniform_beam_against_its_closed_form():
+    """Clamped at one end: `cos b cosh b = -1`; a weightless mark parts it in spans of 0.1 and 0.9."""
+    shaft = jr.FlexibleShaft(0.7, 0.02, nodes="auto", rotary_inertia=False)
+    scene = jr.Scene(shaft, jr.Disc(0.07, 1e-12), spin=jr.ConstantSpeed(0.0))
+    assert scene.resolution == (4, 8)
+    b = np.array([brentq(lambda b: np.cos(b) + 1 / np.cosh(b), *ends) for ends in ((1, 3), (4, 6))])
+    steel = jr.steel()
+    unit = np.sqrt(float(steel.youngs_modulus / steel.density)) * 0.02 / 4 / 0.7**2
+    found = np.sort(np.abs(np.asarray(jr.roots(scene, 4)).imag))[::2]
+    np.testing.assert_allclose(found, b**2 * unit, rtol=1e-8)
+
+
+def test_more_is_held_more_nodes():
+    lengths = np.array([0.2, 0.3, 0.5])
+    few, many = (nodes_by_need(lengths, held, False) for held in (2, 6))
+    assert few == nodes_by_need(10 * lengths, 0, False) == (6, 7, 8)
+    assert all(m >= f for m, f in zip(many, few, strict=True)) and many != few
+    assert nodes_by_need(lengths, 2, True) >= few
+
+
+def test_replaced_with_other_values():
+    """`shaft.nodes` beside numbers; by need anew where a step moves, kept where values are traced."""
+    changed = FAN.replace({"shaft.nodes": 5, "disc.mass": 90.0})
+    assert changed.shaft.nodes == 5 and set(changed.resolution) == {5}
+    assert float(changed.get("disc.mass")) == 90.0
+    by_need = FAN.replace({"shaft.nodes": "auto"})
+    thick = by_need.replace({"shaft.diameter": 2.5 * float(FAN.shaft.diameter)})
+    assert thick.resolution != by_need.resolution
+
+    def fixed(diameter):
+        scene = by_need.replace({"shaft.diameter": diameter})
+        assert scene.resolution == by_need.resolution
+        return jr.roots(scene, 1).imag[0]
+
+    slope = jax.grad(fixed)(FAN.shaft.diameter)
+    assert jnp.isfinite(slope) and slope != 0
+
+
+def test_written_and_read(tmp_path):
+    scene = FAN.replace({"shaft.nodes": "auto"})
+    jr.save(scene, tmp_path / "fan.toml")
+    assert 'nodes = "auto"' in (tmp_path / "fan.toml").read_text()
+    assert jr.load(tmp_path / "fan.toml").resolution == scene.resolution
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"nodes": "auto", "rule": "trapezoid"}, "a whole number in the trapezoidal rule"),
+        ({"nodes": True}, '`nodes` must be a whole number or "auto", but is True'),
+    ],
+)
+def test_refusals(given, said):
+    with pytest.raises(ValueError, match=said):
+        jr.FlexibleShaft(1.0, 0.02, **given)
+
+
+def test_a_traced_shaft_is_refused():
+    def scene(diameter):
+        shaft = dataclasses.replace(FAN.shaft, nodes="auto", diameter=diameter)
+        return jr.Scene(shaft, *FAN.effects, spin=FAN.spin).shaft.length
+
+    with pytest.raises(ValueError, match='`nodes="auto"` needs a shaft of known sections'):
+        jax.jit(scene)(0.1)
