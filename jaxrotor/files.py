@@ -262,7 +262,8 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
 
 def choices_of(kind: Any) -> tuple[list[str], list[type]]:
     """Texts that a field takes as they are, and the classes of plain values that it takes."""
-    kinds = typing.get_args(kind) if typing.get_origin(kind) is types.UnionType else (kind,)
+    unions = (types.UnionType, typing.Union)
+    kinds = typing.get_args(kind) if typing.get_origin(kind) in unions else (kind,)
     literals = [one for one in kinds if typing.get_origin(one) is typing.Literal]
     words = [word for one in literals for word in typing.get_args(one)]
     return words, [one for one in _WORDS if one in kinds]

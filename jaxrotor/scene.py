@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .effects.base import AbstractContact, AbstractEffect
-from .effects.support import Support
 from .plausibility import warn_implausible
 from .quantities import known, quantity_units, unit_of, with_values
 from .representation import number_text
@@ -307,7 +306,7 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
 
 def _held(effects) -> int:
     """At how many stations effects hold the shaft, or hold it while it is in contact."""
-    return len({float(e.at) for e in effects if isinstance(e, Support | AbstractContact)})
+    return len({float(effect.at) for effect in effects if effect.holds_shaft})
 
 
 def _by_need(shaft) -> bool:

@@ -5,7 +5,7 @@ on one or more of them, written against the rows and columns of `AbstractLine`.
 """
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -25,6 +25,7 @@ class AbstractEffect(AbstractPart):
 
     kind: eqx.AbstractClassVar[str]
     plural: eqx.AbstractClassVar[str]
+    holds_shaft: ClassVar[bool] = False  # at its station, always or while it touches
 
 
 class AbstractLinear(AbstractEffect):
@@ -99,6 +100,8 @@ class AbstractContact(AbstractEffect):
 
     Its law turned by an angle is that of the same contact with the angle added to its own.
     """
+
+    holds_shaft: ClassVar[bool] = True
 
     at: eqx.AbstractVar[Scalar]
     angle: eqx.AbstractVar[Scalar]  # that it faces [rad]

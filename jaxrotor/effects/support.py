@@ -46,6 +46,7 @@ class Support(AbstractLinear):
 
     kind: ClassVar[str] = "support"
     plural: ClassVar[str] = "supports"
+    holds_shaft: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")
     stiffness: Scalar = nonnegative("stiffness [N/m]", default=None, matrix=True)
