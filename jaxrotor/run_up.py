@@ -165,7 +165,7 @@ def run_up(
             "A drive that can come to rest needs steps that end there; give a solver with an error "
             "estimate, such as diffrax.Tsit5()."
         )
-    if isinstance(spin, Drive) and system is not None:
+    if isinstance(spin, Drive) and spin.polar is None and system is not None:
         spin.inertia(system.blocks.polar)  # refuses what cannot turn
     launch = _whole(launch, counts)
     with waiting(progress, "run-up"):
