@@ -3,7 +3,6 @@
 import dataclasses
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -22,7 +21,8 @@ def test_the_fan_has_fewer_coordinates_and_the_same_roots():
     np.testing.assert_allclose(jr.roots(by_need, 4), jr.roots(FAN, 4), rtol=1e-8)
 
 
-@pytest.mark.parametrize("shear", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("shear", [False, True])
 def test_steps_and_uneven_spans(shear):
     """The root of a stepped shaft on two soft and two hard supports, within 1e-8 of 8 nodes a span."""
     shaft = jr.FlexibleShaft(
@@ -61,7 +61,7 @@ def test_more_is_held_more_nodes():
 
 
 def test_replaced_with_other_values():
-    """`shaft.nodes` beside numbers; by need anew where a step moves, kept where values are traced."""
+    """`shaft.nodes` beside numbers; by need anew where a diameter changes."""
     changed = FAN.replace({"shaft.nodes": 5, "disc.mass": 90.0})
     assert changed.shaft.nodes == 5 and set(changed.resolution) == {5}
     assert float(changed.get("disc.mass")) == 90.0
@@ -69,13 +69,20 @@ def test_replaced_with_other_values():
     thick = by_need.replace({"shaft.diameter": 2.5 * float(FAN.shaft.diameter)})
     assert thick.resolution != by_need.resolution
 
-    def fixed(diameter):
+
+@pytest.mark.slow
+def test_kept_where_values_are_traced():
+    by_need = FAN.replace({"shaft.nodes": "auto"})
+
+    def frequency(diameter):
         scene = by_need.replace({"shaft.diameter": diameter})
         assert scene.resolution == by_need.resolution
         return jr.roots(scene, 1).imag[0]
 
-    slope = jax.grad(fixed)(FAN.shaft.diameter)
-    assert jnp.isfinite(slope) and slope != 0
+    slope = jax.grad(frequency)(FAN.shaft.diameter)
+    step = 1e-5 * FAN.shaft.diameter
+    ends = [float(frequency(FAN.shaft.diameter + h)) for h in (step, -step)]
+    assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * float(step)), rel=1e-5)
 
 
 def test_written_and_read(tmp_path):
