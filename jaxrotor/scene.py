@@ -304,8 +304,18 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     return shaft.spans(stations)
 
 
+def check_fixed_nodes(scene: Scene, path: str) -> None:
+    """Refuse to vary what decides the nodes of a shaft: one program serves all values."""
+    decides = path.startswith("shaft.") or path.endswith(".at")
+    if decides and getattr(scene.shaft, "nodes", None) == "auto":
+        raise ValueError(
+            f'The shaft\'s `nodes="auto"` follow `{path}`, which is varied here; give them a number, '
+            'such as `scene.replace({"shaft.nodes": 8})`.'
+        )
+
+
 def _held(effects) -> int:
-    """At how many stations effects hold the shaft, or hold it while it is in contact."""
+    """Number of stations at which effects hold the shaft, always or while in contact."""
     return len({float(effect.at) for effect in effects if effect.holds_shaft})
 
 

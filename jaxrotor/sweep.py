@@ -24,7 +24,7 @@ from .outcome import failed
 from .pilot import Pilot
 from .progress import progress as bar
 from .provenance import chosen
-from .scene import Scene
+from .scene import Scene, check_fixed_nodes
 from .simulate import (
     check_constant,
     check_counts,
@@ -322,6 +322,8 @@ def placed(scene: Scene, start: AbstractStart, values: Mapping[str, Any]):
 
 def _port_groups(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:
     """Contacts that share a port at every point of the grid, of which all lengths make a valid scene."""
+    for path in axes:
+        check_fixed_nodes(scene, path)
     lengths = {
         path: values
         for path, values in axes.items()

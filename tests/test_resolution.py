@@ -3,11 +3,13 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import jaxrotor as jr
+from jaxrotor.analysis.forced import ending_span
 from jaxrotor.shafts.resolution import nodes_by_need
 
 
@@ -111,3 +113,25 @@ def test_a_traced_shaft_is_refused():
 
     with pytest.raises(ValueError, match='`nodes="auto"` needs a shaft of known sections'):
         jax.jit(scene)(0.1)
+
+
+@pytest.mark.parametrize("path", ["disc.at", "shaft.diameter"])
+def test_what_decides_the_nodes_is_not_varied(path):
+    by_need = FAN.replace({"shaft.nodes": "auto"})
+    own = float(by_need.get(path))
+    said = f'`nodes="auto"` follow `{path}`, which is varied here; give them a number'
+    with pytest.raises(ValueError, match=said):
+        jr.stability_map(by_need, {path: [0.999 * own, own], "spin.speed": [100.0, 200.0]})
+    with pytest.raises(ValueError, match=said):
+        jr.sweep(by_need, {path: [0.999 * own, own]}, settle=1, keep=1)
+
+
+def test_a_span_that_ends_where_sections_are_traced():
+    by_need = FAN.without("limiter").replace({"shaft.nodes": "auto"})
+
+    def diameter(value):
+        return ending_span(
+            by_need.replace({"shaft.diameter": value}), jnp.asarray(0.7)
+        ).shaft.diameter
+
+    assert float(jax.grad(diameter)(FAN.shaft.diameter)) == 1.0

@@ -230,9 +230,10 @@ def _times(factor, vector: Array | None) -> Array | None:
 
 
 def ending_span(scene: Scene, at: Scalar) -> Scene:
-    """The scene with a span that ends at a station, where all stations are known."""
+    """The scene with a span that ends at a station, where all that decides the spans is known."""
     placed = [getattr(effect, "at", at) for effect in scene.effects]
-    if all(map(known, (at, scene.shaft.length, *scene.shaft.stations, *placed))):
+    decides = scene.shaft if getattr(scene.shaft, "nodes", None) == "auto" else scene.shaft.stations
+    if all(map(known, (at, scene.shaft.length, *jax.tree.leaves(decides), *placed))):
         return scene.of_parts(*scene.effects, Disc(at, mass=0.0))
     return scene
 

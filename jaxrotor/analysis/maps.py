@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
-from ..scene import Scene
+from ..scene import Scene, check_fixed_nodes
 from ..system import assemble
 from .stability import EDGES, STEPS, growth_of, undamped_side
 
@@ -124,6 +124,7 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
     if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0):
         ends = f"{values.size} from {values[0]:g} to {values[-1]:g}" if values.ndim == 1 else values
         raise ValueError(f"`over['{path}']` must be two or more ascending values, but has {ends}.")
+    check_fixed_nodes(scene, path)
     for value in values:
         if scene.replace({path: value}).spans != scene.spans:
             raise ValueError(f"`over['{path}']` moves a station past another at {value:g}.")

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from scipy.special import logit
 from scipy.stats import qmc
 
-from ..scene import Scene
+from ..scene import Scene, check_fixed_nodes
 
 
 DECADE = 10.0  # positive bounds further apart than this are bounds of the logarithm
@@ -129,6 +129,7 @@ def _ends(path: str, pair: Any) -> tuple[float, float]:
 
 def _check_ends(scene: Scene, path: str, low: float, high: float) -> None:
     """Refuse bounds that the parameter may not have."""
+    check_fixed_nodes(scene, path)
     for end in (low, high):
         try:
             scene.replace({path: end})

@@ -19,7 +19,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..compiled import QUICKLY
 from ..march import Outcome, Plan
 from ..quantities import Scalar
-from ..scene import Scene
+from ..scene import Scene, check_fixed_nodes
 from ..simulate import choose, joined, solver_name
 from ..solvers.exponential import Exponential
 from ..start import Continued
@@ -274,6 +274,7 @@ def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
         )
     if path == "spin.speed" and low * high <= 0:
         raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
+    check_fixed_nodes(scene, path)
     for value in (low, high):
         other = scene.replace({path: value})
         if other.spans != scene.spans or port_groups(other) != port_groups(scene):

@@ -204,7 +204,7 @@ class SpectralLine(AbstractLine):
 
 
 def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:
-    """Which of all nodes every end of spans is: (ends,)."""
+    """Index among all nodes of every end of the spans: (ends,)."""
     return np.concatenate([[0], np.cumsum(degrees)])
 
 

@@ -143,7 +143,7 @@ class AbstractShaft(AbstractPart):
     def line(
         self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
     ) -> AbstractLine:
-        """The elastic line, smooth between the stations that `spans` lists, of so many nodes each."""
+        """The elastic line, smooth between the stations that `spans` lists, of `resolution` nodes each."""
 
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:

@@ -21,8 +21,9 @@ def nodes_by_need(lengths: Float[np.ndarray, " spans"], held: int, shear: bool) 
         phase_k = (c + 1/2) pi l_k / Sum l_k,   l_k = (rho A / EI)^(1/4) times the length of the span
 
     A beam held at c places has its second mode at or below the (c + 2)-th of the free beam, two rigid
-    motions among them, whose wave has the phase `(c + 1/2) pi` from end to end; masses only slow it.
-    Where sections differ that sum is an estimate. The roots are within 1e-8 of those of 8 nodes a span.
+    motions among them, whose wave has the phase `(c + 1/2) pi` from end to end; masses slow it. Where
+    sections differ, or discs are fast gyroscopes, that is an estimate: of shipped rotors and 14 random
+    ones the four slowest roots were within 1e-9 of those of 8 nodes a span.
 
     Args:
         lengths: `l_k` of each span, up to a factor.

@@ -46,7 +46,7 @@ class Section(eqx.Module):
 
     @property
     def slowness(self) -> Scalar:
-        """`(rho A / EI)^(1/4)` [s^(1/2)/m]: times the root of a frequency, the number of its wave."""
+        """`(rho A / EI)^(1/4)` [s^(1/2)/m]: times the root of a frequency, the wave number."""
         return (self.mass_per_length / self.rigidity) ** 0.25
 
     @property
