@@ -210,9 +210,14 @@ def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:
 
 def spread(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array, " nodes"]:
     """Lobatto nodes of all spans, neighbours sharing ends [m]."""
-    own = np.repeat(np.arange(len(degrees)), degrees)
-    inner = np.concatenate([lobatto(degree)[1:] for degree in degrees])
-    return jnp.append(ends[0], ends[own] + jnp.diff(ends)[own] * inner)
+    inner = np.full((len(degrees), max(degrees)), np.nan)
+    for k, degree in enumerate(degrees):
+        inner[k, :degree] = lobatto(degree)[1:]
+    beyond = ends[:-1, None] + jnp.diff(ends)[:, None] * inner
+    own = np.flatnonzero(
+        np.isfinite(inner)
+    )  # all of them, where spans are alike: nothing is gathered
+    return jnp.append(ends[0], beyond if own.size == inner.size else beyond.ravel()[own])
 
 
 def neighbours(degrees: tuple[int, ...], count: int) -> np.ndarray:
