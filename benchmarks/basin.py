@@ -19,7 +19,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
 import jaxrotor as jr
-from jaxrotor.basins import OUTCOMES
+from jaxrotor.sweeps.basins import OUTCOMES
 
 
 SCENE = jr.load("ball-balancer-light")

@@ -16,7 +16,7 @@ import numpy as np
 
 import jaxrotor as jr
 from jaxrotor import plot
-from jaxrotor.observe import Reversal
+from jaxrotor.sweeps.observe import Reversal
 
 
 SCENE = jr.load("limiter-rotor")

@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
+from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.solvers.basis import as_complex
 from jaxrotor.solvers.branches import BranchedPorts
 from jaxrotor.solvers.control import tuned

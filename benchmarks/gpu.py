@@ -29,7 +29,7 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 import jaxrotor as jr  # noqa: E402
-from jaxrotor.observe import Turn  # noqa: E402
+from jaxrotor.sweeps.observe import Turn  # noqa: E402
 
 
 LANES = tuple(4**k for k in range(3, 11))  # 64 .. 1048576

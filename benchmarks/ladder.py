@@ -29,10 +29,10 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxrotor as jr
-from jaxrotor.march import March
-from jaxrotor.motion import Motion
+from jaxrotor.equations.rotating_frame import Posture, Transient
+from jaxrotor.equations.stationary_frame import Motion
+from jaxrotor.motion.revolutions import March
 from jaxrotor.plot import colours
-from jaxrotor.transient import Posture, Transient
 
 
 GIVEN = jr.load("limiter-rotor")

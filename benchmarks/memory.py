@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxrotor as jr
-from jaxrotor import march
-from jaxrotor.compiled import QUICKLY
+from jaxrotor.core.compiled import QUICKLY
+from jaxrotor.motion.revolutions import SHORT
 from jaxrotor.plot import colours
 
 
@@ -33,14 +33,14 @@ START = jr.Whirl(12e-3, rate=-441.0)  # leads to the backward rub
 STEPS = 64  # a revolution
 FIGURE = Path(__file__).parent.parent / "docs" / "memory.png"
 WAYS = {  # adjoint, revolutions of which each is a checkpoint, colour
-    "reverse mode, all steps kept": (None, march.SHORT, colours.RED),
+    "reverse mode, all steps kept": (None, SHORT, colours.RED),
     "reverse mode, every revolution kept": (
         dfx.RecursiveCheckpointAdjoint(),
         10**9,
         colours.ORANGE,
     ),
-    "reverse mode": (dfx.RecursiveCheckpointAdjoint(), march.SHORT, colours.BLUE),
-    "forward mode": (None, march.SHORT, colours.GREY),
+    "reverse mode": (dfx.RecursiveCheckpointAdjoint(), SHORT, colours.BLUE),
+    "forward mode": (None, SHORT, colours.GREY),
 }
 
 
@@ -57,7 +57,7 @@ def derivative(way: str, revolutions: int):
     forward = lambda stiffness: jax.jvp(size, (stiffness,), (jnp.ones(()),))[1]
     function = forward if way == "forward mode" else jax.grad(size)
     stiffness = SCENE.get("limiters.stiffness")[0]
-    with mock.patch.object(march, "SHORT", short):
+    with mock.patch("jaxrotor.motion.revolutions.SHORT", short):
         return jax.jit(function, **QUICKLY).lower(stiffness).compile(), stiffness
 
 

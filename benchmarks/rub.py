@@ -27,8 +27,8 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
-from jaxrotor.observe import AbstractObservable, Turn, Variable
+from jaxrotor.equations.stationary_frame import Motion
+from jaxrotor.sweeps.observe import AbstractObservable, Turn, Variable
 
 
 NAMES = ("largest penetration [mm]", "contact share", "mean radius [mm]", "largest radius [mm]")

@@ -25,8 +25,8 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxrotor as jr
-from jaxrotor.cluster import Workers
-from jaxrotor.store import Store
+from jaxrotor.sweeps.cluster import Workers
+from jaxrotor.sweeps.store import Store
 
 
 ROTOR = jr.load("limiter-rotor")

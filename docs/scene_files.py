@@ -12,13 +12,13 @@ from pathlib import Path
 
 from scene_examples import EXAMPLES
 
-from jaxrotor import shafts, spin
-from jaxrotor.files import choices_of
-from jaxrotor.materials import NAMED, Material
-from jaxrotor.quantities import is_series, takes_matrix, unit_of
+from jaxrotor import shafts, spins
+from jaxrotor.core.quantities import is_series, takes_matrix, unit_of
+from jaxrotor.files.toml import choices_of
+from jaxrotor.files.vocabulary import COUNTS, FORMS, START, kinds, models
 from jaxrotor.shafts import AbstractShaft, Constraint, Step
-from jaxrotor.spin import AbstractSpin
-from jaxrotor.vocabulary import COUNTS, FORMS, START, kinds, models
+from jaxrotor.shafts.materials import NAMED, Material
+from jaxrotor.spins.base import AbstractSpin
 
 
 PAGE = Path(__file__).with_name("scene-files.md")
@@ -55,7 +55,7 @@ def page() -> str:
         parts.append(_part(kind, cls, f"[{kind}]"))
         parts += [_form(form) for form in FORMS if form.of is cls]
     parts += ["## How it turns\n", "One of these, by its `model`.\n"]
-    parts += [_part(name, cls, "[spin]") for name, cls in models(spin, AbstractSpin).items()]
+    parts += [_part(name, cls, "[spin]") for name, cls in models(spins, AbstractSpin).items()]
     return "\n".join([*parts, _sweep()])
 
 

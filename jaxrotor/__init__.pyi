@@ -5,15 +5,11 @@ from . import (
     design as design,
     effects as effects,
     files as files,
-    measures as measures,
-    methods as methods,
-    observe as observe,
     orbits as orbits,
     plot as plot,
     shafts as shafts,
     solvers as solvers,
 )
-from .accuracy import accuracy as accuracy
 from .analysis import (
     AxisSpeeds as AxisSpeeds,
     Boundary as Boundary,
@@ -67,9 +63,9 @@ from .analysis import (
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
-from .attractors import attractors as attractors
-from .basins import basins as basins
-from .dataset import dataset as dataset
+from .core.pilot import Pilot as Pilot
+from .core.plausibility import ImplausibleWarning as ImplausibleWarning
+from .core.program_cache import keep_programs as keep_programs
 from .design import (
     History as History,
     Tuned as Tuned,
@@ -92,17 +88,20 @@ from .effects import (
     Support as Support,
     Unbalance as Unbalance,
 )
-from .escapes import escapes as escapes
-from .export import export as export, table as table
-from .files import (
-    load as load,
-    loads as loads,
-    save as save,
-    study as study,
-    title as title,
+from .equations.start import AtRest as AtRest, Continued as Continued, Whirl as Whirl
+from .equations.system import System as System, assemble as assemble
+from .files.ross import from_ross as from_ross
+from .files.shipped import shipped as shipped
+from .files.toml import load as load, loads as loads, save as save, study as study, title as title
+from .files.units import SceneError as SceneError
+from .files.variants import Variant as Variant, variants as variants
+from .motion.reactions import Reactions as Reactions, reactions as reactions
+from .motion.run_up import Balls as Balls, Launch as Launch, RunUp as RunUp, run_up as run_up
+from .motion.simulate import (
+    Response as Response,
+    chosen_steps as chosen_steps,
+    simulate as simulate,
 )
-from .hysteresis import hysteresis as hysteresis
-from .materials import Material as Material, steel as steel
 from .orbits import (
     Branch as Branch,
     BranchPoint as BranchPoint,
@@ -115,25 +114,9 @@ from .orbits import (
     lyapunov as lyapunov,
     periodic as periodic,
 )
-from .pilot import Pilot as Pilot
-from .plausibility import ImplausibleWarning as ImplausibleWarning
-from .program_cache import keep_programs as keep_programs
-from .reactions import Reactions as Reactions, reactions as reactions
-from .report import report as report
-from .riccati import (
-    blow_up_time as blow_up_time,
-    relaxation_rate as relaxation_rate,
-    riccati as riccati,
-    steady_speed as steady_speed,
-    stop_time as stop_time,
-)
-from .ross import from_ross as from_ross
-from .run_up import (
-    Balls as Balls,
-    Launch as Launch,
-    RunUp as RunUp,
-    run_up as run_up,
-)
+from .plot.report import report as report
+from .results.dataset import dataset as dataset
+from .results.export import export as export, table as table
 from .scene import Scene as Scene
 from .shafts import (
     Constraint as Constraint,
@@ -142,21 +125,26 @@ from .shafts import (
     RigidShaft as RigidShaft,
     Step as Step,
 )
-from .simulate import (
-    Response as Response,
-    chosen_steps as chosen_steps,
-    simulate as simulate,
-)
+from .shafts.materials import Material as Material, steel as steel
 from .solvers import Exponential as Exponential
-from .sources import shipped as shipped
-from .spin import (
+from .spins.base import (
     ConstantSpeed as ConstantSpeed,
     Drive as Drive,
     SpeedProfile as SpeedProfile,
     Turning as Turning,
 )
-from .start import AtRest as AtRest, Continued as Continued, Whirl as Whirl
-from .sweep import sweep as sweep
-from .system import System as System, assemble as assemble
-from .units import SceneError as SceneError
-from .variants import Variant as Variant, variants as variants
+from .spins.riccati import (
+    blow_up_time as blow_up_time,
+    relaxation_rate as relaxation_rate,
+    riccati as riccati,
+    steady_speed as steady_speed,
+    stop_time as stop_time,
+)
+from .sweeps import observe as observe
+from .sweeps.attractors import attractors as attractors
+from .sweeps.basins import basins as basins
+from .sweeps.escapes import escapes as escapes
+from .sweeps.hysteresis import hysteresis as hysteresis
+from .sweeps.sweep import sweep as sweep
+from .work_precision import measures as measures, methods as methods
+from .work_precision.accuracy import accuracy as accuracy

@@ -12,14 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from .core.checks import suggest
+from .core.plausibility import warn_implausible
+from .core.quantities import known, quantity_units, unit_of, with_values
+from .core.representation import number_text
+from .core.tables import notebook_table
 from .effects.base import AbstractContact, AbstractEffect
-from .plausibility import warn_implausible
-from .quantities import known, quantity_units, unit_of, with_values
-from .representation import number_text
 from .shafts.line import AbstractLine, AbstractShaft
-from .sources import suggest
-from .spin import AbstractSpin, constant
-from .tables import notebook_table
+from .spins.base import AbstractSpin, constant
 
 
 Address = tuple[Any, ...]  # attribute names and tuple indices from the scene to a leaf

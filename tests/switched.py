@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
+from jaxrotor.equations.stationary_frame import Motion
 
 
 TURN = 2 * np.pi

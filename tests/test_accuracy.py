@@ -12,7 +12,7 @@ from systems import LENGTH, TIME
 
 import jaxrotor as jr
 from jaxrotor import measures, methods, plot
-from jaxrotor.pilot import refined
+from jaxrotor.core.pilot import refined
 from jaxrotor.plot.accuracy import slope
 
 

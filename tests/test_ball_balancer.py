@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import jaxrotor as jr
-from jaxrotor.transient import Posture, Transient
+from jaxrotor.equations.rotating_frame import Posture, Transient
 
 
 D, RACE, M1, M2, TILT = 0.14, 0.06, 0.025, 0.020, 0.003

@@ -1106,7 +1106,7 @@ def test_interrupted_sweep_goes_on(place):
     over = ["--over", "start.angle=0:3:24", "--start-radius", "1mm", "--steps", "16"]
     small = ["sweep", "limiter-rotor", *over, "--settle", "0", "--keep", "8", "--workers", "1"]
     call(*small, "--out", "whole")
-    module = importlib.import_module("jaxrotor.store")
+    module = importlib.import_module("jaxrotor.sweeps.store")
     put, count = module.Store.put, []
 
     def interrupted(self, block, part):
@@ -1116,7 +1116,9 @@ def test_interrupted_sweep_goes_on(place):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module.Store, "put", interrupted)
-        patch.setattr(importlib.import_module("jaxrotor.sweep"), "block_shape", lambda *_: (6,))
+        patch.setattr(
+            importlib.import_module("jaxrotor.sweeps.sweep"), "block_shape", lambda *_: (6,)
+        )
         said = call(*small, "--out", "run", code=130).stderr
     where = os.path.join("run", "sweep-partial.zarr")
     assert said == (

@@ -19,9 +19,9 @@ from distributed import Client, LocalCluster
 from typer.testing import CliRunner
 
 import jaxrotor as jr
-from jaxrotor import cluster as module
 from jaxrotor.cli import app
-from jaxrotor.store import PENDING, Store, StoreError
+from jaxrotor.sweeps import cluster as module
+from jaxrotor.sweeps.store import PENDING, Store, StoreError
 
 
 ROTOR = jr.load("limiter-rotor")

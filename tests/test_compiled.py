@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrotor.compiled import compiled_quickly
+from jaxrotor.core.compiled import compiled_quickly
 
 
 def test_alone_inside_a_program_mapped_and_differentiated():

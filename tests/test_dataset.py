@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxrotor as jr
-from jaxrotor.files import loads
+from jaxrotor.files.toml import loads
 
 
 TIMES = np.linspace(0.0, 0.05, 6)

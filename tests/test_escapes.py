@@ -8,7 +8,7 @@ import xarray as xr
 
 import jaxrotor as jr
 import jaxrotor.plot
-from jaxrotor.observe import Reversal, Turn
+from jaxrotor.sweeps.observe import Reversal, Turn
 
 
 def drawn(rate, lanes, kept, ensembles=1):

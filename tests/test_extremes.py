@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from jaxrotor.extremes import larger, largest, smaller, within
+from jaxrotor.core.extremes import larger, largest, smaller, within
 
 
 @pytest.mark.parametrize(

@@ -33,15 +33,14 @@ from jaxrotor import (
     effects,
     files,
     roots,
-    sources,
 )
-from jaxrotor.blocks import Blocks
+from jaxrotor.core.blocks import Blocks
+from jaxrotor.core.quantities import positive
 from jaxrotor.effects import AbstractLinear
-from jaxrotor.files import SceneError, dumps, load, loads, save, study
-from jaxrotor.quantities import positive
-from jaxrotor.sources import shipped
-from jaxrotor.system import assemble
-from jaxrotor.vocabulary import kinds
+from jaxrotor.equations.system import assemble
+from jaxrotor.files.shipped import _shipped, shipped
+from jaxrotor.files.toml import SceneError, dumps, load, loads, save, study
+from jaxrotor.files.vocabulary import kinds
 
 
 NAMES = ["limiter-rotor", "limiter-rotor-2023"]
@@ -1035,7 +1034,7 @@ def test_files_of_other_editors(tmp_path):
 def test_mutated_files_never_end_in_another_exception():
     """Any text is a scene or a sentence."""
     rng = random.Random(2023)
-    texts = [file.read_text("utf-8") for file in sources._shipped().values()]
+    texts = [file.read_text("utf-8") for file in _shipped().values()]
     junk = [*"[]{}=\"'.,#\n\t éz\x00\\-1", "true", "nan", "1e999", "1979-05-27", '"9**9 m"', "[1]"]
     accepted = 0
     for _ in range(400):

@@ -25,7 +25,7 @@ from systems import (
 
 import jaxrotor as jr
 from jaxrotor import Disc, DiscDamping, ExternalDamping, Gravity, InternalDamping, Unbalance
-from jaxrotor.pencil import Pencil, eigenvalues
+from jaxrotor.equations.pencil import Pencil, eigenvalues
 
 
 UNDAMPED = {"eta_e": None, "eta_i": None, "eta_Dxi": None, "contact": False}

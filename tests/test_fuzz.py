@@ -17,14 +17,15 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings, strategies as st
 from typer.main import get_command
 
-from jaxrotor import SceneError, files, sources
+from jaxrotor import SceneError, files
 from jaxrotor.cli import app
-from jaxrotor.units import quantity
+from jaxrotor.files import shipped
+from jaxrotor.files.units import quantity
 
 
 PROGRAM: Any = get_command(app)
 COUNT = int(os.environ.get("JAXROTOR_FUZZ", "2500"))
-SHIPPED = [file.read_text("utf-8") for file in sources._shipped().values()]
+SHIPPED = [file.read_text("utf-8") for file in shipped._shipped().values()]
 LONGEST = 3100  # characters of a sentence
 
 CODE = "__import__('os').system('touch touched')"
@@ -242,7 +243,7 @@ def watched():
 
 @pytest.fixture(scope="module", autouse=True)
 def prepared(tmp_path_factory):
-    for name, _ in sources.shipped():  # all that is imported for units and scenes,
+    for name, _ in shipped.shipped():  # all that is imported for units and scenes,
         files.load(name)
     bad = tmp_path_factory.mktemp("bad") / "bad.toml"
     bad.write_text("[shaft]\nmodel = 'rigid'\n")

@@ -14,7 +14,7 @@ from shown import shown
 from systems import LENGTH, limiter_rotor
 
 import jaxrotor as jr
-from jaxrotor.compiled import QUICKLY
+from jaxrotor.core.compiled import QUICKLY
 
 
 MASS, STIFFNESS, DAMPING, ECCENTRICITY = 1.0, 1e4, 10.0, 2e-4  # natural frequency 100 rad/s

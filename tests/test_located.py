@@ -9,7 +9,7 @@ from switched import Switched
 from systems import LENGTH, TIME, limiter_rotor
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
+from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.solvers.located import LocatedStep
 
 

@@ -9,7 +9,7 @@ from differences import check_forward
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
-from jaxrotor.transient import massless_of
+from jaxrotor.equations.rotating_frame import massless_of
 
 
 FINE = dfx.PIDController(rtol=1e-11, atol=1e-15)

@@ -7,7 +7,7 @@ import pytest
 from systems import LENGTH, TIME, limiter_rotor
 
 import jaxrotor as jr
-from jaxrotor.compiled import QUICKLY
+from jaxrotor.core.compiled import QUICKLY
 
 
 SCENE = limiter_rotor(nodes=4, eps=1e-3)

@@ -33,10 +33,10 @@ from jaxrotor import (
     Whirl,
     assemble,
 )
-from jaxrotor.march import March, Plan
-from jaxrotor.motion import Motion
-from jaxrotor.system import structure
-from jaxrotor.transient import Posture, Transient
+from jaxrotor.equations.rotating_frame import Posture, Transient
+from jaxrotor.equations.stationary_frame import Motion
+from jaxrotor.equations.system import structure
+from jaxrotor.motion.revolutions import March, Plan
 
 
 # === size of the equations

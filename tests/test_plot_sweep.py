@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm, to_hex
 import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.plot import colours, page
-from jaxrotor.provenance import BRANCHES
+from jaxrotor.results.provenance import BRANCHES
 
 
 pytestmark = pytest.mark.usefixtures("rendered")

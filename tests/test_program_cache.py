@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxrotor import program_cache
+from jaxrotor.core import program_cache
 
 
 PROGRAM = """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxrotor as jr
-from jaxrotor import progress
+from jaxrotor.core import progress
 
 
 def test_a_bar_compiles_until_its_first_step(capsys):

@@ -8,7 +8,7 @@ from shown import shown
 from systems import one_disc
 
 import jaxrotor as jr
-from jaxrotor.tables import notebook_table
+from jaxrotor.core.tables import notebook_table
 
 
 @pytest.mark.parametrize(

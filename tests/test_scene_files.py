@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from jaxrotor.files import _read, loads
-from jaxrotor.vocabulary import FORMS, kinds
+from jaxrotor.files.toml import _read, loads
+from jaxrotor.files.vocabulary import FORMS, kinds
 
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -8,8 +8,8 @@ import pytest
 from systems import bare
 
 import jaxrotor as jr
-from jaxrotor.files import dumps, loads
-from jaxrotor.quantities import Series, series
+from jaxrotor.core.quantities import Series, series
+from jaxrotor.files.toml import dumps, loads
 
 
 class Table(eqx.Module):

@@ -16,8 +16,8 @@ from transfer import Joint, Stretch, whirl_near
 
 import jaxrotor as jr
 from jaxrotor import Constraint, Disc, FlexibleShaft, Scene, Step, Support
-from jaxrotor.files import dumps
-from jaxrotor.pencil import Pencil, eigenvalues
+from jaxrotor.equations.pencil import Pencil, eigenvalues
+from jaxrotor.files.toml import dumps
 
 
 LENGTH, DIAMETER = 1.3, 0.02

@@ -9,7 +9,7 @@ from scipy.integrate import quad, solve_ivp
 from systems import bare, limiter_rotor
 
 import jaxrotor as jr
-from jaxrotor.files import dumps, loads
+from jaxrotor.files.toml import dumps, loads
 
 
 KNOTS = np.array([-0.5, 0.3, 1.0, 1.25, 3.0])

@@ -18,9 +18,9 @@ import pytest
 import xarray as xr
 
 import jaxrotor as jr
-from jaxrotor.grid import block_shape, blocks
-from jaxrotor.outcome import STATUS
-from jaxrotor.store import PENDING, OtherSweepError, Store, StoreError
+from jaxrotor.core.outcome import STATUS
+from jaxrotor.sweeps.grid import block_shape, blocks
+from jaxrotor.sweeps.store import PENDING, OtherSweepError, Store, StoreError
 
 
 ROTOR = jr.load("limiter-rotor")

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import jaxrotor as jr
-from jaxrotor.observe import Turn
-from jaxrotor.outcome import STATUS
+from jaxrotor.core.outcome import STATUS
+from jaxrotor.sweeps.observe import Turn
 
 
 LENGTH, UNIT = 0.7, 0.022646559709295067

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
+from jaxrotor.equations.stationary_frame import Motion
 
 
 LENGTH, UNIT = 0.7, 0.022646559709295067  # l [m], T* [s]; N = Omega T* = 15

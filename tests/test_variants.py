@@ -9,7 +9,7 @@ import pytest
 
 import jaxrotor as jr
 from jaxrotor import plot
-from jaxrotor.variants import read
+from jaxrotor.files.variants import read
 
 
 TEXT = (Path(jr.__file__).parent / "scenes" / "turbine-variants.csv").read_text("utf-8")

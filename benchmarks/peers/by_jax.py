@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrotor.motion import Motion
+from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.solvers.control import step_control
 
 from .by_scipy import ATOL

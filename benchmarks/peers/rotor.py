@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxrotor as jr
-from jaxrotor.chunks import chunk_size, spread
-from jaxrotor.march import March, Plan
-from jaxrotor.motion import Motion
-from jaxrotor.system import port_groups
+from jaxrotor.core.parallel import chunk_size, spread
+from jaxrotor.equations.stationary_frame import Motion
+from jaxrotor.equations.system import port_groups
+from jaxrotor.motion.revolutions import March, Plan
 
 
 SCENE = jr.load("limiter-rotor")

@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..blocks import Blocks
+from ..core.blocks import Blocks
+from ..core.extremes import largest, within
+from ..core.quantities import Scalar, check, known
 from ..effects import AbstractLinear, Support
-from ..extremes import largest, within
-from ..quantities import Scalar, check, known
+from ..equations.system import loads
 from ..scene import Scene
 from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
 from ..shafts.virtual import VirtualLine
-from ..system import loads
 
 
 GRADES = (0.4, 1.0, 2.5, 6.3, 16.0, 40.0, 100.0, 250.0, 630.0, 1600.0, 4000.0)  # [mm/s]

@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..compiled import compiled_quickly
-from ..pencil import Frame, frame, is_rounding, isotropic
-from ..quantities import Scalar, known
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, known
+from ..equations.pencil import Frame, frame, is_rounding, isotropic
+from ..equations.system import System, assemble
 from ..scene import Scene
-from ..system import System, assemble
 from .modal import moving_roots, sense_of_whirl, slowest_first
 
 

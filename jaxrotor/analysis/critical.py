@@ -10,12 +10,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from ..compiled import compiled_quickly
-from ..pencil import Pencil, check_axes, check_moves, frame, is_rounding, isotropic, root_changes
-from ..quantities import Scalar, known
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, known
+from ..core.tables import RPM, notebook_table
+from ..equations.pencil import (
+    Pencil,
+    check_axes,
+    check_moves,
+    frame,
+    is_rounding,
+    isotropic,
+    root_changes,
+)
+from ..equations.system import System, assemble
 from ..scene import Scene
-from ..system import System, assemble
-from ..tables import RPM, notebook_table
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 
 

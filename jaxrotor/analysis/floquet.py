@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.polynomial import legendre
 
-from ..compiled import compiled_quickly
-from ..pencil import Pencil, check_circular, eigenvalues, frame, root_changes
-from ..quantities import Scalar, known
+from ..core.checks import check_counts
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, known
+from ..equations.pencil import Pencil, check_circular, eigenvalues, frame, root_changes
+from ..equations.system import System, assemble
 from ..scene import Scene
-from ..system import System, assemble
 from .modal import natural_roots
 
 
@@ -44,7 +45,7 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
 
     Source: Hairer, Wanner (1996), Solving Ordinary Differential Equations II, section IV.5.
     """
-    _check_steps(steps)
+    check_counts(steps=steps)
     speed = scene.spin.speed
     if known(speed) and float(speed) == 0:
         raise ValueError(
@@ -205,8 +206,3 @@ def _radau(stages: int) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s s
 
 
 RADAU = _radau(STAGES)
-
-
-def _check_steps(steps: int) -> None:
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
-        raise ValueError(f"`steps` must be a whole number of at least 1, but is {steps!r}.")

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..compiled import compiled_quickly
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, known, nonnegative, real
+from ..core.tables import RPM, notebook_table
 from ..effects import AbstractBodies, AbstractContact, Disc
-from ..pencil import Pencil, check_axes, frame, isotropic
-from ..quantities import Scalar, known, nonnegative, real
+from ..equations.pencil import Pencil, check_axes, frame, isotropic
+from ..equations.system import System, assemble, structure
 from ..scene import Scene
-from ..system import System, assemble, structure
-from ..tables import RPM, notebook_table
 
 
 CRITICAL = 1e-9  # relative distance from resonance at which a response has no digits

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
+from ..core.quantities import Scalar
 from ..effects import Disc
-from ..quantities import Scalar
 from ..scene import Scene
 from ..shafts import FlexibleShaft
 from .balancing import first_moments

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
+from ..equations.system import assemble
 from ..scene import Scene, check_fixed_nodes
-from ..system import assemble
 from .stability import EDGES, STEPS, growth_of, undamped_side
 
 

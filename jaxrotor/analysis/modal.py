@@ -5,9 +5,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ..blocks import Blocks
-from ..compiled import compiled_quickly
-from ..pencil import (
+from ..core.blocks import Blocks
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, known
+from ..core.tables import RPM, notebook_table
+from ..equations.pencil import (
     ROUNDING,
     Frame,
     Pencil,
@@ -18,11 +20,9 @@ from ..pencil import (
     isotropic,
     moving_eigenvalues,
 )
-from ..quantities import Scalar, known
+from ..equations.system import System, assemble, linear
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
-from ..system import System, assemble, linear
-from ..tables import RPM, notebook_table
 
 
 KINDS = ("forward", "backward", "mixed")  # of whirl

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..pilot import Pilot, refined
+from ..core.pilot import Pilot, refined
 from ..scene import Scene
 from .modal import roots
 

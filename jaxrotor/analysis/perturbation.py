@@ -4,11 +4,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float
 
-from ..compiled import compiled_quickly
+from ..core.compiled import compiled_quickly
 from ..effects import AbstractLoad, Disc, HystereticDamping
+from ..equations.system import assemble
 from ..scene import Scene
 from ..shafts import MasslessShaft
-from ..system import assemble
 
 
 LARGEST_SHIFT = (

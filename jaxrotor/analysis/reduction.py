@@ -4,12 +4,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..compiled import compiled_quickly
-from ..pencil import check_alike
-from ..quantities import Scalar, check, known
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, check, known
+from ..equations.pencil import check_alike
+from ..equations.system import assemble
 from ..scene import Scene
 from ..shafts import MasslessShaft
-from ..system import assemble
 
 
 class Reduction(eqx.Module):

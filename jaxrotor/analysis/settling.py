@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..spin import Drive
+from ..spins.base import Drive
 
 
 _FAR = 1e6  # rad/s from the start, beyond which no balance of torques is looked for

@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..compiled import compiled_quickly
-from ..extremes import largest
-from ..pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
-from ..progress import waiting
-from ..quantities import Scalar, known
+from ..core.checks import check_counts
+from ..core.compiled import compiled_quickly
+from ..core.extremes import largest
+from ..core.progress import waiting
+from ..core.quantities import Scalar, known
+from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
+from ..equations.system import System, assemble
 from ..scene import Scene
-from ..system import System, assemble
 from .floquet import exponents
 
 
@@ -162,8 +163,7 @@ def stability_crossings(
 
 def _checked(within, samples: int) -> tuple[Array, Array] | None:
     """The range as arrays: other ranges are then the same compiled program."""
-    if isinstance(samples, bool) or not isinstance(samples, int) or samples < 8:
-        raise ValueError(f"`samples` must be a whole number of at least 8, but is {samples!r}.")
+    check_counts(8, samples=samples)
     ends = () if within is None or not all(map(known, within)) else tuple(map(float, within))
     if ends and ends[0] >= ends[1]:
         raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")

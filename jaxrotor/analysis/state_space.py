@@ -6,12 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..compiled import compiled_quickly
+from ..core.checks import check_counts
+from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
-from ..motion import check_known_in_time
-from ..pencil import ROUNDING, Pencil, isotropic
+from ..equations.pencil import ROUNDING, Pencil, isotropic
+from ..equations.stationary_frame import check_known_in_time
+from ..equations.system import assemble, structure
 from ..scene import Scene
-from ..system import assemble, structure
 from .forced import ending_span
 from .modal import less_rounding, slowest_first
 
@@ -49,8 +50,8 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
             f"({structure(scene).owners_of('contact', 'bodies')}); remove them, as by "
             '`scene.without("limiters")`.'
         )
-    if modes is not None and (isinstance(modes, bool) or not isinstance(modes, int) or modes < 1):
-        raise ValueError(f"`modes` must be a whole number from 1 on, but is {modes!r}.")
+    if modes is not None:
+        check_counts(modes=modes)
     into = scene.stations(forces)
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:

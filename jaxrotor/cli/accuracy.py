@@ -8,11 +8,11 @@ import numpy as np
 import typer
 import xarray as xr
 
-from .. import measures
-from ..accuracy import accuracy as run
-from ..files import study
-from ..methods import Method
-from ..run_up import Launch
+from ..files.toml import study
+from ..motion.run_up import Launch
+from ..work_precision import measures
+from ..work_precision.accuracy import accuracy as run
+from ..work_precision.methods import Method
 from . import answer
 from .options import (
     MOST,

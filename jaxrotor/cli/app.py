@@ -13,9 +13,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from ..plausibility import ImplausibleWarning
-from ..program_cache import keep_programs_of_commands
-from ..sources import source
+from ..core.plausibility import ImplausibleWarning
+from ..core.program_cache import keep_programs_of_commands
+from ..files.shipped import source
 from .interrupt import stop_on_ctrl_c
 from .typed import typed
 

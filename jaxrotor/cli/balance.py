@@ -22,12 +22,12 @@ from ..analysis import (
     total_mass,
 )
 from ..effects import AbstractBodies, Disc, Unbalance
-from ..provenance import assumed
+from ..equations.system import polar_inertia
+from ..files.units import quantity
+from ..results.provenance import assumed
 from ..scene import Scene
 from ..shafts import RigidShaft
-from ..spin import Drive, SpeedProfile
-from ..system import polar_inertia
-from ..units import quantity
+from ..spins.base import Drive, SpeedProfile
 from . import answer
 from .options import AsJson, Layout, Row, SceneName, Settings, rpm, scene_of
 

@@ -9,7 +9,7 @@ import typer
 
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
 from ..analysis.modal import KINDS
-from ..pencil import is_rounding
+from ..equations.pencil import is_rounding
 from ..scene import Scene
 from . import answer
 from .options import (

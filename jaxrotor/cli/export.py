@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ..export import export as write
-from ..store import PENDING
+from ..results.export import export as write
+from ..sweeps.store import PENDING
 from .options import Overwrite
 from .output import draft
 

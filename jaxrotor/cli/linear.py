@@ -8,10 +8,10 @@ import typer
 
 from ..analysis import Onset, modes, onset_speed
 from ..analysis.modal import kind_of_whirl
-from ..pencil import frame, is_rounding
+from ..equations.pencil import frame, is_rounding
+from ..equations.system import structure
+from ..files.units import quantity
 from ..scene import Scene
-from ..system import structure
-from ..units import quantity
 from . import answer
 from .options import MOST, AsJson, Low, SceneName, Settings, interval, rpm, scene_with
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ..sources import source
-from ..units import quantity
+from ..files.shipped import source
+from ..files.units import quantity
 
 
 def new(
@@ -70,8 +70,8 @@ def new(
 
 def _of_ross(path: Path, speed: str | None) -> tuple[str, tuple[str, ...]]:
     """Text of a scene, and what is not in it."""
-    from ..files import dumps  # jax, which no other way to begin needs
-    from ..ross import from_ross as read
+    from ..files.ross import from_ross as read
+    from ..files.toml import dumps  # jax, which no other way to begin needs
 
     if speed is None:
         raise ValueError("The file of ROSS says no speed; add --speed, such as --speed 6000rpm.")

@@ -10,13 +10,13 @@ import numpy as np
 import typer
 
 from ..analysis import critical_speeds, settled
-from ..files import load, many, swept_values
+from ..equations.start import AbstractStart, AtRest, Whirl
+from ..equations.system import polar_inertia
+from ..files.toml import load, many, swept_values
+from ..files.units import quantity
+from ..files.vocabulary import START
 from ..scene import Scene
-from ..spin import Drive
-from ..start import AbstractStart, AtRest, Whirl
-from ..system import polar_inertia
-from ..units import quantity
-from ..vocabulary import START
+from ..spins.base import Drive
 from .answer import AsJson as AsJson
 
 

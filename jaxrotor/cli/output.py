@@ -10,8 +10,8 @@ from typing import Any
 
 import typer
 
-from ..files import dumps
-from ..provenance import assumed, versions
+from ..files.toml import dumps
+from ..results.provenance import assumed, versions
 from ..scene import Scene
 
 

@@ -7,14 +7,14 @@ import numpy as np
 import typer
 
 from ..analysis import steady_state
-from ..dataset import dataset
 from ..effects import AbstractBodies
-from ..provenance import assumed
-from ..reactions import Reactions, reactions as reactions_of
-from ..run_up import run_up as run
+from ..equations.start import Continued
+from ..motion.reactions import Reactions, reactions as reactions_of
+from ..motion.run_up import run_up as run
+from ..results.dataset import dataset
+from ..results.provenance import assumed
 from ..scene import Scene
-from ..spin import ConstantSpeed
-from ..start import Continued
+from ..spins.base import ConstantSpeed
 from . import answer
 from .options import (
     AsJson,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..report import IMAGES, report as write
+from ..plot.report import IMAGES, report as write
 from .export import opened, stores
 from .options import Overwrite
 from .output import draft

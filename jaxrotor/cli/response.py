@@ -18,9 +18,9 @@ from ..analysis import (
     unbalance_response,
 )
 from ..effects import AbstractContact
-from ..pencil import isotropic
+from ..equations.pencil import isotropic
+from ..equations.system import structure
 from ..scene import Scene
-from ..system import structure
 from . import answer
 from .options import (
     AsJson,

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..dataset import dataset
-from ..files import study
-from ..provenance import assumed
-from ..run_up import Launch, RunUp, run_up as run
+from ..files.toml import study
+from ..motion.run_up import Launch, RunUp, run_up as run
+from ..results.dataset import dataset
+from ..results.provenance import assumed
 from . import answer
 from .options import (
     Angle,

@@ -1,6 +1,6 @@
 """Command `scenes`: what scenes there are."""
 
-from ..sources import shipped
+from ..files.shipped import shipped
 from . import answer
 from .answer import AsJson
 

@@ -9,10 +9,10 @@ import numpy as np
 import typer
 
 from ..analysis import onset_speed
-from ..files import dumps, title
-from ..provenance import assumed
+from ..files.shipped import source
+from ..files.toml import dumps, title
+from ..results.provenance import assumed
 from ..scene import Scene
-from ..sources import source
 from . import answer
 from .campbell import described_critical
 from .linear import described_onset, described_roots

@@ -8,9 +8,9 @@ import diffrax as dfx
 import numpy as np
 import typer
 
-from ..dataset import dataset
-from ..files import study
-from ..simulate import Response, simulate as run
+from ..files.toml import study
+from ..motion.simulate import Response, simulate as run
+from ..results.dataset import dataset
 from ..solvers import Exponential
 from . import answer
 from .options import (

@@ -12,14 +12,14 @@ import numpy as np
 import typer
 import xarray as xr
 
+from ..core.outcome import STATUS, failed
 from ..effects import AbstractContact
-from ..files import study
-from ..observe import AbstractObservable, WhirlSpectrum, everything
-from ..outcome import STATUS, failed
+from ..files.toml import study
 from ..scene import Scene
 from ..solvers import Exponential
-from ..store import PENDING, OtherSweepError
-from ..sweep import check_lanes, sweep as run
+from ..sweeps.observe import AbstractObservable, WhirlSpectrum, everything
+from ..sweeps.store import PENDING, OtherSweepError
+from ..sweeps.sweep import check_lanes, sweep as run
 from . import answer
 from .options import (
     MOST,

@@ -11,7 +11,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 
 
 Target = Callable[[Array], tuple[Array, Any]]  # `u -> (what is minimised, what else is seen there)`

@@ -13,16 +13,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .. import analysis
+from ..core.extremes import largest
+from ..core.quantities import Scalar, known
 from ..effects import AbstractBodies, AbstractContact, InternalDamping, Support
-from ..extremes import largest
+from ..equations.pencil import Pencil, isotropic
+from ..equations.system import assemble
+from ..motion.reactions import reactions
+from ..motion.run_up import run_up
+from ..motion.simulate import simulate
 from ..orbits import periodic
-from ..pencil import Pencil, isotropic
-from ..quantities import Scalar, known
-from ..reactions import reactions
-from ..run_up import run_up
 from ..scene import Scene
-from ..simulate import simulate
-from ..system import assemble
 
 
 # === speeds and stability

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..extremes import larger
-from ..quantities import Scalar
+from ..core.extremes import larger
+from ..core.quantities import Scalar
 from ..scene import Scene
 from .bounds import Bounds
 

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..chunks import cores, spread
-from ..progress import progress as bar
-from ..quantities import Scalar
+from ..core.checks import check_counts
+from ..core.parallel import cores, spread
+from ..core.progress import progress as bar
+from ..core.quantities import Scalar
+from ..core.tables import notebook_table
 from ..scene import Scene
-from ..simulate import check_counts
-from ..tables import notebook_table
 from .bounds import Bounds, bounds
 from .course import FLAT, Course
 from .descent import AbstractDescent, descent

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 from ..scene import Scene
 from .bounds import own_value
 

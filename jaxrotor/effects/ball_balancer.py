@@ -6,8 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..blocks import Blocks
-from ..quantities import Scalar, known, nonnegative, positive
+from ..core.blocks import Blocks
+from ..core.checks import check_counts
+from ..core.quantities import Scalar, known, nonnegative, positive
 from ..shafts.line import AbstractLine
 from .base import AbstractBetween, AbstractBodies, AbstractLinear
 
@@ -36,10 +37,7 @@ class BallBalancer(AbstractBodies, AbstractLinear):
     places: int = eqx.field(default=2, static=True)
 
     def __check_init__(self):
-        if isinstance(self.places, bool) or not isinstance(self.places, int) or self.places < 1:
-            raise ValueError(
-                f"`places` must be a whole number of at least 1, but is {self.places!r}."
-            )
+        check_counts(places=self.places)
         ball, race = self.ball_radius, self.race_radius
         if ball is not None and known(ball) and known(race) and ball >= race:
             raise ValueError(

@@ -10,9 +10,9 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..blocks import Blocks, Load
-from ..quantities import Scalar
-from ..representation import AbstractPart
+from ..core.blocks import Blocks, Load
+from ..core.quantities import Scalar
+from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine
 
 

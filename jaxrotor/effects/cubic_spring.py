@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ..quantities import Scalar, nonnegative, real
+from ..core.quantities import Scalar, nonnegative, real
 from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
 

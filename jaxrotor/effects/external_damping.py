@@ -5,8 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative, number_or_nan, real, with_values
+from ..core.blocks import Blocks
+from ..core.quantities import Scalar, nonnegative, number_or_nan, real, with_values
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 

@@ -4,8 +4,8 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ..blocks import Blocks, Load
-from ..quantities import Scalar, nonnegative, real
+from ..core.blocks import Blocks, Load
+from ..core.quantities import Scalar, nonnegative, real
 from ..shafts.line import AbstractLine
 from .base import AbstractLoad
 

@@ -2,8 +2,8 @@
 
 from typing import ClassVar
 
-from ..blocks import Blocks
-from ..quantities import Scalar, nonnegative
+from ..core.blocks import Blocks
+from ..core.quantities import Scalar, nonnegative
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 

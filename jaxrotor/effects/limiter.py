@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from ..extremes import larger, smaller, within
-from ..quantities import Scalar, nonnegative, positive, real
+from ..core.extremes import larger, smaller, within
+from ..core.quantities import Scalar, nonnegative, positive, real
 from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
 

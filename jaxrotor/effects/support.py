@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..blocks import Blocks
-from ..quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_values
+from ..core.blocks import Blocks
+from ..core.quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_values
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 

@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from ..blocks import Blocks, Load
-from ..quantities import Scalar, check, nonnegative, real
+from ..core.blocks import Blocks, Load
+from ..core.quantities import Scalar, check, nonnegative, real
 from ..shafts.line import AbstractLine
 from .base import AbstractLoad
 

@@ -8,8 +8,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
+from ..core.tables import notebook_table
 from ..scene import Scene
-from ..tables import notebook_table
 from .bifurcations import KINDS, Found, least
 from .corrector import Corrector, LostError, Point, Unknowns
 from .curve import Curve, Gauge, Look

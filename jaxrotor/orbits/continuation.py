@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..progress import progress as bar
-from ..simulate import check_counts
+from ..core.checks import check_counts
+from ..core.progress import progress as bar
 from ..solvers.exponential import Exponential
 from .bifurcations import Found, bifurcations, halved
 from .branch import Branch, branch_of

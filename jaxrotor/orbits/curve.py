@@ -16,14 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..compiled import QUICKLY
-from ..march import Outcome, Plan
-from ..quantities import Scalar
+from ..core.compiled import QUICKLY
+from ..core.quantities import Scalar
+from ..equations.start import Continued
+from ..equations.system import System, assemble, port_groups
+from ..motion.revolutions import Outcome, Plan
+from ..motion.simulate import choose, joined, solver_name
 from ..scene import Scene, check_fixed_nodes
-from ..simulate import choose, joined, solver_name
 from ..solvers.exponential import Exponential
-from ..start import Continued
-from ..system import System, assemble, port_groups
 from .periodic import PeriodicOrbit, wound
 from .shooting import Seen, Shooting, balanced, differentiable
 from .symmetry import SAME, changes, order

@@ -16,16 +16,17 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from ..compiled import QUICKLY
-from ..extremes import largest
-from ..motion import RUN_UP, check_no_balls
-from ..pencil import Pencil, check_alike, check_moves
-from ..quantities import Scalar, known
+from ..core.checks import check_counts
+from ..core.compiled import QUICKLY
+from ..core.extremes import largest
+from ..core.quantities import Scalar, known
+from ..core.tables import notebook_table
+from ..equations.pencil import Pencil, check_alike, check_moves
+from ..equations.start import Continued
+from ..equations.stationary_frame import RUN_UP, check_no_balls
+from ..equations.system import System, assemble, port_groups
+from ..motion.simulate import Response, check_constant, simulate
 from ..scene import Scene
-from ..simulate import Response, check_constant, check_counts, simulate
-from ..start import Continued
-from ..system import System, assemble, port_groups
-from ..tables import notebook_table
 from .periodic import start_of
 
 

@@ -10,23 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..chunks import segments
-from ..march import March, Plan
-from ..outcome import Outcome
-from ..progress import progress as bar
+from ..core.checks import check_counts
+from ..core.outcome import Outcome
+from ..core.parallel import segments
+from ..core.progress import progress as bar
+from ..equations.start import AbstractStart, AtRest, Continued
+from ..equations.system import assemble, port_groups
+from ..motion.revolutions import March, Plan
+from ..motion.simulate import check_constant, check_steps, choose, revolution_rate, solver_name
 from ..scene import Scene
-from ..simulate import (
-    check_constant,
-    check_counts,
-    check_settle,
-    check_steps,
-    choose,
-    revolution_rate,
-    solver_name,
-)
 from ..solvers.exponential import Exponential
-from ..start import AbstractStart, AtRest, Continued
-from ..system import assemble, port_groups
 from .periodic import start_of
 from .shooting import differentiable
 
@@ -107,7 +100,7 @@ def lyapunov(
     """
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
-    check_settle(settle)
+    check_counts(0, settle=settle)
     if revolutions < 2 * BLOCKS:
         raise ValueError(
             f"`revolutions` must be at least {2 * BLOCKS} to tell an error, but is {revolutions}."

@@ -12,26 +12,26 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
-from ..compiled import QUICKLY
-from ..extremes import largest
-from ..march import Plan
-from ..progress import waiting
-from ..quantities import Scalar, known
-from ..scene import Scene
-from ..simulate import (
+from ..core.checks import check_counts
+from ..core.compiled import QUICKLY
+from ..core.extremes import largest
+from ..core.progress import waiting
+from ..core.quantities import Scalar, known
+from ..core.tables import notebook_table
+from ..equations.start import AbstractStart, Continued
+from ..equations.system import System, assemble, port_groups
+from ..motion.revolutions import Plan
+from ..motion.simulate import (
     Response,
     check_constant,
-    check_counts,
     choose,
     joined,
     revolution_rate,
     simulate,
     solver_name,
 )
+from ..scene import Scene
 from ..solvers.exponential import Exponential
-from ..start import AbstractStart, Continued
-from ..system import System, assemble, port_groups
-from ..tables import notebook_table
 from .recurrence import recurrence
 from .shooting import Shooting, again, differentiable, missed
 from .symmetry import SAME, changes, kept, order

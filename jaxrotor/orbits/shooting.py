@@ -13,12 +13,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..analysis.floquet import multipliers_of
-from ..march import March, Orbit, Outcome, Plan
-from ..motion import Motion
-from ..pencil import steady_response
-from ..quantities import Scalar
+from ..core.quantities import Scalar
+from ..equations.pencil import steady_response
+from ..equations.stationary_frame import Motion
+from ..equations.system import System
+from ..motion.revolutions import March, Orbit, Outcome, Plan
 from ..solvers.exponential import Exponential
-from ..system import System
 
 
 STILL = 1e-6  # of the state in a radian: slower is rest

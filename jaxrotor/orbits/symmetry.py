@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core.quantities import Scalar
 from ..effects.base import AbstractContact
-from ..quantities import Scalar
+from ..equations.system import System
 from ..scene import Scene
-from ..system import System
 
 
 SAME = 1e-9  # relative difference of parts that are taken for equal

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..effects import AbstractBodies
-from ..files import whole
+from ..files.toml import whole
 from . import colours, labels, page
 from .balancer import Rows
 from .orbit import draw_limiters, limiters_at

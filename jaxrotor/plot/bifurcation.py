@@ -7,7 +7,7 @@ import xarray as xr
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from ..outcome import failed
+from ..core.outcome import failed
 from . import colours, page
 from .labels import coordinate, ensemble, only_swept, words
 

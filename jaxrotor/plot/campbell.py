@@ -11,7 +11,7 @@ from matplotlib.ticker import NullLocator, SymmetricalLogLocator
 
 from ..analysis import Campbell, CriticalSpeeds
 from ..analysis.campbell import OVERDAMPED
-from ..pencil import is_rounding
+from ..equations.pencil import is_rounding
 from . import colours, page
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..files import loads
-from ..outcome import STATUS
-from ..simulate import Response, simulate
+from ..core.outcome import STATUS
+from ..equations.start import AbstractStart, AtRest, Whirl
+from ..files.toml import loads
+from ..motion.simulate import Response, simulate
 from ..solvers import Exponential
-from ..start import AbstractStart, AtRest, Whirl
-from ..sweep import placed
+from ..sweeps.sweep import placed
 from . import colours, page
 from .bifurcation import bifurcation
 from .labels import coordinate, ensemble, only_swept

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Shaped
 
-from ..pencil import is_rounding
-from ..provenance import ensemble_of
+from ..equations.pencil import is_rounding
+from ..results.provenance import ensemble_of
 
 
 _DRAWN = {"m": ("mm", 1e3)}  # SI unit -> unit on paper, factor

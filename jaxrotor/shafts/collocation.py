@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-from ..extremes import within
-from ..quantities import Scalar
+from ..core.extremes import within
+from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel
 from .line import AbstractLine, PerLength, strain_energy
 

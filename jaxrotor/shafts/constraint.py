@@ -4,8 +4,8 @@ from typing import Literal
 
 import equinox as eqx
 
-from ..quantities import Scalar, nonnegative
-from ..representation import AbstractPart
+from ..core.quantities import Scalar, nonnegative
+from ..core.representation import AbstractPart
 
 
 class Constraint(AbstractPart):

@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..blocks import Blocks
-from ..materials import Material, steel
-from ..quantities import Scalar, as_tuple, known, nonnegative, positive, real
+from ..core.blocks import Blocks
+from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, real
 from .collocation import Held, SpectralLine
 from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
 from .line import AbstractLine, AbstractShaft, check_ratio, off_shaft
+from .materials import Material, steel
 from .resolution import nodes_by_need
 from .section import Section, Step
 from .shear import ShearLine

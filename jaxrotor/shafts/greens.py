@@ -12,8 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..extremes import within
-from ..quantities import Scalar
+from ..core.extremes import within
+from ..core.quantities import Scalar
 
 
 class AbstractKernel(eqx.Module):

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 from .constraint import Constraint
 from .greens import CantileverKernel
 

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..blocks import Blocks
-from ..quantities import Scalar, known
-from ..representation import AbstractPart
+from ..core.blocks import Blocks
+from ..core.quantities import Scalar, known
+from ..core.representation import AbstractPart
 from .influence import Influence
 
 

@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..blocks import Blocks
-from ..quantities import Scalar, check, known, nonnegative, positive, real
+from ..core.blocks import Blocks
+from ..core.quantities import Scalar, check, known, nonnegative, positive, real
 from .influence import Influence
 from .line import AbstractLine, AbstractShaft, check_ratio
 

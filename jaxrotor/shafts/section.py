@@ -3,9 +3,9 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..materials import Material
-from ..quantities import Scalar, known, nonnegative, positive
-from ..representation import AbstractPart
+from ..core.quantities import Scalar, known, nonnegative, positive
+from ..core.representation import AbstractPart
+from .materials import Material
 
 
 class Section(eqx.Module):

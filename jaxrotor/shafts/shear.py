@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 from .collocation import (
     Held,
     by_span,

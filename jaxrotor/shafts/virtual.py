@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 from .line import AbstractLine, PerLength, gauss_points
 
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 from .lanes import product
 from .phi import phi_dense, phi_scalar
 

@@ -5,9 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ..motion import Motion
-from ..quantities import Scalar
-from ..system import Branches
+from ..core.quantities import Scalar
+from ..equations.stationary_frame import Motion
+from ..equations.system import Branches
 from .crossing import Crossing
 from .ports import Contacts, PortForm, Reading, phase_at
 

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..extremes import larger, largest, smaller, within
-from ..quantities import Scalar
+from ..core.extremes import larger, largest, smaller, within
+from ..core.quantities import Scalar
 
 
 class Crossing(eqx.Module):

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..motion import Motion
-from ..quantities import Scalar
-from ..system import System
+from ..core.quantities import Scalar
+from ..equations.stationary_frame import Motion
+from ..equations.system import System
 from .basis import DenseBasis, ModalBasis
 from .lanes import each, together
 from .located import LocatedStep

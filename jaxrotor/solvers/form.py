@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ..motion import Motion
-from ..quantities import Scalar
+from ..core.quantities import Scalar
+from ..equations.stationary_frame import Motion
 
 
 class AbstractForm(eqx.Module):

@@ -17,8 +17,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..quantities import Scalar
-from ..system import Branches
+from ..core.quantities import Scalar
+from ..equations.system import Branches
 from .basis import as_complex, as_real
 from .branches import BranchedPorts
 from .crossing import Crossing, first_end, leaves

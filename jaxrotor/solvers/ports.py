@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..motion import Motion
-from ..pencil import steady_response
-from ..quantities import Scalar
-from ..system import System
+from ..core.quantities import Scalar
+from ..equations.pencil import steady_response
+from ..equations.stationary_frame import Motion
+from ..equations.system import System
 from .basis import Count, Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
 from .form import AbstractForm
 from .lanes import product

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..quantities import Scalar
+from ..core.quantities import Scalar
 from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_real
 from .lanes import product
 from .ports import Contacts, Reading, phase_at

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
-from jaxrotor.system import assemble
+from jaxrotor.equations.system import assemble
 
 
 AT = 0.5

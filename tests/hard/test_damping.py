@@ -8,10 +8,10 @@ from scipy.linalg import expm
 from systems import LENGTH, TIME, limiter_rotor
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
-from jaxrotor.simulate import choose
+from jaxrotor.equations.stationary_frame import Motion
+from jaxrotor.equations.system import assemble
+from jaxrotor.motion.simulate import choose
 from jaxrotor.solvers.basis import WORST_CONDITION
-from jaxrotor.system import assemble
 
 
 PERIOD, STEPS = 0.5 * TIME, 16

@@ -13,9 +13,9 @@ from jeffcott import stop_force
 from scipy.linalg import expm
 
 import jaxrotor as jr
-from jaxrotor.motion import Motion
-from jaxrotor.simulate import choose
-from jaxrotor.system import assemble
+from jaxrotor.equations.stationary_frame import Motion
+from jaxrotor.equations.system import assemble
+from jaxrotor.motion.simulate import choose
 
 
 LENGTH, UNIT = 0.7, 0.022646559709295067

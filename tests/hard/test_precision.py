@@ -5,7 +5,7 @@ import pytest
 from jeffcott import AT, jeffcott
 
 import jaxrotor as jr
-from jaxrotor.methods import Setting
+from jaxrotor.work_precision.methods import Setting
 
 
 TURNS = (1, 10, 100, 1000, 10_000)

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ...compiled import compiled_quickly
-from ...quantities import Scalar, known
+from ...core.compiled import compiled_quickly
+from ...core.quantities import Scalar, known
 from ..maps import CHUNK, traced
 from .groups import BalancerGroups
 from .linear import growth_rate

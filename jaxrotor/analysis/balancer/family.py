@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ...compiled import compiled_quickly
-from ...extremes import larger, largest
-from ...quantities import Scalar, known
+from ...core.compiled import compiled_quickly
+from ...core.extremes import larger, largest
+from ...core.quantities import Scalar, known
 from .groups import BalancerGroups
 
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ...quantities import Scalar, check, nonnegative, positive
+from ...core.checks import is_whole
+from ...core.quantities import Scalar, check, nonnegative, positive
 
 
 class Scales(NamedTuple):
@@ -45,7 +46,7 @@ def _balls() -> Any:
 
 def _counts(values: Any) -> tuple[int, ...]:
     counts = tuple(values)
-    if not counts or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in counts):
+    if not counts or not all(is_whole(n, 1) for n in counts):
         raise ValueError(f"`balls` must be one whole number above zero a row, but is {values!r}.")
     return counts
 

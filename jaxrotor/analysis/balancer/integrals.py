@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ...quantities import Scalar
+from ...core.quantities import Scalar
 from .groups import BalancerGroups
 
 

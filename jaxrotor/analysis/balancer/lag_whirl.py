@@ -9,9 +9,9 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
-from ...compiled import compiled_quickly
-from ...extremes import largest
-from ...quantities import Scalar
+from ...core.compiled import compiled_quickly
+from ...core.extremes import largest
+from ...core.quantities import Scalar
 from .groups import BalancerGroups
 from .relative import whirl_spectrum
 

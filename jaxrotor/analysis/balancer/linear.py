@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ...compiled import compiled_quickly
-from ...extremes import largest
-from ...pencil import Pencil, root_changes
-from ...quantities import Scalar
+from ...core.compiled import compiled_quickly
+from ...core.extremes import largest
+from ...core.quantities import Scalar
+from ...equations.pencil import Pencil, root_changes
 from .family import checked, second_harmonics
 from .groups import BalancerGroups
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from ...effects import BallBalancer
-from ...pencil import isotropic
+from ...equations.pencil import isotropic
+from ...equations.system import assemble
 from ...scene import Scene
-from ...system import assemble
 from .groups import BalancerGroups, Scales
 
 

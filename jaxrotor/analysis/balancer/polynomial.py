@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ...compiled import compiled_quickly
-from ...quantities import Scalar
+from ...core.compiled import compiled_quickly
+from ...core.quantities import Scalar
 from .groups import BalancerGroups
 
 

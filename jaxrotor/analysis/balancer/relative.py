@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ...compiled import compiled_quickly
-from ...quantities import Scalar
+from ...core.compiled import compiled_quickly
+from ...core.quantities import Scalar
 from .family import checked
 from .groups import BalancerGroups
 from .linear import matrix_roots

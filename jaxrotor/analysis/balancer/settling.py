@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ...core.quantities import Scalar
 from ...effects import AbstractBodies
-from ...quantities import Scalar
 from ..balancing import total_mass
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...compiled import compiled_quickly
+from ...core.compiled import compiled_quickly
 from .family import Positions, checked
 from .groups import BalancerGroups
 

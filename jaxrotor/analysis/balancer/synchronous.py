@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ...extremes import largest
-from ...quantities import Scalar
+from ...core.extremes import largest
+from ...core.quantities import Scalar
 from .critical import labellings
 from .groups import BalancerGroups
 from .relative import whirl_spectrum

@@ -1,0 +1,114 @@
+"""Chunks: lanes that run as one compiled program, spread over cores or GPUs."""
+
+import concurrent.futures
+import dataclasses
+import itertools
+import os
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import jax
+
+from .checks import check_counts
+
+
+SEGMENT = 50  # revolutions between two looks at the progress bar
+
+
+def cores(workers: int | None) -> int:
+    """Chunks to run at once: those asked for, else one a core, or one a GPU."""
+    if workers is not None:
+        check_counts(workers=workers)
+        return workers
+    if jax.default_backend() != "cpu":
+        return jax.local_device_count()
+    if hasattr(os, "sched_getaffinity"):  # where a scheduler may have lent a few of the cores
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def chunk_size(lanes: int, most: int, workers: int) -> int:
+    """Even chunks of at most `most` lanes, enough of them to busy every worker."""
+    chunks = max(-(-lanes // most), min(workers, lanes))
+    return -(-lanes // chunks)
+
+
+def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
+    """Chunks over threads: a compiled program runs outside the interpreter's lock.
+
+    Of several devices every thread takes one that is free, to run its chunk there.
+    """
+    stop = threading.Event()
+    devices = jax.local_devices()
+    free: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    for device in itertools.islice(itertools.cycle(devices), workers):
+        free.put(device)
+
+    def placed(chunk: Any, tick: Callable[[int], None]) -> Any:
+        device = free.get()
+        try:
+            with jax.default_device(device):
+                return run(chunk, tick)
+        finally:
+            free.put(device)
+
+    def tick_or_stop(steps: int) -> None:
+        if stop.is_set():
+            raise concurrent.futures.CancelledError
+        tick(steps)
+
+    if workers == 1 or len(chunks) == 1:
+        return [run(chunk, tick) for chunk in chunks]
+    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+        call = placed if len(devices) > 1 else run
+        futures = [pool.submit(call, chunk, tick_or_stop) for chunk in chunks]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:  # Ctrl-C too: running chunks end with their segment
+            stop.set()
+            for future in futures:
+                future.cancel()
+            raise
+
+
+@dataclasses.dataclass(frozen=True)
+class Threads:
+    """Chunks run by threads of this process, `count` at once."""
+
+    count: int
+
+    def each(self, call: Callable, chunks: list, tick: Callable[[int], None], sink: Any = None):
+        """`call(chunk, tick)` of every chunk, in order; what goes into a `sink` is not returned."""
+        lock = threading.Lock()
+
+        def one(chunk: Any, tick: Callable[[int], None]) -> Any:
+            part = call(chunk, tick)
+            if sink is None:
+                return part
+            with lock:
+                sink.put(chunk, part)
+
+        return spread(one, chunks, self.count, tick)
+
+
+def segments(revolutions: int) -> list[int]:
+    """Revolutions in parts, to look at the progress bar in between."""
+    whole, rest = divmod(revolutions, SEGMENT)
+    return [SEGMENT] * whole + [rest] * (rest > 0)
+
+
+def first_alone(call: Callable) -> Callable:
+    """`call`, but for its first time by one thread alone: what it compiles then serves all."""
+    lock, known = threading.Lock(), threading.Event()
+
+    def run(*args: Any) -> Any:
+        if known.is_set():
+            return call(*args)
+        with lock:
+            out = call(*args)
+            known.set()
+            return out
+
+    return run

@@ -1,0 +1,334 @@
+"""Pencil: the linear part of a system as a quadratic of the growth rate, in the frame that suits it."""
+
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Complex, Float, Inexact
+
+from ..core.blocks import Blocks
+from ..core.extremes import larger
+from ..core.quantities import Scalar
+from .system import System
+
+
+Frame = Literal["fixed", "rotating", "periodic"]
+
+ROUNDING = 1e-9  # of a root: a part or a distance this small is taken for zero
+
+
+def is_rounding(part: Any, root: Any) -> Any:
+    """Whether a part of a root, or its distance from another, is zero within rounding."""
+    return abs(part) <= ROUNDING * abs(root)
+
+
+def isotropic(blocks: Blocks) -> bool:
+    """Whether the equations are the same along every axis."""
+    return not (_has(blocks, "fixed") or _has(blocks, "rotating"))
+
+
+def frame(blocks: Blocks) -> Frame:
+    """Axes in which the equations have constant coefficients; "periodic" where none do."""
+    if _has(blocks, "rotating"):
+        return "periodic" if _has(blocks, "fixed") else "rotating"
+    return "fixed"
+
+
+def _has(blocks: Blocks, axes: str) -> bool:
+    return any(getattr(blocks, name) is not None for name in _unequal(axes))
+
+
+def _unequal(*axes: str) -> list[str]:
+    """Blocks of what is not the same along every axis."""
+    return [f"{one}_{name}" for one in axes for name in ("damping", "stiffness")]
+
+
+def unequal_parts(system: System, *axes: str) -> str:
+    """Names of the parts that are not the same along every one of the "fixed" or "rotating" axes."""
+    return system.owners_of(*_unequal(*(axes or ("fixed", "rotating"))))
+
+
+def check_alike(system: System, what: str, instead: str) -> None:
+    """Raise, with `what` is for equal axes alone and what to do `instead`, unless they are equal."""
+    if not isotropic(system.blocks):
+        raise ValueError(
+            f"{what} is for a rotor that is the same along every axis, but the axes of "
+            f"{unequal_parts(system)} are unequal; {instead}."
+        )
+
+
+def check_axes(system: System, what: str, instead: str) -> None:
+    """Raise unless there are axes in which the coefficients of the equations are constant."""
+    if frame(system.blocks) == "periodic":
+        still, turning = (unequal_parts(system, axes) for axes in ("fixed", "rotating"))
+        raise ValueError(
+            f"{what} where some unequal axes stand still ({still}) and others turn with the shaft "
+            f"({turning}); {instead}."
+        )
+
+
+def check_circular(system: System) -> None:
+    """Refuse hysteresis where whirl is not circular."""
+    if system.blocks.hysteretic is not None and not isotropic(system.blocks):
+        raise ValueError(
+            f"Hysteretic damping ({system.owners_of('hysteretic')}) is defined for circular whirl only, "
+            f"but the rotor is not the same along every axis ({unequal_parts(system)}); use "
+            "InternalDamping in its place."
+        )
+
+
+def check_moves(system: System) -> None:
+    """Refuse a rotor of which nothing can move, or nothing has a mass."""
+    if not system.n:
+        raise ValueError(
+            "The rotor has nothing that moves but its angle, since its axis is held fast, so it has no "
+            "whirl; use `jaxrotor.run_up` and `jaxrotor.reactions`."
+        )
+    if system.blocks.inertia is None:
+        raise ValueError("The rotor has no mass, so it has no motion of its own; add a Disc.")
+
+
+class Pencil(eqx.Module):
+    """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all forces included.
+
+    An isotropic system has `n` complex coordinates `q = x + i y` in the fixed frame. Else the unknowns
+    are the pair `(q, q*)`, `m = 2n`, in the fixed frame or, where the anisotropy turns with the
+    shaft, in the rotating frame. `M` is never inverted: in collocation its eigenvalues are those of
+    the flexibility, so the highest modes would cost the lowest their digits, and coordinates
+    without mass are allowed.
+    """
+
+    inertia: Inexact[Array, "m m"]
+    damping: Inexact[Array, "m m"]
+    stiffness: Inexact[Array, "m m"]
+    paired: bool = eqx.field(static=True, default=False)  # whether the unknowns are (q, q*)
+
+    @classmethod
+    def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
+        """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
+        blocks, speed = system.blocks, system.spin.speed
+        check_moves(system)
+        zero = jnp.zeros((system.n, system.n), complex)
+        part = lambda block: zero if block is None else block
+        inertia = zero + part(blocks.inertia)
+        damping = part(blocks.damping) + 1j * (
+            part(blocks.skew_damping) - speed * part(blocks.gyroscopic)
+        )
+        elastic = part(blocks.stiffness) + speed * part(blocks.skew_circulatory)
+        stiffness = elastic + 1j * (
+            part(blocks.skew_stiffness)
+            - speed * part(blocks.circulatory)
+            + whirl * part(blocks.hysteretic)
+        )
+        return cls(inertia, damping, stiffness)
+
+    @classmethod
+    def of(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
+        """Pencil of a system; `whirl` +1 or -1 adds the hysteresis of a faster or slower whirl."""
+        blocks, speed = system.blocks, system.spin.speed
+        own = cls.mean(system, whirl)
+        if isotropic(blocks):
+            return own
+        axes = frame(blocks)
+        check_axes(system, "There are no roots", "look at `jaxrotor.floquet_multipliers`")
+        check_circular(system)
+        inertia, damping, stiffness = own.inertia, own.damping, own.stiffness
+        if axes == "rotating":
+            stiffness = stiffness + 1j * speed * damping - speed**2 * inertia
+            damping = damping + 2j * speed * inertia
+        zero = jnp.zeros_like(inertia)
+        part = lambda block: zero if block is None else block
+        pair = lambda own, other: jnp.block([[own, other], [other.conj(), own.conj()]])
+        return cls(
+            pair(inertia, zero),
+            pair(damping, part(getattr(blocks, f"{axes}_damping"))),
+            pair(stiffness, part(getattr(blocks, f"{axes}_stiffness"))),
+            paired=True,
+        )
+
+    @property
+    def along_axes(self) -> "Pencil":
+        """The same of real unknowns `(x, y)`, `q = x + i y`, where they are pairs: solved much faster."""
+        if not self.paired:
+            return self
+        inertia, damping, stiffness = self.inertia, self.damping, self.stiffness
+        return Pencil(_along_axes(inertia), _along_axes(damping), _along_axes(stiffness))
+
+    @property
+    def rate(self) -> Scalar:
+        """Of the order of the first natural frequency [rad/s]; scales time in what follows.
+
+        Each equation is divided by its stiffness, so that a stiff one without mass does not count.
+        """
+        stiff = jnp.max(jnp.abs(self.stiffness), axis=1, keepdims=True)
+        scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
+        return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.linalg.norm(scaled)))
+
+    def at(self, root: Complex[Array, ""]) -> Complex[Array, "m m"]:
+        """`P(root)`."""
+        return root**2 * self.inertia + root * self.damping + self.stiffness
+
+    def dynamic(self, frequency: Scalar) -> Complex[Array, "m m"]:
+        """Dynamic stiffness `P(i frequency)`."""
+        return self.stiffness + 1j * frequency * self.damping - frequency**2 * self.inertia
+
+    def response(self, frequency: Scalar, force: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        """`q` of the steady motion `q exp(i frequency t)` under `force exp(i frequency t)`."""
+        return jnp.linalg.solve(self.dynamic(frequency), force)
+
+    def inverse(self, shift: Scalar) -> Inexact[Array, "m2 m2"]:
+        """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.
+
+        Zero eigenvalues stand for coordinates without mass. The time of `q.` is scaled by the shift.
+        """
+        m = self.inertia.shape[0]
+        inertia, damping = shift**2 * self.inertia, shift * self.damping
+        fixed = self.stiffness + damping + inertia
+        upper = -jnp.linalg.solve(fixed, jnp.concatenate([damping + inertia, inertia], axis=1))
+        lower = upper.at[:, :m].add(jnp.eye(m))
+        return jnp.concatenate([upper, lower]) / shift
+
+
+def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
+    """All `lambda` with `det P(lambda) = 0`, in no order; infinite for coordinates without mass."""
+    own = pencil.along_axes
+    return _eigenvalues(own.inertia, own.damping, own.stiffness)
+
+
+def moving_eigenvalues(
+    pencil: Pencil, change: Pencil
+) -> tuple[Complex[Array, " m2"], Complex[Array, " m2"]]:
+    """Eigenvalues and how they move with a change of the pencil, by one decomposition for all.
+
+    `d mu = (V^-1 dA V)_ii` of `A = V diag(mu) V^-1`, `mu = 1 / (lambda - shift)`. Equal ones get the mean
+    of theirs; close to a defective pair, whose vectors coincide, the result has few digits or is not
+    finite. See `root_changes` for exact derivatives of single roots.
+    """
+    own, moving = pencil.along_axes, change.along_axes
+    shift = own.rate
+    inverse, moved = jax.jvp(lambda p: p.inverse(shift), (own,), (moving,))
+    inverses, vectors = jnp.linalg.eig(inverse)
+    values = _values(inverses, shift)
+    rates = -jnp.diagonal(jnp.linalg.solve(vectors, moved @ vectors)) / inverses**2
+    finite = jnp.isfinite(values)
+    rates = jnp.where(finite, rates, 0.0)
+    known = jnp.where(finite, values, 0.0)
+    same = finite & (jnp.abs(known[:, None] - known) <= ROUNDING * jnp.abs(known)[:, None])
+    same = same | jnp.eye(values.size, dtype=bool)
+    return values, (same @ rates) / jnp.sum(same, axis=1)
+
+
+def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
+    """Eigenvalues and their vectors `q`, one a row, of any scale.
+
+    The derivative of a vector is that of a simple root; vectors of equal roots are held.
+    """
+    own = pencil.along_axes
+    values, vectors = _eigenvectors(own.inertia, own.damping, own.stiffness)
+    if pencil.paired:
+        x, y = jnp.split(vectors, 2, axis=1)
+        vectors = jnp.concatenate([x + 1j * y, x - 1j * y], axis=1)
+    return values, vectors
+
+
+def _along_axes(pair: Complex[Array, "m m"]) -> Float[Array, "m m"]:
+    """`A q + B q*` of `q = x + i y` as real equations of `(x, y)`."""
+    n = pair.shape[0] // 2
+    ahead, across = pair[:n, :n] + pair[:n, n:], pair[:n, :n] - pair[:n, n:]
+    return jnp.block([[ahead.real, -across.imag], [ahead.imag, across.real]])
+
+
+@jax.custom_jvp
+def _eigenvalues(inertia, damping, stiffness):
+    pencil = Pencil(inertia, damping, stiffness)
+    shift = pencil.rate
+    return _values(jnp.linalg.eigvals(pencil.inverse(shift)), shift)
+
+
+@jax.custom_jvp
+def _eigenvectors(inertia, damping, stiffness):
+    pencil = Pencil(inertia, damping, stiffness)
+    shift = pencil.rate
+    inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
+    return _values(inverses, shift), vectors[: inertia.shape[0]].T
+
+
+@_eigenvectors.defjvp
+def _eigenvectors_jvp(primals, tangents):
+    """`P dx + P' x d lambda = -dP x` with `dx` across `x`."""
+    values, vectors = _eigenvectors(*primals)
+    pencil, change = Pencil(*primals), Pencil(*tangents)
+    simple = jnp.isfinite(values) & ~_twice(values, pencil)
+
+    def one(case):
+        root, vector, simple = case
+        slope = (2 * root * pencil.inertia + pencil.damping) @ vector
+        upper = jnp.concatenate([pencil.at(root), slope[:, None]], axis=1)
+        bordered = jnp.concatenate([upper, jnp.append(vector.conj(), 0.0)[None]])
+        known = jnp.append(-change.at(root) @ vector, 0.0)
+        held = jnp.eye(known.size)
+        moved = jnp.linalg.solve(jnp.where(simple, bordered, held), known)[:-1]
+        return jnp.where(simple, moved, 0.0)
+
+    moved = jax.vmap(one)((jnp.where(simple, values, 0.0), vectors, simple))
+    return (values, vectors), (root_changes(values, pencil, change), moved)
+
+
+def _values(inverses: Complex[Array, " m2"], shift: Scalar) -> Complex[Array, " m2"]:
+    infinite = jnp.abs(inverses) * shift < 1e-10
+    return jnp.where(infinite, jnp.inf, shift + 1 / jnp.where(infinite, 1.0, inverses))
+
+
+@_eigenvalues.defjvp
+def _eigenvalues_jvp(primals, tangents):
+    values = _eigenvalues(*primals)
+    return values, root_changes(values, Pencil(*primals), Pencil(*tangents))
+
+
+def root_changes(
+    roots: Complex[Array, " k"], pencil: Pencil, change: Pencil
+) -> Complex[Array, " k"]:
+    """`d lambda = -y dP x / (y P' x)`, `x` and `y` the null vectors of `P(lambda)` on either side.
+
+    Two equal roots that keep two vectors get the mean of their derivatives; equal roots that share
+    one vector have none, and the result is not finite there.
+    """
+    finite = jnp.isfinite(roots)
+
+    def one(case):
+        root, twice = case
+        u, _, v = jnp.linalg.svd(pencil.at(root))
+        left, right = u[:, -2:].conj().T, v[-2:].conj().T
+        slope = left @ (2 * root * pencil.inertia + pencil.damping) @ right
+        moved = left @ change.at(root) @ right
+        simple = -moved[-1, -1] / slope[-1, -1]
+        double = -jnp.trace(
+            jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved)
+        )
+        return jnp.where(twice, double / 2, simple)
+
+    cases = jnp.where(finite, roots, 0.0), _twice(roots, pencil)
+    return jnp.where(finite, jax.vmap(one)(cases), 0.0)
+
+
+def _twice(roots: Complex[Array, " k"], pencil: Pencil) -> Bool[Array, " k"]:
+    """Whether another root is equal, by the roots: singular values span too many scales to tell."""
+    if pencil.inertia.shape[0] == 1:  # with one vector
+        return jnp.zeros(roots.shape, bool)
+    rate, finite = pencil.rate, jnp.isfinite(roots)
+    floor = jnp.where(jnp.isfinite(rate), rate, 0.0)
+    gaps = jnp.abs(roots[:, None] - jnp.where(finite, roots, 0.0))
+    gaps = jnp.sort(jnp.where(finite, gaps, jnp.inf), axis=1)
+    return finite & (gaps[:, 1] <= ROUNDING * larger(jnp.abs(roots), floor))
+
+
+def steady_response(system: System) -> tuple[Array | None, Array | None]:
+    """`q = still + whirling exp(i Omega t)` of an isotropic system; None without its load."""
+    pencil, load, speed = Pencil.of(system), system.load, system.spin.speed
+    still = whirling = None
+    if load.constant is not None:
+        still = pencil.response(jnp.zeros(()), load.constant)
+    if load.unbalance is not None:
+        whirling = pencil.response(speed, speed**2 * load.unbalance)
+    return still, whirling

@@ -1,0 +1,152 @@
+"""Motion: a system's equations as a first-order vector field over the angle of revolution."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..core.quantities import Scalar
+from .pencil import check_alike, check_moves
+from .system import Port, System
+
+
+RUN_UP = "use `jaxrotor.run_up`, which takes any rotor and any spin"
+State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in metres
+
+
+class Motion(eqx.Module):
+    """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + b F`, `' = d/dtheta`.
+
+    All fields are real; a complex vector is its [x, y] parts.
+
+    `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
+    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms that no effect draws
+    are None and absent from the compiled program. Called as a diffrax vector field.
+    """
+
+    rate: Scalar  # [rad/s]
+    s: Scalar
+    stiffness: Float[Array, "n n"]
+    damping: Float[Array, "n n"] | None
+    gyroscopic: Float[Array, "n n"] | None
+    circulatory: Float[Array, "n n"] | None
+    constant: Float[Array, "2 n"] | None
+    unbalance: Float[Array, "2 n"] | None
+    columns: Float[Array, "n p"] | None
+    rows: Float[Array, "p n"] | None
+    ports: tuple[Port, ...]
+    speed: Scalar  # [rad/s]
+
+    def __init__(self, system: System, rate: Scalar):
+        blocks, load = system.blocks, system.load
+        check_moves(system)
+        check_known_in_time(system)
+        check_alike(system, "Simulation by whole revolutions", RUN_UP)
+        check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
+        speed = system.spin.speed
+        columns = rows = None
+        if system.ports:
+            columns = jnp.stack([port.column for port in system.ports], axis=1)
+            rows = jnp.stack([port.row for port in system.ports])
+        gyroscopic = _sum((speed, blocks.gyroscopic), (-1.0, blocks.skew_damping))
+        circulatory = _sum((speed, blocks.circulatory), (-1.0, blocks.skew_stiffness))
+        stiffness = _sum((1.0, blocks.stiffness), (speed, blocks.skew_circulatory))
+        parts = {
+            "stiffness": (stiffness, 1 / rate**2),
+            "damping": (blocks.damping, 1 / rate),
+            "gyroscopic": (gyroscopic, 1 / rate),
+            "circulatory": (circulatory, 1 / rate**2),
+            "constant": (load.constant, 1 / rate**2),
+            "unbalance": (load.unbalance, (speed / rate) ** 2),
+            "columns": (columns, 1 / rate**2),
+        }
+        inverse = jnp.linalg.inv(blocks.inertia)
+        for name, (part, factor) in parts.items():
+            scaled = None if part is None else factor * (inverse @ part)
+            if scaled is not None and jnp.iscomplexobj(scaled):
+                scaled = jnp.stack([scaled.real, scaled.imag])
+            setattr(self, name, scaled)
+        self.rate, self.s = rate, speed / rate
+        self.rows, self.ports, self.speed = rows, system.ports, speed
+
+    def __call__(self, theta: Scalar, y: State, args: None = None) -> State:
+        linear = self.linear(theta, y)
+        return linear if self.rows is None else linear + self.contact(theta, y)
+
+    def linear(self, theta: Scalar, y: State, args: None = None) -> State:
+        """The stiff part: all but contact."""
+        del args
+        q, rate = y
+        acceleration = -(q @ self.stiffness.T)
+        if self.damping is not None:
+            acceleration -= rate @ self.damping.T
+        if self.gyroscopic is not None:
+            acceleration += _turn(rate @ self.gyroscopic.T)
+        if self.circulatory is not None:
+            acceleration += _turn(q @ self.circulatory.T)
+        if self.constant is not None:
+            acceleration += self.constant
+        if self.unbalance is not None:
+            phase = self.s * theta
+            acceleration += jnp.cos(phase) * self.unbalance
+            acceleration += jnp.sin(phase) * _turn(self.unbalance)
+        return jnp.stack([rate, acceleration])
+
+    def contact(self, theta: Scalar, y: State, args: None = None) -> State:
+        """The part that is not smooth."""
+        del theta, args
+        if self.rows is None or self.columns is None:
+            return jnp.zeros_like(y)
+        q, rate = y
+        forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
+        return jnp.stack([jnp.zeros_like(q), forces @ self.columns.T])
+
+    def port_forces(self, displacement: Array, velocity: Array) -> Float[Array, "2 p"]:
+        """Total force at every port from displacement and velocity there, all (2, p)."""
+        forces = [
+            port.forces(displacement[:, i], velocity[:, i], self.speed)
+            for i, port in enumerate(self.ports)
+        ]
+        return jnp.stack([force.sum(0) for force in forces], axis=1)
+
+    def matrix(self) -> Complex[Array, "n2 n2"]:
+        """`A` of the linear part `(q, q')' = A (q, q')`."""
+        n = self.stiffness.shape[0]
+        low = -self.stiffness + 0j
+        if self.circulatory is not None:
+            low = low + 1j * self.circulatory
+        high = jnp.zeros((n, n), complex)
+        if self.damping is not None:
+            high = high - self.damping
+        if self.gyroscopic is not None:
+            high = high + 1j * self.gyroscopic
+        top = jnp.concatenate([jnp.zeros((n, n)), jnp.eye(n)], axis=1)
+        return jnp.concatenate([top, jnp.concatenate([low, high], axis=1)])
+
+
+def _sum(*terms: tuple[Scalar | float, Array | None]) -> Array | None:
+    """Sum of factors times parts, None where every part is absent."""
+    products = [factor * part for factor, part in terms if part is not None]
+    return sum(products[1:], products[0]) if products else None
+
+
+def check_known_in_time(system: System) -> None:
+    """Refuse what is defined for harmonic motions only."""
+    if system.blocks.hysteretic is not None:
+        raise ValueError(
+            f"Hysteretic damping ({system.owners_of('hysteretic')}) is known for harmonic motions only "
+            '(roots, Campbell diagrams), not in time; take `scene.without("hysteretic_damping")` and '
+            "InternalDamping in its place."
+        )
+
+
+def check_no_balls(system: System, what: str, instead: str) -> None:
+    """Refuse bodies that run round the shaft."""
+    if system.races:
+        raise ValueError(
+            f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."
+        )
+
+
+def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
+    """`i v`."""
+    return jnp.stack([-v[1], v[0]])

@@ -1,0 +1,266 @@
+"""System: the equations of motion of a scene."""
+
+from collections.abc import Iterator
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..core.blocks import Blocks, Load
+from ..core.compiled import compiled_quickly
+from ..core.extremes import larger
+from ..core.quantities import Scalar, known
+from ..effects.base import (
+    AbstractBetween,
+    AbstractBodies,
+    AbstractContact,
+    AbstractLaw,
+    AbstractLinear,
+    AbstractLoad,
+)
+from ..scene import Scene
+from ..shafts.line import AbstractLine
+from ..spins.base import AbstractSpin, constant
+
+
+LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
+Branches = tuple[Float[Array, "k c"], ...]  # of laws of equal make, stacked
+
+
+class Port(eqx.Module):
+    """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " n"]
+    at: Scalar  # [m]
+    laws: tuple[AbstractLaw, ...]  # laws of equal make stacked along a leading axis
+
+    def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
+        """Force of every law at this port, in the order of `members` [N]."""
+        return jnp.concatenate(
+            [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
+        )
+
+    def branches(self, displacement: Array, velocity: Array, speed: Scalar) -> Branches:
+        """The branch of every law."""
+        seen = displacement, velocity, speed
+        return tuple(jax.vmap(lambda law: law.branch(*seen))(stack) for stack in self.laws)
+
+    def along(
+        self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
+    ) -> Float[Array, "k 2"]:
+        """Force of every law by the formula of a branch [N]."""
+        along = lambda law, branch: law.along(branch, displacement, velocity, speed)
+        pairs = zip(self.laws, branches, strict=True)
+        return jnp.concatenate([jax.vmap(along)(stack, branch) for stack, branch in pairs])
+
+    def margins(
+        self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
+    ) -> Branches:
+        """How far every condition of every law is from changing."""
+        margins = lambda law, branch: law.margins(branch, displacement, velocity, speed)
+        pairs = zip(self.laws, branches, strict=True)
+        return tuple(jax.vmap(margins)(stack, branch) for stack, branch in pairs)
+
+    def hardness(self) -> Float[Array, "2"]:
+        """Stiffness [N/m] and damping [N s/m] of all laws against a motion where that is most."""
+        stacks = [jax.vmap(lambda law: law.hardness())(stack) for stack in self.laws]
+        stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
+        share = larger(out @ out.T, 0.0) ** 2  # of law i in a motion toward law j
+        return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
+
+    def clearances(self, displacement: Array) -> Float[Array, " k"]:
+        """Of every law, the distance left until it acts [m]."""
+        stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
+        return jnp.concatenate(stacks)
+
+    def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
+        """Torque of all laws about the axis [N m]."""
+        torques = [
+            jax.vmap(lambda law: law.torque(displacement, velocity, speed))(stack)
+            for stack in self.laws
+        ]
+        return jnp.sum(jnp.concatenate(torques))
+
+
+class Race(eqx.Module):
+    """One station where bodies roll around the shaft: reads `row . q`, adds `column F`."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " n"]
+    at: Scalar  # [m]
+    bodies: AbstractBodies
+
+
+class System(eqx.Module):
+    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + Sum_ports column F(row q, row q.)`.
+
+    `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None.
+    """
+
+    line: AbstractLine
+    blocks: Blocks
+    load: Load
+    ports: tuple[Port, ...]
+    races: tuple[Race, ...]
+    between: tuple[AbstractBetween, ...]  # what acts between the bodies of every race
+    spin: AbstractSpin
+    n: int = eqx.field(static=True)  # number of complex coordinates
+    members: tuple[int, ...] = eqx.field(static=True)  # scene's contact behind each law
+    owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # what, and a part that adds to it
+
+    def owners_of(self, *what: str) -> str:
+        """Parts of the scene that add to some blocks, are a "contact" or have "bodies", in words."""
+        names = list(dict.fromkeys(part for one, part in self.owners if one in what))
+        return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+    def at_speed(self, speed: ArrayLike) -> "System":
+        """The same rotor at a constant speed: nothing assembled depends on how it turns."""
+        return eqx.tree_at(lambda system: system.spin, self, constant(speed))
+
+    def contact_forces(
+        self, displacement: Array, velocity: Array, speed: Scalar
+    ) -> Float[Array, "k 2"]:
+        """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports."""
+        forces = jnp.concatenate(
+            [port.forces(displacement[i], velocity[i], speed) for i, port in enumerate(self.ports)]
+        )
+        return forces[self._order]
+
+    def clearances(self, displacement: Array) -> Float[Array, " k"]:
+        """Of each contact of the scene, the distance left until it acts [m], see `contact_forces`."""
+        found = [port.clearances(displacement[i]) for i, port in enumerate(self.ports)]
+        return jnp.concatenate(found)[self._order]
+
+    @property
+    def _order(self) -> Array:
+        """Laws in the order of the scene's contacts."""
+        return jnp.asarray(sorted(range(len(self.members)), key=self.members.__getitem__))
+
+
+def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
+    """Equations of motion of a scene, by one program for all scenes that are alike.
+
+    `together` groups contacts that share a port; by default those known to be at one station.
+    """
+    return _assembled(scene, port_groups(scene) if together is None else together)
+
+
+@compiled_quickly
+def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
+    line = scene.line()
+    parts = _parts(scene, line)
+    blocks = sum(parts.values(), Blocks())
+    contacts = scene.of(AbstractContact)
+    ports, members = [], []
+    for group in together:
+        stacks: dict = {}
+        for i in group:
+            law = contacts[i].law()
+            stacks.setdefault(jax.tree.structure(law), []).append((i, law))
+        at = contacts[group[0]].at
+        laws = tuple(_stack([law for _, law in stack]) for stack in stacks.values())
+        ports.append(Port(line.row(at), line.column(at), at, laws))
+        members += [i for stack in stacks.values() for i, _ in stack]
+    races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
+    return System(
+        line,
+        blocks,
+        loads(scene, line, blocks),
+        tuple(ports),
+        tuple(races),
+        scene.of(AbstractBetween),
+        scene.spin,
+        line.stiffness.shape[0],
+        tuple(members),
+        tuple(_owners(scene, parts)),
+    )
+
+
+def _owners(scene: Scene, parts: dict[str, Blocks]) -> Iterator[tuple[str, str]]:
+    """Names of blocks, "contact" and "bodies", each with a part of the scene that adds to it."""
+    for part, own in parts.items():
+        yield from ((block, part) for block in own.present)
+    for what, kind in (("contact", AbstractContact), ("bodies", AbstractBodies)):
+        yield from ((what, scene.name_of(effect)) for effect in scene.of(kind))
+
+
+def linear(scene: Scene, line: AbstractLine) -> Blocks:
+    """Blocks of the shaft and of all effects, as they enter the equations of a line."""
+    return sum(_parts(scene, line).values(), Blocks())
+
+
+def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
+    """Blocks of the shaft and of every linear effect by its name."""
+    effects = {scene.name_of(effect): effect.blocks(line) for effect in scene.of(AbstractLinear)}
+    return {"the shaft": scene.shaft.blocks(line)} | effects
+
+
+def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
+    """All loads of a scene, as they enter the equations of a line."""
+    load = Load()
+    for effect in scene.of(AbstractLoad):
+        load = load + effect.load(line, blocks)
+    return load
+
+
+def structure(scene: Scene) -> System:
+    """Which blocks, loads and ports a scene has: shapes alone, without the cost of `assemble`."""
+    return eqx.filter_eval_shape(assemble, scene)
+
+
+def has_massless(scene: Scene, system: System | None = None) -> bool | None:
+    """Whether some coordinates of a scene have no inertia; None where that is traced.
+
+    `system` are its equations, where they are at hand. Raises where the others have some and yet a
+    motion of them together has none.
+    """
+    if scene.shaft.has_mass:
+        return False
+    system = assemble(scene) if system is None else system
+    inertia = system.blocks.inertia
+    if not system.n:  # nothing moves but its angle
+        return False
+    if inertia is None:
+        return True
+    if not known(inertia):
+        return None
+    massive = np.diag(inertia) > 0
+    sizes = np.sqrt(np.diag(inertia)[massive])
+    scaled = np.asarray(inertia)[np.ix_(massive, massive)] / np.outer(sizes, sizes)
+    if sizes.size and np.linalg.cond(scaled) * np.finfo(scaled.dtype).eps > LEAST_DIGITS:
+        raise ValueError(
+            "What sits on the shaft gives it no inertia against one of its motions; give a Disc a "
+            "`diametral` moment of inertia, or put another one elsewhere."
+        )
+    return not massive.all()
+
+
+def polar_inertia(scene: Scene) -> Scalar | None:
+    """Moment of inertia of a scene's shaft and discs about the axis [kg m^2]; None without any."""
+    return assemble(scene).blocks.polar
+
+
+def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
+    """Contacts of a scene that act at one station.
+
+    Stations share a port when they are the same traced value or known and equal. Traced apart
+    they do not, so that a derivative by one station moves that contact alone.
+    """
+    groups: list[tuple[Scalar, list[int]]] = []
+    for i, contact in enumerate(scene.of(AbstractContact)):
+        for at, group in groups:
+            if contact.at is at or (
+                known(at) and known(contact.at) and float(at) == float(contact.at)
+            ):
+                group.append(i)
+                break
+        else:
+            groups.append((contact.at, [i]))
+    return tuple(tuple(group) for _, group in groups)
+
+
+def _stack(laws: list[AbstractLaw]) -> AbstractLaw:
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)

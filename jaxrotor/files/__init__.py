@@ -1,0 +1,9 @@
+"""Scene files: TOML, units, shipped scenes, and files of other programs.
+
+What there is stands in `__init__.pyi`; each is loaded when it is first asked for.
+"""
+
+import lazy_loader
+
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,12 @@
+"""Scene files, loaded when they are first asked for."""
+
+from .shipped import shipped as shipped
+from .toml import (
+    dumps as dumps,
+    load as load,
+    loads as loads,
+    save as save,
+    study as study,
+    title as title,
+)
+from .units import SceneError as SceneError

@@ -1,0 +1,70 @@
+"""Rotor: a scene of a rotor that ROSS has written."""
+
+import os
+from pathlib import Path
+
+from ...scene import Scene
+from ...shafts import FlexibleShaft
+from ...shafts.materials import Material
+from ...spins.base import ConstantSpeed
+from ..units import SceneError, quantity, refuse
+from .bearings import discs, supports
+from .file import Notes, read
+from .shaft import merged, placed, sections, step
+
+
+_COORDINATES = 48  # nodes of all spans together, about
+
+
+def from_ross(
+    path: str | os.PathLike[str], speed: float | int, nodes: int | None = None
+) -> tuple[Scene, tuple[str, ...]]:
+    """Scene of a rotor that ROSS has written by `Rotor.save`, a .toml or .json file.
+
+    Elements of shafts become one `FlexibleShaft` without constraints, with shear and rotary inertia as
+    theirs and a `Step` where sections change; disks `Disc`, point masses on the shaft too; bearings
+    and seals `Support`, of all eight coefficients. A table of coefficients by frequency gives those at
+    the speed, by cubic interpolation, or at its nearer end. A tapered element becomes up to four
+    uniform ones, layers of sleeves one ring. A bearing on a flexible support becomes one of the two in
+    series, `K^-1 = K1^-1 + K2^-1`, `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`, without the support's
+    mass: of motions slow enough for `omega C << K` of either; of faster ones, as on a squeeze film, its
+    damping is too high. Axial and torsional motion, axial force, torque and damping of the shaft are
+    not carried over. Written for files of ROSS 2.3.
+
+    Args:
+        path: the file.
+        speed: constant speed of the scene [rad/s], not negative; the file has none.
+        nodes: of every span of the shaft; by default 8 of few, and fewer of many, down to 3.
+
+    Returns:
+        The scene, and a sentence on each thing that was changed or left out, with its elements.
+    """
+    source, speed = os.fspath(path), quantity(speed, "rad/s", "speed")
+    if speed < 0:
+        wanted = "must not be negative, as coefficients in the file are those of positive rotation"
+        refuse("speed", f"{wanted}, but is {speed:g} rad/s.")
+    elements, notes = read(source), Notes()
+    places, rings, gyroscopic, flags = sections(elements, source, notes)
+    total = places[max(places)]
+    effects = [*discs(elements, places, notes), *supports(elements, places, speed, notes)]
+    shaft, *steps = merged(rings, total, notes)
+    ends = [0.0, total, *(at for at, _ in placed(shaft, steps)), *(float(e.at) for e in effects)]
+    spans = len({round(at / total, 4) for at in ends}) - 1
+    left_out = tuple(notes)
+    said = f"less what could not be carried over from {Path(source).name}" if left_out else ""
+    try:
+        line = FlexibleShaft(
+            total,
+            shaft.outer,
+            Material(*shaft.of),
+            polar_ratio=2.0 if gyroscopic else 0.0,
+            nodes=min(8, max(3, _COORDINATES // spans)) if nodes is None else nodes,
+            inner_diameter=shaft.bore,
+            steps=tuple(step(at, ring, shaft.of) for at, ring in placed(shaft, steps)),
+            constraints=(),
+            **flags,
+        )
+        scene = Scene(line, *effects, spin=ConstantSpeed(speed), assumption=said)
+    except ValueError as error:
+        raise SceneError(f"{source}: {error}") from None
+    return scene, left_out

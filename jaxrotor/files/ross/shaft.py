@@ -1,0 +1,178 @@
+"""Shaft: rings of uniform section along it, of elements one behind and around the other."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...shafts import Step
+from ...shafts.materials import Material
+from ..units import refuse, show
+from .file import Element, Notes, Table
+
+
+_PIECES = 4  # uniform ones in place of a tapered element
+_SHORTEST = 0.0021  # of the length of the shaft: what a step must be away from the next
+_LEFT_OUT = {  # of a shaft element
+    "axial_force": ("N", "axial force"),
+    "torque": ("N m", "torque"),
+    "alpha": ("1/s", "damping in proportion to mass (alpha)"),
+    "beta": ("s", "damping in proportion to stiffness (beta)"),
+}
+
+
+class Ring(NamedTuple):
+    """A uniform piece of shaft."""
+
+    length: float
+    outer: float
+    inner: float
+    of: tuple[float, float, float]  # Young's modulus, density, shear modulus
+
+    @property
+    def bore(self) -> Any:
+        """Inner diameter, None of a solid shaft."""
+        return self.inner or None
+
+
+def sections(
+    elements: Sequence[Element], source: str, notes: Notes
+) -> tuple[dict[int, float], list[Ring], bool, Table]:
+    """Stations of the nodes, rings along the shaft, whether it is gyroscopic, and its flags."""
+    own = [element for element in elements if element.kind == "ShaftElement"]
+    for element in elements:
+        if element.kind == "CouplingElement":
+            refuse(
+                element.path,
+                "joins shafts by springs, but a scene has one shaft; save each rotor by itself.",
+            )
+    layers: dict[int, list[Element]] = {}
+    for element in sorted(own, key=lambda element: element.node):
+        layers.setdefault(element.node, []).append(element)
+        if element.number("L", "m") <= 0:
+            refuse(f"{element.path}.L", f"must be positive, but is {show(element.table['L'])}.")
+        for key, (unit, text) in _LEFT_OUT.items():
+            if element.number(key, unit, 0.0):
+                notes.add(f"{text} left out", element)
+    first = min(layers)
+    if sorted(layers) != list(range(first, first + len(layers))):
+        refuse(source, "has shaft elements that do not make one line; save each rotor by itself.")
+    places, rings = {first: 0.0}, []
+    total = sum(element[0].number("L", "m") for element in layers.values())
+    for node, layer in layers.items():
+        length = layer[0].number("L", "m")
+        places[node + 1] = places[node] + length
+        rings += _rings(layer, length, total, notes)
+    given = {key: _flag(own, key, notes) for key in ("shear_effects", "rotary_inertia")}
+    shear, rotary = given.values()
+    if shear and not rotary:
+        notes.add("rotary inertia added, which shear needs", own[0])
+    gyroscopic = _flag(own, "gyroscopic", notes)
+    if shear and any(e.table.get("shear_method_calc", "cowper") != "cowper" for e in own):
+        notes.add("shear coefficient by Cowper in place of Hutchinson", own[0])
+    return places, rings, gyroscopic, {"shear": shear, "rotary_inertia": rotary or shear}
+
+
+def _flag(elements: Sequence[Element], key: str, notes: Notes) -> bool:
+    """What elements say of a flag; of several answers yes."""
+    said = [element.table.get(key, True) for element in elements]
+    for value, element in zip(said, elements, strict=True):
+        if not isinstance(value, bool):
+            refuse(f"{element.path}.{key}", f"must be true or false, but is {show(value)}.")
+        if not value and any(said):
+            notes.add(f"{key} taken into account all along the shaft", element)
+    return any(said)
+
+
+def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) -> list[Ring]:
+    """Uniform pieces of the elements between two nodes, one around the other."""
+    for element in layer:
+        if element.number("L", "m") != length:
+            wanted = "must be that of the element which it surrounds"
+            refuse(f"{element.path}.L", f"{wanted}, but is {show(element.table['L'])}.")
+    sides = [
+        [element.number(f"{of}{side}", "m") for of in ("od", "id") for side in "lr"]
+        for element in layer
+    ]
+    tapered = any(
+        left != right for ol, orr, il, ir in sides for left, right in [(ol, orr), (il, ir)]
+    )
+    pieces = max(1, min(_PIECES, int(length / (_SHORTEST * total)))) if tapered else 1
+    if tapered:
+        into = f"cut into {pieces} uniform ones" if pieces > 1 else "taken as a uniform one"
+        notes.add(f"tapered element {into}", layer[0])
+    materials = [_material(element) for element in layer]
+    found = []
+    for piece in range(pieces):
+        share = (piece + 0.5) / pieces
+        mean = lambda left, right, share=share: left + share * (right - left)
+        rings = [
+            Ring(length / pieces, mean(ol, orr), mean(il, ir), material)
+            for (ol, orr, il, ir), material in zip(sides, materials, strict=True)
+        ]
+        for ring, element in zip(rings, layer, strict=True):
+            if not 0 <= ring.inner < ring.outer:
+                wanted = "must be positive and above the inner diameter"
+                refuse(f"{element.path}.odl", f"{wanted}, but is {ring.outer:g}.")
+        found.append(_one(rings, layer[0], notes))
+    return found
+
+
+def _material(element: Element) -> tuple[float, float, float]:
+    table = element.table.get("material")
+    if not isinstance(table, dict):
+        refuse(f"{element.path}.material", f"must be a table, but is {show(table)}.")
+    made = Element("material", f"{element.path}.material", table)
+    return made.number("E", "Pa"), made.number("rho", "kg/m^3"), made.number("G_s", "Pa")
+
+
+def _one(rings: Sequence[Ring], element: Element, notes: Notes) -> Ring:
+    """Rings around each other as one: exact where they touch and are of one material."""
+    rings = sorted(rings, key=lambda ring: ring.inner)
+    outer, inner = max(ring.outer for ring in rings), rings[0].inner
+    touch = all(a.outer == b.inner for a, b in zip(rings, rings[1:], strict=False))
+    if len({ring.of for ring in rings}) == 1 and touch:
+        return rings[0]._replace(outer=outer)
+    notes.add("layers taken as one ring of equal mass, bending and shear stiffness", element)
+    area, second = (
+        np.array([r.outer**k - r.inner**k for r in rings]) / (outer**k - inner**k) for k in (2, 4)
+    )
+    young, density, shear = np.array([ring.of for ring in rings]).T
+    return Ring(
+        rings[0].length,
+        outer,
+        inner,
+        (float(young @ second), float(density @ area), float(shear @ area)),
+    )
+
+
+def merged(rings: Sequence[Ring], total: float, notes: Notes) -> list[Ring]:
+    """Rings of different sections: equal neighbours as one, those too short for one with the last."""
+    found: list[Ring] = []
+    for ring in rings:
+        if found and found[-1][1:] == ring[1:]:
+            found[-1] = ring._replace(length=found[-1].length + ring.length)
+        else:
+            found.append(ring)
+    short = [k for k, ring in enumerate(found) if ring.length < _SHORTEST * total]
+    for k in reversed(short):
+        if len(found) > 1:
+            ring, other = found.pop(k), max(0, k - 1)
+            found[other] = found[other]._replace(length=found[other].length + ring.length)
+            text = "section shorter than 0.2 % of the shaft given the diameter of its neighbour"
+            notes.add(text, Element("", "", {"tag": f"{ring.length:g} m of {ring.outer:g} m"}))
+    return found
+
+
+def placed(first: Ring, rings: Sequence[Ring]) -> Iterator[tuple[float, Ring]]:
+    """Rings after the first, with the stations where they begin."""
+    at = first.length
+    for ring in rings:
+        yield at, ring
+        at += ring.length
+
+
+def step(at: float, ring: Ring, of: tuple[float, float, float]) -> Step:
+    """Step to a ring, with a material of its own where that is not the one given."""
+    material = None if ring.of == of else Material(*ring.of)
+    return Step(at, ring.outer, ring.bore, material)

@@ -1,0 +1,75 @@
+"""Scenes as TOML."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from .. import shafts, spins
+from ..core.quantities import is_series, unit_of
+from ..scene import Scene
+from ..shafts import AbstractShaft
+from ..spins.base import AbstractSpin
+from .units import refuse
+from .vocabulary import TEXTS, kinds, models
+
+
+def dumps(scene: Scene, title: str = "") -> str:
+    """A scene as TOML: SI, every float in full, its unit behind it."""
+    import tomlkit
+
+    document = tomlkit.document()
+    for key, text in zip(TEXTS, (title, scene.assumption), strict=True):
+        if text:
+            document[key] = text
+    document["shaft"] = _written(scene.shaft, "shaft", models(shafts, AbstractShaft))
+    for kind in dict.fromkeys(effect.kind for effect in scene.effects):
+        members = [effect for effect in scene.effects if effect.kind == kind]
+        tables = [_written(effect, kind, kinds()) for effect in members]
+        name, item = (members[0].plural, tables) if len(tables) > 1 else (kind, tables[0])
+        document[name] = tomlkit.item(item)
+    document["spin"] = _written(scene.spin, "spin", models(spins, AbstractSpin))
+    return tomlkit.dumps(document)
+
+
+def _written(module: Any, path: str, known: Mapping[str, type] | None = None) -> Any:
+    """A module as a table; `known` are the classes that a file can name there."""
+    import tomlkit
+
+    table, nested = tomlkit.table(), {}
+    if known is not None:
+        model = next((name for name, cls in known.items() if cls is type(module)), None)
+        if model is None:
+            refuse(path, f"cannot be written: no scene file can name a {type(module).__name__}.")
+        if model != path:
+            table["model"] = model
+    for field in (field for field in dataclasses.fields(module) if field.init):
+        value, unit, here = getattr(module, field.name), unit_of(field), f"{path}.{field.name}"
+        if isinstance(value, eqx.Module):
+            nested[field.name] = _written(value, here)
+        elif isinstance(value, tuple):
+            tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
+            nested[field.name] = tomlkit.item(tables) if tables else []
+        elif unit is not None and value is not None:
+            item = tomlkit.item(_plain(value, here, is_series(field)))
+            table[field.name] = item if unit == "1" else item.comment(unit)
+        elif isinstance(value, bool | int | str):
+            table[field.name] = value
+        elif value is not None:
+            refuse(here, f"cannot be written: a scene file holds no {type(value).__name__}.")
+    table.update(nested)
+    return table
+
+
+def _plain(value: Any, path: str, many: bool) -> float | list[float]:
+    try:
+        numbers = np.asarray(value, float)
+        plain = numbers.ndim == many and bool(np.isfinite(numbers).all())
+    except TypeError:  # traced
+        numbers, plain = np.zeros(()), False
+    if not plain:
+        wanted = "a list of known finite numbers" if many else "one known finite number"
+        refuse(path, f"cannot be written: it must be {wanted}, but is {value}.")
+    return numbers.tolist()

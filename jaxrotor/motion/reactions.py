@@ -1,0 +1,230 @@
+"""Reactions: what bearings, constraints and stops do to the rotor."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..core.quantities import Scalar, known
+from ..effects import AbstractContact, Support
+from ..equations.pencil import Pencil, frame
+from ..equations.rotating_frame import Instant, Posture, Transient, acting, resistance
+from ..equations.system import System, linear, loads
+from ..scene import Scene
+from ..shafts.influence import Influence
+from ..shafts.virtual import VirtualLine
+from ..spins.base import Turning
+from .run_up import RunUp
+from .simulate import Response
+
+
+Act = Callable[[Instant], tuple[Array, Array]]  # forces and moments, in the axes of the shaft
+
+
+class Reactions(eqx.Module):
+    """Forces and moments on the rotor in fixed axes, `k` of them at `T` times."""
+
+    time: Float[Array, " T"]  # [s]
+    angle: Float[Array, " T"]  # of rotation [rad]
+    force: Complex[Array, "T k"]  # x + i y [N]
+    moment: Complex[Array, "T k"]  # that turns the tangent, positive with the slope [N m]
+    static: Complex[Array, " k"]  # force of the rotor at rest under weight [N], NaN if it has none
+    static_moment: Complex[Array, " k"]  # [N m]
+    names: tuple[str, ...] = eqx.field(static=True)
+    scene: Scene
+    solver: str = eqx.field(static=True)  # of the motion
+
+    @property
+    def rotating(self) -> Complex[Array, "T k"]:
+        """Force in the axes of the shaft [N]."""
+        return self._turned(self.force)
+
+    @property
+    def rotating_moment(self) -> Complex[Array, "T k"]:
+        """Moment in the axes of the shaft [N m]."""
+        return self._turned(self.moment)
+
+    @property
+    def dynamic(self) -> Complex[Array, "T k"]:
+        """Force less that at rest [N], in fixed axes."""
+        return self.force - self._determined(self.static)
+
+    @property
+    def dynamic_moment(self) -> Complex[Array, "T k"]:
+        """Moment less that at rest [N m], in fixed axes."""
+        return self.moment - self._determined(self.static_moment)
+
+    @property
+    def rotating_dynamic(self) -> Complex[Array, "T k"]:
+        """Force less that at rest [N], in the axes of the shaft."""
+        return self._turned(self.dynamic)
+
+    @property
+    def rotating_dynamic_moment(self) -> Complex[Array, "T k"]:
+        """Moment less that at rest [N m], in the axes of the shaft."""
+        return self._turned(self.dynamic_moment)
+
+    def _turned(self, vectors: Complex[Array, "T k"]) -> Complex[Array, "T k"]:
+        return vectors * jnp.exp(-1j * self.angle)[:, None]
+
+    def _determined(self, static: Complex[Array, " k"]) -> Complex[Array, " k"]:
+        if known(static) and not np.isfinite(static).all():
+            raise ValueError(
+                "Nothing elastic holds the rotor against its weight, so it has no place at rest and its "
+                "reactions no static part; look at `force` and `moment`, or add a Support."
+            )
+        return static
+
+    def of(self, name: str) -> Complex[Array, " T"]:
+        """Force of one, by its name [N]."""
+        if name not in self.names:
+            raise ValueError(f"There is no {name!r}; there are: {', '.join(self.names)}.")
+        return self.force[:, self.names.index(name)]
+
+
+def reactions(response: RunUp | Response) -> Reactions:
+    """Reactions of supports, constraints and contacts, on the rotor, at every sample.
+
+        support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.)
+        constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
+
+    The work of all loads and inertia forces on the displacement `phi_k` that a unit motion of the
+    constraint makes is minus its reaction (Betti; d'Alembert), whatever the shaft, rigid or flexible,
+    and however many the constraints. Contacts are named after their effects; they carry no static
+    part, also where the rotor lies on one. Where nothing elastic holds the rotor against its weight (a
+    pivot alone) the static part is not determined: it is NaN.
+
+    Of a flexible shaft, reactions of constraints hang on accelerations, and so on its highest modes,
+    of which an adaptive solver keeps fewer digits than of displacements: started by a `Whirl`, a shaft
+    in two pins is right to 5e-8 of its displacement, but 1.4e-3 of its reactions at the default
+    tolerance, 3e-5 at `rtol` 1e-9. `simulate` is exact where there is no contact.
+
+    Args:
+        response: of `run_up` or `simulate`.
+
+    Returns:
+        `Reactions`; `k` counts supports, then constraints, then contacts.
+
+    Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
+    """
+    scene = response.scene
+    instants = response.instants if isinstance(response, RunUp) else _instants(scene, response)
+    force, moment, static, static_moment, constraints = _all(scene, instants)
+    names = [scene.name_of(effect) for effect in scene.of(Support)]
+    names += [f"constraints.{i}" for i in constraints]
+    if response.contact_force is not None:
+        contacts = scene.of(AbstractContact)
+        names += [scene.name_of(effect) for effect in contacts]
+        force = jnp.concatenate([force, response.contact_force], axis=1)
+        moment = jnp.pad(moment, [(0, 0), (0, len(contacts))])
+        static, static_moment = (jnp.pad(a, (0, len(contacts))) for a in (static, static_moment))
+    return Reactions(
+        time=response.time,
+        angle=instants.turning.angle,
+        force=force,
+        moment=moment,
+        static=static,
+        static_moment=static_moment,
+        names=tuple(names),
+        scene=scene,
+        solver=response.solver,
+    )
+
+
+@eqx.filter_jit
+def _all(scene: Scene, instants: Instant):
+    """Forces, moments, both of the rotor at rest, and which constraints there are."""
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+    parts = [_support(transient.system, support) for support in scene.of(Support)]
+    influence, constraints = scene.shaft.influence(), ()
+    if influence is not None:
+        constraints = tuple(dict.fromkeys(influence.owners))
+        parts.append(_constraints(scene, transient, influence))
+
+    def act(now: Instant):
+        pairs = [part(now) for part in parts]
+        join = lambda which: now.turn * jnp.concatenate([jnp.zeros(0), *(p[which] for p in pairs)])
+        return join(0), join(1)
+
+    force, moment = jax.vmap(act)(instants)
+    static, static_moment = act(_at_rest(transient.system))
+    return force, moment, static, static_moment, constraints
+
+
+def _support(system: System, support: Support) -> Act:
+    """Force and moment of a support, in the axes of the shaft."""
+    line = VirtualLine.resultant(system.line, support.at)
+    blocks = support.blocks(line)
+
+    def act(now: Instant):
+        force, moment = -resistance(blocks, now)
+        return force[None], moment[None]
+
+    return act
+
+
+def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Act:
+    """Forces and moments of the constraints, in the axes of the shaft."""
+    line = VirtualLine(line=transient.system.line, shapes=influence.shapes, slopes=influence.slopes)
+    blocks = linear(scene, line)
+    load = loads(scene, line, blocks)
+    inertia, unbalance = blocks.inertia, load.unbalance
+    forces, moments = _places(influence)
+
+    def act(now: Instant):
+        reaction = resistance(blocks, now) - acting(load, now)
+        reaction -= transient.contact(now, lambda port: line.column(port.at))
+        reaction -= transient.thrust(now, lambda race: line.column(race.at))
+        if inertia is not None:
+            reaction += inertia @ now.absolute
+        if unbalance is not None:
+            reaction += 1j * now.turning.acceleration * unbalance
+        return jnp.asarray(forces) @ reaction, jnp.asarray(moments) @ reaction
+
+    return act
+
+
+def _places(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
+    """Which line gives the force and which the moment of every constraint: 0 or 1 of (c, r)."""
+    owned = np.arange(max(influence.owners) + 1)[:, None] == np.array(influence.owners)
+    turns = np.array(influence.turns)
+    return 1.0 * (owned & ~turns), 1.0 * (owned & turns)
+
+
+def _at_rest(system: System) -> Instant:
+    """The rotor at rest under its weight."""
+    q = jnp.zeros(system.n, complex)
+    if system.load.constant is not None and system.n:
+        rest = system.at_speed(jnp.zeros(()))
+        fixed = frame(system.blocks) == "fixed"
+        pencil = Pencil.of(rest) if fixed else Pencil.mean(rest)
+        force = system.load.constant
+        pair = jnp.concatenate([force, force.conj()]) if len(pencil.inertia) > system.n else force
+        stiff = pencil.stiffness
+        rows = jnp.max(jnp.abs(stiff), axis=1, keepdims=True)
+        held = jnp.linalg.cond(stiff / jnp.where(rows > 0, rows, 1.0)) < 1e14
+        stiff = jnp.where(held, stiff, jnp.eye(len(stiff)))
+        q = jnp.where(held, jnp.linalg.solve(stiff, pair)[: system.n], jnp.nan)
+    zero = jnp.zeros(())
+    count = sum(race.bodies.places for race in system.races)
+    still = jnp.zeros(count)
+    return Instant(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
+
+
+@eqx.filter_jit
+def _instants(scene: Scene, response: Response) -> Instant:
+    """What moves how, at the samples of a motion at constant speed."""
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+    speed, none = scene.spin.speed, jnp.zeros(0)
+    plane = lambda z: jnp.stack([z.real, z.imag])
+
+    def instant(time: Scalar, q: Array, velocity: Array) -> Instant:
+        turn = jnp.exp(-1j * speed * time)
+        r = turn * q
+        drift = turn * velocity - 1j * speed * r
+        return transient.instant(time, Posture(plane(r), plane(drift), none, none, none, none))
+
+    return jax.vmap(instant)(response.time, response.coordinates, response.rates)

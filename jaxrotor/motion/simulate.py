@@ -1,0 +1,371 @@
+"""Simulate: one trajectory of one scene."""
+
+import contextlib
+import dataclasses
+from typing import Any, Literal
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float, Int
+
+from ..analysis import chosen_nodes
+from ..core.checks import check_counts
+from ..core.outcome import Outcome, steps_needed, too_long
+from ..core.pilot import Pilot, refined
+from ..core.progress import waiting
+from ..core.quantities import Scalar, known
+from ..core.tables import notebook_table
+from ..equations.pencil import check_moves
+from ..equations.start import AbstractStart, AtRest, Continued
+from ..equations.stationary_frame import Motion
+from ..equations.system import assemble, has_massless, port_groups
+from ..scene import Scene
+from ..solvers.basis import Count, well_conditioned
+from ..solvers.exponential import Exponential
+from ..spins.base import ConstantSpeed
+from .revolutions import March, Plan
+
+
+PILOT = 20  # revolutions at the end of a run by which steps are chosen
+LADDER = (64, 128, 256, 512, 1024, 2048, 4096)  # steps a revolution that are tried
+
+
+class Response(eqx.Module):
+    """Motion of a scene over the revolutions that were kept, `T` samples at `s` stations."""
+
+    time: Float[Array, " T"]  # [s] since the start
+    angle: Float[Array, " T"]  # [rad] of revolution since the start
+    displacement: Complex[Array, "T s"]  # x + i y [m]
+    velocity: Complex[Array, "T s"]  # [m/s]
+    slope: Complex[Array, "T s"]  # dz/dx [rad]
+    contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
+    coordinates: Complex[Array, "T n"]  # of the equations of motion
+    rates: Complex[Array, "T n"]  # [1/s] of them
+    stations: Float[Array, " s"]  # [m]
+    end: Continued  # state to go on from
+    unresolved: Int[Array, ""]  # steps whose changes of contact were not located, though asked for
+    scene: Scene
+    steps_per_revolution: int = eqx.field(static=True)
+    solver: str = eqx.field(static=True)
+    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # what chose "auto" settings
+
+    def _repr_html_(self) -> str:
+        largest = np.abs(self.displacement).max(axis=0)
+        heads = ("station [m]", "largest displacement [m]")
+        return notebook_table(str(self), heads, list(zip(self.stations, largest, strict=True)))
+
+    def __str__(self) -> str:
+        turns = (self.time.size - 1) / self.steps_per_revolution
+        where = ", ".join(f"{at:g}" for at in np.asarray(self.stations))
+        chosen = "".join(f"; chosen {pilot}" for pilot in self.pilots)
+        return (
+            f"Response of {turns:g} revolutions at {where} m: {self.steps_per_revolution} samples "
+            f"a revolution, {self.solver}{chosen}"
+        )
+
+
+def simulate(
+    scene: Scene,
+    revolutions: int,
+    steps_per_revolution: int | Literal["auto"] = 256,
+    *,
+    nodes: int | Literal["auto"] | None = None,
+    tolerance: float | int = 1e-3,
+    solver: Exponential | dfx.AbstractSolver | None = None,
+    controller: dfx.AbstractStepSizeController | None = None,
+    start: AbstractStart | None = None,
+    keep: int | None = None,
+    at: float | Any | None = None,
+    period: float | None = None,
+    adjoint: dfx.AbstractAdjoint | None = None,
+    max_steps: int = 4096,
+    progress: bool | None = None,
+) -> Response:
+    """Motion `M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contact forces` in time.
+
+    Args:
+        scene: what moves, at constant speed.
+        revolutions: length of the run in revolutions.
+        steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
+            diffrax solvers without an error estimate. A scene without contact is exact at any. "auto"
+            chooses them by a pilot, see `chosen_steps`.
+        nodes: of the shaft, by default its own; "auto" chooses them, see `chosen_nodes`.
+        tolerance: of "auto": of the motion over its largest displacement, of the roots.
+        solver: `Exponential()` (default) or any diffrax solver, `diffrax.Kvaerno5()`.
+        controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
+            atol 1e-10 m.
+        start: starting state, by default `AtRest()`; `response.end` continues a run.
+        keep: number of revolutions at the end to keep, by default all.
+        at: station(s) [m] to observe; by default that of the first contact, else of the first
+            effect with a station, else the end of the shaft.
+        period: length [s] of a "revolution" at zero speed; not allowed otherwise.
+        adjoint: diffrax adjoint for derivatives: forward mode by default,
+            `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
+        max_steps: steps an adaptive solver may take in one revolution.
+        progress: whether to say after two seconds that it is under way; by default on a terminal.
+
+    Returns:
+        A `Response`. A run that fails or overflows raises; when traced, it is not finite. One that
+        touched a stop too stiff for its steps raises as well, unless traced.
+
+    Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
+    """
+    keep = revolutions if keep is None else keep
+    scene, pilots = with_nodes(scene, nodes, tolerance)
+    if steps_per_revolution == "auto":
+        check_counts(revolutions=revolutions)
+        run = {"solver": solver, "controller": controller, "start": start, "at": at}
+        run |= {"period": period, "max_steps": max_steps}
+        pilots += (chosen_steps(scene, revolutions, tolerance, **run),)
+        steps_per_revolution = pilots[-1].setting
+    check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
+    if keep > revolutions:
+        raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
+    check_constant(scene, "`simulate`")
+    start = AtRest() if start is None else start
+    if not isinstance(start, AbstractStart):
+        raise ValueError(
+            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `response.end`, but is {start!r}."
+        )
+    stations = scene.stations(at)
+    rate = revolution_rate(scene, period)
+    adjoint = dfx.ForwardMode() if adjoint is None else adjoint
+    if getattr(solver, "located", False) and not isinstance(adjoint, dfx.ForwardMode):
+        raise ValueError(
+            f"Located steps have derivatives in forward mode alone, but `adjoint` is "
+            f"{type(adjoint).__name__}; use jax.jvp or jax.jacfwd, or Exponential(located=False)."
+        )
+    plan = Plan(
+        choose(solver, scene, rate, start),
+        controller,
+        adjoint,
+        max_steps,
+        steps_per_revolution,
+        slopes=True,
+        contacts=True,
+        coordinates=True,
+        together=port_groups(scene),
+    )
+    skip = revolutions - keep
+    # One program serves runs of any length, but for reverse mode.
+    if skip and plan.together and isinstance(adjoint, dfx.ForwardMode):
+        skip = jnp.asarray(skip)
+    with waiting(progress, "simulation"):
+        end, orbit, good, bounce = _run(scene, plan, start, rate, stations, skip, keep)
+        failed = known(good.ok) and not bool(good.ok)
+    if failed:
+        start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
+        raise RuntimeError(
+            "The motion did not stay finite, or the solver could not meet its tolerance: take more "
+            "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
+        )
+    if isinstance(plan.solver, Exponential):
+        check_steps(good, bounce, plan.solver.order, steps_per_revolution)
+    count = jnp.arange(keep * steps_per_revolution + 1)
+    angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
+    displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
+    return Response(
+        time=angle / rate,
+        angle=angle,
+        displacement=displacement,
+        velocity=velocity,
+        slope=slope,
+        contact_force=contact_force,
+        coordinates=coordinates,
+        rates=rates,
+        stations=stations,
+        end=Continued(*end),
+        unresolved=good.unresolved,
+        scene=scene,
+        steps_per_revolution=steps_per_revolution,
+        solver=solver_name(plan.solver),
+        pilots=pilots,
+    )
+
+
+def with_nodes(
+    scene: Scene, nodes: int | Literal["auto"] | None, tolerance: float | int
+) -> tuple[Scene, tuple[Pilot, ...]]:
+    """The scene with other nodes, and the pilot that chose them."""
+    if nodes is None:
+        return scene, ()
+    if nodes != "auto":
+        return scene.with_nodes(nodes), ()
+    pilot = chosen_nodes(scene, tolerance)
+    return scene.with_nodes(pilot.setting), (pilot,)
+
+
+def chosen_steps(
+    scene: Scene, revolutions: int, tolerance: float | int = 1e-3, **run: Any
+) -> Pilot:
+    """Steps a revolution at which half as many give the same end of a run.
+
+    The run goes to its last `PILOT` revolutions by the fewest steps of `LADDER` that stay finite; from
+    there it is repeated with twice the steps until two displacements in a row agree to `tolerance` of
+    the largest at all samples; if none do, `converged` is False and the most steps are taken. Nothing is
+    promised for longer: motions that part exponentially (chaos) may agree over so short a window.
+
+    Args:
+        scene: what moves.
+        revolutions: of the run.
+        tolerance: relative, of the displacement.
+        **run: `solver`, `start` and others of `simulate`.
+    """
+    if not all(known(leaf) for leaf in jax.tree.leaves(scene)):
+        raise ValueError(
+            'Steps "auto" are chosen by values, so not inside jax.jit or jax.grad; choose them before, '
+            "by `jaxrotor.chosen_steps`."
+        )
+    if isinstance(run.get("solver"), dfx.AbstractAdaptiveSolver):
+        raise ValueError(
+            f'Steps "auto" are for solvers of fixed steps; {solver_name(run["solver"])} chooses its own '
+            "by its tolerance, so give the number of samples."
+        )
+    window = min(PILOT, revolutions)
+    if revolutions > window:
+        run |= {"start": _end(scene, revolutions - window, run)}
+
+    def answer(steps: int) -> np.ndarray | None:
+        try:
+            seen = simulate(scene, window, steps, **run).displacement
+        except RuntimeError:  # not finite, or energy from nowhere: too few steps
+            return None
+        return np.asarray(seen)[:: steps // LADDER[0]]
+
+    return refined("steps a revolution", answer, LADDER, tolerance)
+
+
+def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
+    """End of a run by the fewest steps that it may have."""
+    for steps in LADDER[:-1]:
+        with contextlib.suppress(RuntimeError):
+            return simulate(scene, revolutions, steps, keep=1, **run).end
+    return simulate(scene, revolutions, LADDER[-1], keep=1, **run).end
+
+
+@eqx.filter_jit
+def _run(scene, plan: Plan, start, rate, stations, skip: Count, keep: int):
+    march = March.build(scene, plan, rate, stations)
+    y, first = march.skip(march.begin(start, stations[0]), skip)
+
+    def update(carry, orbit):
+        return carry, (
+            orbit.displacement,
+            orbit.velocity,
+            orbit.slope,
+            orbit.contact_force,
+            orbit.coordinates,
+        )
+
+    (y, _, good), turns = march.collect(y, None, update, keep)
+    orbit = jax.tree.map(joined, turns)
+    return march.form.decode(y), orbit, first & good, march.bounce
+
+
+def check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
+    """Refuse a motion that touched a stop with steps that cannot follow the bounce."""
+    if known(bounce) and known(good.touched) and bool(good.touched) and too_long(bounce, order):
+        raise RuntimeError(
+            "A stop was touched that is too stiff for the steps, so its bounce would gain energy: take "
+            f"{steps_needed(bounce, order, steps)} `steps_per_revolution` at the least instead of "
+            f"{steps}, or a softer stop."
+        )
+
+
+def joined(turns: Array) -> Array:
+    """(revolutions, S + 1, ...) -> (revolutions S + 1, ...): neighbours share a sample."""
+    flat = turns[:, :-1].reshape(-1, *turns.shape[2:])
+    return jnp.concatenate([flat, turns[-1:, -1]])
+
+
+def check_constant(scene: Scene, what: str) -> None:
+    """Raise unless a scene has a constant speed, and mass at all its coordinates."""
+    if not isinstance(scene.spin, ConstantSpeed):
+        raise ValueError(
+            f"{what} is for constant speed, but the spin of the scene is a "
+            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+        )
+    if has_massless(scene):
+        check_moves(assemble(scene))  # says so where nothing has mass
+        raise ValueError(
+            f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
+            "or use `jaxrotor.run_up`."
+        )
+
+
+def revolution_rate(scene: Scene, period: float | None) -> Scalar:
+    """`|Omega|`, or at zero speed 2 pi over the period the user names."""
+    speed = scene.spin.speed
+    if not known(speed):
+        if period is None:
+            return jnp.abs(speed)
+        rate = jnp.asarray(2 * jnp.pi / period)
+        return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
+    value = float(speed)  # known, also while other parameters are traced
+    if value == 0 and period is None:
+        raise ValueError(
+            "At zero speed a revolution has no length; give `period`, the seconds to count as one."
+        )
+    if value != 0 and period is not None:
+        raise ValueError(f"`period` is for zero speed only, but the speed is {value:g} rad/s.")
+    if period is not None and not period > 0:
+        raise ValueError(f"`period [s]` must be positive, but is {period}.")
+    return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
+
+
+def choose(
+    solver: Exponential | dfx.AbstractSolver | None, scene: Scene, rate: Scalar, start=None
+) -> Exponential | dfx.AbstractSolver:
+    """The solver with its basis settled: modal where eigenvectors serve, else dense."""
+    solver = checked_solver(solver)
+    if not isinstance(solver, Exponential) or solver.basis == "dense":
+        return solver
+    traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
+    if traced:
+        return dataclasses.replace(
+            solver, basis="dense" if solver.basis == "auto" else solver.basis
+        )
+    matrix, s, driven = _linear(scene, rate)
+    if driven:
+        _check_resonance(scene, np.asarray(matrix), float(s))
+    if solver.basis == "auto":
+        _, vectors = np.linalg.eig(np.asarray(matrix))
+        return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
+    return solver
+
+
+@eqx.filter_jit
+def _linear(scene: Scene, rate: Scalar):
+    motion = Motion(assemble(scene), rate)
+    return motion.matrix(), motion.s, motion.unbalance is not None
+
+
+def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:
+    if s and np.min(np.abs(1j * s - np.linalg.eigvals(matrix))) < 1e-9:
+        raise ValueError(
+            f"The speed, {float(scene.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
+            "where the response to unbalance grows without bound: add damping, move the speed, or "
+            "give a diffrax solver."
+        )
+
+
+def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
+    """The solver asked for, by default the exponential one; refuses what is none."""
+    solver = Exponential() if solver is None else solver
+    if not isinstance(solver, Exponential | dfx.AbstractSolver):
+        raise ValueError(
+            "`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but is "
+            f"{solver!r}."
+        )
+    return solver
+
+
+def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
+    """Short name of a solver for results."""
+    if isinstance(solver, Exponential):
+        located = ", located=True" if solver.located else ""
+        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located})"
+    return type(solver).__name__

@@ -1,0 +1,223 @@
+"""Report: one HTML file of a run, with all that is in it, to keep, to send and to print."""
+
+import base64
+import html
+import io
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from ..core.tables import html_table
+from ..files.toml import dumps, loads, whole
+from ..results.export import data_of
+from ..scene import Scene
+
+
+IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
+_ELSEWHERE = ("title", "scene", "assumption", "versions")  # attributes with a place of their own
+_ACCURACY = ("error", "steps_per_revolution", "precision", "tolerance", "chosen")
+_PAGE = Template("""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>$title</title>
+<style>
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 52em; margin: 2em auto; padding: 0 1em; }
+h1 { font-size: 1.5em; } h2 { font-size: 1.2em; margin-top: 2em; border-bottom: 1px solid #ccc; }
+h3 { font-size: 1em; margin-bottom: 0.3em; }
+table { border-collapse: collapse; margin: 0.5em 0 1em; font-size: 0.9em; }
+th, td { text-align: left; padding: 0.15em 1em 0.15em 0; vertical-align: top; border-bottom: 1px solid #eee; }
+td.number { text-align: right; font-variant-numeric: tabular-nums; }
+td { overflow-wrap: break-word; } pre { font-size: 0.85em; white-space: pre-wrap; background: #f6f6f6; padding: 0.8em; }
+figure { margin: 1em 0; } img { max-width: 100%; } figcaption { font-size: 0.85em; color: #555; }
+.note { background: #fff4d6; padding: 0.4em 0.8em; }
+@media print {
+  body { max-width: none; margin: 0; font-size: 10pt; }
+  figure, tr, h2, h3 { break-inside: avoid; } h2, h3 { break-after: avoid; }
+}
+</style>
+</head>
+<body>
+<h1>$title</h1>
+$body
+</body>
+</html>
+""")  # noqa: E501
+
+
+def report(
+    path: str | os.PathLike[str], *results: Any, figures: Sequence[Any] = (), title: str = ""
+) -> None:
+    """Write one HTML file of a run: scenes, figures, numbers, accuracy, status of lanes, versions.
+
+    Nothing in it is elsewhere: figures are inside, no script, nothing to fetch. Whole or not at all;
+    a file there is replaced.
+
+    Args:
+        path: the file, which ends in .html.
+        results: what `simulate`, `run_up`, `reactions` and `sweep` return, data sets, scenes.
+        figures: picture files (.png, .svg, .gif, .jpg), and figures or Axes of matplotlib.
+        title: heading, by default that of the first result.
+    """
+    target = Path(path)
+    if target.suffix != ".html":
+        raise ValueError(f"The name of a report ends in .html, but is {target.name}.")
+    if not results and not figures:
+        raise ValueError("A report needs a result, a scene or a figure; give one.")
+    data = [data_of(result) for result in results if not isinstance(result, Scene)]
+    scenes = [dumps(result) for result in results if isinstance(result, Scene)]
+    scenes = list(
+        dict.fromkeys([*scenes, *(one.attrs["scene"] for one in data if "scene" in one.attrs)])
+    )
+    title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
+    parts = [*map(_scene, scenes), *_figures(figures), *map(_numbers, data), _made(data)]
+    text = _PAGE.substitute(title=html.escape(title), body="\n".join(parts))
+    with whole(target) as draft:
+        draft.write_text(text, "utf-8", newline="\n")
+
+
+# === parts
+
+
+def _scene(text: str) -> str:
+    """Drawing, parameters, and the file to have it again."""
+    scene = loads(text, "the scene of a result")
+    said = f'<p class="note">{html.escape(scene.assumption)}</p>' if scene.assumption else ""
+    rows = []
+    for path in scene.paths():
+        leaves, unit = scene.leaves(path), scene.unit(path)
+        if any(leaf is not None for leaf in leaves):
+            values = ", ".join(_values(leaf) for leaf in leaves)
+            rows.append((path, values, "" if unit == "1" else unit))
+    return "\n".join(
+        [
+            "<h2>Scene</h2>",
+            said,
+            _drawing(scene),
+            html_table(rows, ("parameter", "value", "unit")),
+            f"<h3>Scene file</h3>\n<pre>{html.escape(text)}</pre>",
+        ]
+    )
+
+
+def _values(leaf: Any) -> str:
+    """A number or several; `-` where one of several effects has none."""
+    return "-" if leaf is None else ", ".join(map(_short, np.atleast_1d(leaf)))
+
+
+def _drawing(scene: Scene) -> str:
+    """The rotor to scale; of one that cannot be drawn, why."""
+    from . import rotor, write
+
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "rotor.png"
+        try:
+            write(picture, lambda ax: rotor(scene, ax), 170, 75)
+        except ValueError as error:
+            return f"<p>{html.escape(str(error))}</p>"
+        return _image(picture.read_bytes(), "png", "the rotor, to scale")
+
+
+def _figures(figures: Sequence[Any]) -> Iterator[str]:
+    if figures:
+        yield "<h2>Figures</h2>"
+    for number, figure in enumerate(figures, 1):
+        if isinstance(figure, str | os.PathLike):
+            yield _picture(Path(figure))
+            continue
+        figure = getattr(figure, "figure", figure)  # of Axes
+        if not hasattr(figure, "savefig"):
+            raise ValueError(
+                f"`figures` must be picture files, figures or Axes, but one is {figure!r}."
+            )
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=150)
+        yield _image(buffer.getvalue(), "png", f"figure {number}")
+
+
+def _picture(path: Path) -> str:
+    kind = IMAGES.get(path.suffix.lower())
+    if kind is None:
+        raise ValueError(f"A picture ends in {', '.join(IMAGES)}, but is {path}.")
+    try:
+        return _image(path.read_bytes(), kind, path.name)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read ({error.strerror}); give another.") from None
+
+
+def _image(content: bytes, kind: str, caption: str) -> str:
+    text, coded = html.escape(caption), base64.b64encode(content).decode("ascii")
+    source = f"data:image/{kind};base64,{coded}"
+    return f'<figure><img alt="{text}" src="{source}"><figcaption>{text}</figcaption></figure>'
+
+
+def _numbers(data: Any) -> str:
+    """What a data set holds: how its lanes went, accuracy, range of every variable, settings."""
+    parts = [f"<h2>{html.escape(str(data.attrs.get('title', 'Data')))}</h2>"]
+    if "status" in data:
+        parts.append(_statuses(data["status"]))
+    settings = {str(name): value for name, value in data.attrs.items() if name not in _ELSEWHERE}
+    accuracy = [(name, _short(settings.pop(name))) for name in _ACCURACY if name in settings]
+    accuracy += [
+        (f"{name}: {key}", _short(one.attrs[key]))
+        for name, one in data.data_vars.items()
+        for key in _ACCURACY
+        if key in one.attrs
+    ]
+    if accuracy:
+        parts += ["<h3>Accuracy</h3>", html_table(accuracy, ())]
+    parts += ["<h3>Numbers</h3>", html_table(_ranges(data), _HEADS, numbers=(2, 3, 4, 5))]
+    if settings:
+        parts += [
+            "<h3>Settings</h3>",
+            html_table([(k, _short(v)) for k, v in settings.items()], ()),
+        ]
+    return "\n".join(parts)
+
+
+_HEADS = ("", "unit", "count", "not a number", "least", "greatest", "meaning")
+
+
+def _ranges(data: Any) -> list[tuple[str, ...]]:
+    rows = []
+    for name, one in [*data.coords.items(), *data.data_vars.items()]:
+        if name == "status" or not np.issubdtype(one.dtype, np.number):
+            continue
+        values, unit = np.asarray(one.values).ravel(), str(one.attrs.get("units", ""))
+        values = np.abs(values) if np.iscomplexobj(values) else values
+        there = values[np.isfinite(values)]
+        ends = (_short(there.min()), _short(there.max())) if there.size else ("", "")
+        missing, meaning = values.size - there.size, str(one.attrs.get("long_name", ""))
+        unit = "" if unit == "1" else unit
+        rows.append((str(name), unit, str(values.size), str(missing or ""), *ends, meaning))
+    return rows
+
+
+def _statuses(status: Any) -> str:
+    """How many lanes went how, in the words of the data."""
+    words = str(status.attrs.get("flag_meanings", "")).split()
+    found, counts = np.unique(np.asarray(status.values), return_counts=True)
+    named = [words[int(k)] if 0 <= int(k) < len(words) else str(k) for k in found]
+    rows = [(name.replace("_", " "), str(count)) for name, count in zip(named, counts, strict=True)]
+    return "<h3>Lanes</h3>\n" + html_table(rows, ("status", "lanes"), numbers=(1,))
+
+
+def _made(data: Sequence[Any]) -> str:
+    """By what the results and this page were made."""
+    from ..results.provenance import versions
+
+    rows = [
+        (str(one.attrs.get("title", "data")), str(one.attrs.get("versions", ""))) for one in data
+    ]
+    return "<h2>Versions</h2>\n" + html_table([*rows, ("this page", versions())], ())
+
+
+def _short(value: Any) -> str:
+    array = np.asarray(value)
+    return f"{float(array):.7g}" if array.ndim == 0 and array.dtype.kind == "f" else str(value)

@@ -1,0 +1,1 @@
+"""Results as labelled arrays and tables, with units and what made them."""

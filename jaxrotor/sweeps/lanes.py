@@ -1,0 +1,239 @@
+"""Lanes: trajectories of one chunk, stepped together and observed as they go."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..core.compiled import QUICKLY
+from ..core.outcome import Outcome
+from ..core.parallel import first_alone, segments
+from ..equations.start import AbstractStart
+from ..motion.revolutions import March, Plan
+from ..motion.simulate import revolution_rate
+from ..scene import Scene
+from ..solvers.basis import well_conditioned
+from ..solvers.exponential import Exponential
+from ..solvers.ports import PortForm
+from .observe import AbstractObservable, Turn
+
+
+class Context(eqx.Module):
+    """What all chunks of a sweep share."""
+
+    scene: Scene
+    start: AbstractStart
+    paths: tuple[str, ...] = eqx.field(static=True)
+    plan: Plan
+    station: Float[Array, ""]
+    period: float | None = eqx.field(static=True)
+    observe: tuple[AbstractObservable, ...]
+    settle: int = eqx.field(static=True)
+    keep: int = eqx.field(static=True)
+
+
+class Stages(NamedTuple):
+    """The programs of a chunk, each compiled by the first chunk and shared by all."""
+
+    prepare: Callable
+    skip: Callable
+    keep: Callable
+    decode: Callable
+
+    @staticmethod
+    def fresh() -> "Stages":
+        return Stages(*map(first_alone, (_prepare, _skip, _keep, _decode)))
+
+    def __reduce__(self) -> tuple:  # another process compiles its own
+        return Stages.fresh, ()
+
+
+class Lanes(NamedTuple):
+    """What comes of lanes, all with the lanes in front."""
+
+    carries: tuple  # of the observables
+    stored: tuple  # by the observables of every kept revolution
+    outcome: Outcome
+    started: np.ndarray  # whether there is a state to start from
+    bounce: np.ndarray  # (lanes, 2), see `March.bounce`
+    end: tuple[np.ndarray, np.ndarray] | None  # coordinates and velocities, (lanes, n)
+
+
+def run_chunk(
+    context: Context,
+    stages: Stages,
+    points: np.ndarray,
+    size: int,
+    tick: Callable[[int], None],
+    begin: tuple[np.ndarray, np.ndarray] | None = None,
+    ends: bool = False,
+) -> Lanes:
+    """Observables of a chunk, padded to a `size`.
+
+    Lanes start where the context says, or each at its own of `begin`; with `ends` they tell where
+    they end, those that failed where they began.
+    """
+    lanes = len(points)
+    pad = lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], size - lanes, axis=0)])
+    padded = pad(points), jax.tree.map(pad, begin)
+    shared, own, y, bounce = stages.prepare(context, *padded)
+    started = np.isfinite(y).reshape(size, -1).all(axis=1)
+    decode = lambda y: jax.tree.map(np.asarray, stages.decode(shared, own, y))
+    began = decode(y) if ends else None
+    good = Outcome.good(size)
+    for revolutions in segments(context.settle):
+        y, ok = stages.skip(shared, own, y, jnp.asarray(revolutions))
+        good = good & ok
+        tick(revolutions)
+    contacts = sum(len(group) for group in context.plan.together)
+    empty = tuple(one.start(contacts) for one in context.observe)
+    # By way of numpy: weak types, which a program does not return, would have it compiled twice.
+    lanes_of = lambda leaf: jax.device_put(np.broadcast_to(leaf, (size, *np.shape(leaf))))
+    carry = jax.tree.map(lanes_of, empty)
+    stored, number = [], 0
+    for revolutions in segments(context.keep):
+        (y, carry, ok), out = stages.keep(
+            context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
+        )
+        good = good & ok
+        number += revolutions
+        stored.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], out))
+        tick(revolutions)
+    stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
+    mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
+    end = mine(_going_on(good.ok, decode(y), began)) if ends else None
+    return Lanes(mine(carry), stored, mine(good), started[:lanes], bounce[:lanes], end)
+
+
+def run_rows(
+    context: Context, stages: Stages, rows: np.ndarray, size: int, tick: Callable[[int], None]
+) -> Lanes:
+    """Observables of lanes that go through a row of points each, (lanes, points, paths).
+
+    A lane goes on at every point from the state it ended the one before with; after a point where it
+    failed, from that it came there with.
+    """
+    seen: list[Lanes] = []
+    begin = None
+    for points in rows.swapaxes(0, 1):
+        seen.append(run_chunk(context, stages, points, size, tick, begin, ends=True))
+        begin = seen[-1].end
+    whole = [lanes._replace(end=None) for lanes in seen]
+    return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *whole)
+
+
+def _going_on(ok: Any, end: Any, began: Any) -> Any:
+    """States at the end, of lanes that failed those at the beginning.
+
+    A state may be finite where what is observed of it has overflown.
+    """
+    good = np.all([np.isfinite(part).all(axis=1) for part in end], axis=0) & np.asarray(ok)
+    return jax.tree.map(lambda here, before: np.where(good[:, None], here, before), end, began)
+
+
+def _prepare(context: Context, points: np.ndarray, begin: Any):
+    """Marches of the lanes, split into what all share and what each has of its own; states, bounces.
+
+    Lanes are prepared one after the other, each in the same way whatever the size of its chunk.
+    Values tell what is shared.
+    """
+    plan = context.plan
+    if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
+        march, *begun = _build_lanes(
+            context, _with_basis(plan, plan.solver, "modal"), points, begin
+        )
+        if isinstance(march.form, PortForm) and not well_conditioned(march.form.basis.vectors):
+            march, *begun = _build_lanes(
+                context, _with_basis(plan, plan.solver, "dense"), points, begin
+            )
+    else:
+        march, *begun = _build_lanes(context, plan, points, begin)
+    arrays, constant = eqx.partition(march, eqx.is_array)
+    equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
+    shared = jax.tree.map(
+        lambda leaf, same: jax.device_put(leaf[0]) if same else None, arrays, equal
+    )
+    own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
+    y, bounce = begun
+    return eqx.combine(shared, constant), own, jax.device_put(y), bounce
+
+
+def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
+    return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
+
+
+def _build_lanes(
+    context: Context, plan: Plan, points: np.ndarray, begin: Any
+) -> tuple[March, np.ndarray, np.ndarray]:
+    cpu = jax.local_devices(backend="cpu")[0]
+    parts = (context.scene, plan, context.start, context.station, context.period)
+    with jax.default_device(cpu):  # small matrices, one lane after the other
+        lanes, constant = _build_all(
+            *parts, context.paths, jax.tree.map(jnp.asarray, (points, begin))
+        )
+    return eqx.combine(jax.device_get(lanes), constant)
+
+
+def _build_lane_by_lane(scene, plan, start, station, period, paths, lanes):
+    constant = []  # what is no array and the same for every lane: known once a lane is traced
+
+    def one(lane):
+        built = _build(scene, plan, start, station, period, paths, *lane)
+        arrays, rest = eqx.partition(built, eqx.is_array)
+        constant.append(rest)
+        return arrays
+
+    return jax.lax.map(one, lanes), constant[0]
+
+
+# Runs once for a chunk: to compile it well takes longer than all its runs.
+_build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
+
+
+def _build(
+    scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point, begin
+) -> tuple[March, Array, Float[Array, "2"]]:
+    """A lane's march, its state at the start, and how hard its stops answer."""
+    values = dict(zip(paths, point, strict=True))
+    scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
+    for path in values:
+        if path.startswith("start."):
+            name = path.removeprefix("start.")
+            start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
+    march = March.build(scene, plan, revolution_rate(scene, period), station[None])
+    y = march.begin(start, station) if begin is None else march.form.encode(*begin)
+    return march, y, march.bounce
+
+
+@eqx.filter_jit
+def _skip(shared: March, own: March, y: Array, revolutions: Int[Array, ""]):
+    return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
+
+
+@eqx.filter_jit
+def _keep(observe, shared: March, own: March, y, carry, number, count: int, revolutions: int):
+    """Some kept revolutions from the `number`-th on, of `count` in all."""
+
+    def lane(own: March, y, carry):
+        def update(state, orbit):
+            number, carries = state
+            turn = Turn.of(orbit, number, count)
+            pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
+            return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
+
+        march = eqx.combine(own, shared)
+        (y, (_, carry), ok), out = march.collect(y, (number, carry), update, revolutions)
+        return (y, carry, ok), out
+
+    return jax.vmap(lane)(own, y, carry)
+
+
+@eqx.filter_jit
+def _decode(shared: March, own: March, y: Array):
+    """Coordinates and velocities of every lane."""
+    return jax.vmap(lambda own, y: eqx.combine(own, shared).form.decode(y))(own, y)

@@ -1,0 +1,336 @@
+"""Observables: what a sweep keeps of a motion, one revolution at a time.
+
+An observable sees each kept revolution once and stores no trajectory. `update` runs inside the
+compiled sweep; `report` turns what came out, with lanes in front, into named variables.
+"""
+
+import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from ..core.quantities import Scalar
+from ..motion.revolutions import Orbit
+
+
+class Variable(NamedTuple):
+    """A reported array: dimensions behind the lanes, values, unit and long name."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    units: str
+    long_name: str
+
+
+class Turn(eqx.Module):
+    """One kept revolution at the observed station."""
+
+    z: Complex[Array, " T"]  # displacement [m], T = steps + 1
+    velocity: Complex[Array, " T"]  # [m/s]
+    contact_force: Complex[Array, "T k"] | None  # [N]
+    number: Array  # of this revolution, from 0
+    step: Scalar  # length of a step [s]
+    s: Scalar  # sign of the spin
+    count: int = eqx.field(static=True)  # revolutions kept
+
+    @classmethod
+    def of(cls, orbit: Orbit, number: Array, count: int) -> "Turn":
+        """The revolution of an orbit at its first station."""
+        z = orbit.displacement[:, 0]
+        step = 2 * jnp.pi * orbit.seconds / (z.size - 1)
+        return cls(z, orbit.velocity[:, 0], orbit.contact_force, number, step, orbit.s, count)
+
+    def in_centre(self) -> Bool[Array, " T"]:
+        """Samples at rest in the centre, or that pass it but for rounding."""
+        nothing = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
+        return jnp.abs(self.z) <= nothing * self.step * jnp.abs(self.velocity)
+
+    def turned(self) -> Float[Array, " S"]:
+        """Angle the orbit turns through in every step [rad]."""
+        return jnp.angle(self.z[1:] * jnp.conj(self.z[:-1]))
+
+
+class AbstractObservable(eqx.Module):
+    """What to keep of each revolution, and how to report it."""
+
+    needs_contact: eqx.AbstractClassVar[bool]
+
+    @abc.abstractmethod
+    def check(self, steps: int, contacts: int) -> None:
+        """Refuse steps a revolution, or a number of contacts, that cannot be observed."""
+
+    @abc.abstractmethod
+    def start(self, contacts: int) -> Any:
+        """Carry before the first revolution of a scene with so many contacts."""
+
+    @abc.abstractmethod
+    def update(self, carry: Any, turn: Turn) -> tuple[Any, Any]:
+        """Carry after a revolution, and what is stored of it."""
+
+    @abc.abstractmethod
+    def report(self, carry: Any, stored: Any, count: int) -> Mapping[str, Variable]:
+        """Variables from the last carry (lanes, ..) and the stored (lanes, revolutions, ..)."""
+
+
+class Section(AbstractObservable):
+    """Poincare section: displacement at the end of every revolution."""
+
+    needs_contact: ClassVar[bool] = False
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return None
+
+    def update(self, carry, turn: Turn):
+        return carry, jnp.stack([turn.z[-1].real, turn.z[-1].imag])
+
+    def report(self, carry, stored, count):
+        section = Variable(("revolution", "axis"), stored, "m", "displacement once a revolution")
+        return {"section": section}
+
+
+class Extrema(AbstractObservable):
+    """Local extrema of the x displacement, up to `most` in a revolution; located to O(step^4)."""
+
+    needs_contact: ClassVar[bool] = False
+    most: int = eqx.field(default=12, static=True)
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return jnp.array(0)
+
+    def update(self, carry, turn: Turn):
+        x, v = turn.z.real, turn.velocity.real
+        found = (v[:-1] * v[1:] < 0) | (v[1:] == 0) & (v[:-1] != 0)
+        fall = v[:-1] - v[1:]
+        u = jnp.clip(jnp.where(found, v[:-1] / jnp.where(found, fall, 1.0), 0.0), 0, 1)
+        value = (
+            (1 + 2 * u) * (1 - u) ** 2 * x[:-1]
+            + u**2 * (3 - 2 * u) * x[1:]
+            + turn.step * (u * (1 - u) ** 2 * v[:-1] + u**2 * (u - 1) * v[1:])
+        )
+        (where,) = jnp.nonzero(found, size=self.most, fill_value=-1)
+        kept = jnp.where(where < 0, jnp.nan, value[where])
+        return carry + jnp.maximum(jnp.sum(found) - self.most, 0), kept
+
+    def report(self, carry, stored, count):
+        return {
+            "extrema": Variable(
+                ("revolution", "extremum"), stored, "m", "local extrema of x displacement"
+            ),
+            "extrema_missed": Variable(
+                (), carry, "1", f"extrema beyond {self.most} in a revolution, not kept"
+            ),
+        }
+
+
+class Precession(AbstractObservable):
+    """Precession `Lambda = psi./Omega`: +1 forward synchronous, negative backward.
+
+    `index`: mean of Lambda over the samples. `winding`: turns of the orbit about the centre per
+    revolution. `whirl_rate`: mean with a bump weight that vanishes smoothly at both ends of the
+    window, which converges fast for periodic and quasi-periodic motion (Das, Saiki, Sander, Yorke,
+    Nonlinearity 30 (2017), eq. (2)). Undefined (NaN) for an orbit with a sample in the centre, and at
+    zero speed. Source: Azarov, Gouskov, Panovko (2023), "precession index".
+    """
+
+    needs_contact: ClassVar[bool] = False
+
+    def check(self, steps, contacts):
+        del contacts
+        if steps < 8:
+            raise ValueError(
+                f"`steps_per_revolution` = {steps} is too few to see which way an orbit turns; take 8 "
+                "or more."
+            )
+
+    def start(self, contacts):
+        zero = jnp.array(0.0)
+        return {"index": zero, "winding": zero, "whirl": zero, "weight": zero, "still": zero}
+
+    def update(self, carry, turn: Turn):
+        steps = turn.z.size - 1
+        angle, square = turn.turned(), jnp.abs(turn.z[1:]) ** 2
+        still = turn.in_centre()[1:]
+        momentum = jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:])
+        spin = jnp.where(turn.s == 0, jnp.nan, turn.s)
+        rate = turn.step * momentum / jnp.where(still, 1.0, square)
+        t = (turn.number + (jnp.arange(steps) + 0.5) / steps) / turn.count
+        bump = jnp.exp(-1 / (t * (1 - t)))
+        add = {
+            "index": spin * jnp.sum(rate) / (2 * jnp.pi),
+            "winding": spin * jnp.sum(angle) / (2 * jnp.pi),
+            "whirl": spin * jnp.sum(bump * angle) * steps / (2 * jnp.pi),
+            "weight": jnp.sum(bump),
+            "still": jnp.sum(still.astype(float)),
+        }
+        return {name: carry[name] + value for name, value in add.items()}, None
+
+    def report(self, carry, stored, count):
+        defined = np.where(np.asarray(carry["still"]) == 0, 1.0, np.nan)
+        names = {
+            "index": (carry["index"] / count, "mean of relative whirl speed"),
+            "winding": (carry["winding"] / count, "turns of the orbit per revolution"),
+            "whirl_rate": (
+                carry["whirl"] / carry["weight"],
+                "weighted mean of relative whirl speed",
+            ),
+        }
+        return {
+            name: Variable((), defined * value, "1", long) for name, (value, long) in names.items()
+        }
+
+
+class Radius(AbstractObservable):
+    """Smallest, largest and root-mean-square distance from the centre."""
+
+    needs_contact: ClassVar[bool] = False
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return jnp.inf + jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
+
+    def update(self, carry, turn: Turn):
+        low, high, square = carry
+        radius = jnp.abs(turn.z[1:])
+        carry = (
+            jnp.minimum(low, radius.min()),
+            jnp.maximum(high, radius.max()),
+            square + jnp.mean(radius**2),
+        )
+        return carry, None
+
+    def report(self, carry, stored, count):
+        low, high, square = carry
+        return {
+            "radius_min": Variable((), low, "m", "smallest radius"),
+            "radius_max": Variable((), high, "m", "largest radius"),
+            "radius_rms": Variable((), np.sqrt(square / count), "m", "rms radius"),
+        }
+
+
+class Contact(AbstractObservable):
+    """Of each contact: share of time under load, and largest resultant force."""
+
+    needs_contact: ClassVar[bool] = True
+
+    def check(self, steps, contacts):
+        if not contacts:
+            raise ValueError("`Contact` observes limiters, but the scene has none.")
+
+    def start(self, contacts):
+        return jnp.zeros(contacts), jnp.zeros(contacts)
+
+    def update(self, carry, turn: Turn):
+        duty, peak = carry
+        assert turn.contact_force is not None, "checked before the run"
+        force = jnp.abs(turn.contact_force[1:])
+        return (duty + jnp.mean(force > 0, axis=0), jnp.maximum(peak, force.max(axis=0))), None
+
+    def report(self, carry, stored, count):
+        duty, peak = carry
+        return {
+            "duty": Variable(("limiter",), duty / count, "1", "share of time in contact"),
+            "peak_force": Variable(("limiter",), peak, "N", "largest contact force"),
+        }
+
+
+class Reversal(AbstractObservable):
+    """When the whirl turns backward: the first of `window` revolutions in a row that all do.
+
+    A revolution whirls by the sign of the area it sweeps, `Int Im(conj(z) z.) dt / 2`, along the spin or
+    against it. For `jaxrotor.escapes`, which takes starts for an ensemble.
+    """
+
+    needs_contact: ClassVar[bool] = False
+    window: int = eqx.field(default=10, static=True)
+
+    def check(self, steps, contacts):
+        del contacts
+        if self.window < 1:
+            raise ValueError(f"`window` of Reversal must be at least 1, but is {self.window}.")
+        if steps < 8:
+            raise ValueError(
+                f"`steps_per_revolution` = {steps} is too few to see which way an orbit turns; take 8 "
+                "or more."
+            )
+
+    def start(self, contacts):
+        return jnp.array(0), jnp.array(-1)
+
+    def update(self, carry, turn: Turn):
+        row, first = carry
+        area = turn.s * jnp.sum(jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:]))
+        row = jnp.where(area < 0, row + 1, 0)
+        first = jnp.where((first < 0) & (row == self.window), turn.number + 1 - self.window, first)
+        return (row, first), None
+
+    def report(self, carry, stored, count):
+        _, first = carry
+        found = np.where(first < 0, np.nan, first)
+        long_name = "revolutions before the whirl turned backward"
+        watched = np.full(found.shape, max(count + 1 - self.window, 0))
+        return {
+            "reversal": Variable((), found, "1", long_name),
+            "reversal_watched": Variable(
+                (), watched, "1", "revolutions in which it may be seen to"
+            ),
+        }
+
+
+class WhirlSpectrum(AbstractObservable):
+    """Amplitude spectrum of Lambda(t): Hann window, mean removed, up to `samples`/2 cycles a revolution.
+
+    Each sample is the mean of Lambda over its share of the revolution; the spectrum is corrected
+    for that. Undefined (NaN) where the precession is. Source: Azarov, Gouskov, Panovko (2023),
+    Figs. 5, 6.
+    """
+
+    needs_contact: ClassVar[bool] = False
+    samples: int = eqx.field(default=32, static=True)
+
+    def check(self, steps, contacts):
+        if steps % self.samples:
+            raise ValueError(
+                f"`steps_per_revolution` must be a multiple of WhirlSpectrum's `samples` = "
+                f"{self.samples}, but is {steps}."
+            )
+
+    def start(self, contacts):
+        return None
+
+    def update(self, carry, turn: Turn):
+        still = jnp.any(turn.in_centre()) | (turn.s == 0)
+        share = turn.turned().reshape(self.samples, -1).sum(axis=1)
+        share = jnp.where(still, jnp.nan, share)
+        return carry, turn.s * share * self.samples / (2 * jnp.pi)
+
+    def report(self, carry, stored, count):
+        signal = np.asarray(stored).reshape(*np.shape(stored)[:-2], -1)
+        signal = signal - signal.mean(axis=-1, keepdims=True)
+        window = np.hanning(signal.shape[-1] + 1)[:-1]
+        amplitude = 2 * np.abs(np.fft.rfft(signal * window)) / window.sum()
+        frequency = np.arange(amplitude.shape[-1]) / count
+        amplitude = amplitude / np.sinc(frequency / self.samples)
+        if signal.shape[-1] % 2 == 0:
+            amplitude[..., -1] /= 2  # the highest has no negative twin
+        long_name = "amplitude of relative whirl speed"
+        return {
+            "spectrum": Variable(("frequency",), amplitude, "1", long_name),
+            "frequency": Variable(("frequency",), frequency, "1/revolution", "frequency"),
+        }
+
+
+def everything(contacts: bool = False) -> tuple[AbstractObservable, ...]:
+    """All observables but the spectrum; with `contacts`, those of limiters too."""
+    return Section(), Extrema(), Precession(), Radius(), *[Contact()][:contacts]

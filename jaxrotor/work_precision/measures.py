@@ -1,0 +1,224 @@
+"""Measures: the one number a study of accuracy asks for, by any setting."""
+
+import abc
+from typing import Any, ClassVar, Literal
+
+import diffrax as dfx
+import equinox as eqx
+import numpy as np
+
+from ..analysis import onset_speed, roots
+from ..core.outcome import failed
+from ..equations.start import AbstractStart
+from ..motion.reactions import reactions
+from ..motion.run_up import Launch, RunUp, control, run_up, suited
+from ..scene import Scene
+from ..solvers.exponential import Exponential
+from ..sweeps import observe
+from ..sweeps.sweep import sweep
+from .methods import ATOL, Method, Setting, linear, of_motion, of_run_up
+
+
+FINE_NODES = 12  # of a reference
+FINE_STEPS = 4096
+FINE_TOLERANCE = 1e-10
+SAMPLES = 256  # a revolution, of a solver that chooses its steps
+
+
+class AbstractMeasure(eqx.Module):
+    """A number of a scene, and by which methods it is usually computed."""
+
+    many: eqx.AbstractClassVar[bool]  # whether several lanes can be timed
+
+    @property
+    @abc.abstractmethod
+    def about(self) -> tuple[str, str]:
+        """Unit and long name."""
+
+    @abc.abstractmethod
+    def value(self, scene: Scene, setting: Setting, lanes: int = 1) -> complex | float:
+        """The number; the scene has the nodes and precision of the setting already."""
+
+    @abc.abstractmethod
+    def methods(self) -> tuple[Method, ...]:
+        """What to compare when nothing else is asked for."""
+
+    @abc.abstractmethod
+    def reference(self, scene: Scene) -> Setting:
+        """A setting whose answer is converged."""
+
+
+class AbstractLinear(AbstractMeasure):
+    """A number of the linear rotor: only its nodes matter."""
+
+    many: ClassVar[bool] = False
+
+    def methods(self):
+        return linear()
+
+    def reference(self, scene):
+        if not hasattr(scene.shaft, "nodes"):
+            return Setting()
+        return Setting(nodes=FINE_NODES, rule="spectral")
+
+
+class AbstractRunUp(AbstractMeasure):
+    """A number of a `run_up`, seen at `times`."""
+
+    many: ClassVar[bool] = False
+
+    def methods(self):
+        return of_run_up()
+
+    def reference(self, scene):
+        return Setting(suited(scene), tolerance=FINE_TOLERANCE)
+
+
+class OnsetSpeed(AbstractLinear):
+    """Speed where the straight rotor turns unstable, see `jaxrotor.onset_speed`."""
+
+    within: tuple[Any, Any] | None = eqx.field(default=None, static=True)  # [rad/s]
+
+    @property
+    def about(self):
+        return "rad/s", "onset speed"
+
+    def value(self, scene, setting, lanes=1):
+        return float(onset_speed(scene, self.within).speed)
+
+
+class Root(AbstractLinear):
+    """One of `jaxrotor.roots`, the slowest first."""
+
+    number: int = eqx.field(default=0, static=True)
+
+    @property
+    def about(self):
+        return "rad/s", f"root {self.number}"
+
+    def value(self, scene, setting, lanes=1):
+        return complex(roots(scene, self.number + 1)[self.number])
+
+
+class LongRun(AbstractMeasure):
+    """A number of a long motion, as `jaxrotor.sweep` observes it; the largest of all contacts.
+
+    A solver that chooses its steps is observed `SAMPLES` times a revolution, others at every step:
+    largest radius and force are those of the samples.
+    """
+
+    name: Literal[
+        "whirl_rate", "index", "radius_max", "radius_rms", "section", "peak_force", "duty"
+    ] = eqx.field(static=True)
+    start: AbstractStart | None = None
+    settle: int = eqx.field(default=200, static=True)
+    keep: int = eqx.field(default=100, static=True)
+    at: Any = None  # station [m]
+    many: ClassVar[bool] = True
+
+    @property
+    def about(self):
+        return {
+            "whirl_rate": ("1", "whirl rate over spin speed"),
+            "index": ("1", "precession index"),
+            "radius_max": ("m", "largest radius"),
+            "radius_rms": ("m", "rms radius"),
+            "section": ("m", "displacement at the end"),
+            "peak_force": ("N", "largest contact force"),
+            "duty": ("1", "share of time in contact"),
+        }[self.name]
+
+    def value(self, scene, setting, lanes=1):
+        seen: observe.AbstractObservable = {
+            "whirl_rate": observe.Precession,
+            "index": observe.Precession,
+            "radius_max": observe.Radius,
+            "radius_rms": observe.Radius,
+            "section": observe.Section,
+        }.get(self.name, observe.Contact)()
+        steps = setting.steps or SAMPLES
+        found = sweep(
+            scene,
+            {"spin.speed": np.full(lanes, float(scene.spin.speed))},
+            start=setting.cast(self.start),
+            settle=self.settle,
+            keep=self.keep,
+            observe=[seen],
+            steps_per_revolution=steps,
+            at=self.at,
+            solver=setting.solver,
+            controller=setting.controller(),
+            workers=1,  # the precision is that of this thread
+            lanes_per_chunk=lanes,
+            progress=False,
+            max_steps=max(4096, 2 * steps),
+        )
+        if failed(found["status"]).any():
+            raise RuntimeError("not finite, or the solver could not meet its tolerance")
+        first = found[self.name].isel({"spin.speed": 0}).values
+        if self.name == "section":
+            return complex(*first[-1])
+        return float(np.max(first))
+
+    def methods(self):
+        return of_motion()
+
+    def reference(self, scene):
+        return Setting(Exponential(4, located=True), FINE_STEPS)
+
+
+class Reaction(AbstractRunUp):
+    """Force of one bearing, constraint or stop in a `run_up`: the largest of its samples, or the last.
+
+    Names are those of `jaxrotor.reactions`.
+    """
+
+    times: Any  # (T,) [s]
+    name: str = eqx.field(static=True)
+    which: Literal["largest", "last"] = eqx.field(default="largest", static=True)
+    start: AbstractStart | Launch | None = None
+
+    @property
+    def about(self):
+        return "N", f"{self.which} reaction of {self.name}"
+
+    def value(self, scene, setting, lanes=1):
+        found = reactions(_run(scene, self.times, self.start, setting))
+        force = np.abs(np.asarray(found.of(self.name)))
+        return float(force.max() if self.which == "largest" else force[-1])
+
+
+class FinalState(AbstractRunUp):
+    """Where a `run_up` ends."""
+
+    times: Any  # (T,) [s]
+    name: Literal["speed", "angle", "displacement", "imbalance"] = eqx.field(static=True)
+    start: AbstractStart | Launch | None = None
+
+    @property
+    def about(self):
+        return {
+            "speed": ("rad/s", "speed at the end"),
+            "angle": ("rad", "angle of rotation at the end"),
+            "displacement": ("m", "displacement at the end"),
+            "imbalance": ("kg m", "imbalance left at the end"),
+        }[self.name]
+
+    def value(self, scene, setting, lanes=1):
+        last = np.asarray(getattr(_run(scene, self.times, self.start, setting), self.name))[-1]
+        return complex(last.flat[0]) if np.iscomplexobj(last) else float(last)
+
+
+def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> RunUp:
+    times = np.asarray(times, float)
+    solver = suited(scene) if setting.solver is None else setting.solver
+    how: dict[str, Any] = {}
+    if setting.tolerance is not None:
+        options = {"rtol": setting.tolerance, "atol": ATOL * setting.tolerance}
+        how["controller"] = control(solver, scene, **options)
+    elif setting.steps is not None:
+        share = np.arange(setting.steps) / setting.steps
+        whole = times if times[0] == 0 else np.append(0.0, times)
+        grid = np.append((whole[:-1, None] + np.diff(whole)[:, None] * share).ravel(), whole[-1])
+        how["controller"] = dfx.StepTo(ts=grid)
+    return run_up(scene, times, start=setting.cast(start), solver=solver, **how)
