@@ -88,7 +88,13 @@ from .effects import (
     Support as Support,
     Unbalance as Unbalance,
 )
-from .equations.start import AtRest as AtRest, Continued as Continued, Whirl as Whirl
+from .equations.start import (
+    AtRest as AtRest,
+    Balls as Balls,
+    Continued as Continued,
+    Launch as Launch,
+    Whirl as Whirl,
+)
 from .equations.system import System as System, assemble as assemble
 from .files.ross import from_ross as from_ross
 from .files.shipped import shipped as shipped
@@ -96,7 +102,7 @@ from .files.toml import load as load, loads as loads, save as save, study as stu
 from .files.units import SceneError as SceneError
 from .files.variants import Variant as Variant, variants as variants
 from .motion.reactions import Reactions as Reactions, reactions as reactions
-from .motion.run_up import Balls as Balls, Launch as Launch, RunUp as RunUp, run_up as run_up
+from .motion.run_up import RunUp as RunUp, run_up as run_up
 from .motion.simulate import (
     Response as Response,
     chosen_steps as chosen_steps,
@@ -127,12 +133,10 @@ from .shafts import (
 )
 from .shafts.materials import Material as Material, steel as steel
 from .solvers import Exponential as Exponential
-from .spins.base import (
-    ConstantSpeed as ConstantSpeed,
-    Drive as Drive,
-    SpeedProfile as SpeedProfile,
-    Turning as Turning,
-)
+from .spins.base import Turning as Turning
+from .spins.constant import ConstantSpeed as ConstantSpeed
+from .spins.drive import Drive as Drive
+from .spins.profile import SpeedProfile as SpeedProfile
 from .spins.riccati import (
     blow_up_time as blow_up_time,
     relaxation_rate as relaxation_rate,

@@ -19,7 +19,8 @@ from .core.representation import number_text
 from .core.tables import notebook_table
 from .effects.base import AbstractContact, AbstractEffect
 from .shafts.line import AbstractLine, AbstractShaft
-from .spins.base import AbstractSpin, constant
+from .spins.base import AbstractSpin
+from .spins.constant import constant
 
 
 Address = tuple[Any, ...]  # attribute names and tuple indices from the scene to a leaf

@@ -36,7 +36,8 @@ from jaxrotor import (
 from jaxrotor.equations.rotating_frame import Posture, Transient
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import structure
-from jaxrotor.motion.revolutions import March, Plan
+from jaxrotor.motion.base import Plan
+from jaxrotor.motion.revolutions import March
 
 
 # === size of the equations

@@ -13,7 +13,8 @@ import jaxrotor as jr
 from jaxrotor.core.parallel import chunk_size, spread
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import port_groups
-from jaxrotor.motion.revolutions import March, Plan
+from jaxrotor.motion.base import Plan
+from jaxrotor.motion.revolutions import March
 
 
 SCENE = jr.load("limiter-rotor")

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..spins.base import Drive
+from ..spins.drive import Drive
 
 
 _FAR = 1e6  # rad/s from the start, beyond which no balance of torques is looked for

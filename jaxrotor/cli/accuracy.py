@@ -8,8 +8,8 @@ import numpy as np
 import typer
 import xarray as xr
 
+from ..equations.start import Launch
 from ..files.toml import study
-from ..motion.run_up import Launch
 from ..work_precision import measures
 from ..work_precision.accuracy import accuracy as run
 from ..work_precision.methods import Method

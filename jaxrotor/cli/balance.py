@@ -27,7 +27,8 @@ from ..files.units import quantity
 from ..results.provenance import assumed
 from ..scene import Scene
 from ..shafts import RigidShaft
-from ..spins.base import Drive, SpeedProfile
+from ..spins.drive import Drive
+from ..spins.profile import SpeedProfile
 from . import answer
 from .options import AsJson, Layout, Row, SceneName, Settings, rpm, scene_of
 

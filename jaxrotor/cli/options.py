@@ -16,7 +16,7 @@ from ..files.toml import load, many, swept_values
 from ..files.units import quantity
 from ..files.vocabulary import START
 from ..scene import Scene
-from ..spins.base import Drive
+from ..spins.drive import Drive
 from .answer import AsJson as AsJson
 
 

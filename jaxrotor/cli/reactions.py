@@ -14,7 +14,7 @@ from ..motion.run_up import run_up as run
 from ..results.dataset import dataset
 from ..results.provenance import assumed
 from ..scene import Scene
-from ..spins.base import ConstantSpeed
+from ..spins.constant import ConstantSpeed
 from . import answer
 from .options import (
     AsJson,

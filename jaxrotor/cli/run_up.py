@@ -6,8 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from ..equations.start import Launch
 from ..files.toml import study
-from ..motion.run_up import Launch, RunUp, run_up as run
+from ..motion.run_up import RunUp, run_up as run
 from ..results.dataset import dataset
 from ..results.provenance import assumed
 from . import answer

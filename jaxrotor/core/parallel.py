@@ -14,9 +14,6 @@ import jax
 from .checks import check_counts
 
 
-SEGMENT = 50  # revolutions between two looks at the progress bar
-
-
 def cores(workers: int | None) -> int:
     """Chunks to run at once: those asked for, else one a core, or one a GPU."""
     if workers is not None:
@@ -91,12 +88,6 @@ class Threads:
                 sink.put(chunk, part)
 
         return spread(one, chunks, self.count, tick)
-
-
-def segments(revolutions: int) -> list[int]:
-    """Revolutions in parts, to look at the progress bar in between."""
-    whole, rest = divmod(revolutions, SEGMENT)
-    return [SEGMENT] * whole + [rest] * (rest > 0)
 
 
 def first_alone(call: Callable) -> Callable:

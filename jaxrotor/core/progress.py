@@ -108,3 +108,12 @@ def _bar(total: int, what: str, unit: str, each: int) -> Iterator:
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(COMPILING, total=total)
         yield lambda steps: bar.update(task, advance=steps, description=what)
+
+
+SEGMENT = 50  # revolutions between two looks at the progress bar
+
+
+def segments(revolutions: int) -> list[int]:
+    """Revolutions in parts, to look at the progress bar in between."""
+    whole, rest = divmod(revolutions, SEGMENT)
+    return [SEGMENT] * whole + [rest] * (rest > 0)

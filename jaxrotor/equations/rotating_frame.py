@@ -14,7 +14,9 @@ from ..core.elimination import eliminated
 from ..core.quantities import Scalar, known
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
-from ..spins.base import ConstantSpeed, Drive, Turning
+from ..spins.base import Turning
+from ..spins.constant import ConstantSpeed
+from ..spins.drive import Drive
 from .massless_coordinates import Known, MasslessCoordinates
 from .pencil import Pencil
 from .stationary_frame import check_known_in_time

@@ -2,8 +2,9 @@
 
 import abc
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar, known, nonnegative, real
 from ..core.representation import AbstractPart
@@ -66,3 +67,26 @@ class Continued(AbstractStart):
                 "in a scene with the same spans and nodes."
             )
         return self.q, self.velocity
+
+
+class Balls(eqx.Module):
+    """Bodies of one race, seen from the shaft."""
+
+    angle: Float[Array, "*T b"]  # psi = phi - theta [rad]
+    rate: Float[Array, "*T b"]  # [rad/s]
+
+
+class Launch(eqx.Module):
+    """State a run begins with.
+
+    `balls` has an entry for every race; None spreads them evenly. `speed` other than None is what a
+    `Drive` begins with, and what a `SpeedProfile` must have at its `time`; a `ConstantSpeed` jumps to
+    its own. To go on with another profile, `dataclasses.replace(run.end, time=0.0)`.
+    """
+
+    shaft: AbstractStart = eqx.field(default_factory=AtRest)
+    angle: Scalar = real("angle [rad]", default=0.0)
+    balls: tuple[Balls, ...] | None = None
+    speed: Scalar = real("speed [rad/s]", default=None)
+    time: Scalar = real("time [s]", default=0.0)  # of a profile, at which the run begins
+    stopped: Bool[Array, ""] = eqx.field(default=False, converter=jnp.asarray)  # for good

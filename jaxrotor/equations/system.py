@@ -22,7 +22,8 @@ from ..effects.base import (
 )
 from ..scene import Scene
 from ..shafts.line import AbstractLine
-from ..spins.base import AbstractSpin, constant
+from ..spins.base import AbstractSpin
+from ..spins.constant import constant
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns

@@ -25,7 +25,8 @@ from ..core.quantities import is_series, takes_matrix, unit_of
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..shafts.materials import NAMED, Material
-from ..spins.base import AbstractSpin, ConstantSpeed
+from ..spins.base import AbstractSpin
+from ..spins.constant import ConstantSpeed
 from .shipped import text_of
 from .toml_writer import dumps
 from .units import SceneError, quantity, refuse, show

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..effects import Disc
 from ..scene import Scene
 from ..shafts import Constraint, RigidShaft
-from ..spins.base import Drive
+from ..spins.drive import Drive
 from .units import refuse, show
 
 

@@ -8,13 +8,14 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.outcome import Outcome
-from ..core.quantities import Scalar
+from ..core.quantities import Scalar, known
+from ..equations.pencil import check_moves
 from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
-from ..equations.system import System, assemble
+from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, Rotation
 from ..solvers.control import step_control, tuned
@@ -22,36 +23,11 @@ from ..solvers.exponential import Exponential, ExponentialStep, revolution
 from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm
+from ..spins.constant import ConstantSpeed
+from .base import Orbit, Plan
 
 
 SHORT = 20  # revolutions of which every one may be a checkpoint
-
-
-class Plan(eqx.Module):
-    """What is decided before anything is traced: solver, steps, and which contacts share a port."""
-
-    solver: Exponential | dfx.AbstractSolver
-    controller: dfx.AbstractStepSizeController | None
-    adjoint: dfx.AbstractAdjoint
-    max_steps: int = eqx.field(static=True)  # of an adaptive solver, in one revolution
-    steps: int = eqx.field(static=True)  # samples a revolution; fixed solvers step them
-    slopes: bool = eqx.field(static=True)  # whether slopes are read besides displacements
-    contacts: bool = eqx.field(static=True)  # whether ports are read
-    coordinates: bool = eqx.field(static=True)  # whether all coordinates are read
-    together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
-    batch: bool = eqx.field(static=True, default=False)  # lanes under vmap are stepped as one
-
-
-class Orbit(eqx.Module):
-    """One revolution seen at the stations, its first and last samples included."""
-
-    displacement: Complex[Array, "T s"]  # [m]
-    velocity: Complex[Array, "T s"]  # [m/s]
-    slope: Complex[Array, "T s"] | None
-    contact_force: Complex[Array, "T k"] | None  # [N]
-    coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # and their rates
-    seconds: Scalar  # in a radian of revolution
-    s: Scalar  # sign of the spin
 
 
 class March(eqx.Module):
@@ -309,3 +285,44 @@ def _splits(solver: dfx.AbstractSolver) -> bool:
     """Whether a solver takes an explicit and an implicit part (KenCarp4 and its like)."""
     structure = solver.term_structure
     return getattr(structure, "__origin__", structure) is dfx.MultiTerm
+
+
+def joined(turns: Array) -> Array:
+    """(revolutions, S + 1, ...) -> (revolutions S + 1, ...): neighbours share a sample."""
+    flat = turns[:, :-1].reshape(-1, *turns.shape[2:])
+    return jnp.concatenate([flat, turns[-1:, -1]])
+
+
+def check_constant(scene: Scene, what: str) -> None:
+    """Raise unless a scene has a constant speed, and mass at all its coordinates."""
+    if not isinstance(scene.spin, ConstantSpeed):
+        raise ValueError(
+            f"{what} is for constant speed, but the spin of the scene is a "
+            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+        )
+    if has_massless(scene):
+        check_moves(assemble(scene))  # says so where nothing has mass
+        raise ValueError(
+            f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
+            "or use `jaxrotor.run_up`."
+        )
+
+
+def revolution_rate(scene: Scene, period: float | None) -> Scalar:
+    """`|Omega|`, or at zero speed 2 pi over the period the user names."""
+    speed = scene.spin.speed
+    if not known(speed):
+        if period is None:
+            return jnp.abs(speed)
+        rate = jnp.asarray(2 * jnp.pi / period)
+        return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
+    value = float(speed)  # known, also while other parameters are traced
+    if value == 0 and period is None:
+        raise ValueError(
+            "At zero speed a revolution has no length; give `period`, the seconds to count as one."
+        )
+    if value != 0 and period is not None:
+        raise ValueError(f"`period` is for zero speed only, but the speed is {value:g} rad/s.")
+    if period is not None and not period > 0:
+        raise ValueError(f"`period [s]` must be positive, but is {period}.")
+    return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)

@@ -1,7 +1,6 @@
 """Simulate: one trajectory of one scene."""
 
 import contextlib
-import dataclasses
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -16,17 +15,16 @@ from ..core.checks import check_counts
 from ..core.outcome import Outcome, steps_needed, too_long
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
-from ..core.quantities import Scalar, known
+from ..core.quantities import known
 from ..core.tables import notebook_table
-from ..equations.pencil import check_moves
 from ..equations.start import AbstractStart, AtRest, Continued
-from ..equations.stationary_frame import Motion
-from ..equations.system import assemble, has_massless, port_groups
+from ..equations.system import assemble, port_groups
 from ..scene import Scene
-from ..solvers.basis import Count, well_conditioned
+from ..solvers.basis import Count
+from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
-from ..spins.base import ConstantSpeed
-from .revolutions import March, Plan
+from .base import Plan
+from .revolutions import March, check_constant, joined, revolution_rate
 
 
 PILOT = 20  # revolutions at the end of a run by which steps are chosen
@@ -273,99 +271,3 @@ def check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
             f"{steps_needed(bounce, order, steps)} `steps_per_revolution` at the least instead of "
             f"{steps}, or a softer stop."
         )
-
-
-def joined(turns: Array) -> Array:
-    """(revolutions, S + 1, ...) -> (revolutions S + 1, ...): neighbours share a sample."""
-    flat = turns[:, :-1].reshape(-1, *turns.shape[2:])
-    return jnp.concatenate([flat, turns[-1:, -1]])
-
-
-def check_constant(scene: Scene, what: str) -> None:
-    """Raise unless a scene has a constant speed, and mass at all its coordinates."""
-    if not isinstance(scene.spin, ConstantSpeed):
-        raise ValueError(
-            f"{what} is for constant speed, but the spin of the scene is a "
-            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
-        )
-    if has_massless(scene):
-        check_moves(assemble(scene))  # says so where nothing has mass
-        raise ValueError(
-            f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
-            "or use `jaxrotor.run_up`."
-        )
-
-
-def revolution_rate(scene: Scene, period: float | None) -> Scalar:
-    """`|Omega|`, or at zero speed 2 pi over the period the user names."""
-    speed = scene.spin.speed
-    if not known(speed):
-        if period is None:
-            return jnp.abs(speed)
-        rate = jnp.asarray(2 * jnp.pi / period)
-        return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
-    value = float(speed)  # known, also while other parameters are traced
-    if value == 0 and period is None:
-        raise ValueError(
-            "At zero speed a revolution has no length; give `period`, the seconds to count as one."
-        )
-    if value != 0 and period is not None:
-        raise ValueError(f"`period` is for zero speed only, but the speed is {value:g} rad/s.")
-    if period is not None and not period > 0:
-        raise ValueError(f"`period [s]` must be positive, but is {period}.")
-    return jnp.abs(speed) if period is None else jnp.asarray(2 * jnp.pi / period)
-
-
-def choose(
-    solver: Exponential | dfx.AbstractSolver | None, scene: Scene, rate: Scalar, start=None
-) -> Exponential | dfx.AbstractSolver:
-    """The solver with its basis settled: modal where eigenvectors serve, else dense."""
-    solver = checked_solver(solver)
-    if not isinstance(solver, Exponential) or solver.basis == "dense":
-        return solver
-    traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
-    if traced:
-        return dataclasses.replace(
-            solver, basis="dense" if solver.basis == "auto" else solver.basis
-        )
-    matrix, s, driven = _linear(scene, rate)
-    if driven:
-        _check_resonance(scene, np.asarray(matrix), float(s))
-    if solver.basis == "auto":
-        _, vectors = np.linalg.eig(np.asarray(matrix))
-        return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
-    return solver
-
-
-@eqx.filter_jit
-def _linear(scene: Scene, rate: Scalar):
-    motion = Motion(assemble(scene), rate)
-    return motion.matrix(), motion.s, motion.unbalance is not None
-
-
-def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:
-    if s and np.min(np.abs(1j * s - np.linalg.eigvals(matrix))) < 1e-9:
-        raise ValueError(
-            f"The speed, {float(scene.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
-            "where the response to unbalance grows without bound: add damping, move the speed, or "
-            "give a diffrax solver."
-        )
-
-
-def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
-    """The solver asked for, by default the exponential one; refuses what is none."""
-    solver = Exponential() if solver is None else solver
-    if not isinstance(solver, Exponential | dfx.AbstractSolver):
-        raise ValueError(
-            "`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but is "
-            f"{solver!r}."
-        )
-    return solver
-
-
-def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
-    """Short name of a solver for results."""
-    if isinstance(solver, Exponential):
-        located = ", located=True" if solver.located else ""
-        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located})"
-    return type(solver).__name__

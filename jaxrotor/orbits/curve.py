@@ -20,9 +20,10 @@ from ..core.compiled import QUICKLY
 from ..core.quantities import Scalar
 from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
-from ..motion.revolutions import Outcome, Plan
-from ..motion.simulate import choose, joined, solver_name
+from ..motion.base import Plan
+from ..motion.revolutions import Outcome, joined
 from ..scene import Scene, check_fixed_nodes
+from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .periodic import PeriodicOrbit, wound
 from .shooting import Seen, Shooting, balanced, differentiable

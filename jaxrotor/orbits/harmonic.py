@@ -25,7 +25,8 @@ from ..equations.pencil import Pencil, check_alike, check_moves
 from ..equations.start import Continued
 from ..equations.stationary_frame import RUN_UP, check_no_balls
 from ..equations.system import System, assemble, port_groups
-from ..motion.simulate import Response, check_constant, simulate
+from ..motion.revolutions import check_constant
+from ..motion.simulate import Response, simulate
 from ..scene import Scene
 from .periodic import start_of
 

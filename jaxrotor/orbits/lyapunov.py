@@ -12,13 +12,14 @@ from jaxtyping import Array, Float, Int
 
 from ..core.checks import check_counts
 from ..core.outcome import Outcome
-from ..core.parallel import segments
-from ..core.progress import progress as bar
+from ..core.progress import progress as bar, segments
 from ..equations.start import AbstractStart, AtRest, Continued
 from ..equations.system import assemble, port_groups
-from ..motion.revolutions import March, Plan
-from ..motion.simulate import check_constant, check_steps, choose, revolution_rate, solver_name
+from ..motion.base import Plan
+from ..motion.revolutions import March, check_constant, revolution_rate
+from ..motion.simulate import check_steps
 from ..scene import Scene
+from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .periodic import start_of
 from .shooting import differentiable

@@ -20,17 +20,11 @@ from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
 from ..equations.start import AbstractStart, Continued
 from ..equations.system import System, assemble, port_groups
-from ..motion.revolutions import Plan
-from ..motion.simulate import (
-    Response,
-    check_constant,
-    choose,
-    joined,
-    revolution_rate,
-    simulate,
-    solver_name,
-)
+from ..motion.base import Plan
+from ..motion.revolutions import check_constant, joined, revolution_rate
+from ..motion.simulate import Response, simulate
 from ..scene import Scene
+from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .recurrence import recurrence
 from .shooting import Shooting, again, differentiable, missed

@@ -17,7 +17,8 @@ from ..core.quantities import Scalar
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from ..motion.revolutions import March, Orbit, Outcome, Plan
+from ..motion.base import Orbit, Plan
+from ..motion.revolutions import March, Outcome
 from ..solvers.exponential import Exponential
 
 

@@ -1,9 +1,6 @@
 """Laws of rotation of the shaft, one a file."""
 
-from .base import (
-    AbstractSpin as AbstractSpin,
-    ConstantSpeed as ConstantSpeed,
-    Drive as Drive,
-    SpeedProfile as SpeedProfile,
-    Turning as Turning,
-)
+from .base import AbstractSpin as AbstractSpin, Turning as Turning
+from .constant import ConstantSpeed as ConstantSpeed
+from .drive import Drive as Drive
+from .profile import SpeedProfile as SpeedProfile

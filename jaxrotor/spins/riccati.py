@@ -1,22 +1,13 @@
 """Closed run-up and run-down of a rotor: linear drive, linear and quadratic resistance."""
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike
 
 from ..core.extremes import smaller
 from ..core.quantities import Scalar, known
-
-
-class Turning(NamedTuple):
-    """Rotation at a time, or at many: each of the shape of the times."""
-
-    angle: Float[Array, "*time"]  # theta [rad], 0 at t = 0
-    speed: Float[Array, "*time"]  # Omega [rad/s]
-    acceleration: Float[Array, "*time"]  # Omega. [rad/s^2]
+from .base import Turning
 
 
 def riccati(

@@ -15,15 +15,16 @@ from ..core.parallel import chunk_size, cores, spread
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
-from ..equations.start import AbstractStart, AtRest
+from ..equations.start import AbstractStart, AtRest, Balls, Launch
 from ..files.toml import dumps
-from ..motion.run_up import Balls, Integration, Launch, by_race, control, imbalance_of, integrate
-from ..motion.simulate import checked_solver, solver_name
+from ..motion.run_up import by_race, imbalance_of
+from ..motion.transient import Integration, control, integrate
 from ..results.provenance import assumed, versions
 from ..scene import Scene
+from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
-from ..spins.base import Drive
+from ..spins.drive import Drive
 
 
 OUTCOMES = ("balanced", "synchronous_unbalanced", "partly_captured", "captured", "failed")

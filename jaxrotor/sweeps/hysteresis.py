@@ -10,11 +10,12 @@ import xarray as xr
 from ..analysis import balancer
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
+from ..equations.start import Launch
 from ..files.toml import dumps
-from ..motion.run_up import Launch, RunUp, run_up
+from ..motion.run_up import RunUp, run_up
 from ..results.provenance import BRANCHES, assumed, versions
 from ..scene import Scene
-from ..spins.base import SpeedProfile
+from ..spins.profile import SpeedProfile
 
 
 def hysteresis(

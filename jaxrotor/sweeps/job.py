@@ -14,8 +14,8 @@ import xarray as xr
 from ..core.outcome import STATUS, failed, statuses, too_long
 from ..core.quantities import quantity_units
 from ..files.toml import dumps
-from ..motion.simulate import solver_name
 from ..results.provenance import BRANCHES, assumed, versions
+from ..solvers.choice import solver_name
 from ..solvers.exponential import Exponential
 from .grid import Block
 from .lanes import Context, Lanes, Stages, run_chunk, run_rows

@@ -12,10 +12,11 @@ from jaxtyping import Array, Float, Int
 
 from ..core.compiled import QUICKLY
 from ..core.outcome import Outcome
-from ..core.parallel import first_alone, segments
+from ..core.parallel import first_alone
+from ..core.progress import segments
 from ..equations.start import AbstractStart
-from ..motion.revolutions import March, Plan
-from ..motion.simulate import revolution_rate
+from ..motion.base import Plan
+from ..motion.revolutions import March, revolution_rate
 from ..scene import Scene
 from ..solvers.basis import well_conditioned
 from ..solvers.exponential import Exponential

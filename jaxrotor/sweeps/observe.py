@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar
-from ..motion.revolutions import Orbit
+from ..motion.base import Orbit
 
 
 class Variable(NamedTuple):

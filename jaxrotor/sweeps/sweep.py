@@ -20,16 +20,12 @@ from ..core.progress import progress as bar
 from ..effects.base import AbstractContact
 from ..equations.start import AbstractStart, AtRest
 from ..equations.system import assemble, port_groups
-from ..motion.revolutions import Plan
-from ..motion.simulate import (
-    check_constant,
-    checked_solver,
-    chosen_steps,
-    revolution_rate,
-    with_nodes,
-)
+from ..motion.base import Plan
+from ..motion.revolutions import check_constant, revolution_rate
+from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
 from ..scene import Scene, check_fixed_nodes
+from ..solvers.choice import checked_solver
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from .cluster import crew

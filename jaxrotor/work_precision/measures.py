@@ -9,9 +9,10 @@ import numpy as np
 
 from ..analysis import onset_speed, roots
 from ..core.outcome import failed
-from ..equations.start import AbstractStart
+from ..equations.start import AbstractStart, Launch
 from ..motion.reactions import reactions
-from ..motion.run_up import Launch, RunUp, control, run_up, suited
+from ..motion.run_up import RunUp, run_up
+from ..motion.transient import control, suited
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from ..sweeps import observe

@@ -10,8 +10,8 @@ from systems import LENGTH, TIME, limiter_rotor
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import assemble
-from jaxrotor.motion.simulate import choose
 from jaxrotor.solvers.basis import WORST_CONDITION
+from jaxrotor.solvers.choice import choose
 
 
 PERIOD, STEPS = 0.5 * TIME, 16

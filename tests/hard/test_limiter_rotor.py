@@ -15,7 +15,7 @@ from scipy.linalg import expm
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import assemble
-from jaxrotor.motion.simulate import choose
+from jaxrotor.solvers.choice import choose
 
 
 LENGTH, UNIT = 0.7, 0.022646559709295067

@@ -6,7 +6,7 @@ from pathlib import Path
 from ...scene import Scene
 from ...shafts import FlexibleShaft
 from ...shafts.materials import Material
-from ...spins.base import ConstantSpeed
+from ...spins.constant import ConstantSpeed
 from ..units import SceneError, quantity, refuse
 from .bearings import discs, supports
 from .file import Notes, read

@@ -1,0 +1,240 @@
+"""Transient: integration in time at a speed that varies, a drive that comes to rest included."""
+
+from typing import Any, Literal, NamedTuple, cast
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from ..core.extremes import larger
+from ..core.quantities import Scalar
+from ..effects.base import AbstractBetween, AbstractBodies
+from ..equations.massless_coordinates import Known
+from ..equations.rotating_frame import Instant, Posture, Transient
+from ..equations.start import Launch
+from ..equations.system import System, has_massless
+from ..scene import Scene
+from ..solvers.control import step_control
+from ..spins.drive import Drive
+
+
+def suited(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
+    """Implicit where a flexible shaft has high modes, or dampers act on coordinates without mass."""
+    if has_massless(scene, system):
+        return dfx.Kvaerno5()
+    line = lambda scene: scene.line().stiffness
+    size = eqx.filter_eval_shape(line, scene).shape[0] if system is None else system.n
+    return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
+
+
+def control(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:
+    """Adaptive steps that step over no jump of the acceleration and no impact of bodies.
+
+    Free bodies move without error, so nothing else would keep a step from leaping over an impact.
+    """
+    impacts = [
+        between.duration(race.rolling * jnp.max(race.masses)) / 4
+        for between in scene.of(AbstractBetween)
+        for race in scene.of(AbstractBodies)
+    ]
+    longest = jnp.min(jnp.stack(impacts)) if impacts else None
+    steps: Any = step_control(solver, dtmax=longest, **options)
+    if steps is None or scene.spin.kinks is None:
+        return steps
+    return dfx.ClipStepSizeController(steps, jump_ts=scene.spin.kinks)
+
+
+class Integration(eqx.Module):
+    """How a run is integrated."""
+
+    solver: dfx.AbstractSolver
+    controller: dfx.AbstractStepSizeController | None
+    adjoint: dfx.AbstractAdjoint
+    substeps: int = eqx.field(static=True)
+    max_steps: int = eqx.field(static=True)
+    max_stops: int = eqx.field(static=True)
+    free: bool = eqx.field(static=True)  # whether the spin is integrated too
+    from_start: bool = eqx.field(static=True)  # whether fixed steps begin with the first sample
+    massless: Known | Literal["unknown"] | None = eqx.field(static=True)  # see `massless_of`
+
+    def solve(self, field: Transient, begin: Scalar, y: Posture, times: Array, event=None):
+        """States at `times`, whether all went well, and when and where the run ended."""
+        controller, max_steps = self.controller, self.max_steps
+        if controller is None:
+            grid = times if self.from_start else jnp.append(begin, times)
+            share = jnp.arange(self.substeps) / self.substeps
+            grid = jnp.append((grid[:-1, None] + jnp.diff(grid)[:, None] * share).ravel(), grid[-1])
+            controller, max_steps = dfx.StepTo(ts=grid), grid.size - 1
+        last = dfx.SubSaveAt(t1=True)
+        solution = dfx.diffeqsolve(
+            # Closed over rather than given: diffrax warns of complex leaves.
+            dfx.ODETerm(lambda t, y, args: field(cast(Any, t), y)),
+            self.solver,
+            begin,
+            larger(times[-1], begin),
+            None,
+            y,
+            saveat=dfx.SaveAt(subs=[dfx.SubSaveAt(ts=times), last]),
+            stepsize_controller=controller,
+            adjoint=self.adjoint,
+            max_steps=max_steps,
+            event=event,
+            throw=False,
+        )
+        (path, end), (_, ended) = cast(Any, solution.ys), cast(Any, solution.ts)
+        good = (solution.result == dfx.RESULTS.successful) | (
+            solution.result == dfx.RESULTS.event_occurred
+        )
+        return path, good, ended[-1], jax.tree.map(lambda leaf: leaf[-1], end)
+
+
+@eqx.filter_jit
+def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
+    """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
+    field, senses = Transient.of(scene, None, launch.angle, plan.massless), None
+    stopped = jnp.asarray(jnp.inf)
+    system = field.system
+    y = _posture(scene, system, launch, stations[0], field.rate, plan.free)
+    if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
+        path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
+    elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
+        path, senses, good, stopped = _run_to_rest(field, plan, launch, y, times)
+    else:
+        path, good, _, _ = plan.solve(field, jnp.zeros(()), y, times)
+    if senses is None:
+        instants = jax.vmap(field.instant)(times, path)
+    else:
+        look = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
+        instants = jax.vmap(look)(times, path, senses)
+    return instants, stopped, good & _finite(instants), _seen(system, instants, stations)
+
+
+def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool) -> Posture:
+    """State of the equations at the start."""
+    speed = scene.spin.speed
+    q, velocity = launch.shaft.state(system, station)
+    turn = jnp.exp(-1j * launch.angle)
+    plane = lambda z: jnp.stack([z.real, z.imag])
+    join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
+    alone = lambda value: jnp.reshape(value, -1)[: int(free)]
+    return Posture(
+        plane(turn * q),
+        plane(turn * (velocity - 1j * speed * q)) / rate,
+        alone(launch.angle),
+        alone(speed / rate),
+        join(balls.angle for balls in launch.balls or ()),
+        join(balls.rate for balls in launch.balls or ()) / rate,
+    )
+
+
+class _Stage(NamedTuple):
+    """A run up to where its spin came to rest or broke loose."""
+
+    time: Scalar
+    y: Posture
+    path: Posture  # at the samples
+    senses: Float[Array, " T"]  # of rotation at the samples: 1, -1, or 0 at rest
+    sense: Scalar
+    stays: Array  # whether it came to rest for good
+    stopped: Scalar  # when, infinite while it turns
+    good: Array
+
+
+def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture, times: Array):
+    """A run whose spin comes to rest, stays there, turns back or breaks loose again.
+
+    Dry friction holds a rotor while the torque of all else is not above it. Without feedback that
+    torque is constant at rest and one-signed after, so two stages are all there can be.
+    """
+    spin: Any = field.system.spin
+    dry = jnp.zeros(()) if spin.coulomb is None else jnp.asarray(spin.coulomb)
+
+    def loosened(time: Scalar, y: Posture) -> tuple[Scalar, Scalar]:
+        """The sense in which a rotor at rest starts to turn, 0 if none, and what friction spares."""
+        load = field.load(time, y)
+        spared = dry - jnp.abs(load)
+        return jnp.where(spared >= 0, 0.0, jnp.sign(load)), spared
+
+    def stage(at: _Stage, _) -> tuple[_Stage, None]:
+        turns = jnp.asarray(at.sense != 0)
+
+        def margin(t, y, args, **_):
+            held = loosened(t, y)[1] if spin.feedback and spin.coulomb is not None else 1.0
+            left = jnp.where(turns, at.sense * y.speed[0], jnp.where(at.stays, 1.0, held))
+            return jnp.where(t <= at.time, 1.0, left)
+
+        path, fine, last, end = plan.solve(
+            field.hold(~turns, at.sense),
+            at.time,
+            at.y,
+            larger(times, at.time),
+            dfx.Event(margin, optx.Newton(1e-12, 1e-12), direction=False),
+        )
+        there = last < times[-1]
+        halts = there & turns
+        end = eqx.tree_at(lambda y: y.speed, end, jnp.where(halts, 0.0, end.speed))
+        stays = at.stays | (halts & spin.stops)
+        sense = jnp.where(stays, 0.0, loosened(last, end)[0])
+        # What broke loose turns, though its margin may be zero to rounding.
+        sense = jnp.where(there & ~turns, jnp.sign(field.load(last, end)), sense)
+        sense = jnp.where(there, sense, at.sense)
+        stopped = jnp.where(there, jnp.where(sense == 0, last, jnp.inf), at.stopped)
+        later = (times > at.time) | (at.time <= 0)
+        pick = lambda a, b: jnp.where(jnp.reshape(later, (-1,) + (1,) * (a.ndim - 1)), a, b)
+        return (
+            _Stage(
+                last,
+                end,
+                jax.tree.map(pick, path, at.path),
+                pick(jnp.full(times.shape, at.sense), at.senses),
+                sense,
+                stays,
+                stopped,
+                at.good & fine,
+            ),
+            None,
+        )
+
+    begin, stays = jnp.zeros(()), jnp.asarray(launch.stopped)
+    still = y.speed[0] == 0
+    sense = jnp.where(still, loosened(begin, y)[0], jnp.sign(y.speed[0]))
+    sense = jnp.where(stays, 0.0, sense)
+    samples = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y)
+    first = _Stage(
+        begin,
+        y,
+        samples,
+        jnp.zeros(times.size),
+        sense,
+        stays,
+        jnp.where(sense == 0, 0.0, jnp.inf),
+        jnp.asarray(True),
+    )
+    count = plan.max_stops + 1 if spin.feedback else 2
+    done, _ = jax.lax.scan(stage, first, None, length=count)
+    return done.path, done.senses, done.good & (done.time >= times[-1]), done.stopped
+
+
+def _finite(instants: Instant) -> Array:
+    return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(instants)]))
+
+
+def _seen(system: System, instants: Instant, stations: Array):
+    """Displacement, velocity and contact forces in fixed axes."""
+    turn = jnp.exp(1j * instants.turning.angle)[:, None]
+    rows = jax.vmap(system.line.row)(stations)
+    velocity = jax.vmap(lambda now: now.velocity)(instants)
+    forces = None
+    if system.ports:
+        ports = jnp.stack([port.row for port in system.ports])
+        plane = lambda z: jnp.stack([z.real, z.imag], axis=-1)
+        forces = jax.vmap(system.contact_forces)(
+            plane(turn * instants.r @ ports.T),
+            plane(turn * velocity @ ports.T),
+            instants.turning.speed,
+        )
+        forces = forces[..., 0] + 1j * forces[..., 1]
+    return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces

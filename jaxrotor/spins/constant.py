@@ -1,0 +1,33 @@
+"""Constant speed of rotation."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import ArrayLike
+
+from ..core.quantities import Scalar, real
+from .base import AbstractSpin, Turning as Turning
+
+
+class ConstantSpeed(AbstractSpin):
+    """Constant speed: `theta(t) = Omega t`."""
+
+    speed: Scalar = real("speed [rad/s]")
+
+    @property
+    def given(self) -> bool:
+        return True
+
+    def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
+        del polar
+        time = jnp.asarray(time, float)
+        speed = jnp.broadcast_to(self.speed, time.shape)
+        return Turning(self.speed * time, speed, jnp.zeros_like(time))
+
+    def after(self, time: Scalar, speed: Scalar | None) -> "ConstantSpeed":
+        del time, speed
+        return self
+
+
+def constant(speed: ArrayLike) -> ConstantSpeed:
+    """`ConstantSpeed` of a speed [rad/s] as it is: no check in a compiled program."""
+    return eqx.tree_at(lambda spin: spin.speed, ConstantSpeed(0.0), jnp.asarray(speed, float))

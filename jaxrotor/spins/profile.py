@@ -1,0 +1,76 @@
+"""A speed of rotation that is given as a table over time."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import ArrayLike
+
+from ..core.extremes import larger
+from ..core.quantities import Scalar, Series, check, known, series
+from .base import AbstractSpin, Turning as Turning, check_same_length
+
+
+class SpeedProfile(AbstractSpin):
+    """Given speed: `Omega(t)` straight from each time to the next, held before and after all.
+
+    `theta(t) = Int_0^t Omega dt` exactly; at a time of the table the acceleration is the next one's.
+    """
+
+    times: Series = series("times [s]", ascending=True)
+    speeds: Series = series("speeds [rad/s]")
+
+    def __check_init__(self):
+        check_same_length(self, "times", "speeds")
+
+    @classmethod
+    def ramp(cls, start: ArrayLike, stop: ArrayLike, duration: ArrayLike) -> "SpeedProfile":
+        """From speed `start` to `stop` [rad/s] in `duration` [s] at one acceleration, then held."""
+        check(duration, "duration [s]", lambda x: x > 0, "must be positive")
+        return cls([0.0, duration], [start, stop])
+
+    @property
+    def speed(self) -> Scalar:
+        """Speed at t = 0 [rad/s]."""
+        return jnp.interp(0.0, self.times, self.speeds)
+
+    @property
+    def given(self) -> bool:
+        return True
+
+    @property
+    def kinks(self) -> Series:
+        return self.times
+
+    def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
+        del polar
+        time = jnp.asarray(time, float)
+        angle, speed, acceleration = self._since_first(time)
+        return Turning(angle - self._since_first(jnp.zeros(()))[0], speed, acceleration)
+
+    def after(self, time: Scalar, speed: Scalar | None) -> "SpeedProfile":
+        """The same from `time` on; a rotor that has another speed then is refused."""
+        later = eqx.tree_at(lambda spin: spin.times, self, self.times - time)
+        if speed is None:
+            return later
+        there = later.speed
+        jumps = abs(speed - there) > 1e-6 * larger(abs(speed), abs(there))
+        sentence = "A run goes on in a profile where that has the speed the run ended with"
+        if not known(jumps):
+            return eqx.tree_at(lambda s: s.times, later, eqx.error_if(later.times, jumps, sentence))
+        if jumps:
+            raise ValueError(
+                f"{sentence}, {float(speed):g} rad/s, but at {float(time):g} s it is {float(there):g} "
+                "rad/s; give the launch the `time` of the profile at which to begin."
+            )
+        return later
+
+    def _since_first(self, time):
+        """Angle from the first time of the table on, speed, acceleration."""
+        times, speeds = jnp.asarray(self.times), jnp.asarray(self.speeds)
+        steps = jnp.diff(times)
+        areas = jnp.cumsum(jnp.append(0.0, (speeds[1:] + speeds[:-1]) / 2 * steps))
+        rates = jnp.concatenate([jnp.zeros(1), jnp.diff(speeds) / steps, jnp.zeros(1)])
+        passed = jnp.searchsorted(times, time, side="right")
+        last = larger(passed - 1, 0)
+        t, rate = time - times[last], rates[passed]
+        angle = areas[last] + (speeds[last] + rate * t / 2) * t
+        return angle, speeds[last] + rate * t, rate
