@@ -1,7 +1,7 @@
 """Writes `docs/scene-files.md`: every key of a scene file, from the classes that read it.
 
-`python docs/scene_files.py` writes the page anew; `tests/test_scene_files.py` holds it to the classes and
-loads every example.
+`python docs/scene_files.py` writes the page anew; `tests/files/test_scene_files.py` holds it to the
+classes and loads every example.
 """
 
 import dataclasses

@@ -3,9 +3,9 @@
 import diffrax as dfx
 import numpy as np
 import pytest
+from balancer_model import MACHINE, Model
+from ball_machine import M1, M2, PSI0, RACE, D, balancer, launch, run, s_of
 from scipy.integrate import solve_ivp
-from test_balancer_theory import MACHINE, Model
-from test_ball_balancer import M1, M2, PSI0, RACE, D, balancer, launch, run, s_of
 
 import jaxrotor as jr
 

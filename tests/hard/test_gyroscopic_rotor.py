@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from test_gyroscopic import rotor
+from published import rotor
 
 import jaxrotor as jr
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_forced import dual
+from published import dual
 
 import jaxrotor as jr
 

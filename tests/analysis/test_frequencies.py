@@ -7,6 +7,7 @@ import diffrax as dfx
 import numpy as np
 import pytest
 from oracles import Beam
+from published import ONSET
 from scipy.optimize import brentq
 from systems import (
     DENSITY,
@@ -75,14 +76,6 @@ def test_uniform_cantilever():
 
 
 # === section 3.2: onset speeds and first roots
-
-ONSET = [  # eta_i, right sign (N_crit, omega), reversed sign [R]
-    (0.0025, (24.6932795, 1.8284168), (26.2647983, 1.3430319)),
-    (0.005, (13.9041252, 1.7323570), (14.2586142, 1.4602310)),
-    (0.01, (7.9154968, 1.6764461), (7.9430751, 1.5225309)),
-    (0.02, (4.7974027, 1.6467404), (4.7595744, 1.5538594)),
-    (0.05, (2.8950645, 1.6284482), (2.8524383, 1.5725612)),
-]
 
 
 @pytest.mark.slow

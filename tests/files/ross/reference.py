@@ -1,7 +1,7 @@
 """Rotors as ROSS writes them, and what ROSS computes of them: run by hand, beside the tests.
 
     pip install "ross-rotordynamics==2.3.0" "plotly<6"
-    python tests/ross/reference.py
+    python tests/files/ross/reference.py
 
 writes `example.toml`, `stepped.json` and `roots.json`: eigenvalues [rad/s] of lateral motion of the
 same rotors with every shaft element cut into 12, so that what is left of ROSS's mesh is far below

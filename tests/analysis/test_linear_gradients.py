@@ -77,7 +77,7 @@ def test_by_every_parameter(name, what):
 
 # === what the README says
 
-README = (Path(__file__).parent.parent / "README.md").read_text()
+README = (Path(__file__).parents[2] / "README.md").read_text()
 STATED = re.findall(r"`(\w+)`", re.search(r"^Differentiable: (.*?)\.$", README, re.S | re.M)[1])
 PUSH = jr.HarmonicForce(0.16125)
 DIFFERENTIABLE = {

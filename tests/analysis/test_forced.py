@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import Beam
+from published import DELTA, KAPPA, MU, dual
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 from systems import DENSITY, DIAMETER, DIAMETRAL, LENGTH, MASS, YOUNG, bare
@@ -17,26 +18,6 @@ import jaxrotor as jr
 
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
-MU, DELTA, KAPPA = 0.2, 0.1, 0.16
-
-
-def dual(scheme, p=1.0, *, alpha=1.0, nu=None, mu=MU, kappa=KAPPA, delta=DELTA, phase=0.0, more=()):
-    """The sheet's schemes with unit mass, stiffness, eccentricity and weight (along +x)."""
-    ends, supports = "rigid", []
-    if scheme != 1:
-        ends = "elastic"
-        options = {"anisotropy": nu, "rotating": scheme == 3}
-        supports = [jr.Support(at, 1 / alpha, damping=kappa, **options) for at in (0.0, 1.0)]
-    return jr.Scene(
-        jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=mu, damping=kappa, ends=ends),
-        jr.Disc(0.5, 1.0),
-        jr.DiscDamping(0.5, delta),
-        *supports,
-        jr.Unbalance(0.5, 1.0, 1.0, phase),
-        jr.Gravity(1.0, angle=0.0),
-        *more,
-        spin=jr.ConstantSpeed(p),
-    )
 
 
 def special(alpha, mu=MU):

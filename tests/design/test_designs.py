@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "notebooks"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "notebooks"))
 from designs import balancing, damping, identification, limiters  # noqa: E402
 
 

@@ -8,7 +8,7 @@ import pytest
 import jaxrotor as jr
 
 
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 # Printed by ROSS 2.3.0: python benchmarks/against_ross.py --limits --only 'disc, (crit|thre|modes)'
 CRITICAL = [
     268.2974495580294, 304.3080143465277, 1187.9461572842067,

@@ -8,28 +8,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from published import POLAR, SHIPPED, rotor
 from scipy.linalg import eigvals, expm
 from scipy.optimize import brentq, linear_sum_assignment
 
 import jaxrotor as jr
 
 
-POLAR = 2.38e-4
 CAN = {"m": 2.62, "I": 86e-4, "k11": 11.51e4, "k12": -9.28e3, "k22": 1.00e3, "eta": 0.029}
 PIN = {"m": 0.53, "I": 26e-4, "k11": 11.62e4, "k12": -8.76e3, "k22": 1.25e3, "eta": 0.032}
 AT_REST = {"CAN": (92.070550513, 389.529692329), "PIN": (283.227450656, 787.271697055)}
 SETS = {"CAN": CAN, "PIN": PIN}
-NAMES = {"CAN": "gyroscopic-cantilever", "PIN": "gyroscopic-propped"}
-SHIPPED = {name: jr.load(scene) for name, scene in NAMES.items()}
 LENGTH, STATION = 0.645, 0.645 / 4
-
-
-def rotor(name, speed=0.0, polar=POLAR, eta=None, **stiffness):
-    values = {"disc.polar": polar, "spin.speed": speed}
-    values |= {f"shaft.{key}": value for key, value in stiffness.items()}
-    if eta is not None:
-        values["hysteretic_damping.loss_factor"] = eta
-    return SHIPPED[name].put({key: jnp.asarray(value, float) for key, value in values.items()})
 
 
 def frequencies(scene):

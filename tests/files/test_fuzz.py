@@ -1,6 +1,6 @@
 """Scene files that nobody would write: each is a scene or one sentence, whatever stands in it.
 
-`JAXROTOR_FUZZ=100000 pytest -n 0 tests/test_fuzz.py` tries as many files; by default it is 2500.
+`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; by default it is 2500.
 """
 
 import contextlib
@@ -19,13 +19,13 @@ from typer.main import get_command
 
 from jaxrotor import SceneError, files
 from jaxrotor.cli import app
-from jaxrotor.files import shipped
+from jaxrotor.files.shipped import _shipped, shipped
 from jaxrotor.files.units import quantity
 
 
 PROGRAM: Any = get_command(app)
 COUNT = int(os.environ.get("JAXROTOR_FUZZ", "2500"))
-SHIPPED = [file.read_text("utf-8") for file in shipped._shipped().values()]
+SHIPPED = [file.read_text("utf-8") for file in _shipped().values()]
 LONGEST = 3100  # characters of a sentence
 
 CODE = "__import__('os').system('touch touched')"
@@ -243,7 +243,7 @@ def watched():
 
 @pytest.fixture(scope="module", autouse=True)
 def prepared(tmp_path_factory):
-    for name, _ in shipped.shipped():  # all that is imported for units and scenes,
+    for name, _ in shipped():  # all that is imported for units and scenes,
         files.load(name)
     bad = tmp_path_factory.mktemp("bad") / "bad.toml"
     bad.write_text("[shaft]\nmodel = 'rigid'\n")

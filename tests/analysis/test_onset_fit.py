@@ -5,8 +5,8 @@ N_crit = a x + b,   omega = a' x + b',   x = eta_e / eta_i from 0.5 to 5
 
 import numpy as np
 import pytest
+from published import ONSET
 from systems import TIME, limiter_rotor
-from test_frequencies import ONSET
 
 import jaxrotor as jr
 

@@ -10,7 +10,7 @@ from jaxrotor.files.toml import _read, loads
 from jaxrotor.files.vocabulary import FORMS, kinds
 
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = Path(__file__).parents[2] / "docs"
 BASE = {
     "shaft": '[shaft]\nlength = "1.2 m"\ndiameter = "40 mm"\n',
     "spin": '[spin]\nspeed = "1500 rpm"\n',
