@@ -29,7 +29,7 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxrotor as jr
-from jaxrotor.equations.rotating_frame import Posture, Transient
+from jaxrotor.equations.rotating_frame import RotatingState, Transient
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.motion.revolutions import March
 from jaxrotor.plot import colours
@@ -111,7 +111,7 @@ def field_of(scene: jr.Scene):
     shape = jnp.full((2, field.system.n), 1e-4)
     bodies = jnp.zeros(sum(race.bodies.places for race in field.system.races))
     none = jnp.zeros(0)
-    return field, Posture(shape, shape, none, none, 0.1 + bodies, bodies)
+    return field, RotatingState(shape, shape, none, none, 0.1 + bodies, bodies)
 
 
 def equations(jaxpr) -> int:

@@ -46,6 +46,13 @@ EARLIER = {  # earlier name -> where its names live now, the first that has one 
 }
 
 
+RENAMED = {  # classes that had another name there
+    "Instant": "Kinematics",
+    "Orbit": "RevolutionSamples",
+    "Posture": "RotatingState",
+}
+
+
 class _Earlier(types.ModuleType):
     """A module that is no longer there: its names are found where they live now."""
 
@@ -53,8 +60,9 @@ class _Earlier(types.ModuleType):
         if not name.startswith("__"):  # tools ask every loaded module for these
             for place in EARLIER[self.__name__.removeprefix("jaxrotor.")]:
                 module = importlib.import_module(f"jaxrotor.{place}")
-                if hasattr(module, name):
-                    return getattr(module, name)
+                for known in (name, RENAMED.get(name, name)):
+                    if hasattr(module, known):
+                        return getattr(module, known)
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
 
 

@@ -11,7 +11,7 @@ from ..core.blocks import Blocks
 from ..core.extremes import largest, within
 from ..core.quantities import Scalar, check, known
 from ..effects import AbstractLinear, Support
-from ..equations.system import loads
+from ..equations.system import assemble_load
 from ..scene import Scene
 from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
 from ..shafts.virtual import VirtualLine
@@ -47,7 +47,7 @@ def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
     Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
     line = VirtualLine.resultant(scene.line(), jnp.asarray(about, float))
-    found = loads(scene, line, Blocks()).unbalance
+    found = assemble_load(scene, line, Blocks()).unbalance
     return FirstMoments(*(jnp.zeros(2, complex) if found is None else found))
 
 

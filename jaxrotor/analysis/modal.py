@@ -20,7 +20,7 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
-from ..equations.system import System, assemble, linear
+from ..equations.system import System, assemble, assemble_blocks
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 
@@ -212,7 +212,7 @@ def inertia_shares(
     """
     if halves.shape[1] == 1:
         return jnp.stack([jnp.ones(len(halves)), jnp.zeros(len(halves))], axis=1)
-    energy = linear(scene, VirtualLine.galerkin(system.line)).inertia
+    energy = assemble_blocks(scene, VirtualLine.galerkin(system.line)).inertia
     parts = jnp.einsum("mhi,ij,mhj->mh", halves.conj(), energy, halves).real
     total = jnp.sum(parts, axis=1, keepdims=True)
     return jnp.where(total > 0, parts / jnp.where(total > 0, total, 1.0), 0.5)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 
-LONGEST_BOUNCE = {2: 2.0, 4: 0.5}  # by order: beyond it steps give energy to a bounce on average
+LARGEST_RATIO = {2: 2.0, 4: 0.5}  # by order: beyond it a bounce gains energy on average
 STATUS = (
     "ok",
     "not_finite",
@@ -50,14 +50,14 @@ class Outcome(eqx.Module):
         )
 
 
-def too_long(bounce: Any, order: int) -> Any:
-    """Whether a stop answers within a step, see `March.bounce` (.., 2)."""
-    return bounce.sum(-1) > LONGEST_BOUNCE[order]
+def too_long(ratio: Any, order: int) -> Any:
+    """Whether a stop answers within a step, see `March.contact_stiffness_ratio` (.., 2)."""
+    return ratio.sum(-1) > LARGEST_RATIO[order]
 
 
-def steps_needed(bounce: Any, order: int, steps: int) -> int:
+def steps_needed(ratio: Any, order: int, steps: int) -> int:
     """Steps a revolution at which `elastic / r^2 + viscous / r` is at its limit, `r` times as many."""
-    (elastic, viscous), limit = map(float, bounce), LONGEST_BOUNCE[order]
+    (elastic, viscous), limit = map(float, ratio), LARGEST_RATIO[order]
     return math.ceil(steps * (viscous + math.sqrt(viscous**2 + 4 * elastic * limit)) / (2 * limit))
 
 

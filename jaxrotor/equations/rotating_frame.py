@@ -20,10 +20,10 @@ from ..spins.drive import Drive
 from .massless_coordinates import Known, MasslessCoordinates
 from .pencil import Pencil
 from .stationary_frame import check_known_in_time
-from .system import LEAST_DIGITS, System, assemble, has_massless, linear, loads
+from .system import LEAST_DIGITS, System, assemble, assemble_blocks, assemble_load, has_massless
 
 
-class Posture(eqx.Module):
+class RotatingState(eqx.Module):
     """State of all that moves; what a scene does not draw has no entries.
 
     `q = r exp(i theta)`. Rates are over the reference rate, so entries are of one size.
@@ -37,7 +37,7 @@ class Posture(eqx.Module):
     bodies_rate: Float[Array, " b"]
 
 
-class Instant(NamedTuple):
+class Kinematics(NamedTuple):
     """What moves how at an instant, in the axes of the shaft."""
 
     turning: Turning
@@ -104,9 +104,9 @@ class Transient(eqx.Module):
         galerkin = resultant = rotating = None
         if isinstance(scene.spin, Drive) and scene.spin.feedback:
             line = VirtualLine.galerkin(system.line)
-            galerkin = loads(scene, line, Blocks())
-            resultant = loads(scene, VirtualLine.resultant(system.line), Blocks())
-            rotating = turning_with(linear(scene, line))
+            galerkin = assemble_load(scene, line, Blocks())
+            resultant = assemble_load(scene, VirtualLine.resultant(system.line), Blocks())
+            rotating = turning_with(assemble_blocks(scene, line))
         inertia, inverse = system.blocks.inertia, jnp.zeros((system.n, system.n))
         coordinates = None
         if massless == "unknown":
@@ -128,7 +128,7 @@ class Transient(eqx.Module):
         """The same with a free spin stopped, or not, and friction against one sense."""
         return dataclasses.replace(self, held=held, sense=sense)
 
-    def __call__(self, time: Scalar, y: Posture, args: None = None) -> Posture:
+    def __call__(self, time: Scalar, y: RotatingState, args: None = None) -> RotatingState:
         """Rates of the state per second."""
         del args
         now, rate = self.instant(time, y), self.rate
@@ -141,7 +141,7 @@ class Transient(eqx.Module):
             drift = jnp.stack([now.drift.real, now.drift.imag])
             if self.massless.undamped is not None:  # not integrated: computed at every instant
                 drift = jnp.where(self.massless.undamped, 0.0, drift)
-        return Posture(
+        return RotatingState(
             drift,
             jnp.stack([still.real, still.imag]) / rate,
             rate * y.speed,
@@ -150,7 +150,7 @@ class Transient(eqx.Module):
             (now.bodies_acceleration - acceleration) / rate,
         )
 
-    def load(self, time: Scalar, y: Posture) -> Array:
+    def breakaway_torque(self, time: Scalar, y: RotatingState) -> Array:
         """Torque on a spin at rest that dry friction has to hold [N m]."""
         if self.galerkin is None:
             return self._drive.moment(jnp.zeros(()), 0.0)
@@ -158,21 +158,21 @@ class Transient(eqx.Module):
         now = held.instant(time, y)
         return held._moment(now, held._torque(now))
 
-    def instant(self, time: Scalar, y: Posture) -> Instant:
+    def instant(self, time: Scalar, y: RotatingState) -> Kinematics:
         """All accelerations, and what they belong to."""
         system = self.system
         r, drift = (v[0] + 1j * v[1] for v in (y.r, self.rate * y.r_rate))
         turning = self._turning(time, y)
         nothing = jnp.zeros_like(y.bodies)
         spinning = turning.speed + self.rate * y.bodies_rate
-        now = Instant(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
+        now = Kinematics(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
         if self.massless is not None:
             now = self._with_massless_motion(self.massless, now)
         push = -resistance(system.blocks, now) + acting(system.load, now)
         push = push + self.contact(now, lambda port: port.column)
         torque = None if self.galerkin is None else self._torque(now)
 
-        def respond(unknown: Array) -> tuple[Instant, Array]:
+        def respond(unknown: Array) -> tuple[Kinematics, Array]:
             """The motion these accelerations would give, and by how much it contradicts them."""
             start = 0 if torque is None else 1
             seen = unknown[start::2] + 1j * unknown[start + 1 :: 2]
@@ -200,7 +200,7 @@ class Transient(eqx.Module):
 
     # --- coordinates without mass
 
-    def _with_massless_motion(self, massless: MasslessCoordinates, now: Instant) -> Instant:
+    def _with_massless_motion(self, massless: MasslessCoordinates, now: Kinematics) -> Kinematics:
         """The same instant with the displacements and velocities of massless coordinates."""
         imbalance = self._imbalance_of_forces
         now = now._replace(drift=jnp.where(massless.either, 0.0, now.drift))
@@ -219,7 +219,7 @@ class Transient(eqx.Module):
             drift = jnp.where(massless.undamped, massless.displacement(0 * now.r, residual), drift)
         return now._replace(drift=drift)
 
-    def _imbalance_of_forces(self, now: Instant) -> Array:
+    def _imbalance_of_forces(self, now: Kinematics) -> Array:
         """What inertia has to balance, with the sign of the left side; contacts and bodies excluded."""
         left = resistance(self.system.blocks, now) - acting(self.system.load, now)
         if self.system.load.unbalance is not None:
@@ -233,7 +233,7 @@ class Transient(eqx.Module):
         turning = Turning(
             jnp.asarray(self.begin), jnp.asarray(self.system.spin.speed), jnp.zeros(())
         )
-        now = Instant(turning, zero, zero, zero, none, none, none)
+        now = Kinematics(turning, zero, zero, zero, none, none, none)
         return self.massless.condition(
             lambda r: self._imbalance_of_forces(now._replace(r=r)),
             lambda drift: self._imbalance_of_forces(now._replace(drift=drift)),
@@ -241,7 +241,7 @@ class Transient(eqx.Module):
 
     # --- the spin
 
-    def _turning(self, time: Scalar, y: Posture) -> Turning:
+    def _turning(self, time: Scalar, y: RotatingState) -> Turning:
         """Rotation now; the acceleration of a spin that is fed back is not known yet."""
         polar = self.system.blocks.polar
         if not y.speed.size:
@@ -259,7 +259,7 @@ class Transient(eqx.Module):
     def _unless_held(self, acceleration: Array) -> Array:
         return acceleration if self.held is None else jnp.where(self.held, 0.0, acceleration)
 
-    def _torque(self, now: Instant) -> Array:
+    def _torque(self, now: Kinematics) -> Array:
         """Torque on the shaft less what depends on accelerations [N m]."""
         torque = self._drive.moment(now.turning.speed, self.sense)
         if self.rotating is not None:
@@ -272,12 +272,12 @@ class Transient(eqx.Module):
             torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))
         return torque
 
-    def _spin_up(self, then: Instant, torque: Array) -> Array:
+    def _spin_up(self, then: Kinematics, torque: Array) -> Array:
         """`Omega.` by the balance of moments."""
         inertia = self._drive.inertia(self.system.blocks.polar)
         return self._unless_held(self._moment(then, torque) / inertia)
 
-    def _moment(self, then: Instant, torque: Array) -> Array:
+    def _moment(self, then: Kinematics, torque: Array) -> Array:
         """Torque on the shaft with what depends on accelerations [N m]."""
         assert self.galerkin is not None and self.resultant is not None
         whole = self.resultant.unbalance
@@ -304,7 +304,9 @@ class Transient(eqx.Module):
             yield race, slice(start, stop)
             start = stop
 
-    def _roll(self, now: Instant, seen: Complex[Array, " p"], spin: Scalar) -> Float[Array, " b"]:
+    def _roll(
+        self, now: Kinematics, seen: Complex[Array, " p"], spin: Scalar
+    ) -> Float[Array, " b"]:
         """`phi..` of all bodies where their races accelerate by `seen` exp(i theta)."""
         found = [jnp.zeros(0)]
         gravity = self.system.load.gravity
@@ -323,7 +325,7 @@ class Transient(eqx.Module):
             found.append((push / bodies.race_radius + lag) / bodies.rolling)
         return jnp.concatenate(found)
 
-    def thrust(self, now: Instant, column) -> Array:
+    def thrust(self, now: Kinematics, column) -> Array:
         """Force of all bodies on the shaft beyond their mass carried by it."""
         force = jnp.zeros(())
         for race, part in self._races():
@@ -332,7 +334,7 @@ class Transient(eqx.Module):
             force = force - column(race) * race.bodies.race_radius * jnp.sum(whirl)
         return force
 
-    def contact(self, now: Instant, column) -> Array:
+    def contact(self, now: Kinematics, column) -> Array:
         """Force of all contacts on the shaft, in its axes."""
         force = jnp.zeros(())
         displacement, velocity = self._seen_by_ports(now)
@@ -341,7 +343,7 @@ class Transient(eqx.Module):
             force = force + column(port) * (both[0] + 1j * both[1]) / now.turn
         return force
 
-    def _seen_by_ports(self, now: Instant) -> tuple[list[Array], list[Array]]:
+    def _seen_by_ports(self, now: Kinematics) -> tuple[list[Array], list[Array]]:
         """Displacement and velocity [x, y] of every port."""
         plane = lambda z: jnp.stack([z.real, z.imag])
         rows = [port.row for port in self.system.ports]
@@ -357,7 +359,7 @@ def _reference(system: System) -> Scalar:
     return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))
 
 
-def resistance(blocks: Blocks, now: Instant) -> Array:
+def resistance(blocks: Blocks, now: Kinematics) -> Array:
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q + ..` times `exp(-i theta)`, without `M`.
 
     Rows are those of the blocks: equations of motion, or work on virtual displacements.
@@ -393,7 +395,7 @@ def turning_with(blocks: Blocks) -> Blocks | None:
     return found if jax.tree.leaves(found) else None
 
 
-def acting(load: Load, now: Instant) -> Array:
+def acting(load: Load, now: Kinematics) -> Array:
     """`constant exp(-i theta) + Omega^2 unbalance`; the part by `Omega.` is known later."""
     force = jnp.zeros(())
     if load.constant is not None:

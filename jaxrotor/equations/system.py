@@ -169,7 +169,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     return System(
         line,
         blocks,
-        loads(scene, line, blocks),
+        assemble_load(scene, line, blocks),
         tuple(ports),
         tuple(races),
         scene.of(AbstractBetween),
@@ -188,7 +188,7 @@ def _owners(scene: Scene, parts: dict[str, Blocks]) -> Iterator[tuple[str, str]]
         yield from ((what, scene.name_of(effect)) for effect in scene.of(kind))
 
 
-def linear(scene: Scene, line: AbstractLine) -> Blocks:
+def assemble_blocks(scene: Scene, line: AbstractLine) -> Blocks:
     """Blocks of the shaft and of all effects, as they enter the equations of a line."""
     return sum(_parts(scene, line).values(), Blocks())
 
@@ -199,7 +199,7 @@ def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
     return {"the shaft": scene.shaft.blocks(line)} | effects
 
 
-def loads(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
+def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     """All loads of a scene, as they enter the equations of a line."""
     load = Load()
     for effect in scene.of(AbstractLoad):

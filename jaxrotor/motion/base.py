@@ -23,7 +23,7 @@ class Plan(eqx.Module):
     batch: bool = eqx.field(static=True, default=False)  # lanes under vmap are stepped as one
 
 
-class Orbit(eqx.Module):
+class RevolutionSamples(eqx.Module):
     """One revolution seen at the stations, its first and last samples included."""
 
     displacement: Complex[Array, "T s"]  # [m]

@@ -11,8 +11,8 @@ from jaxtyping import Array, Complex, Float
 from ..core.quantities import Scalar, known
 from ..effects import AbstractContact, Support
 from ..equations.pencil import Pencil, frame
-from ..equations.rotating_frame import Instant, Posture, Transient, acting, resistance
-from ..equations.system import System, linear, loads
+from ..equations.rotating_frame import Kinematics, RotatingState, Transient, acting, resistance
+from ..equations.system import System, assemble_blocks, assemble_load
 from ..scene import Scene
 from ..shafts.influence import Influence
 from ..shafts.virtual import VirtualLine
@@ -21,7 +21,7 @@ from .run_up import RunUp
 from .simulate import Response
 
 
-Act = Callable[[Instant], tuple[Array, Array]]  # forces and moments, in the axes of the shaft
+Act = Callable[[Kinematics], tuple[Array, Array]]  # forces and moments, in the axes of the shaft
 
 
 class Reactions(eqx.Module):
@@ -135,7 +135,7 @@ def reactions(response: RunUp | Response) -> Reactions:
 
 
 @eqx.filter_jit
-def _all(scene: Scene, instants: Instant):
+def _all(scene: Scene, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and which constraints there are."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
     parts = [_support(transient.system, support) for support in scene.of(Support)]
@@ -144,7 +144,7 @@ def _all(scene: Scene, instants: Instant):
         constraints = tuple(dict.fromkeys(influence.owners))
         parts.append(_constraints(scene, transient, influence))
 
-    def act(now: Instant):
+    def act(now: Kinematics):
         pairs = [part(now) for part in parts]
         join = lambda which: now.turn * jnp.concatenate([jnp.zeros(0), *(p[which] for p in pairs)])
         return join(0), join(1)
@@ -159,7 +159,7 @@ def _support(system: System, support: Support) -> Act:
     line = VirtualLine.resultant(system.line, support.at)
     blocks = support.blocks(line)
 
-    def act(now: Instant):
+    def act(now: Kinematics):
         force, moment = -resistance(blocks, now)
         return force[None], moment[None]
 
@@ -169,12 +169,12 @@ def _support(system: System, support: Support) -> Act:
 def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Act:
     """Forces and moments of the constraints, in the axes of the shaft."""
     line = VirtualLine(line=transient.system.line, shapes=influence.shapes, slopes=influence.slopes)
-    blocks = linear(scene, line)
-    load = loads(scene, line, blocks)
+    blocks = assemble_blocks(scene, line)
+    load = assemble_load(scene, line, blocks)
     inertia, unbalance = blocks.inertia, load.unbalance
     forces, moments = _places(influence)
 
-    def act(now: Instant):
+    def act(now: Kinematics):
         reaction = resistance(blocks, now) - acting(load, now)
         reaction -= transient.contact(now, lambda port: line.column(port.at))
         reaction -= transient.thrust(now, lambda race: line.column(race.at))
@@ -194,7 +194,7 @@ def _places(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
     return 1.0 * (owned & ~turns), 1.0 * (owned & turns)
 
 
-def _at_rest(system: System) -> Instant:
+def _at_rest(system: System) -> Kinematics:
     """The rotor at rest under its weight."""
     q = jnp.zeros(system.n, complex)
     if system.load.constant is not None and system.n:
@@ -211,20 +211,22 @@ def _at_rest(system: System) -> Instant:
     zero = jnp.zeros(())
     count = sum(race.bodies.places for race in system.races)
     still = jnp.zeros(count)
-    return Instant(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
+    return Kinematics(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
 
 
 @eqx.filter_jit
-def _instants(scene: Scene, response: Response) -> Instant:
+def _instants(scene: Scene, response: Response) -> Kinematics:
     """What moves how, at the samples of a motion at constant speed."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
     speed, none = scene.spin.speed, jnp.zeros(0)
     plane = lambda z: jnp.stack([z.real, z.imag])
 
-    def instant(time: Scalar, q: Array, velocity: Array) -> Instant:
+    def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
         turn = jnp.exp(-1j * speed * time)
         r = turn * q
         drift = turn * velocity - 1j * speed * r
-        return transient.instant(time, Posture(plane(r), plane(drift), none, none, none, none))
+        return transient.instant(
+            time, RotatingState(plane(r), plane(drift), none, none, none, none)
+        )
 
     return jax.vmap(instant)(response.time, response.coordinates, response.rates)

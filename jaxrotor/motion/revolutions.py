@@ -24,7 +24,7 @@ from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm
 from ..spins.constant import ConstantSpeed
-from .base import Orbit, Plan
+from .base import Plan, RevolutionSamples
 
 
 SHORT = 20  # revolutions of which every one may be a checkpoint
@@ -74,7 +74,7 @@ class March(eqx.Module):
             return cls(system, stations, PhysicalForm(motion, rows), plan, None, None, span)
         form = plan.solver.form(system, motion, rows)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
-        free = None if step is None else form.hop(span)
+        free = None if step is None else form.free_propagator(span)
         return cls(system, stations, form, plan, step, free, span)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
@@ -82,7 +82,7 @@ class March(eqx.Module):
         return self.form.encode(*start.state(self.system, at))
 
     @property
-    def bounce(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
         """Force with which a stop answers a unit of force held over one step, of the hardest port.
 
         `k d` and `c v`, with the stop's stiffness `k` and damping `c`, and the displacement `d` and
@@ -104,7 +104,7 @@ class March(eqx.Module):
         A traced number of revolutions serves any length by one program, in forward mode alone.
         """
         if self.step is None and isinstance(self.form, PortForm):  # linear: no stepping
-            return self.form.fly(y, revolutions), Outcome.good()
+            return self.form.advance_free(y, revolutions), Outcome.good()
 
         def turn(carry, _):
             y, good = carry
@@ -121,14 +121,14 @@ class March(eqx.Module):
     def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
         """One revolution: state at its end, stations at its S + 1 samples, outcome."""
         if self.step is None and isinstance(self.form, PortForm):
-            return self._glide(self.form, y)
+            return self._sample_free(self.form, y)
         return self._step(y, sample=True)
 
-    def _glide(self, form: PortForm, y: Array):
+    def _sample_free(self, form: PortForm, y: Array):
         """One revolution of a linear scene: exact hops from sample to sample."""
-        advance, grid = form.hop(self.span / self.plan.steps), self._grid()
-        hop = lambda y, theta: (advance(y), form.read(theta, y))
-        y, samples = jax.lax.scan(hop, y, grid[:-1])
+        advance, grid = form.free_propagator(self.span / self.plan.steps), self._grid()
+        one = lambda y, theta: (advance(y), form.read(theta, y))
+        y, samples = jax.lax.scan(one, y, grid[:-1])
         last = form.read(grid[-1], y)
         done = self._outcome(y, y)
         return y, jnp.concatenate([samples, last[None]]), done
@@ -144,7 +144,7 @@ class March(eqx.Module):
 
         return self._scan(turn, (y, carry, Outcome.good()), revolutions)
 
-    def orbit(self, samples: Float[Array, "T 2 2 r"]) -> "Orbit":
+    def orbit(self, samples: Float[Array, "T 2 2 r"]) -> "RevolutionSamples":
         """What the samples of a revolution say, by name."""
         seen = samples[:, 0] + 1j * samples[:, 1]  # (S + 1, displacement or velocity, rows)
         s = self.stations.size
@@ -161,7 +161,7 @@ class March(eqx.Module):
         if self.plan.coordinates:
             own = slice(s + s * self.plan.slopes, s + s * self.plan.slopes + self.system.n)
             coordinates = displacement[:, own], velocity[:, own]
-        return Orbit(
+        return RevolutionSamples(
             displacement[:, :s],
             velocity[:, :s],
             slope,

@@ -15,7 +15,7 @@ from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
 from ..effects.base import AbstractBodies
-from ..equations.rotating_frame import Instant, massless_of
+from ..equations.rotating_frame import Kinematics, massless_of
 from ..equations.start import AbstractStart, AtRest, Balls, Continued, Launch
 from ..equations.system import assemble
 from ..scene import Scene
@@ -39,7 +39,7 @@ class RunUp(eqx.Module):
     balls: tuple[Balls, ...]
     stations: Float[Array, " s"]  # [m]
     stopped: Scalar  # when the rotor came to rest for good [s], infinite if never
-    instants: Instant  # of everything, (T, ..)
+    instants: Kinematics  # of everything, (T, ..)
     end: Launch  # to go on from
     scene: Scene
     solver: str = eqx.field(static=True)
@@ -187,7 +187,7 @@ def _whole(launch: Launch, counts: list[int]) -> Launch:
 class _Motion(NamedTuple):
     """What a run computes, and the state it ends with."""
 
-    instants: Instant
+    instants: Kinematics
     stopped: Scalar
     good: Array
     seen: tuple[Array, Array, Array | None]

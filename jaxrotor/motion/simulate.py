@@ -152,7 +152,7 @@ def simulate(
     if skip and plan.together and isinstance(adjoint, dfx.ForwardMode):
         skip = jnp.asarray(skip)
     with waiting(progress, "simulation"):
-        end, orbit, good, bounce = _run(scene, plan, start, rate, stations, skip, keep)
+        end, orbit, good, ratio = _run(scene, plan, start, rate, stations, skip, keep)
         failed = known(good.ok) and not bool(good.ok)
     if failed:
         start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
@@ -161,7 +161,7 @@ def simulate(
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
         )
     if isinstance(plan.solver, Exponential):
-        check_steps(good, bounce, plan.solver.order, steps_per_revolution)
+        check_steps(good, ratio, plan.solver.order, steps_per_revolution)
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
     displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
@@ -260,14 +260,14 @@ def _run(scene, plan: Plan, start, rate, stations, skip: Count, keep: int):
 
     (y, _, good), turns = march.collect(y, None, update, keep)
     orbit = jax.tree.map(joined, turns)
-    return march.form.decode(y), orbit, first & good, march.bounce
+    return march.form.decode(y), orbit, first & good, march.contact_stiffness_ratio
 
 
-def check_steps(good: Outcome, bounce: Array, order: int, steps: int) -> None:
+def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:
     """Refuse a motion that touched a stop with steps that cannot follow the bounce."""
-    if known(bounce) and known(good.touched) and bool(good.touched) and too_long(bounce, order):
+    if known(ratio) and known(good.touched) and bool(good.touched) and too_long(ratio, order):
         raise RuntimeError(
             "A stop was touched that is too stiff for the steps, so its bounce would gain energy: take "
-            f"{steps_needed(bounce, order, steps)} `steps_per_revolution` at the least instead of "
+            f"{steps_needed(ratio, order, steps)} `steps_per_revolution` at the least instead of "
             f"{steps}, or a softer stop."
         )

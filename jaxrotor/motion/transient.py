@@ -13,7 +13,7 @@ from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
 from ..equations.massless_coordinates import Known
-from ..equations.rotating_frame import Instant, Posture, Transient
+from ..equations.rotating_frame import Kinematics, RotatingState, Transient
 from ..equations.start import Launch
 from ..equations.system import System, has_massless
 from ..scene import Scene
@@ -60,7 +60,7 @@ class Integration(eqx.Module):
     from_start: bool = eqx.field(static=True)  # whether fixed steps begin with the first sample
     massless: Known | Literal["unknown"] | None = eqx.field(static=True)  # see `massless_of`
 
-    def solve(self, field: Transient, begin: Scalar, y: Posture, times: Array, event=None):
+    def solve(self, field: Transient, begin: Scalar, y: RotatingState, times: Array, event=None):
         """States at `times`, whether all went well, and when and where the run ended."""
         controller, max_steps = self.controller, self.max_steps
         if controller is None:
@@ -97,7 +97,7 @@ def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan:
     field, senses = Transient.of(scene, None, launch.angle, plan.massless), None
     stopped = jnp.asarray(jnp.inf)
     system = field.system
-    y = _posture(scene, system, launch, stations[0], field.rate, plan.free)
+    y = _first_state(scene, system, launch, stations[0], field.rate, plan.free)
     if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
         path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
     elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
@@ -112,7 +112,9 @@ def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan:
     return instants, stopped, good & _finite(instants), _seen(system, instants, stations)
 
 
-def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool) -> Posture:
+def _first_state(
+    scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool
+) -> RotatingState:
     """State of the equations at the start."""
     speed = scene.spin.speed
     q, velocity = launch.shaft.state(system, station)
@@ -120,7 +122,7 @@ def _posture(scene, system, launch: Launch, station: Scalar, rate: Scalar, free:
     plane = lambda z: jnp.stack([z.real, z.imag])
     join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
     alone = lambda value: jnp.reshape(value, -1)[: int(free)]
-    return Posture(
+    return RotatingState(
         plane(turn * q),
         plane(turn * (velocity - 1j * speed * q)) / rate,
         alone(launch.angle),
@@ -134,8 +136,8 @@ class _Stage(NamedTuple):
     """A run up to where its spin came to rest or broke loose."""
 
     time: Scalar
-    y: Posture
-    path: Posture  # at the samples
+    y: RotatingState
+    path: RotatingState  # at the samples
     senses: Float[Array, " T"]  # of rotation at the samples: 1, -1, or 0 at rest
     sense: Scalar
     stays: Array  # whether it came to rest for good
@@ -143,7 +145,9 @@ class _Stage(NamedTuple):
     good: Array
 
 
-def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture, times: Array):
+def _run_to_rest(
+    field: Transient, plan: Integration, launch: Launch, y: RotatingState, times: Array
+):
     """A run whose spin comes to rest, stays there, turns back or breaks loose again.
 
     Dry friction holds a rotor while the torque of all else is not above it. Without feedback that
@@ -152,9 +156,9 @@ def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture
     spin: Any = field.system.spin
     dry = jnp.zeros(()) if spin.coulomb is None else jnp.asarray(spin.coulomb)
 
-    def loosened(time: Scalar, y: Posture) -> tuple[Scalar, Scalar]:
+    def loosened(time: Scalar, y: RotatingState) -> tuple[Scalar, Scalar]:
         """The sense in which a rotor at rest starts to turn, 0 if none, and what friction spares."""
-        load = field.load(time, y)
+        load = field.breakaway_torque(time, y)
         spared = dry - jnp.abs(load)
         return jnp.where(spared >= 0, 0.0, jnp.sign(load)), spared
 
@@ -179,7 +183,7 @@ def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture
         stays = at.stays | (halts & spin.stops)
         sense = jnp.where(stays, 0.0, loosened(last, end)[0])
         # What broke loose turns, though its margin may be zero to rounding.
-        sense = jnp.where(there & ~turns, jnp.sign(field.load(last, end)), sense)
+        sense = jnp.where(there & ~turns, jnp.sign(field.breakaway_torque(last, end)), sense)
         sense = jnp.where(there, sense, at.sense)
         stopped = jnp.where(there, jnp.where(sense == 0, last, jnp.inf), at.stopped)
         later = (times > at.time) | (at.time <= 0)
@@ -218,11 +222,11 @@ def _run_to_rest(field: Transient, plan: Integration, launch: Launch, y: Posture
     return done.path, done.senses, done.good & (done.time >= times[-1]), done.stopped
 
 
-def _finite(instants: Instant) -> Array:
+def _finite(instants: Kinematics) -> Array:
     return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(instants)]))
 
 
-def _seen(system: System, instants: Instant, stations: Array):
+def _seen(system: System, instants: Kinematics, stations: Array):
     """Displacement, velocity and contact forces in fixed axes."""
     turn = jnp.exp(1j * instants.turning.angle)[:, None]
     rows = jax.vmap(system.line.row)(stations)

@@ -25,8 +25,8 @@ from ..motion.revolutions import Outcome, joined
 from ..scene import Scene, check_fixed_nodes
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
-from .periodic import PeriodicOrbit, wound
-from .shooting import Seen, Shooting, balanced, differentiable
+from .periodic import PeriodicOrbit, winding_angle
+from .shooting import Seen, Shooting, differentiable, without_unbalance
 from .symmetry import SAME, changes, order
 
 
@@ -89,7 +89,7 @@ class Curve(eqx.Module):
         """The equations there."""
         system = assemble(self.scene.put({self.path: self.value(s)}), self.plan.together)
         if self.revolutions is None:
-            system = balanced(system)
+            system = without_unbalance(system)
         return system
 
     def shooting(self, system: System, gauge: Gauge) -> Shooting:
@@ -171,7 +171,7 @@ def _look(curve: Curve, u: Float[Array, " b"], gauge: Gauge) -> Look:
         seen,
         *_clearances(curve, shooting.system, seen),
         period,
-        wound(seen.displacement[:, 0], curve.turn),
+        winding_angle(seen.displacement[:, 0], curve.turn),
         shooting.system.spin.speed,
         outcome,
     )

@@ -146,7 +146,7 @@ def lyapunov(
             "The motion did not stay finite: take more `steps_per_revolution`, or look at "
             "`jaxrotor.roots` for growth."
         )
-    check_steps(good, march.bounce, chosen.order, steps_per_revolution)
+    check_steps(good, march.contact_stiffness_ratio, chosen.order, steps_per_revolution)
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
     exponents, error = ordered(*mean_and_error(growth), length)

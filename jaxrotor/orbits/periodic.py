@@ -28,7 +28,7 @@ from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .recurrence import recurrence
 from .shooting import Shooting, again, differentiable, missed
-from .symmetry import SAME, changes, kept, order
+from .symmetry import SAME, changes, nan_unless_symmetric, order
 
 
 LEAST = 16  # steps in a period
@@ -279,7 +279,7 @@ def _find(
     multipliers, trivial = shooting.multipliers(x, jnp.where(converged, jacobian, jnp.nan))
     (q, velocity), span = shooting.decode(x), shooting.length(x)
     period = shooting.revolutions * span / aim.rate
-    turn = wound(seen.displacement[:, 0], aim.turn)
+    turn = winding_angle(seen.displacement[:, 0], aim.turn)
     return PeriodicOrbit(
         start=Continued(q, velocity),
         period=period,
@@ -307,10 +307,10 @@ _COMPILED = eqx.filter_jit(_find)
 _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
 
 
-def wound(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
+def winding_angle(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
     """The turn with all whole turns about the centre; not a number through the centre."""
-    wound = jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1])))
-    whole = jax.lax.stop_gradient(jnp.round((wound - turn) / (2 * jnp.pi)))
+    winding_angle = jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1])))
+    whole = jax.lax.stop_gradient(jnp.round((winding_angle - turn) / (2 * jnp.pi)))
     return jnp.where(jnp.any(z == 0), jnp.nan, turn + 2 * jnp.pi * whole)
 
 
@@ -380,7 +380,9 @@ def _free(
     turns = _turns(guess.scene, guess.period) if orbit else _turns(scene, period)
     steps = max(LEAST, math.ceil(steps_per_revolution * turns * (1 - 1e-9)))
     start = start_of(guess).state(system, stations[0])
-    return _Aim(start, rate, rate * jnp.asarray(period), kept(turn, broken), None, steps)
+    return _Aim(
+        start, rate, rate * jnp.asarray(period), nan_unless_symmetric(turn, broken), None, steps
+    )
 
 
 def _rate(scene: Scene, period: Any) -> Scalar:

@@ -17,7 +17,7 @@ from ..core.quantities import Scalar
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from ..motion.base import Orbit, Plan
+from ..motion.base import Plan, RevolutionSamples
 from ..motion.revolutions import March, Outcome
 from ..solvers.exponential import Exponential
 
@@ -33,7 +33,7 @@ class Seen(NamedTuple):
     contact_force: Complex[Array, "... T k"] | None  # [N]
 
     @classmethod
-    def of(cls, orbit: Orbit) -> "Seen":
+    def of(cls, orbit: RevolutionSamples) -> "Seen":
         return cls(orbit.displacement, orbit.velocity, orbit.contact_force)
 
 
@@ -69,7 +69,7 @@ class Shooting(eqx.Module):
     ) -> "Shooting":
         """The problem near a start (q, velocity); of so many `revolutions`, or of its own period."""
         if revolutions is None:  # nothing tells one instant from another
-            system = balanced(system)
+            system = without_unbalance(system)
         moved = (part for part in steady_response(system) if part is not None)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *moved])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
@@ -217,7 +217,7 @@ def _no_tangent(leaf: Array) -> Array | None:
     return jnp.zeros_like(leaf) if eqx.is_inexact_array(leaf) else None
 
 
-def balanced(system: System) -> System:
+def without_unbalance(system: System) -> System:
     """The system without unbalance, there or not."""
     absent = lambda part: part is None
     return eqx.tree_at(lambda s: s.load.unbalance, system, None, is_leaf=absent)

@@ -58,12 +58,12 @@ def order(scene: Scene, system: System) -> int:
 
 
 @jax.custom_jvp
-def kept(turn: Scalar, changes: Float[Array, " d"]) -> Scalar:
+def nan_unless_symmetric(turn: Scalar, changes: Float[Array, " d"]) -> Scalar:
     """The turn, not a number where it changes the scene; so its derivative by what would."""
     return jnp.where(jnp.max(jnp.abs(changes)) < SAME, turn, jnp.nan)
 
 
-@kept.defjvp
+@nan_unless_symmetric.defjvp
 def _kept_jvp(primals, tangents):
     turn, by = tangents
-    return kept(*primals), jnp.where(jnp.all(by == 0), turn, jnp.nan)
+    return nan_unless_symmetric(*primals), jnp.where(jnp.all(by == 0), turn, jnp.nan)

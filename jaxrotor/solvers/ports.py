@@ -123,13 +123,13 @@ class PortForm(AbstractForm):
     def read(self, theta, y):
         return self.stations(theta, y).reshape(2, 2, -1)
 
-    def hop(self, span: Scalar) -> Rotation | Dense:
+    def free_propagator(self, span: Scalar) -> Rotation | Dense:
         """Advance by an angle of revolution without contact."""
         nothing = jnp.zeros((self.steady.size, 0), complex)
         flow, _ = self.basis.flow(span, nothing, 0)
         return self.basis.step(flow)
 
-    def fly(self, y: Array, revolutions: Count) -> Array:
+    def advance_free(self, y: Array, revolutions: Count) -> Array:
         """State after whole revolutions without contact, in closed form."""
         w = self.basis.revolutions(revolutions, as_complex(y))
         return jnp.concatenate([w.real, w.imag])

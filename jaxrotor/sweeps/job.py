@@ -135,7 +135,9 @@ def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -
             undefined |= np.isnan(data[name].values)
     overlong = np.zeros(len(good.ok), bool)
     if isinstance(context.plan.solver, Exponential):
-        overlong = np.asarray(good.touched) & too_long(results.bounce, context.plan.solver.order)
+        overlong = np.asarray(good.touched) & too_long(
+            results.contact_stiffness_ratio, context.plan.solver.order
+        )
     status = statuses(good, results.started, undefined, overlong)
     variables: dict[str, Any] = {}
     for name, one in data.items():

@@ -61,7 +61,7 @@ class Lanes(NamedTuple):
     stored: tuple  # by the observables of every kept revolution
     outcome: Outcome
     started: np.ndarray  # whether there is a state to start from
-    bounce: np.ndarray  # (lanes, 2), see `March.bounce`
+    contact_stiffness_ratio: np.ndarray  # (lanes, 2), see `March.contact_stiffness_ratio`
     end: tuple[np.ndarray, np.ndarray] | None  # coordinates and velocities, (lanes, n)
 
 
@@ -82,7 +82,7 @@ def run_chunk(
     lanes = len(points)
     pad = lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], size - lanes, axis=0)])
     padded = pad(points), jax.tree.map(pad, begin)
-    shared, own, y, bounce = stages.prepare(context, *padded)
+    shared, own, y, ratio = stages.prepare(context, *padded)
     started = np.isfinite(y).reshape(size, -1).all(axis=1)
     decode = lambda y: jax.tree.map(np.asarray, stages.decode(shared, own, y))
     began = decode(y) if ends else None
@@ -108,7 +108,7 @@ def run_chunk(
     stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
     mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
     end = mine(_going_on(good.ok, decode(y), began)) if ends else None
-    return Lanes(mine(carry), stored, mine(good), started[:lanes], bounce[:lanes], end)
+    return Lanes(mine(carry), stored, mine(good), started[:lanes], ratio[:lanes], end)
 
 
 def run_rows(
@@ -160,8 +160,8 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
         lambda leaf, same: jax.device_put(leaf[0]) if same else None, arrays, equal
     )
     own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
-    y, bounce = begun
-    return eqx.combine(shared, constant), own, jax.device_put(y), bounce
+    y, ratio = begun
+    return eqx.combine(shared, constant), own, jax.device_put(y), ratio
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
@@ -208,7 +208,7 @@ def _build(
             start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
     march = March.build(scene, plan, revolution_rate(scene, period), station[None])
     y = march.begin(start, station) if begin is None else march.form.encode(*begin)
-    return march, y, march.bounce
+    return march, y, march.contact_stiffness_ratio
 
 
 @eqx.filter_jit

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar
-from ..motion.base import Orbit
+from ..motion.base import RevolutionSamples
 
 
 class Variable(NamedTuple):
@@ -38,7 +38,7 @@ class Turn(eqx.Module):
     count: int = eqx.field(static=True)  # revolutions kept
 
     @classmethod
-    def of(cls, orbit: Orbit, number: Array, count: int) -> "Turn":
+    def of(cls, orbit: RevolutionSamples, number: Array, count: int) -> "Turn":
         """The revolution of an orbit at its first station."""
         z = orbit.displacement[:, 0]
         step = 2 * jnp.pi * orbit.seconds / (z.size - 1)

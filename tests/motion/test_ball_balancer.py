@@ -25,7 +25,7 @@ from ball_machine import (
 )
 
 import jaxrotor as jr
-from jaxrotor.equations.rotating_frame import Posture, Transient
+from jaxrotor.equations.rotating_frame import RotatingState, Transient
 
 
 # === reference runs
@@ -318,7 +318,7 @@ def test_accelerations_follow_from_the_lagrangian(record_property):
     plane = lambda z: jnp.array([[z.real], [z.imag]])
     none = jnp.zeros(0)
     field = Transient.of(balancer(), jnp.ones(()), jnp.zeros(()))
-    posture = Posture(
+    posture = RotatingState(
         plane(r),
         plane(drift),
         none,
@@ -378,7 +378,7 @@ def spectrum(scene, angles):
     """Roots of the full nonlinear model at a balanced position, in units of 100 rad/s."""
     field = Transient.of(scene, jnp.asarray(100.0), jnp.zeros(()))
     plane, none = jnp.zeros((2, 1)), jnp.zeros(0)
-    y = Posture(plane, plane, none, none, jnp.asarray(angles), jnp.zeros(len(angles)))
+    y = RotatingState(plane, plane, none, none, jnp.asarray(angles), jnp.zeros(len(angles)))
     flat, back = jax.flatten_util.ravel_pytree(y)
     rates = lambda flat: jax.flatten_util.ravel_pytree(field(jnp.zeros(()), back(flat)))[0]
     return np.linalg.eigvals(np.asarray(jax.jacfwd(rates)(flat))) / 100
