@@ -309,8 +309,8 @@ _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
 
 def winding_angle(z: Complex[Array, " T"], turn: Scalar) -> Scalar:
     """The turn with all whole turns about the centre; not a number through the centre."""
-    winding_angle = jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1])))
-    whole = jax.lax.stop_gradient(jnp.round((winding_angle - turn) / (2 * jnp.pi)))
+    total = jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1])))
+    whole = jax.lax.stop_gradient(jnp.round((total - turn) / (2 * jnp.pi)))
     return jnp.where(jnp.any(z == 0), jnp.nan, turn + 2 * jnp.pi * whole)
 
 
