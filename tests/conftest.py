@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from pathlib import Path
 
 
@@ -20,6 +21,10 @@ from hard import table  # noqa: E402
 
 
 jax.config.update("jax_enable_x64", True)
+
+# A shell starts `pytest &` with interrupts ignored, and a process inherits that: so would those that
+# tests start to interrupt them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_addoption(parser):

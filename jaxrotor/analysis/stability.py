@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
-from ..core.extremes import largest
+from ..core.extremes import larger, largest
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
@@ -257,19 +257,68 @@ def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Sc
 
 @eqx.filter_custom_jvp
 def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
-    """Speed between `low` and `high` where stability changes, by bisection."""
+    """Speed between `low` and `high` where stability changes."""
     ends = jax.lax.map(_growth(system), low + jnp.asarray(EDGES) * (high - low))
     lost, marginal = ends[-1] > 0, undamped_side(ends)
-
-    def halve(_, ends):
-        middle = (ends[0] + ends[1]) / 2
-        values = _roots_at(system, middle)
-        growth = jnp.where(marginal, _beyond_rounding(values, first), _largest(values))
-        above = (growth > 0) == lost
-        return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
-
     first = _first(system)
-    return sum(jax.lax.fori_loop(0, 53, halve, (low, high))) / 2
+
+    def growth(speed: Scalar) -> Scalar:
+        values = _roots_at(system, speed)
+        return jnp.where(marginal, _beyond_rounding(values, first), _largest(values))
+
+    return _sign_change(growth, low, high, ends[0], ends[-1], lost)
+
+
+def _sign_change(
+    growth: Callable[[Scalar], Scalar],
+    low: Scalar,
+    high: Scalar,
+    at_low: Scalar,
+    at_high: Scalar,
+    lost: Array,
+) -> Scalar:
+    """Speed where `growth` becomes positive, or ceases to be unless `lost`, to rounding.
+
+    The interpolation is truncated towards the middle of the bracket, so the bracket is never wider than
+    that of bisection one step before, also where the growth rate jumps. A growth rate takes all
+    eigenvalues: eight to ten of them do here, where bisection takes 53.
+
+    Source: Oliveira, Takahashi, ACM Trans. Math. Softw. 47 (2020), algorithm ITP, kappa_2 = 2, n_0 = 1.
+    """
+    width = high - low
+    precision = jnp.finfo(width.dtype).eps
+    narrow = larger(precision * width / 2, precision * jnp.abs(high))
+    most = jnp.ceil(jnp.log2(width / (2 * narrow))) + 1
+
+    def unfinished(state):
+        step, low, high, *_ = state
+        return (high - low > 2 * narrow) & (step < most)
+
+    def halve(state):
+        step, low, high, at_low, at_high = state
+        middle = (low + high) / 2
+        slope = at_high - at_low
+        secant = jnp.where(slope == 0, middle, (low * at_high - high * at_low) / slope)
+        towards = jnp.sign(middle - secant)
+        shift = 0.2 / width * (high - low) ** 2
+        truncated = jnp.where(shift <= jnp.abs(middle - secant), secant + towards * shift, middle)
+        reach = larger(narrow * 2.0 ** (most - step) - (high - low) / 2, 0.0)
+        near = jnp.abs(truncated - middle) <= reach
+        speed = jnp.where(near, truncated, middle - towards * reach)
+        value = growth(speed)
+        beyond = (value > 0) == lost
+        pick = lambda a, b: jnp.where(beyond, a, b)
+        return (
+            step + 1,
+            pick(low, speed),
+            pick(speed, high),
+            pick(at_low, value),
+            pick(value, at_high),
+        )
+
+    state = (jnp.zeros(()), low, high, at_low, at_high)
+    _, low, high, _, _ = jax.lax.while_loop(unfinished, halve, state)
+    return (low + high) / 2
 
 
 @_crossing.def_jvp
