@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core.quantities import Scalar
-from .pencil import check_alike, check_moves
+from .pencil import check_moves
 from .system import Port, System
 
 
@@ -29,6 +29,10 @@ class Motion(eqx.Module):
     damping: Float[Array, "n n"] | None
     gyroscopic: Float[Array, "n n"] | None
     circulatory: Float[Array, "n n"] | None
+    fixed_stiffness: Float[Array, "2 n n"] | None  # [Re, Im], of q*
+    fixed_damping: Float[Array, "2 n n"] | None
+    rotating_stiffness: Float[Array, "2 n n"] | None  # the same in axes that turn with the shaft
+    rotating_damping: Float[Array, "2 n n"] | None
     constant: Float[Array, "2 n"] | None
     unbalance: Float[Array, "2 n"] | None
     columns: Float[Array, "n p"] | None
@@ -40,7 +44,6 @@ class Motion(eqx.Module):
         blocks, load = system.blocks, system.load
         check_moves(system)
         check_known_in_time(system)
-        check_alike(system, "Simulation by whole revolutions", RUN_UP)
         check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
         speed = system.spin.speed
         columns = rows = None
@@ -55,6 +58,10 @@ class Motion(eqx.Module):
             "damping": (blocks.damping, 1 / rate),
             "gyroscopic": (gyroscopic, 1 / rate),
             "circulatory": (circulatory, 1 / rate**2),
+            "fixed_stiffness": (blocks.fixed_stiffness, 1 / rate**2),
+            "fixed_damping": (blocks.fixed_damping, 1 / rate),
+            "rotating_stiffness": (blocks.rotating_stiffness, 1 / rate**2),
+            "rotating_damping": (blocks.rotating_damping, 1 / rate),
             "constant": (load.constant, 1 / rate**2),
             "unbalance": (load.unbalance, (speed / rate) ** 2),
             "columns": (columns, 1 / rate**2),
@@ -83,6 +90,12 @@ class Motion(eqx.Module):
             acceleration += _turn(rate @ self.gyroscopic.T)
         if self.circulatory is not None:
             acceleration += _turn(q @ self.circulatory.T)
+        if self.fixed_stiffness is not None:
+            acceleration -= _conjugated(self.fixed_stiffness, q)
+        if self.fixed_damping is not None:
+            acceleration -= _conjugated(self.fixed_damping, rate)
+        if self.rotating_stiffness is not None or self.rotating_damping is not None:
+            acceleration -= self._turning_with_the_shaft(theta, q, rate)
         if self.constant is not None:
             acceleration += self.constant
         if self.unbalance is not None:
@@ -90,6 +103,16 @@ class Motion(eqx.Module):
             acceleration += jnp.cos(phase) * self.unbalance
             acceleration += jnp.sin(phase) * _turn(self.unbalance)
         return jnp.stack([rate, acceleration])
+
+    def _turning_with_the_shaft(self, theta: Scalar, q: Array, rate: Array) -> Array:
+        """`exp(2 i s theta) (k q* + c (q' - i s q)*)`: unequal axes that turn with the shaft."""
+        force = jnp.zeros_like(q)
+        if self.rotating_stiffness is not None:
+            force += _conjugated(self.rotating_stiffness, q)
+        if self.rotating_damping is not None:
+            force += _conjugated(self.rotating_damping, rate - self.s * _turn(q))
+        twice = 2 * self.s * theta
+        return jnp.cos(twice) * force + jnp.sin(twice) * _turn(force)
 
     def contact(self, theta: Scalar, y: State, args: None = None) -> State:
         """The part that is not smooth."""
@@ -109,7 +132,7 @@ class Motion(eqx.Module):
         return jnp.stack([force.sum(0) for force in forces], axis=1)
 
     def matrix(self) -> Complex[Array, "n2 n2"]:
-        """`A` of the linear part `(q, q')' = A (q, q')`."""
+        """`A` of the linear part `(q, q')' = A (q, q')` of a rotor that is the same along every axis."""
         n = self.stiffness.shape[0]
         low = -self.stiffness + 0j
         if self.circulatory is not None:
@@ -145,6 +168,12 @@ def check_no_balls(system: System, what: str, instead: str) -> None:
         raise ValueError(
             f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."
         )
+
+
+def _conjugated(block: Float[Array, "2 n n"], v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
+    """`B v*`."""
+    (real, imag), (x, y) = block, v
+    return jnp.stack([real @ x + imag @ y, imag @ x - real @ y])
 
 
 def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:

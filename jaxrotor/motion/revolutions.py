@@ -17,7 +17,7 @@ from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
-from ..solvers.basis import Count, Dense, Rotation
+from ..solvers.basis import Count, Dense, Rotation, SlotRotation
 from ..solvers.control import step_control, tuned
 from ..solvers.exponential import Exponential, ExponentialStep, revolution
 from ..solvers.form import AbstractForm, PhysicalForm
@@ -42,7 +42,9 @@ class March(eqx.Module):
     form: AbstractForm
     plan: Plan
     step: ExponentialStep | LocatedStep | None
-    free: Rotation | Dense | None  # `span` of what is stepped, as it would be without contact
+    free: (
+        Rotation | SlotRotation | Dense | None
+    )  # `span` of what is stepped, as it would be without contact
     span: Scalar  # [rad] of what counts as a revolution
 
     @classmethod

@@ -1,10 +1,12 @@
 """Bases: coordinates in which the linear part of a motion is advanced exactly."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
 
 from ..core.quantities import Scalar
 from .lanes import product
@@ -52,7 +54,7 @@ class ModalBasis(eqx.Module):
 
 
 @jax.custom_jvp
-def _modes(a: Complex[Array, "m m"]) -> tuple[Array, Array, Array]:
+def _modes(a: Inexact[Array, "m m"]) -> tuple[Array, Array, Array]:
     """Eigenvalues, eigenvectors, and their inverse."""
     values, vectors = jnp.linalg.eig(a)
     return values, vectors, jnp.linalg.inv(vectors)
@@ -73,38 +75,109 @@ def _modes_jvp(primals, tangents):
     return (values, vectors, inverse), changes
 
 
+class SlotFlow(NamedTuple):
+    """A 2 by 2 block for every slot: `[[one, two], [three, four]]`."""
+
+    one: Float[Array, " j"]
+    two: Float[Array, " j"]
+    three: Float[Array, " j"]
+    four: Float[Array, " j"]
+
+
+class SlotBasis(eqx.Module):
+    """Real modal coordinates of a real `A`: two of them, a slot, for every two eigenvalues.
+
+    A slot is a conjugate pair, `Y = Re(v (a + i b))`, or two real eigenvalues, `Y = v1 a + v2 b`. How
+    many there are of either is known only by the values, so shapes do not depend on it. The state has
+    the first coordinates of all slots, then the second.
+    """
+
+    values: Complex[Array, "2 j"]  # of the first and of the second coordinate
+    pairs: Bool[Array, " j"]
+    vectors: Float[Array, "m m"]
+    inverse: Float[Array, "m m"]
+
+    @classmethod
+    def build(cls, a: Float[Array, "m m"]) -> "SlotBasis":
+        values, vectors, _ = _modes(a)
+        size = values.size // 2
+        half = jnp.where(values.imag > 0, 0, jnp.where(values.imag < 0, 1, 2))
+        order = jnp.argsort(half, stable=True)  # conjugates are neighbours, so pairs stay matched
+        upper, slot = jnp.sum(half == 0), jnp.arange(size)
+        pairs = slot < upper
+        first = order[jnp.where(pairs, slot, 2 * slot)]
+        second = order[jnp.where(pairs, upper + slot, 2 * slot + 1)]
+        one, other = vectors[:, first], vectors[:, second]
+        real = jnp.concatenate([one.real, jnp.where(pairs, -one.imag, other.real)], axis=1)
+        return cls(jnp.stack([values[first], values[second]]), pairs, real, jnp.linalg.inv(real))
+
+    def matrix(self) -> Float[Array, "m m"]:
+        """`A` in this basis."""
+        one, two, three, four = map(jnp.diag, self._blocks(self.values))
+        return jnp.block([[one, two], [three, four]])
+
+    def flow(self, span: Scalar, b: Float[Array, "m p"], count: int):
+        """`exp(span A)` and `span phi_k(span A) b`, in this basis."""
+        first, *rest = phi_scalar((span * self.values).ravel(), count)
+        blocks = lambda phi: self._blocks(phi.reshape(2, -1))
+        return blocks(first), [span * self.apply(blocks(phi), b) for phi in rest]
+
+    def apply(self, flow: SlotFlow, b: Float[Array, "m p"]) -> Float[Array, "m p"]:
+        return self.step(flow)(b)
+
+    def look(self, see: Float[Array, "s m"], flow: SlotFlow) -> Float[Array, "s m"]:
+        """Reading by `see` after the flow."""
+        a, b = jnp.split(see, 2, axis=1)
+        one, two, three, four = flow
+        return jnp.concatenate([a * one + b * three, a * two + b * four], axis=1)
+
+    def step(self, flow: SlotFlow) -> "SlotRotation":
+        return SlotRotation(*flow)
+
+    def revolutions(self, count: Count, w: Float[Array, " m"]) -> Float[Array, " m"]:
+        """State after whole free revolutions."""
+        flow = self._blocks(jnp.exp(2 * jnp.pi * count * self.values))
+        return self.step(flow)(w)
+
+    def _blocks(self, f: Complex[Array, "2 j"]) -> SlotFlow:
+        """A function of `A`, by its values at the eigenvalues, in every slot."""
+        turn = jnp.where(self.pairs, f[0].imag, 0.0)
+        return SlotFlow(f[0].real, -turn, turn, jnp.where(self.pairs, f[0], f[1]).real)
+
+
 class DenseBasis(eqx.Module):
     """Coordinates are the state itself: no eigenvectors needed, or differentiated."""
 
-    a: Complex[Array, "m m"]
-    vectors: Complex[Array, "m m"]
-    inverse: Complex[Array, "m m"]
+    a: Inexact[Array, "m m"]
+    vectors: Inexact[Array, "m m"]
+    inverse: Inexact[Array, "m m"]
 
     @classmethod
-    def build(cls, a: Complex[Array, "m m"]) -> "DenseBasis":
-        return cls(a, jnp.eye(a.shape[0]) + 0j, jnp.eye(a.shape[0]) + 0j)
+    def build(cls, a: Inexact[Array, "m m"]) -> "DenseBasis":
+        own = jnp.eye(a.shape[0], dtype=a.dtype)
+        return cls(a, own, own)
 
-    def matrix(self) -> Complex[Array, "m m"]:
+    def matrix(self) -> Inexact[Array, "m m"]:
         """`A` in this basis."""
         return self.a
 
-    def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
+    def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int):
         return phi_dense(span * self.a, span * b, count)
 
-    def apply(self, flow: Complex[Array, "m m"], b: Complex[Array, "m p"]) -> Complex[Array, "m p"]:
+    def apply(self, flow: Inexact[Array, "m m"], b: Inexact[Array, "m p"]) -> Inexact[Array, "m p"]:
         return flow @ b
 
     def look(
-        self, see: Complex[Array, "s m"], flow: Complex[Array, "m m"]
-    ) -> Complex[Array, "s m"]:
+        self, see: Inexact[Array, "s m"], flow: Inexact[Array, "m m"]
+    ) -> Inexact[Array, "s m"]:
         """Reading by `see` after the flow."""
         return see @ flow
 
-    def step(self, flow: Complex[Array, "m m"]) -> "Dense":
+    def step(self, flow: Inexact[Array, "m m"]) -> "Dense":
         return Dense(as_real(flow))
 
-    def revolutions(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
-        once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), complex), 0)
+    def revolutions(self, count: Count, w: Inexact[Array, " m"]) -> Inexact[Array, " m"]:
+        once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), self.a.dtype), 0)
         if isinstance(count, int):
             return jnp.linalg.matrix_power(once, count) @ w
 
@@ -126,6 +199,23 @@ class Rotation(eqx.Module):
         return jnp.concatenate([self.real * a - self.imag * b, self.real * b + self.imag * a])
 
 
+class SlotRotation(eqx.Module):
+    """Advance of real modal coordinates: a 2 by 2 block a slot, of which a pair's is a rotation."""
+
+    one: Float[Array, " j"]
+    two: Float[Array, " j"]
+    three: Float[Array, " j"]
+    four: Float[Array, " j"]
+
+    def __call__(self, w: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+        one, two, three, four = (
+            part if part.ndim == w.ndim else part[:, None]
+            for part in (self.one, self.two, self.three, self.four)
+        )
+        a, b = jnp.split(w, 2)
+        return jnp.concatenate([one * a + two * b, three * a + four * b])
+
+
 class Dense(eqx.Module):
     """Advance by a full matrix, on `[re, im]`."""
 
@@ -140,12 +230,24 @@ def well_conditioned(vectors: Array | np.ndarray) -> bool:
     return bool(np.all(np.linalg.cond(vectors) < WORST_CONDITION))
 
 
-def as_real(z: Complex[Array, "a b"]) -> Float[Array, "a2 b2"]:
-    """Complex matrix as it acts on `[re, im]`."""
+def as_real(z: Complex[Array, "a b"] | Float[Array, "a2 b2"]) -> Float[Array, "a2 b2"]:
+    """Complex matrix as it acts on `[re, im]`; one that is real acts there already."""
+    if not jnp.iscomplexobj(z):
+        return z
     return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
 
 
-def as_complex(y: Float[Array, " m2"]) -> Complex[Array, " m"]:
-    """`re + i im`."""
+def unpacked(basis: "Basis", y: Float[Array, " m2"]) -> Complex[Array, " m"] | Float[Array, " m2"]:
+    """`re + i im` of a state or a force where the basis is complex; the same where it is real."""
+    if not jnp.iscomplexobj(basis.vectors):
+        return y
     real, imag = jnp.split(y, 2)
     return jax.lax.complex(real, imag)
+
+
+def packed(w: Complex[Array, " m"] | Float[Array, " m2"]) -> Float[Array, " m2"]:
+    """`[re, im]` of what is complex; the same where it is real."""
+    return jnp.concatenate([w.real, w.imag]) if jnp.iscomplexobj(w) else w
+
+
+Basis = ModalBasis | SlotBasis | DenseBasis

@@ -3,11 +3,12 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float, Inexact
 
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 from ..equations.system import Branches
+from .basis import packed
 from .crossing import Crossing
 from .ports import Contacts, PortForm, Reading, phase_at
 
@@ -28,24 +29,28 @@ class BranchedPorts(eqx.Module):
         motion, contacts = form.motion, form.contacts
         assert contacts is not None and motion.rows is not None and motion.columns is not None
         p = motion.rows.shape[0]
-        see = jnp.concatenate([contacts.see, contacts.see[p:] @ form.basis.matrix()])
-        old = contacts.reading
+        old, generator = contacts.reading, form.basis.matrix()
+        if form.axes is None:
+            see = jnp.concatenate([contacts.see, contacts.see[p:] @ generator])
+        else:
+            velocity = contacts.see.reshape(2, 2, p, -1)[:, 1]
+            see = _with_third(contacts.see, _carried(velocity @ generator, velocity, old.turn))
         still, cos, sin = old.still, old.cos, old.sin
         if still is not None:
-            still = _with_third(still, jnp.zeros((2, p)))
+            velocity = still.reshape(2, 2, p)[:, 1]
+            still = _with_third(still, _carried(jnp.zeros((2, p)), velocity, old.turn))
         if cos is not None and sin is not None:
             along, across = (part.reshape(2, 2, p)[:, 1] for part in (cos, sin))
-            cos, sin = _with_third(cos, across), _with_third(sin, -along)
-        reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin)
+            cos = _with_third(cos, _carried(across, along, old.turn))
+            sin = _with_third(sin, _carried(-along, across, old.turn))
+        reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin, old.turn)
         feed = motion.rate * motion.rows @ motion.columns
         return cls(motion, Contacts(see, contacts.drive, reading), feed)
 
-    def read(self, w: Complex[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
-        """The ports in a state."""
-        seen = self.contacts.see @ w
-        return jnp.concatenate([seen.real, seen.imag]) + self.contacts.reading.steady(
-            phase_at(theta)
-        )
+    def read(self, w: Inexact[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
+        """The ports in a state, along fixed axes."""
+        phase, reading = phase_at(theta), self.contacts.reading
+        return reading.fixed(phase, packed(self.contacts.see @ w) + reading.steady(phase))
 
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
         """The branches that hold."""
@@ -83,6 +88,15 @@ class BranchedPorts(eqx.Module):
         return d, v, a
 
 
-def _with_third(part: Float[Array, " p4"], third: Float[Array, "2 p"]) -> Float[Array, " p6"]:
-    pair = part.reshape(2, 2, -1)
-    return jnp.concatenate([pair, third[:, None]], axis=1).ravel()
+def _with_third(part: Float[Array, "p4 ..."], third: Float[Array, "2 p ..."]) -> Array:
+    """Displacement and velocity with an acceleration behind them, each of its ports."""
+    pair = part.reshape(2, 2, *third.shape[1:])
+    return jnp.concatenate([pair, third[:, None]], axis=1).reshape(-1, *third.shape[2:])
+
+
+def _carried(rate: Float[Array, "2 ..."], velocity: Float[Array, "2 ..."], turn: Scalar | None):
+    """Rate of a velocity whose axes turn: `v' + i s v`."""
+    if turn is None:
+        return rate
+    x, y = velocity
+    return rate + turn * jnp.stack([-y, x])

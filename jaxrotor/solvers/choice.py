@@ -9,6 +9,8 @@ import jax
 import numpy as np
 
 from ..core.quantities import Scalar, known
+from ..equations.constant_frame import ConstantFrame
+from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import assemble
 from ..scene import Scene
@@ -28,9 +30,8 @@ def choose(
         return dataclasses.replace(
             solver, basis="dense" if solver.basis == "auto" else solver.basis
         )
-    matrix, s, driven = _linear(scene, rate)
-    if driven:
-        _check_resonance(scene, np.asarray(matrix), float(s))
+    matrix, frequencies = _linear(scene, rate)
+    _check_resonance(scene, np.asarray(matrix), [float(frequency) for frequency in frequencies])
     if solver.basis == "auto":
         _, vectors = np.linalg.eig(np.asarray(matrix))
         return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
@@ -39,16 +40,28 @@ def choose(
 
 @eqx.filter_jit
 def _linear(scene: Scene, rate: Scalar):
-    motion = Motion(assemble(scene), rate)
-    return motion.matrix(), motion.s, motion.unbalance is not None
+    """`A` by the angle of revolution, and the frequencies at which unbalance and weight act on it."""
+    system = assemble(scene)
+    s, load = scene.spin.speed / rate, system.load
+    if isotropic(system.blocks):
+        matrix, turns = Motion(system, rate).matrix(), False
+    else:
+        axes = ConstantFrame.of(system, rate)
+        matrix, turns = axes.matrix, axes.turn is not None
+    own = s if turns else 0.0
+    frequencies = [] if load.unbalance is None else [s - own]
+    if turns and load.constant is not None:  # weight, which goes round in turning axes
+        frequencies.append(-own)
+    return matrix, frequencies
 
 
-def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:
-    if s and np.min(np.abs(1j * s - np.linalg.eigvals(matrix))) < 1e-9:
+def _check_resonance(scene: Scene, matrix: np.ndarray, frequencies: list[float]) -> None:
+    roots = np.linalg.eigvals(matrix)
+    if scene.spin.speed and any(np.min(np.abs(1j * f - roots)) < 1e-9 for f in frequencies):
         raise ValueError(
             f"The speed, {float(scene.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
-            "where the response to unbalance grows without bound: add damping, move the speed, or "
-            "give a diffrax solver."
+            "where the response to unbalance or weight grows without bound: add damping, move the speed, "
+            "or give a diffrax solver."
         )
 
 

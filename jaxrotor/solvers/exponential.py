@@ -16,9 +16,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core.quantities import Scalar
+from ..equations.constant_frame import ConstantFrame
+from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import DenseBasis, ModalBasis
+from .basis import DenseBasis, ModalBasis, SlotBasis
 from .lanes import each, together
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading
@@ -50,8 +52,13 @@ class Exponential(eqx.Module):
 
     def form(self, system: System, motion: Motion, rows: Float[Array, "s n"]) -> PortForm:
         """The motion in the coordinates this solver steps."""
-        build = DenseBasis.build if self.basis == "dense" else ModalBasis.build
-        return PortForm.build(system, motion, rows, build(motion.matrix()))
+        dense = self.basis == "dense"
+        if isotropic(system.blocks):
+            build = DenseBasis.build if dense else ModalBasis.build
+            return PortForm.build(system, motion, rows, build(motion.matrix()))
+        axes = ConstantFrame.of(system, motion.rate)
+        build = DenseBasis.build if dense else SlotBasis.build
+        return PortForm.along_axes(axes, motion, rows, build(axes.matrix))
 
     def stepper(
         self, form: PortForm, steps: int, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
@@ -97,7 +104,12 @@ class ExponentialStep(AbstractStep):
     def of_lanes(self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"]) -> Array:
         """States after a step, lanes last."""
         seen = self.tableau.seen(phases, y, self.reading)
-        forces = lambda seen: each(PortField.forces, self.field, seen)
+        reading = self.reading
+
+        def forces(stage: Array, time: int) -> Array:
+            seen = reading.fixed(phases[time], stage)
+            return reading.turned(phases[time], each(PortField.forces, self.field, seen))
+
         return self.tableau.advance(y) + self.tableau.fed(seen, forces)
 
 

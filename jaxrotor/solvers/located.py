@@ -19,11 +19,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core.quantities import Scalar
 from ..equations.system import Branches
-from .basis import as_complex, as_real
+from .basis import as_real, packed, unpacked
 from .branches import BranchedPorts
 from .crossing import Crossing, first_end, leaves
 from .lanes import one_lane
-from .ports import PortForm
+from .ports import PortForm, phase_at
 from .tableau import AbstractStep, Tableau, step_of, tableau_of
 
 
@@ -78,12 +78,19 @@ class LocatedStep(AbstractStep):
         """State after a full step from `theta`, and 1 if it is not resolved."""
         h, ports = self.tableau.h, self.ports
         tableau, reading = one_lane((self.tableau, ports.contacts.reading))
-        seen = tableau.seen(self.tableau.phases(theta), y[:, None], reading)
-        now, then = seen[0][:, 0], seen[-1][:, 0]
+        phases = self.tableau.phases(theta)
+        seen = tableau.seen(phases, y[:, None], reading)
+        fixed, turned = ports.contacts.reading.fixed, ports.contacts.reading.turned
+        now, then = fixed(phases[0], seen[0][:, 0]), seen[-1][:, 0]
         branches = ports.branches(now)
-        force = lambda stage: ports.forces(branches, stage[:, 0])[:, None]
+
+        def force(stage: Array, time: int) -> Array:
+            found = ports.forces(branches, fixed(phases[time], stage[:, 0]))
+            return turned(phases[time], found)[:, None]
+
         fed = tableau.fed(seen, force)[:, 0]
-        y1, finish = self.tableau.advance(y) + fed, then + as_real(ports.contacts.see) @ fed
+        y1 = self.tableau.advance(y) + fed
+        finish = fixed(phases[-1], then + as_real(ports.contacts.see) @ fed)
         begin, end = ports.crossing(branches, now), ports.crossing(branches, finish)
         whole = ~jnp.any(leaves(begin, end, h))
         split = Split(
@@ -106,15 +113,19 @@ class LocatedStep(AbstractStep):
         share = first_end(split.begin, split.end, split.span)
         span = jnp.where(exhausted | (share > 1), split.left, share * split.span)
         see = lambda w, after: ports.read(w, split.theta + after)
+        basis, reading = self.form.basis, ports.contacts.reading
+        along = lambda force, after: unpacked(
+            basis, reading.turned(phase_at(split.theta + after), force)
+        )
 
-        def force(seen):
+        def act(w, after):
+            seen = see(w, after)
             found = jnp.where(exhausted, ports.as_they_are(seen), ports.forces(branches, seen))
-            return as_complex(found)
+            return along(found, after)
 
-        w = as_complex(split.y)
+        w = unpacked(basis, split.y)
         begin = ports.crossing(branches, see(w, 0.0))
-        act = lambda w, after: force(see(w, after))
-        w = step_of(self.order_, self.form.basis, ports.contacts.drive, w, span, act)
+        w = step_of(self.order_, basis, ports.contacts.drive, w, span, act)
         finish = see(w, span)
         end = ports.crossing(branches, finish)
         leaving = leaves(begin, end, span)
@@ -126,14 +137,14 @@ class LocatedStep(AbstractStep):
         ends &= (jnp.arange(ends.size) == first) & ~exhausted
         taken = exhausted | ~jnp.any(leaving & ~ends)
         after = self._turned(ends, end, branches, finish)
-        jump = as_complex(ports.forces(branches, finish) - ports.forces(after, finish))
+        jump = along(ports.forces(branches, finish) - ports.forces(after, finish), span)
         w = w + ports.contacts.drive @ (jump * jnp.sum(jnp.where(ends, off, 0.0)))
         left = jnp.where(last, 0.0, split.left - span)
         keep = lambda new, old: jax.tree.map(lambda a, b: jnp.where(taken, a, b), new, old)
         # What comes next is not known after a span that was taken: try all that is left.
         unknown = jax.tree.map(lambda one: jnp.full_like(one, jnp.inf), end)
         return Split(
-            keep(jnp.concatenate([w.real, w.imag]), split.y),
+            keep(packed(w), split.y),
             keep(split.theta + span, split.theta),
             keep(left, split.left),
             span,

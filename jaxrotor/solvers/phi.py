@@ -11,7 +11,7 @@ import math
 import jax
 import jax.numpy as jnp
 from jax.scipy.linalg import expm
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Complex, Inexact
 
 
 NEAR = 0.5  # within, the series; beyond, the recurrence loses three digits at most
@@ -44,12 +44,12 @@ def _phi_scalar_jvp(count, primals, tangents):
 
 
 def phi_dense(
-    a: Complex[Array, "m m"], b: Complex[Array, "m p"], count: int
-) -> tuple[Complex[Array, "m m"], list[Complex[Array, "m p"]]]:
+    a: Inexact[Array, "m m"], b: Inexact[Array, "m p"], count: int
+) -> tuple[Inexact[Array, "m m"], list[Inexact[Array, "m p"]]]:
     """`exp(a)` and `phi_k(a) b`, k = 1 .. count, from one exponential of a bordered matrix."""
     m, p = b.shape
     size = m + count * p
-    bordered = jnp.zeros((size, size), complex).at[:m, :m].set(a)
+    bordered = jnp.zeros((size, size), a.dtype).at[:m, :m].set(a)
     if count:
         bordered = bordered.at[:m, m : m + p].set(b)
         shift = jnp.eye((count - 1) * p)

@@ -5,13 +5,25 @@ w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float, Inexact
 
 from ..core.quantities import Scalar
+from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import Count, Dense, DenseBasis, ModalBasis, Rotation, as_complex, as_real
+from .basis import (
+    Basis,
+    Count,
+    Dense,
+    DenseBasis,
+    ModalBasis,
+    Rotation,
+    SlotRotation,
+    as_real,
+    packed,
+    unpacked,
+)
 from .form import AbstractForm
 from .lanes import product
 
@@ -26,6 +38,7 @@ class Reading(eqx.Module):
     still: Float[Array, " s4"] | None
     cos: Float[Array, " s4"] | None
     sin: Float[Array, " s4"] | None
+    turn: Scalar | None = None  # s, where all of these are along axes that turn by s theta
 
     def steady(self, phase: Float[Array, "2"]) -> Float[Array, "s4 ..."] | float:
         """What the stations do in the steady response, at the cosine and the sine of an angle."""
@@ -34,12 +47,21 @@ class Reading(eqx.Module):
             steady = steady + phase[0] * self.cos + phase[1] * self.sin
         return steady
 
+    def fixed(self, phase: Float[Array, "2"], seen: Float[Array, "s4 ..."]) -> Array:
+        """What was read, along fixed axes."""
+        return seen if self.turn is None else _turned(phase[0], self.turn * phase[1], seen)
+
+    def turned(self, phase: Float[Array, "2"], force: Float[Array, "p2 ..."]) -> Array:
+        """A force along fixed axes, along those of the reading."""
+        return force if self.turn is None else _turned(phase[0], -self.turn * phase[1], force)
+
     def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
-        return self.matrix @ y + self.steady(phase_at(theta))
+        phase = phase_at(theta)
+        return self.fixed(phase, self.matrix @ y + self.steady(phase))
 
     def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
         """The same of all lanes."""
-        return product(self.matrix, y) + self.steady(phase)
+        return self.fixed(phase, product(self.matrix, y) + self.steady(phase))
 
 
 def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
@@ -50,8 +72,8 @@ def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
 class Contacts(eqx.Module):
     """Ports of a scene with contact: how they see the state, and how they drive it."""
 
-    see: Complex[Array, "p2 m"]  # C
-    drive: Complex[Array, "m p"]  # B
+    see: Inexact[Array, "p2 m"]  # C
+    drive: Inexact[Array, "m p"]  # B
     reading: Reading
 
 
@@ -67,7 +89,8 @@ class PortField(eqx.Module):
         del args
         rate = self.generator @ y
         if self.reading is not None and self.drive is not None:
-            rate = rate + self.drive @ self.forces(self.reading(theta, y))
+            force = self.forces(self.reading(theta, y))
+            rate = rate + self.drive @ self.reading.turned(phase_at(theta), force)
         return rate
 
     def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
@@ -77,13 +100,33 @@ class PortField(eqx.Module):
 
 
 class PortForm(AbstractForm):
-    """`y = [Re w, Im w]`: deviation from the exact steady response, in a basis of `A`."""
+    """`y = [Re w, Im w]`: deviation from the exact steady response, in a basis of `A`.
+
+    Where the axes are unequal, `w` is real, in the `axes` that make the coefficients constant.
+    """
 
     motion: Motion
-    basis: ModalBasis | DenseBasis
+    basis: Basis
     contacts: Contacts | None
     stations: Reading
-    steady: Complex[Array, " m"]  # at theta = 0
+    steady: Inexact[Array, " m"]  # at theta = 0
+    axes: ConstantFrame | None = None  # None: one complex coordinate serves both axes
+
+    @classmethod
+    def along_axes(cls, axes: ConstantFrame, motion: Motion, rows: Array, basis: Basis):
+        """The form of a rotor with unequal axes, with stations `rows` (s, n) to read."""
+
+        def reading(see: Array) -> Reading:
+            parts = (
+                None if part is None else see @ part for part in (axes.still, axes.cos, axes.sin)
+            )
+            return Reading(see @ basis.vectors, *parts, axes.turn)
+
+        contacts = None
+        if axes.drive is not None and motion.rows is not None:
+            see = axes.gain(motion.rows)
+            contacts = Contacts(see @ basis.vectors, basis.inverse @ axes.drive, reading(see))
+        return cls(motion, basis, contacts, reading(axes.gain(rows)), axes.steady, axes)
 
     @classmethod
     def build(cls, system: System, motion: Motion, rows: Array, basis: ModalBasis | DenseBasis):
@@ -112,27 +155,31 @@ class PortForm(AbstractForm):
         return PortField(self.motion, generator, as_real(contacts.drive), contacts.reading)
 
     def encode(self, q, velocity):
-        state = jnp.concatenate([q, velocity / self.motion.rate])
-        w = self.basis.inverse @ (state - self.steady)
-        return jnp.concatenate([w.real, w.imag])
+        if self.axes is not None:
+            state = self.axes.state(q, velocity)
+        else:
+            state = jnp.concatenate([q, velocity / self.motion.rate])
+        return packed(self.basis.inverse @ (state - self.steady))
 
     def decode(self, y):
-        q, rate = jnp.split(self.basis.vectors @ as_complex(y) + self.steady, 2)
+        state = self.basis.vectors @ unpacked(self.basis, y) + self.steady
+        if self.axes is not None:
+            return self.axes.coordinates(state)
+        q, rate = jnp.split(state, 2)
         return q, self.motion.rate * rate
 
     def read(self, theta, y):
         return self.stations(theta, y).reshape(2, 2, -1)
 
-    def free_propagator(self, span: Scalar) -> Rotation | Dense:
+    def free_propagator(self, span: Scalar) -> Rotation | SlotRotation | Dense:
         """Advance by an angle of revolution without contact."""
-        nothing = jnp.zeros((self.steady.size, 0), complex)
+        nothing = jnp.zeros((self.steady.size, 0), self.basis.vectors.dtype)
         flow, _ = self.basis.flow(span, nothing, 0)
         return self.basis.step(flow)
 
     def advance_free(self, y: Array, revolutions: Count) -> Array:
         """State after whole revolutions without contact, in closed form."""
-        w = self.basis.revolutions(revolutions, as_complex(y))
-        return jnp.concatenate([w.real, w.imag])
+        return packed(self.basis.revolutions(revolutions, unpacked(self.basis, y)))
 
 
 def _gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
@@ -148,6 +195,12 @@ def _reading(motion: Motion, see, basis, still, whirling) -> Reading:
         return Reading(matrix, offset, None, None)
     whirl = see @ whirling
     return Reading(matrix, offset, _stack(whirl), _stack(1j * motion.s * whirl))
+
+
+def _turned(cos: Array, sin: Array, parts: Float[Array, "a2 ..."]) -> Float[Array, "a2 ..."]:
+    """`[Re, Im]` of vectors, turned by an angle."""
+    x, y = jnp.split(parts, 2)
+    return jnp.concatenate([cos * x - sin * y, sin * x + cos * y])
 
 
 def _stack(z: Complex[Array, " a"]) -> Float[Array, " a2"]:

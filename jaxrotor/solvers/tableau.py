@@ -9,15 +9,12 @@ from typing import Any, ClassVar
 import diffrax as dfx
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, ArrayLike, Float, Inexact
 
 from ..core.quantities import Scalar
-from .basis import Dense, DenseBasis, ModalBasis, Rotation, as_real
+from .basis import Basis, Dense, Rotation, SlotRotation, as_real
 from .lanes import product
 from .ports import Contacts, Reading, phase_at
-
-
-Basis = ModalBasis | DenseBasis
 
 
 class Tableau(eqx.Module):
@@ -27,7 +24,7 @@ class Tableau(eqx.Module):
     then `y <- advance(y) + feed (f_0, f_1, ..)`.
     """
 
-    advance: Rotation | Dense
+    advance: Rotation | SlotRotation | Dense
     look: Float[Array, "c_p4 m2"]  # one for every distinct stage time
     echo: tuple[dict[int, Float[Array, "p4 p2"]], ...]  # of stage i by earlier stage j
     feed: Float[Array, "m2 stages_p2"]
@@ -47,13 +44,16 @@ class Tableau(eqx.Module):
         return [one + reading.steady(phase) for one, phase in zip(free, phases, strict=True)]
 
     def fed(self, seen: list[Array], forces: Callable) -> Float[Array, "m2 lanes"]:
-        """What the forces of all stages add to the state by the end of the step."""
+        """What the forces of all stages add to the state by the end of the step.
+
+        `forces` takes what the ports see and which of the distinct times it is seen at.
+        """
         found: list[Array] = []
         for time, echo in zip(self.stages, self.echo, strict=True):
             stage = seen[time]
             for earlier, gain in echo.items():
                 stage = stage + product(gain, found[earlier])
-            found.append(forces(stage))
+            found.append(forces(stage, time))
         return product(self.feed, jnp.concatenate(found))
 
     def answer(self, reading: Reading) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
@@ -132,8 +132,8 @@ def _tableau(basis, see, h, flow, looks, stages, echo, feed) -> Tableau:
     )
 
 
-State = Complex[Array, " m"]
-Force = Callable[[State, Scalar | float], Complex[Array, " p"]]  # of state and time in the step
+State = Inexact[Array, " m"]
+Force = Callable[[State, Scalar | float], Inexact[Array, " p"]]  # of state and time in the step
 
 
 def step_of(order: int, basis: Basis, drive, w: State, span: Scalar, force: Force) -> State:

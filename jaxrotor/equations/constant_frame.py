@@ -1,0 +1,108 @@
+"""Constant frame: the equations of an unequal rotor in the axes where their coefficients are constant.
+
+    Y' = A Y + B F,   Y = [x, y, x', y'],   ' = d/dtheta
+
+Bearings of unequal stiffness leave the coefficients constant in fixed axes, a shaft of two stiffnesses
+in axes that turn with it. All is real: the two axes no longer make one complex coordinate.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..core.quantities import Scalar
+from .pencil import Pencil, check_axes, frame
+from .system import System
+
+
+class ConstantFrame(eqx.Module):
+    """Real first-order equations of a system, and their exact steady response.
+
+        steady(theta) = still + cos(theta) cos_part + sin(theta) sin_part
+
+    In fixed axes `x + i y = q`; in turning axes `x + i y = q exp(-i s theta)`. Unbalance is constant
+    in turning axes, and weight turns backward there. Parts that no load makes are None.
+    """
+
+    matrix: Float[Array, "n4 n4"]
+    drive: Float[Array, "n4 p2"] | None  # by [Re F, Im F] of all ports, in these axes
+    still: Float[Array, " n4"] | None
+    cos: Float[Array, " n4"] | None
+    sin: Float[Array, " n4"] | None
+    rate: Scalar  # [rad/s]
+    turn: Scalar | None  # s: the axes turn by s theta; None: they are fixed
+
+    @classmethod
+    def of(cls, system: System, rate: Scalar) -> "ConstantFrame":
+        """The equations of a system whose revolution takes `2 pi / rate` seconds."""
+        check_axes(
+            system,
+            "Exponential steps need axes of constant coefficients",
+            "use `jaxrotor.run_up`, or a diffrax solver such as `solver=diffrax.Kvaerno5()`",
+        )
+        pencil, speed, load = Pencil.of(system).along_axes, system.spin.speed, system.load
+        inertia = pencil.inertia
+        n, turns = system.n, frame(system.blocks) == "rotating"
+        low = -jnp.linalg.solve(inertia, jnp.concatenate([pencil.stiffness, pencil.damping], 1))
+        low = low.at[:, : 2 * n].divide(rate**2).at[:, 2 * n :].divide(rate)
+        high = jnp.concatenate([jnp.zeros((2 * n, 2 * n)), jnp.eye(2 * n)], axis=1)
+        drive = None
+        if system.ports:
+            columns = jnp.stack([port.column for port in system.ports], axis=1)
+            columns = jnp.linalg.solve(system.blocks.inertia, columns) / rate**2
+            both = jnp.kron(jnp.eye(2), columns)
+            drive = jnp.concatenate([jnp.zeros_like(both), both])
+        steady, whirling = load.constant, _whirling(load.unbalance, speed)
+        if turns:
+            steady, whirling = whirling, load.constant
+        still = cos = sin = None
+        if steady is not None:
+            place = pencil.response(jnp.zeros(()), _in_axes(steady) + 0j).real
+            still = jnp.concatenate([place, jnp.zeros_like(place)])
+        if whirling is not None:
+            way = -1.0 if turns else 1.0  # weight, seen from turning axes, turns backward
+            force = jnp.concatenate([whirling, -1j * whirling])
+            amplitude = pencil.response(way * speed, force)
+            state = jnp.concatenate([amplitude, 1j * way * speed / rate * amplitude])
+            cos, sin = state.real, -way * jnp.sign(speed) * state.imag
+        matrix = jnp.concatenate([high, low])
+        return cls(matrix, drive, still, cos, sin, rate, speed / rate if turns else None)
+
+    @property
+    def steady(self) -> Float[Array, " n4"]:
+        """The steady response at `theta = 0`."""
+        parts = [part for part in (self.still, self.cos) if part is not None]
+        return sum(parts, start=jnp.zeros(self.matrix.shape[0]))
+
+    def state(self, q: Complex[Array, " n"], velocity: Complex[Array, " n"]) -> Float[Array, " n4"]:
+        """State at `theta = 0` of coordinates [m] and their velocities [m/s] in fixed axes."""
+        drift = velocity / self.rate
+        if self.turn is not None:
+            drift = drift - 1j * self.turn * q
+        return jnp.concatenate([_in_axes(q), _in_axes(drift)])
+
+    def coordinates(self, state: Float[Array, " n4"]) -> tuple[Array, Array]:
+        """Coordinates [m] and velocities [m/s] in fixed axes of a state at `theta = 0`."""
+        x, y, dx, dy = jnp.split(state, 4)
+        q, drift = x + 1j * y, dx + 1j * dy
+        if self.turn is not None:
+            drift = drift + 1j * self.turn * q
+        return q, self.rate * drift
+
+    def gain(self, rows: Float[Array, "s n"]) -> Float[Array, "s4 n4"]:
+        """`[Re, Im]` of displacement and absolute velocity of stations, along these axes."""
+        zero, rate = jnp.zeros_like(rows), self.rate * rows
+        if self.turn is None:
+            along, across = [zero, zero, rate, zero], [zero, zero, zero, rate]
+        else:
+            carried = self.turn * rate
+            along, across = [zero, -carried, rate, zero], [carried, zero, zero, rate]
+        return jnp.block([[rows, zero, zero, zero], along, [zero, rows, zero, zero], across])
+
+
+def _whirling(unbalance: Array | None, speed: Scalar) -> Array | None:
+    return None if unbalance is None else speed**2 * unbalance
+
+
+def _in_axes(z: Complex[Array, " n"]) -> Float[Array, " n2"]:
+    return jnp.concatenate([z.real, z.imag])

@@ -1,0 +1,224 @@
+"""Exponential steps of rotors with unequal axes, beside scipy on equations written by hand.
+
+The linear blocks are those of the library; frames, integration, contact and steady response are not.
+"""
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import jaxrotor as jr
+
+
+SPEED = 150.0
+BEARING = {"kxx": 4e4, "kyy": 1e4, "kxy": 1e4, "kyx": -2e4, "cxx": 40.0, "cyy": 80.0}
+BEARING |= {"cxy": 3.0, "cyx": -5.0}
+
+
+def rotor(*effects, anisotropy=None, internal=5.0, stops=True, speed=SPEED):
+    """A disc on a massless shaft between stops, with weight, unbalance and damping that turns."""
+    around = []
+    if stops:
+        stop = {"at": 0.5, "gap": 1e-3, "stiffness": 4e5, "damping": 50.0}
+        stop |= {"friction": 0.1, "rim_radius": 0.1}
+        around = jr.Limiter.at_angles(np.array([1.0, 3.0, 5.0]) * np.pi / 3, **stop)
+    return jr.Scene(
+        jr.MasslessShaft(1.0, 0.5, 2e4, anisotropy=anisotropy, damping=internal),
+        jr.Disc(0.5, 2.0),
+        jr.DiscDamping(0.5, 20.0),
+        jr.Unbalance(0.5, 2.0, 1e-3, 0.4),
+        jr.Gravity(9.81),
+        *effects,
+        *around,
+        spin=jr.ConstantSpeed(speed),
+    )
+
+
+def unequal(kind, **options):
+    """Axes that are unequal in space, or turn with the shaft, or both."""
+    bearing = [jr.Support(0.5, **BEARING)] if kind in ("fixed", "both") else []
+    share = 0.15 if kind in ("turning", "both") else None
+    return rotor(*bearing, anisotropy=share, **options)
+
+
+class ByHand:
+    """`M q.. + C q. + K q + C_f q.* + K_f q* + (C_r r.* + K_r r*) exp(i Omega t) = loads + contact`.
+
+    `r = q exp(-i Omega t)`.
+    """
+
+    def __init__(self, scene):
+        system = jr.assemble(scene)
+        blocks, self.n = system.blocks, system.n
+        part = lambda name: getattr(blocks, name)
+        zero = np.zeros((self.n, self.n))
+        one = {k: zero if part(k) is None else np.asarray(part(k)) for k in blocks.present + NAMES}
+        self.speed = w = float(scene.spin.speed)
+        self.C = one["damping"] + 1j * (one["skew_damping"] - w * one["gyroscopic"])
+        self.K = one["stiffness"] + w * one["skew_circulatory"]
+        self.K = self.K + 1j * (one["skew_stiffness"] - w * one["circulatory"])
+        self.unequal = [one[f"{axes}_{what}"] for axes in ("fixed", "rotating") for what in WHAT]
+        self.inverse = np.linalg.inv(one["inertia"])
+        self.load = [np.asarray(system.load.constant), w**2 * np.asarray(system.load.unbalance)]
+        self.stops = scene.of(jr.Limiter)
+        if self.stops:
+            self.row, self.column = map(np.asarray, (system.ports[0].row, system.ports[0].column))
+
+    def contact(self, z, v):
+        force = 0.0
+        for stop in self.stops:
+            normal = np.exp(1j * float(stop.angle))
+            depth, rate = (z / normal).real - float(stop.gap), (v / normal).real
+            push = float(stop.stiffness) * depth + float(stop.damping) * rate
+            if depth > 0 and push > 0:
+                slip = (v / normal).imag + self.speed * float(stop.rim_radius)
+                force -= push * normal * (1 + 1j * float(stop.friction) * np.sign(slip))
+        return force
+
+    def __call__(self, t, y):
+        x, y, u, v = np.split(y, 4)
+        q, rate, turn = x + 1j * y, u + 1j * v, np.exp(1j * self.speed * t)
+        r, drift = q / turn, (rate - 1j * self.speed * q) / turn
+        damping, stiffness, turning_damping, turning_stiffness = self.unequal
+        force = self.load[0] + self.load[1] * turn - self.C @ rate - self.K @ q
+        force = force - damping @ rate.conj() - stiffness @ q.conj()
+        force = force - turn * (turning_damping @ drift.conj() + turning_stiffness @ r.conj())
+        if self.stops:
+            force = force + self.column * self.contact(self.row @ q, self.row @ rate)
+        change = self.inverse @ force
+        return np.concatenate([u, v, change.real, change.imag])
+
+    def end(self, seconds, start=None, **options):
+        """Coordinates at the end of a run, from rest."""
+        how = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-14, "max_step": seconds / 400}
+        start = np.zeros(4 * self.n) if start is None else start
+        y = solve_ivp(self, (0, seconds), start, **(how | options)).y[:, -1]
+        return y[: self.n] + 1j * y[self.n : 2 * self.n]
+
+
+WHAT = ("damping", "stiffness")
+NAMES = ["damping", "skew_damping", "gyroscopic", "stiffness", "skew_circulatory", "skew_stiffness"]
+NAMES += ["circulatory", *(f"{axes}_{what}" for axes in ("fixed", "rotating") for what in WHAT)]
+
+
+@pytest.fixture(scope="module", params=["fixed", "turning"])
+def rub(request):
+    """A rotor, and where two revolutions from rest with some impacts leave its disc."""
+    scene = unequal(request.param)
+    return scene, ByHand(scene).end(4 * np.pi / SPEED)
+
+
+@pytest.mark.parametrize(
+    ("order", "steps", "error"),
+    [pytest.param(2, 512, 2e-4, marks=pytest.mark.slow), (4, 128, 2e-6)],
+)
+def test_located_steps_follow_impacts(rub, order, steps, error):
+    scene, end = rub
+    found = jr.simulate(scene, 2, steps, solver=jr.Exponential(order, located=True))
+    assert found.unresolved == 0 and np.abs(found.contact_force).max() > 10.0
+    np.testing.assert_allclose(found.coordinates[-1], end, rtol=0, atol=error * np.abs(end).max())
+
+
+@pytest.mark.slow
+def test_the_error_falls_with_the_order(rub):
+    scene, end = rub
+    off = []
+    for steps in (64, 128, 256):
+        found = jr.simulate(scene, 2, steps, solver=jr.Exponential(4, located=True))
+        off.append(np.abs(found.coordinates[-1] - end).max())
+    assert off[0] > 6 * off[1] > 36 * off[2]
+
+
+@pytest.mark.parametrize("speed", [SPEED, -SPEED])
+@pytest.mark.parametrize("kind", ["fixed", "turning"])
+def test_without_contact_it_is_exact_at_any_step(kind, speed):
+    """The disc after three revolutions, from a start that moves, sampled three times a revolution."""
+    scene = unequal(kind, stops=False, speed=speed)
+    q, velocity = 2e-3 + 1e-3j, -0.1 + 0.3j
+    start = jr.Continued(jnp.array([q]), jnp.array([velocity]))
+    found = jr.simulate(scene, 3, 3, start=start)
+    state = [q.real, q.imag, velocity.real, velocity.imag]
+    end = ByHand(scene).end(6 * np.pi / SPEED, np.array(state))
+    np.testing.assert_allclose(found.coordinates[-1], end, rtol=1e-9)
+    again = jr.simulate(scene, 1, 3, start=jr.simulate(scene, 2, 3, start=start).end)
+    np.testing.assert_allclose(again.coordinates[-1], end, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "turning"])
+def test_heavy_damping_leaves_real_roots(kind):
+    """Two real roots share a slot of the modal coordinates, beside a pair; dense steps agree."""
+    if kind == "fixed":
+        scene = rotor(jr.Support(0.5, **(BEARING | {"cxx": 5e3})))
+    else:
+        scene = rotor(anisotropy=0.3, internal=3e3)
+    real = np.abs(np.asarray(jr.roots(scene)).imag) < 1e-9
+    assert real.sum() == 2
+    modal, dense = (
+        jr.simulate(scene, 2, 32, solver=jr.Exponential(2, basis=basis))
+        for basis in ("modal", "dense")
+    )
+    np.testing.assert_allclose(modal.coordinates, dense.coordinates, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_equal_axes_written_as_unequal_ones():
+    """With blocks of axes that differ by nothing the motion is that of the rotor without them."""
+    scene = rotor(jr.Support(0.5, 2e4, 30.0))
+    parted = rotor(jr.Support(0.5, 2e4, 30.0, anisotropy=1e-300))
+    assert jr.assemble(parted).blocks.fixed_stiffness is not None
+    assert jr.assemble(scene).blocks.fixed_stiffness is None
+    one, other = (
+        jr.simulate(s, 4, 64, solver=jr.Exponential(4, located=True)) for s in (scene, parted)
+    )
+    np.testing.assert_allclose(one.displacement, other.displacement, rtol=0, atol=1e-13)
+
+
+@pytest.mark.slow
+def test_axes_of_both_kinds_by_a_diffrax_solver():
+    scene = unequal("both", stops=False)
+    found = jr.simulate(scene, 2, 16, solver=dfx.Dopri8())
+    end = ByHand(scene).end(4 * np.pi / SPEED)
+    np.testing.assert_allclose(found.coordinates[-1], end, rtol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["fixed", "turning"])
+def test_derivatives_are_central_differences(kind):
+    def height(stiffness):
+        scene = unequal(kind).replace({"limiters.stiffness": stiffness})
+        run = jr.simulate(scene, 2, 128, solver=jr.Exponential(4, located=True))
+        return jnp.abs(run.displacement[-1, 0])
+
+    found = jax.jacfwd(height)(4e5)
+    differences = (height(4e5 + 400.0) - height(4e5 - 400.0)) / 800.0
+    assert found == pytest.approx(float(differences), rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["fixed", "turning"])
+def test_a_sweep_is_a_loop_of_runs(kind):
+    scene, path = unequal(kind), "unbalance.eccentricity"
+    values = [5e-4, 1.5e-3]
+    swept = jr.sweep(scene, {path: values}, settle=4, keep=2, steps_per_revolution=64)
+    assert (swept["status"] == 0).all()
+    for value, largest in zip(values, swept["radius_max"].values, strict=True):
+        run = jr.simulate(scene.replace({path: value}), 6, 64, keep=2)
+        assert np.abs(run.displacement).max() == pytest.approx(largest, rel=1e-10)
+
+
+@pytest.mark.slow
+def test_a_flexible_rotor_in_a_cross_coupled_bearing():
+    """Clamped, with an oil-film bearing half way, weight, unbalance and stops at its free end."""
+    base = jr.load("limiter-rotor")
+    base = base.replace({"shaft.nodes": 4, "spin.speed": SPEED, "unbalance.eccentricity": 1e-3})
+    softer = {"limiters.stiffness": 4e5, "limiters.damping": 50.0, "limiters.gap": 1e-3}
+    scene = base.replace(softer)
+    more = [jr.Support(0.35, **BEARING), jr.Gravity(9.81)]
+    scene = jr.Scene(scene.shaft, *scene.effects, *more, spin=scene.spin)
+    end = ByHand(scene).end(4 * np.pi / SPEED, rtol=1e-9, atol=1e-12)
+    found = jr.simulate(scene, 2, 256, solver=jr.Exponential(4, located=True))
+    assert np.abs(found.contact_force).max() > 10.0
+    np.testing.assert_allclose(found.coordinates[-1], end, rtol=0, atol=1e-6 * np.abs(end).max())
