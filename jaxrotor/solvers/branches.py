@@ -50,7 +50,7 @@ class BranchedPorts(eqx.Module):
     def read(self, w: Inexact[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
         """The ports in a state, along fixed axes."""
         phase, reading = phase_at(theta), self.contacts.reading
-        return reading.fixed(phase, packed(self.contacts.see @ w) + reading.steady(phase))
+        return reading.fixed(lambda: phase, packed(self.contacts.see @ w) + reading.steady(phase))
 
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
         """The branches that hold."""

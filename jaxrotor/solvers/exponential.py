@@ -107,8 +107,8 @@ class ExponentialStep(AbstractStep):
         reading = self.reading
 
         def forces(stage: Array, time: int) -> Array:
-            seen = reading.fixed(phases[time], stage)
-            return reading.turned(phases[time], each(PortField.forces, self.field, seen))
+            seen = reading.fixed(lambda: phases[time], stage)
+            return reading.turned(lambda: phases[time], each(PortField.forces, self.field, seen))
 
         return self.tableau.advance(y) + self.tableau.fed(seen, forces)
 

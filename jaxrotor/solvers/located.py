@@ -81,16 +81,16 @@ class LocatedStep(AbstractStep):
         phases = self.tableau.phases(theta)
         seen = tableau.seen(phases, y[:, None], reading)
         fixed, turned = ports.contacts.reading.fixed, ports.contacts.reading.turned
-        now, then = fixed(phases[0], seen[0][:, 0]), seen[-1][:, 0]
+        now, then = fixed(lambda: phases[0], seen[0][:, 0]), seen[-1][:, 0]
         branches = ports.branches(now)
 
         def force(stage: Array, time: int) -> Array:
-            found = ports.forces(branches, fixed(phases[time], stage[:, 0]))
-            return turned(phases[time], found)[:, None]
+            found = ports.forces(branches, fixed(lambda: phases[time], stage[:, 0]))
+            return turned(lambda: phases[time], found)[:, None]
 
         fed = tableau.fed(seen, force)[:, 0]
         y1 = self.tableau.advance(y) + fed
-        finish = fixed(phases[-1], then + as_real(ports.contacts.see) @ fed)
+        finish = fixed(lambda: phases[-1], then + as_real(ports.contacts.see) @ fed)
         begin, end = ports.crossing(branches, now), ports.crossing(branches, finish)
         whole = ~jnp.any(leaves(begin, end, h))
         split = Split(
@@ -115,7 +115,7 @@ class LocatedStep(AbstractStep):
         see = lambda w, after: ports.read(w, split.theta + after)
         basis, reading = self.form.basis, ports.contacts.reading
         along = lambda force, after: unpacked(
-            basis, reading.turned(phase_at(split.theta + after), force)
+            basis, reading.turned(lambda: phase_at(split.theta + after), force)
         )
 
         def act(w, after):

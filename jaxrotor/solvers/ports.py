@@ -3,6 +3,8 @@
 w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float, Inexact
@@ -28,6 +30,9 @@ from .form import AbstractForm
 from .lanes import product
 
 
+Phase = Callable[[], Float[Array, "2"]]  # cosine and sine of an angle of revolution
+
+
 class Reading(eqx.Module):
     """`[Re, Im]` of displacement and velocity of stations: linear in `y`, plus the steady response.
 
@@ -47,21 +52,27 @@ class Reading(eqx.Module):
             steady = steady + phase[0] * self.cos + phase[1] * self.sin
         return steady
 
-    def fixed(self, phase: Float[Array, "2"], seen: Float[Array, "s4 ..."]) -> Array:
-        """What was read, along fixed axes."""
-        return seen if self.turn is None else _turned(phase[0], self.turn * phase[1], seen)
+    def fixed(self, phase: Phase, seen: Float[Array, "s4 ..."]) -> Array:
+        """What was read, along fixed axes; `phase` is asked for where the axes turn."""
+        if self.turn is None:
+            return seen
+        cos, sin = phase()
+        return _turned(cos, self.turn * sin, seen)
 
-    def turned(self, phase: Float[Array, "2"], force: Float[Array, "p2 ..."]) -> Array:
+    def turned(self, phase: Phase, force: Float[Array, "p2 ..."]) -> Array:
         """A force along fixed axes, along those of the reading."""
-        return force if self.turn is None else _turned(phase[0], -self.turn * phase[1], force)
+        if self.turn is None:
+            return force
+        cos, sin = phase()
+        return _turned(cos, -self.turn * sin, force)
 
     def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
         phase = phase_at(theta)
-        return self.fixed(phase, self.matrix @ y + self.steady(phase))
+        return self.fixed(lambda: phase, self.matrix @ y + self.steady(phase))
 
     def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
         """The same of all lanes."""
-        return self.fixed(phase, product(self.matrix, y) + self.steady(phase))
+        return self.fixed(lambda: phase, product(self.matrix, y) + self.steady(phase))
 
 
 def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
@@ -90,7 +101,7 @@ class PortField(eqx.Module):
         rate = self.generator @ y
         if self.reading is not None and self.drive is not None:
             force = self.forces(self.reading(theta, y))
-            rate = rate + self.drive @ self.reading.turned(phase_at(theta), force)
+            rate = rate + self.drive @ self.reading.turned(lambda: phase_at(theta), force)
         return rate
 
     def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
