@@ -31,7 +31,7 @@ class ExternalDamping(AbstractLinear):
     def __post_init__(self):
         self.isotropic = number_or_nan(self.anisotropy) == 0
 
-    def noted(self) -> "ExternalDamping":
+    def refreshed(self) -> "ExternalDamping":
         """The same, noted anew whether it is isotropic: for a change of values."""
         return with_values(self, isotropic=number_or_nan(self.anisotropy) == 0)
 

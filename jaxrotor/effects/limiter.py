@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from ..core.extremes import larger, smaller, within
+from ..core.extremes import bounded, larger, smaller
 from ..core.quantities import Scalar, nonnegative, positive, real
 from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
@@ -150,7 +150,7 @@ class ViscoelasticStop(AbstractLaw):
     def _direction(self, slipping: Scalar) -> Scalar:
         if self.limiter.slip is None:
             return jnp.sign(slipping)
-        u = within(slipping / self.limiter.slip, -1.0, 1.0)
+        u = bounded(slipping / self.limiter.slip, -1.0, 1.0)
         return u * (15 - 10 * u**2 + 3 * u**4) / 8
 
 

@@ -106,7 +106,7 @@ class Support(AbstractLinear):
                 "`damping_angle [rad]` is that of `damping_anisotropy [1]`; give both or neither."
             )
 
-    def noted(self) -> "Support":
+    def refreshed(self) -> "Support":
         """The same, its parts that are known to be zero noted anew: for a change of values."""
         return with_values(self, vanishing=tuple(self._vanishing()))
 

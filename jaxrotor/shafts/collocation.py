@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-from ..core.extremes import within
+from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel
 from .line import AbstractLine, PerLength, strain_energy
@@ -133,7 +133,7 @@ class SpectralLine(AbstractLine):
         """Gauss points (x, spans, g) on both sides of `s = x_i`, exact for the kernel times h_j."""
         points, weights = np.polynomial.legendre.leggauss(max(self.degrees) // 2 + 4)
         start, stop = self.ends[:-1], self.ends[1:]
-        kink = within(x[:, None], start, stop)
+        kink = bounded(x[:, None], start, stop)
         low = jnp.stack([jnp.broadcast_to(start, kink.shape), kink], axis=-1)
         high = jnp.stack([kink, jnp.broadcast_to(stop, kink.shape)], axis=-1)
         half = (high - low)[..., None] / 2

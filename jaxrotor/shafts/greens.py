@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.extremes import within
+from ..core.extremes import bounded
 from ..core.quantities import Scalar
 
 
@@ -75,7 +75,7 @@ class CantileverKernel(AbstractKernel):
         x, s = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(s))
         stops = jnp.append(self.starts[1:], jnp.inf)
         below = jnp.where(x > s, s, x)[..., None]
-        inside = within(below, self.starts, stops)
+        inside = bounded(below, self.starts, stops)
         return x[..., None] - self.starts, s[..., None] - self.starts, inside - self.starts
 
 

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.extremes import within
+from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import CantileverKernel
 from .line import AbstractLine, PerLength, strain_energy
@@ -81,7 +81,7 @@ class TrapezoidLine(AbstractLine):
     def _hermite(self, at: Scalar) -> tuple[Array, Array]:
         """Rows of displacement and slope: cubic Hermite between nodes, exact at them."""
         m, width = self.cells, self.length / self.cells
-        cell = within(jnp.ceil(at / width) - 1, 0, m - 1).astype(int)
+        cell = bounded(jnp.ceil(at / width) - 1, 0, m - 1).astype(int)
         u = at / width - cell
         left, right = jnp.eye(m + 1)[cell], jnp.eye(m + 1)[cell + 1]  # clamp first
         scaled = width / self.length  # of the unknown l z'

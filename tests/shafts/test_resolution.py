@@ -119,7 +119,7 @@ def test_a_traced_shaft_is_refused():
 def test_what_decides_the_nodes_is_not_varied(path):
     by_need = FAN.replace({"shaft.nodes": "auto"})
     own = float(by_need.get(path))
-    said = f'`nodes="auto"` follow `{path}`, which is varied here; give them a number'
+    said = f'`nodes="auto"` depend on `{path}`, which is varied here; give a number'
     with pytest.raises(ValueError, match=said):
         jr.stability_map(by_need, {path: [0.999 * own, own], "spin.speed": [100.0, 200.0]})
     with pytest.raises(ValueError, match=said):

@@ -87,7 +87,10 @@ def test_the_inertia_is_the_drives_own_or_the_rotors():
     assert own.turning(3.0, jnp.asarray(5.0)).speed == 15
     with pytest.raises(ValueError) as caught:
         bare_drive.turning(3.0)
-    assert str(caught.value) == "A drive turns an inertia; give `polar [kg m^2]`."
+    assert (
+        str(caught.value) == "A drive needs a moment of inertia, but neither it nor the scene has "
+        "one; give `polar [kg m^2]`."
+    )
 
 
 def test_moment_adds_its_parts():
