@@ -69,7 +69,8 @@ class Drive(AbstractSpin):
         polar = polar if self.polar is None else self.polar
         if polar is None:
             raise ValueError(
-                "A drive needs a moment of inertia, but neither it nor the scene has one; give `polar [kg m^2]`."
+                "A drive needs a moment of inertia, but neither it nor the scene has one; give `polar "
+                "[kg m^2]`."
             )
         if known(polar) and not float(polar) > 0:
             raise ValueError(

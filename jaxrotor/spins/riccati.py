@@ -52,8 +52,8 @@ def riccati(
     last = blow_up_time(*data)
     if known(time) and known(last) and np.any(np.asarray(time) >= np.asarray(last)):
         raise ValueError(
-            f"`time [s]` must be below {float(last):g}, where the speed reaches minus infinity, as the "
-            f"drag drives a negative speed, but is {np.max(time):g}; use odd drag."
+            f"`time [s]` must be below {float(last):g}, where the speed runs away to minus infinity, as "
+            f"the drag drives a negative speed, but is {np.max(time):g}; use odd drag."
         )
     return _solution(time, last, *data)
 

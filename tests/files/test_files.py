@@ -849,7 +849,7 @@ def study_of(text):
         (
             "[spin]",
             "[spin]\nmodel = 3",
-            "spin.model must be 'constant' or 'profile' or 'drive', but is 3.",
+            "spin.model must be 'constant' or 'drive' or 'profile', but is 3.",
         ),
         (
             "[shaft]",
