@@ -35,7 +35,7 @@ class FlexibleShaft(AbstractShaft):
     that turns with the shaft, and `(1 - mu)` times across it; shear stiffness and rotary inertia remain
     those of the round section.
     `rule="spectral"`: `nodes` per span between stations, with exponential convergence; `nodes="auto"`
-    chooses up to 8 for each span by its part of a bending wave (see `nodes_needed`).
+    chooses 2 to 8 for each span, as its part of the bending waves needs.
     `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, of second order, as published.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """

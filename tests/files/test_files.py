@@ -574,7 +574,7 @@ def test_bearings_as_their_reports_print_them():
         (
             "cyy = 1e5\n",
             "damping = 1e5\n",
-            "supports.0: `kxx` and `damping` are of two ways to describe a support; give ",
+            "supports.0: `kxx` and `damping` belong to two different ways to describe a support; give ",
         ),
         (
             'kxx = "80 MN/m"',
@@ -582,7 +582,7 @@ def test_bearings_as_their_reports_print_them():
             "supports.0.kxx must be one number in N/m, but is the list [[80000000.0, 10000000.0], "
             "[-20000000.0, 40000000.0]]; write one, or stiffness = [[xx, xy], [yx, yy]] in its place.",
         ),
-        ('kxx = "80 MN/m"\n', "", "supports.0: A support needs its stiffness; give `kxx [N/m]`"),
+        ('kxx = "80 MN/m"\n', "", "supports.0: A support needs a stiffness; give `kxx [N/m]`"),
         (
             '[["80 MN/m", 1e7], [-2e7, 4e7]]',
             "[8e7, 4e7]",
@@ -601,7 +601,7 @@ def test_bearings_as_their_reports_print_them():
         (
             "damping = [[2e5, 0], [0, 1e5]]",
             "damping = 2e5",
-            "supports.1: `kxx` and `damping` are of",
+            "supports.1: `kxx` and `damping` belong to",
         ),
         (
             "[0, 1e5]]",
@@ -611,9 +611,9 @@ def test_bearings_as_their_reports_print_them():
         (
             'moment = "80 g*mm"',
             "moment = 1\nmass = 1",
-            "unbalance: An unbalance is given by `mass [kg]` and `eccentricity [m]`, or by `moment",
+            "unbalance: An unbalance needs either `mass [kg]` and `eccentricity [m]`, or their product",
         ),
-        ('moment = "80 g*mm"', "mass = 1", "unbalance: An unbalance is given by `mass [kg]` and "),
+        ('moment = "80 g*mm"', "mass = 1", "unbalance: An unbalance needs either `mass [kg]` and "),
     ],
 )
 def test_two_ways_at_once_are_refused(old, new, message):

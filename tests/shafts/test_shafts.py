@@ -451,7 +451,7 @@ def test_internal_damping_alone_destabilises_at_the_first_critical_speed(shear):
 
 @pytest.mark.slow
 def test_one_physics_two_descriptions():
-    """Rotor of two stiffnesses with a disc at mid-span: massless shaft, and flexible shaft of tiny mass."""
+    """Disc at mid-span of a shaft of two stiffnesses: massless, and flexible with a tiny mass."""
     stiffness = 48 * RIGIDITY / LENGTH**3
     light = jr.Material(2.1e11, 1e-7)
     middle, ratio = LENGTH / 2, 0.2
