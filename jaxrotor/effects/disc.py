@@ -42,9 +42,9 @@ class Disc(AbstractLinear, AbstractLoad):
     def from_dimensions(
         cls, at, diameter, thickness, density=7850.0, bore=0.0, **out_of_true
     ) -> "Disc":
-        """Homogeneous disc, `m = rho pi (D^2 - b^2) a / 4`, `I_p = m (D^2 + b^2) / 8`.
+        """Homogeneous disc of outer diameter D, bore b, thickness a and density rho.
 
-        The diametral moment of inertia is `I_d = I_p / 2 + m a^2 / 12`.
+        `m = rho pi (D^2 - b^2) a / 4`, `I_p = m (D^2 + b^2) / 8`, `I_d = I_p / 2 + m a^2 / 12`.
 
         Args:
             at: station [m].
@@ -66,7 +66,7 @@ class Disc(AbstractLinear, AbstractLoad):
 
     @classmethod
     def thin(cls, at, mass, radius, **out_of_true) -> "Disc":
-        """Thin homogeneous disc: `I_p = m R^2 / 2`, `I_d = m R^2 / 4`.
+        """Thin homogeneous disc of radius R: `I_p = m R^2 / 2`, `I_d = m R^2 / 4`.
 
         Args:
             at: station [m].

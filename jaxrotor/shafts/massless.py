@@ -83,12 +83,12 @@ def _refuse_distributed(per_length):
 
 
 class MasslessShaft(AbstractShaft):
-    """`F = k11 z + k12 z'`, `L = k12 z + k22 z'` at the station `at`; without k12, k22 no slope.
+    """`F = k11 z + k12 z'`, `L = k12 z + k22 z'` at the station `at`.
 
-    `anisotropy` mu: the stiffness is `(1 + mu)` times the given one along an axis that turns with the
-    shaft, and `(1 - mu)` times across it. `damping` h: viscous force `h (z. - i Omega z)` between the
-    station and the ends. `ends="elastic"`: both ends have the same displacement, and each needs a
-    Support, at 0 and at the length.
+    Without `k12` and `k22` the slope is left out. `anisotropy` mu: the stiffness is `(1 + mu)` times the
+    given one along an axis that turns with the shaft, and `(1 - mu)` times across it. `damping` h:
+    viscous force `h (z. - i Omega z)` between the station and the ends. `ends="elastic"`: both ends have
+    the same displacement, and each needs a Support, at 0 and at the length.
     Sources: Brysin, Nikiforov (2019), eq. (1); Klochkov, eqs. (1), (4)-(7).
     """
 

@@ -1,4 +1,4 @@
-"""Bearings: discs and supports of the elements that sit on the shaft."""
+"""Discs and supports from the elements of ROSS on the shaft."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -10,13 +10,13 @@ from ..units import SceneError, quantity, refuse, show
 from .file import Element, Notes, station
 
 
-_SLOW = 0.3  # omega C / K up to which springs in series hide little of a damper
+_SLOW = 0.3  # omega C / K up to which damping of springs in series is nearly that of slow motions
 _AXES = ("xx", "xy", "yx", "yy")
 _STIFFNESS, _DAMPING = ("k", "N/m"), ("c", "N s/m")
 
 
 def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -> Iterator[Disc]:
-    """Disks, and point masses on the shaft."""
+    """Discs from disk elements, and from point masses on the shaft."""
     for element in elements:
         if "Id" in element.table and "Ip" in element.table:
             if element.kind != "DiskElement":
@@ -38,7 +38,7 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
 def supports(
     elements: Sequence[Element], places: dict[int, float], speed: float, notes: Notes
 ) -> Iterator[Support]:
-    """Bearings and seals between shaft and ground, with their coefficients at a speed [rad/s]."""
+    """Supports from bearings and seals on the shaft, with their coefficients at a speed [rad/s]."""
     bearings = [element for element in elements if "kxx" in element.table]
     of_ground = {e.node: e for e in bearings if e.node not in places}
     known = ("ShaftElement", "PointMass")
@@ -76,7 +76,7 @@ def supports(
 
 
 def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping [xx, xy; yx, yy] at a speed."""
+    """Matrices of stiffness and damping, [[xx, xy], [yx, yy]], at a speed."""
     stiffness, damping, mass = (
         np.array([_value(element, letter + axes, unit, speed, notes) for axes in _AXES])
         for letter, unit in (_STIFFNESS, _DAMPING, ("m", "kg"))
@@ -89,11 +89,12 @@ def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndar
 
 
 def _axial() -> dict[str, str]:
+    """Axial coefficients with their units."""
     return {f"{letter}zz": unit for letter, unit in (_STIFFNESS, _DAMPING)}
 
 
 def _value(element: Element, key: str, unit: str, speed: float, notes: Notes) -> float:
-    """A coefficient at a speed."""
+    """Coefficient at a speed, interpolated if the file has a table."""
     missing = element.table.get(f"{key[0]}xx", 0.0) if key[1:] == "yy" else 0.0
     given, path = element.table.get(key, missing), f"{element.path}.{key}"
     values = given if isinstance(given, list) else [given]
@@ -125,7 +126,7 @@ def _series(
     one: tuple[np.ndarray, np.ndarray],
     other: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`Z = (Z1^-1 + Z2^-1)^-1` of `Z = K + s C`, to first order in s."""
+    """Stiffness and damping of two in series: `Z = (Z1^-1 + Z2^-1)^-1`, `Z = K + s C`, to order s."""
     try:
         soft = [np.linalg.inv(stiffness) for stiffness, _ in (one, other)]
         stiffness = np.linalg.inv(sum(soft))
@@ -136,8 +137,9 @@ def _series(
 
 
 def _made(element: Element, build: Any, *values: Any) -> Any:
+    """Result of `build(*values)`, with the path of the element in the message of an error."""
     try:
-        with np.errstate(over="ignore"):  # what is not finite is refused
+        with np.errstate(over="ignore"):  # infinite values are refused by `build`
             return build(*values)
     except ValueError as error:
         raise SceneError(f"{element.path}: {error}") from None
