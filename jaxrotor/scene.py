@@ -127,7 +127,9 @@ class Scene(eqx.Module):
             ValueError: If the shaft has no nodes, or does not accept these.
         """
         if not hasattr(self.shaft, "nodes"):
-            raise ValueError(f"A {type(self.shaft).__name__} has no nodes; a FlexibleShaft has.")
+            raise ValueError(
+                f"A {type(self.shaft).__name__} has no nodes; only a FlexibleShaft has."
+            )
         other: dict[str, Any] = {"nodes": nodes} | ({} if rule is None else {"rule": rule})
         shaft = dataclasses.replace(self.shaft, **other)
         return Scene(shaft, *self.effects, spin=self.spin, assumption=self.assumption)

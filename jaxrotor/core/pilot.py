@@ -12,7 +12,7 @@ class Pilot(NamedTuple):
     what: str
     setting: int
     difference: float  # relative, of the last two results
-    tolerance: float  # that was requested
+    tolerance: float  # requested largest difference
     converged: bool  # False: no two results agreed, and accuracy is unknown
 
     def __str__(self) -> str:

@@ -37,8 +37,8 @@ class SpectralLine(AbstractLine):
     """
 
     kernel: AbstractKernel
-    ends: Float[Array, " ends"]  # of the spans [m]
-    degrees: tuple[int, ...] = eqx.field(static=True)  # of the interpolants, for every span
+    ends: Float[Array, " ends"]  # ends of the spans [m]
+    degrees: tuple[int, ...] = eqx.field(static=True)  # degree of the interpolant on each span
     held: Held = eqx.field(static=True)
     free: tuple[int, ...] = eqx.field(static=True)  # ends with an auxiliary constraint: 0 or -1
     anisotropy: Scalar | None

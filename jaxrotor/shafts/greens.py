@@ -94,7 +94,7 @@ class HeldKernel(AbstractKernel):
     stations: Float[Array, " c"]
     slopes: tuple[bool, ...] = eqx.field(
         static=True
-    )  # of each: True holds the slope, else displacement
+    )  # whether each holds the slope, else displacement
     free: int = eqx.field(static=True)
     inverse: Float[Array, "c2 c2"]
 

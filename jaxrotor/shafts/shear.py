@@ -27,10 +27,10 @@ from .line import AbstractLine, PerLength
 class ShearLine(AbstractLine):
     """`q = (z at the nodes, l psi at the nodes)`, without the displacements and slopes that are held."""
 
-    ends: Float[Array, " ends"]  # of the spans [m]
+    ends: Float[Array, " ends"]  # ends of the spans [m]
     bending: Float[Array, "#spans"]  # EI [N m^2]
     shear: Float[Array, "#spans"]  # kGA [N]
-    degrees: tuple[int, ...] = eqx.field(static=True)  # of the polynomials, for every span
+    degrees: tuple[int, ...] = eqx.field(static=True)  # degree of the polynomials on each span
     held: Held = eqx.field(static=True)
     anisotropy: Scalar | None
 

@@ -66,7 +66,7 @@ class SpeedProfile(AbstractSpin):
         if jumps:
             raise ValueError(
                 f"{sentence}, {float(speed):g} rad/s, but at {float(time):g} s it is {float(there):g} "
-                "rad/s; give the `time` of the profile at which to begin to the launch."
+                "rad/s; give the launch the `time` of the profile at which it begins."
             )
         return later
 

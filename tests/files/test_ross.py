@@ -89,7 +89,7 @@ def test_scene_of_the_file():
     steel = 0.3 * area(0.03) + 0.1 * area(0.05) + 0.1 * area(0.04)
     mass = 12.0 + 7850 * steel + 8800 * 0.3 * area(0.06, 0.02)
     assert float(jr.total_mass(scene)) == pytest.approx(mass, rel=1e-12)
-    assert notes == ("coefficients that depend on speed taken at the speed of the scene: rear",)
+    assert notes == ("coefficients that depend on speed are taken at the speed of the scene: rear",)
     assert "stepped.json" in scene.assumption
     assert jr.from_ross(HERE / "example.toml", 0.0)[0].assumption == ""
 
@@ -124,17 +124,17 @@ def test_negative_speed_is_refused():
 @pytest.mark.parametrize(
     ("change", "note"),
     [
-        (put(SHAFT, axial_force=100.0), "axial force left out: Shaft Element 1"),
-        (put(SHAFT, torque=3), "torque left out: Shaft Element 1"),
-        (put(SHAFT, beta=1e-5), "damping in proportion to stiffness (beta) left out"),
+        (put(SHAFT, axial_force=100.0), "axial force is left out: Shaft Element 1"),
+        (put(SHAFT, torque=3), "torque is left out: Shaft Element 1"),
+        (put(SHAFT, beta=1e-5), "damping in proportion to stiffness (beta) is left out"),
         (put(SHAFT, shear_method_calc="hutchinson"), "Cowper in place of Hutchinson"),
-        (put(SHAFT, gyroscopic=False), "gyroscopic taken into account all along the shaft"),
-        (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) left out: front"),
-        (put(FRONT, kzz=[1e5]), "axial stiffness and damping left out: front"),
-        (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget left out: Gadget"),
+        (put(SHAFT, gyroscopic=False), "gyroscopic is taken into account all along the shaft"),
+        (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) is left out: front"),
+        (put(FRONT, kzz=[1e5]), "axial stiffness and damping are left out: front"),
+        (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget is left out: Gadget"),
         (
             lambda d: d.update({"PointMass_a": {"n": 3, "mx": 1.0, "my": 2.0}}),
-            "mass that differs along x and y taken as their mean: PointMass",
+            "mass that differs along x and y is replaced by its mean: PointMass",
         ),
     ],
 )  # fmt: skip
@@ -150,13 +150,13 @@ def test_one_note_for_many(changed):
             if name.startswith("ShaftElement"):
                 table["torque"] = 1.0
 
-    assert "torque left out: Shaft Element 0 and 6 more" in changed(twist)[1]
+    assert "torque is left out: Shaft Element 0 and 6 more" in changed(twist)[1]
 
 
 def test_tapered_element_is_cut(changed):
     """Diameters are those at the middles of four pieces; the mass is that of the cone within 0.2 %."""
     scene, notes = changed(put(SHAFT, odl=0.03, odr=0.045))
-    assert any("tapered element cut into 4 uniform ones" in note for note in notes)
+    assert any("tapered element is cut into 4 uniform ones" in note for note in notes)
     diameters = [float(step.diameter) for step in scene.shaft.steps][:4]
     assert diameters == pytest.approx(0.03 + 0.015 * (np.arange(4) + 0.5) / 4)
     squares = np.mean(np.square(diameters))
@@ -174,7 +174,7 @@ def test_tapered_element_is_cut(changed):
 )
 def test_pieces_of_a_short_taper_are_counted(changed, length, said):
     notes = changed(put(SHAFT, L=length, odl=0.03, odr=0.045))[1]
-    assert any(note.startswith(f"tapered element {said}") for note in notes), notes
+    assert any(note.startswith(f"tapered element is {said}") for note in notes), notes
 
 
 def test_sleeve_of_the_same_material_is_exact(changed):
@@ -190,7 +190,7 @@ def test_sleeve_of_another_material(changed):
     light = {"name": "light", "E": 7e10, "rho": 2700.0, "G_s": 2.6e10}
     sleeve = {**STEPPED[SHAFT], "idl": 0.03, "idr": 0.03, "odl": 0.05, "odr": 0.05}
     scene, notes = changed(lambda d: d.update({"ShaftElement_s": {**sleeve, "material": light}}))
-    assert any("layers taken as one ring" in note for note in notes)
+    assert any("layers are taken as one ring" in note for note in notes)
     step = scene.shaft.steps[0]
     area, second = np.pi * 0.05**2 / 4, np.pi * 0.05**4 / 64
     core, tube = np.pi * 0.03**4 / 64, np.pi * (0.05**4 - 0.03**4) / 64
@@ -222,7 +222,7 @@ def test_bearing_on_a_flexible_support(changed):
     loss = np.array([4e3, 6e3]) * (expected / [3e7, 5e7]) ** 2 + 1e3 * (expected / 1e8) ** 2
     assert [float(front.cxx), float(front.cyy)] == pytest.approx(loss)
     assert len(scene.of(jr.Support)) == 2 and len(scene.of(jr.Disc)) == 2
-    assert "mass of a flexible support left out: casing" in notes
+    assert "mass of a flexible support is left out: casing" in notes
     (said,) = [note for note in notes if "in series" in note]
     assert "(omega C << K of either): front" in said
 
@@ -321,11 +321,11 @@ def test_new_scene_from_ross(tmp_path, monkeypatch):
 
 def test_a_tag_cannot_write_into_the_scene(changed):
     notes = changed(put(SHAFT, torque=1.0, tag="a\n[spin]\nspeed = 1\x1b"))[1]
-    assert "torque left out: a [spin] speed = 1" in notes
+    assert "torque is left out: a [spin] speed = 1" in notes
 
 
 def test_a_kind_cannot_write_into_the_scene(changed):
     odd = {"Foo\n[gravity]_1": {"n": 0}}
     notes = changed(lambda document: document.update(odd))[1]
-    assert any("Foo [gravity] left out" in note for note in notes)
+    assert any("Foo [gravity] is left out" in note for note in notes)
     assert not any("\n" in note for note in notes)

@@ -10,7 +10,7 @@ from ..units import SceneError, quantity, refuse, show
 from .file import Element, Notes, station
 
 
-_SLOW = 0.3  # omega C / K up to which damping of springs in series is nearly that of slow motions
+_SLOW = 0.3  # omega C / K up to which two in series damp nearly as in slow motions
 _AXES = ("xx", "xy", "yx", "yy")
 _STIFFNESS, _DAMPING = ("k", "N/m"), ("c", "N s/m")
 
@@ -20,7 +20,7 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
     for element in elements:
         if "Id" in element.table and "Ip" in element.table:
             if element.kind != "DiskElement":
-                notes.add(f"{element.kind} taken for a disc", element)
+                notes.add(f"{element.kind} is taken as a disc", element)
             inertia = (element.number(key, "kg m^2") for key in ("Id", "Ip"))
             yield _made(
                 element, Disc, station(element, places), element.number("m", "kg"), *inertia
@@ -28,10 +28,10 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
         elif element.kind == "PointMass":
             along, across = (element.number(key, "kg") for key in ("mx", "my"))
             if element.node not in places:
-                notes.add("mass of a flexible support left out", element)
+                notes.add("mass of a flexible support is left out", element)
                 continue
             if along != across:
-                notes.add("mass that differs along x and y taken as their mean", element)
+                notes.add("mass that differs along x and y is replaced by its mean", element)
             yield _made(element, Disc, station(element, places), (along + across) / 2)
 
 
@@ -44,7 +44,7 @@ def supports(
     known = ("ShaftElement", "PointMass")
     for element in elements:
         if element.kind not in known and not {"kxx", "Ip"} & element.table.keys():
-            notes.add(f"{element.kind} left out", element)
+            notes.add(f"{element.kind} is left out", element)
     for element in bearings:
         if element.node not in places:
             continue
@@ -59,15 +59,15 @@ def supports(
             own, other = (stiffness, damping), _coefficients(below, speed, notes)
             stiffness, damping = _series(element, own, other)
             notes.add(
-                "bearing and its support taken as one, in series, with the damping of slow motions "
+                "bearing and its support are taken as one, in series, with the damping of slow motions "
                 "(omega C << K of either)",
                 element,
             )
             ratio = max(speed * np.linalg.norm(c @ np.linalg.inv(k), 2) for k, c in (own, other))
             if ratio > _SLOW:
                 notes.add(
-                    f"damping of a bearing and its support in series too high at the speed of the scene, "
-                    f"where omega C / K is {ratio:.2g}",
+                    f"damping of a bearing and its support in series is too high at the speed of the "
+                    f"scene, where omega C / K is {ratio:.2g}",
                     element,
                 )
         if stiffness.any() or damping.any():
@@ -82,9 +82,9 @@ def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndar
         for letter, unit in (_STIFFNESS, _DAMPING, ("m", "kg"))
     )
     if mass.any():
-        notes.add("inertia of a bearing or seal (mxx, ..) left out", element)
+        notes.add("inertia of a bearing or seal (mxx, ..) is left out", element)
     if any(_value(element, key, unit, speed, notes) for key, unit in _axial().items()):
-        notes.add("axial stiffness and damping left out", element)
+        notes.add("axial stiffness and damping are left out", element)
     return stiffness.reshape(2, 2), damping.reshape(2, 2)
 
 
@@ -114,9 +114,9 @@ def _value(element: Element, key: str, unit: str, speed: float, notes: Notes) ->
 
     if not at[0] <= speed <= at[-1]:
         notes.add(
-            f"coefficients for {at[0]:g} to {at[-1]:g} rad/s taken at the nearer end", element
+            f"coefficients for {at[0]:g} to {at[-1]:g} rad/s are taken at the nearer end", element
         )
-    notes.add("coefficients that depend on speed taken at the speed of the scene", element)
+    notes.add("coefficients that depend on speed are taken at the speed of the scene", element)
     spline = UnivariateSpline(at, numbers, k=min(3, len(at) - 1), s=0)
     return float(np.asarray(spline(min(max(speed, at[0]), at[-1]))))
 

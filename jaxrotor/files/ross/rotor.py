@@ -13,7 +13,7 @@ from .file import Notes, read
 from .shaft import merged, placed, sections, step
 
 
-_COORDINATES = 48  # about, of all spans
+_COORDINATES = 48  # about as many nodes in all spans together
 
 
 def from_ross(
@@ -56,7 +56,7 @@ def from_ross(
     ends = [0.0, total, *(at for at, _ in placed(shaft, steps)), *(float(e.at) for e in effects)]
     spans = len({round(at / total, 4) for at in ends}) - 1
     left_out = tuple(notes)
-    said = f"less what could not be carried over from {Path(source).name}" if left_out else ""
+    said = f"without what could not be carried over from {Path(source).name}" if left_out else ""
     try:
         line = FlexibleShaft(
             total,

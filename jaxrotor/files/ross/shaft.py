@@ -53,7 +53,7 @@ def sections(
             refuse(f"{element.path}.L", f"must be positive, but is {show(element.table['L'])}.")
         for key, (unit, text) in _LEFT_OUT.items():
             if element.number(key, unit, 0.0):
-                notes.add(f"{text} left out", element)
+                notes.add(f"{text} is left out", element)
     first = min(layers)
     if sorted(layers) != list(range(first, first + len(layers))):
         refuse(source, "has shaft elements that do not make one line; save each rotor by itself.")
@@ -66,10 +66,10 @@ def sections(
     given = {key: _flag(own, key, notes) for key in ("shear_effects", "rotary_inertia")}
     shear, rotary = given.values()
     if shear and not rotary:
-        notes.add("rotary inertia added, which shear needs", own[0])
+        notes.add("rotary inertia is added, which shear needs", own[0])
     gyroscopic = _flag(own, "gyroscopic", notes)
     if shear and any(e.table.get("shear_method_calc", "cowper") != "cowper" for e in own):
-        notes.add("shear coefficient by Cowper in place of Hutchinson", own[0])
+        notes.add("shear coefficient is that of Cowper in place of Hutchinson", own[0])
     return places, rings, gyroscopic, {"shear": shear, "rotary_inertia": rotary or shear}
 
 
@@ -80,7 +80,7 @@ def _flag(elements: Sequence[Element], key: str, notes: Notes) -> bool:
         if not isinstance(value, bool):
             refuse(f"{element.path}.{key}", f"must be true or false, but is {show(value)}.")
         if not value and any(said):
-            notes.add(f"{key} taken into account all along the shaft", element)
+            notes.add(f"{key} is taken into account all along the shaft", element)
     return any(said)
 
 
@@ -100,7 +100,7 @@ def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) 
     pieces = max(1, min(_PIECES, int(length / (_SHORTEST * total)))) if tapered else 1
     if tapered:
         into = f"cut into {pieces} uniform ones" if pieces > 1 else "taken as a uniform one"
-        notes.add(f"tapered element {into}", layer[0])
+        notes.add(f"tapered element is {into}", layer[0])
     materials = [_material(element) for element in layer]
     found = []
     for piece in range(pieces):
@@ -134,7 +134,7 @@ def _combined(rings: Sequence[Ring], element: Element, notes: Notes) -> Ring:
     touch = all(a.outer == b.inner for a, b in zip(rings, rings[1:], strict=False))
     if len({ring.of for ring in rings}) == 1 and touch:
         return rings[0]._replace(outer=outer)
-    notes.add("layers taken as one ring of equal mass, bending and shear stiffness", element)
+    notes.add("layers are taken as one ring of equal mass, bending and shear stiffness", element)
     area, second = (
         np.array([r.outer**k - r.inner**k for r in rings]) / (outer**k - inner**k) for k in (2, 4)
     )
@@ -160,7 +160,7 @@ def merged(rings: Sequence[Ring], total: float, notes: Notes) -> list[Ring]:
         if len(found) > 1:
             ring, other = found.pop(k), max(0, k - 1)
             found[other] = found[other]._replace(length=found[other].length + ring.length)
-            text = "section shorter than 0.2 % of the shaft given the diameter of its neighbour"
+            text = "section shorter than 0.2 % of the shaft gets the diameter of its neighbour"
             notes.add(text, Element("", "", {"tag": f"{ring.length:g} m of {ring.outer:g} m"}))
     return found
 
