@@ -1,7 +1,7 @@
-"""Writes `docs/scene-files.md`: every key of a scene file, from the classes that read it.
+"""Writes `docs/scene-files.md`: every key of a scene file, from the classes of the parts.
 
-`python docs/scene_files.py` writes the page anew; `tests/files/test_scene_files.py` holds it to the
-classes and loads every example.
+`python docs/scene_files.py` writes the page. `tests/files/test_scene_files.py` checks that it is up to
+date, and loads every example.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from scene_examples import EXAMPLES
 
 from jaxrotor import shafts, spins
 from jaxrotor.core.quantities import is_series, takes_matrix, unit_of
-from jaxrotor.files.toml import choices_of
+from jaxrotor.files.toml_reader import choices_of
 from jaxrotor.files.vocabulary import COUNTS, FORMS, START, kinds, models
 from jaxrotor.shafts import AbstractShaft, Constraint, Step
 from jaxrotor.shafts.materials import NAMED, Material
@@ -27,34 +27,35 @@ INTRODUCTION = """\
 
 <!-- Written by docs/scene_files.py from the classes; change these, or the examples there. -->
 
-A scene is a TOML file: one `[shaft]`, one `[spin]`, and a table for each thing that sits on the shaft.
-What is not written is not simulated. `jaxrotor new my-rotor.toml` writes a commented one to begin with,
-and `jaxrotor show my-rotor.toml` lists what was understood.
+A scene is a TOML file with one `[shaft]`, one `[spin]`, and a table for each effect on or around the
+shaft. Nothing else is simulated. `jaxrotor new my-rotor.toml` writes a commented file to begin with, and
+`jaxrotor show my-rotor.toml` lists the parameters that were read from a file.
 
-* A number is SI; a text carries its unit: `0.7`, `"0.7 m"`, `"700 mm"`, `"1500 rpm"`, `"60 deg"`.
-* One part is `[disc]`. Of several, each is `[[disc]]` or `[[discs]]`, with two brackets.
+* A number is in SI units; a text carries its unit: `0.7`, `"0.7 m"`, `"700 mm"`, `"1500 rpm"`, `"60 deg"`.
+* A single part is `[disc]`. If there are several, each is `[[disc]]` or `[[discs]]`, with two brackets.
 * Stations (`at`) are measured from the left end of the shaft.
 * `angles = ["0 deg", "90 deg"]` in place of `angle` stands for one part at each of these angles.
-* "needed" is a key without which the part is refused; "absent" one that has no effect unless it is given.
-* A parameter is called by its table and key: `disc.mass`, `limiters.0.gap`. So do `--set`, `--over` and
-  `scene.replace`.
+* In the tables below, a key that is "needed" must be given; one that is "absent" has no effect until it
+  is given.
+* The name of a parameter is that of its table and key: `disc.mass`, `limiters.0.gap`. `--set`, `--over`
+  and `scene.replace` use these names.
 
-At the top of the file may stand `title`, a text that pictures show, and `assumption`, a text that names
-what is not known of the rotor and that every result repeats.
+The file may begin with `title`, a text that figures show, and `assumption`, a text that says what of the
+rotor is assumed, and that every result repeats.
 """
 
 
 def page() -> str:
     """The whole page."""
-    parts = [INTRODUCTION, "## The shaft\n", "One of these, by its `model`.\n"]
+    parts = [INTRODUCTION, "## The shaft\n", "One of these models.\n"]
     parts += [_part(name, cls, "[shaft]") for name, cls in models(shafts, AbstractShaft).items()]
     parts += [_part("step", Step, "[[shaft.steps]]")]
     parts += [_part("constraint", Constraint, "[[shaft.constraints]]")]
-    parts += [_part("material", Material, "[shaft.material]"), "## What sits on the shaft\n"]
+    parts += [_part("material", Material, "[shaft.material]"), "## Effects\n"]
     for kind, cls in kinds().items():
         parts.append(_part(kind, cls, f"[{kind}]"))
         parts += [_form(form) for form in FORMS if form.of is cls]
-    parts += ["## How it turns\n", "One of these, by its `model`.\n"]
+    parts += ["## Rotation\n", "One of these models.\n"]
     parts += [_part(name, cls, "[spin]") for name, cls in models(spins, AbstractSpin).items()]
     return "\n".join([*parts, _sweep()])
 
@@ -86,7 +87,7 @@ def _form(form) -> str:
     noun = form.noun[0].upper() + form.noun[1:]
     text = _section(form.noun, noun, form.build, rows)
     others = ", ".join(f"`{key}`" for key in form.fields)
-    return f"{text}\n{others} as above.\n"
+    return f"{text}\nFurther keys, as above: {others}.\n"
 
 
 def _sweep() -> str:
@@ -94,8 +95,8 @@ def _sweep() -> str:
     rows += [(key, f"whole number from {least}", "absent") for key, least in COUNTS.items()]
     rows += [(f"start.{key}", unit, "absent") for key, unit in START.items()]
     head = [
-        "## What a sweep does\n",
-        'Values are a list, or `"start : stop : count"`; the command line goes before them.\n',
+        "## Sweeps\n",
+        'Values are a list, or `"start : stop : count"`. Options of the command line override them.\n',
     ]
     return "\n".join([*head, _table("sweep", rows), *_blocks("sweep")])
 
@@ -120,7 +121,7 @@ def _table(name: str, rows: list) -> str:
 
 
 def example_of(name: str, key: str) -> str:
-    """Value of a key in the examples of a part."""
+    """The value of a key in the examples of a part."""
     own = key.rpartition(".")[2]
     value = r"(\"[^\"]*\"|\[.*\]|[^\s,}\]#]+)"
     for text in examples(name):

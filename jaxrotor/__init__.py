@@ -1,4 +1,4 @@
-"""jaxrotor: differentiable rotor dynamics. What it has is listed in `__init__.pyi`."""
+"""jaxrotor: differentiable rotor dynamics. Its public names are listed in `__init__.pyi`."""
 
 import os
 import sys
@@ -8,11 +8,11 @@ import lazy_loader
 from .earlier_names import keep_earlier_names
 
 
-# Matrices this small lose by threads (a Campbell diagram takes 13 times as long on two cores); read
-# when the linear algebra is first loaded, so a value of your own set before that stands.
+# Threads slow down linear algebra with matrices this small (a Campbell diagram takes 13 times as long on
+# two cores). OpenBLAS reads the variable when it is first loaded; a value that is already set is kept.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Double precision; float32 is a choice, made in the environment. jax reads it when it is loaded.
+# Double precision, unless the environment sets JAX_ENABLE_X64=0. jax reads it when it is first loaded.
 if "JAX_ENABLE_X64" not in os.environ:
     os.environ["JAX_ENABLE_X64"] = "1"
     if "jax" in sys.modules:
@@ -20,5 +20,5 @@ if "JAX_ENABLE_X64" not in os.environ:
 
 keep_earlier_names()
 
-# Every name is loaded when it is first asked for: jax alone takes half a second.
+# Every name is loaded at its first use, as jax alone takes half a second.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

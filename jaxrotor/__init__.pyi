@@ -1,4 +1,4 @@
-"""All that `jaxrotor` has, loaded when it is first asked for."""
+"""Public names of `jaxrotor`; each is loaded at its first use."""
 
 from . import (
     analysis as analysis,

@@ -1,4 +1,4 @@
-"""`python -m jaxrotor`: the command line."""
+"""Command line as `python -m jaxrotor`."""
 
 from .cli import main
 

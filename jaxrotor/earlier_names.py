@@ -1,4 +1,4 @@
-"""Earlier names of modules, from before they were sorted into rooms: pickles and imports may have them."""
+"""Earlier names of modules, from before they were in folders; pickles and imports may use them."""
 
 import importlib
 import sys
@@ -6,7 +6,7 @@ import types
 from typing import Any
 
 
-EARLIER = {  # earlier name -> where its names live now, the first that has one counts
+EARLIER = {  # earlier name -> modules that define its names now, searched in this order
     "accuracy": ("work_precision.accuracy",),
     "attractors": ("sweeps.attractors",),
     "balancer": ("analysis.balancer",),
@@ -46,7 +46,7 @@ EARLIER = {  # earlier name -> where its names live now, the first that has one 
 }
 
 
-RENAMED = {  # classes that had another name there
+RENAMED = {  # earlier name of a class -> its name now
     "Instant": "Kinematics",
     "Orbit": "RevolutionSamples",
     "Posture": "RotatingState",
@@ -54,10 +54,10 @@ RENAMED = {  # classes that had another name there
 
 
 class _Earlier(types.ModuleType):
-    """A module that is no longer there: its names are found where they live now."""
+    """Stand-in for a module that was moved: its names are looked up where they are defined now."""
 
     def __getattr__(self, name: str) -> Any:
-        if not name.startswith("__"):  # tools ask every loaded module for these
+        if not name.startswith("__"):  # tools query these of every loaded module
             for place in EARLIER[self.__name__.removeprefix("jaxrotor.")]:
                 module = importlib.import_module(f"jaxrotor.{place}")
                 for known in (name, RENAMED.get(name, name)):
@@ -67,6 +67,6 @@ class _Earlier(types.ModuleType):
 
 
 def keep_earlier_names() -> None:
-    """Let the earlier modules be imported, and pickles that name them be read; loads nothing."""
+    """Make the earlier names importable, also for pickles that use them, without loading anything."""
     for name in EARLIER:
         sys.modules.setdefault(f"jaxrotor.{name}", _Earlier(f"jaxrotor.{name}"))

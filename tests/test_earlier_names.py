@@ -1,4 +1,4 @@
-"""What earlier versions wrote opens as before: names of modules, pickles, stores of sweeps."""
+"""Files of earlier versions can be read: names of modules, pickles, stores of sweeps."""
 
 import importlib
 import pickle
@@ -13,7 +13,7 @@ import jaxrotor as jr
 from jaxrotor.earlier_names import EARLIER
 
 
-# Written by the version of 2026-11-24, before modules were sorted into rooms: two revolutions of the
+# Written by the version of 2026-11-24, before modules were in folders: two revolutions of the
 # limiter rotor from `Whirl(12e-3, -441.0)` with the last kept, 8 samples each; a run-up of the ball
 # balancer; reactions of the turbine; a sweep of two eccentricities and two starting radii into a store.
 EARLIER_RESULTS = Path(__file__).parent / "earlier"
@@ -35,7 +35,7 @@ def test_an_earlier_module_hides_no_function():
     assert callable(jr.sweep) and callable(jr.simulate) and callable(jr.balancer.lag_whirl)
 
 
-def test_pickles_of_before_are_read():
+def test_earlier_pickles_are_read():
     found = pickle.loads((EARLIER_RESULTS / "results.pickle").read_bytes())
     assert isinstance(found["response"], jr.Response) and isinstance(found["run_up"], jr.RunUp)
     np.testing.assert_allclose(found["scene"].get("limiters.gap"), 7.5e-3)
@@ -45,7 +45,7 @@ def test_pickles_of_before_are_read():
     assert found["modes"].values.shape == (2,)
 
 
-def test_a_store_of_before_is_read_and_its_motions_run_again(tmp_path):
+def test_an_earlier_store_is_read_and_its_motions_run_again(tmp_path):
     shutil.unpack_archive(EARLIER_RESULTS / "sweep.zarr.zip", tmp_path / "sweep.zarr")
     dataset = xr.open_zarr(tmp_path / "sweep.zarr", consolidated=False)
     assert dataset.sizes["start.radius"] == 2

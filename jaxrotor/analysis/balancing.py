@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.blocks import Blocks
-from ..core.extremes import largest, within
+from ..core.extremes import bounded, largest
 from ..core.quantities import Scalar, check, known
 from ..effects import AbstractLinear, Support
 from ..equations.system import assemble_load
@@ -232,7 +232,7 @@ def allocated_unbalance(
     share = (b - centre) / (b - a)
     outside = (share < 0) | (share > 1)
     parts = jnp.abs(jnp.stack([share, 1 - share]))
-    return jnp.asarray(permissible, float) * within(parts, 0.3, jnp.where(outside, 1.3, 0.7))
+    return jnp.asarray(permissible, float) * bounded(parts, 0.3, jnp.where(outside, 1.3, 0.7))
 
 
 def balance_grade(unbalance: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Grade:

@@ -12,7 +12,8 @@ import typer
 from ..analysis import critical_speeds, settled
 from ..equations.start import AbstractStart, AtRest, Whirl
 from ..equations.system import polar_inertia
-from ..files.toml import load, many, swept_values
+from ..files.toml import load
+from ..files.toml_reader import swept_values, value_list
 from ..files.units import quantity
 from ..files.vocabulary import START
 from ..scene import Scene
@@ -215,7 +216,7 @@ def instants(scene: Scene, duration: str | None, samples: int, times: str | None
     if times is not None:
         if duration is not None:
             raise ValueError("--times says how long a run is; leave out --duration.")
-        values = many(listed(times), "s", "--times")
+        values = value_list(listed(times), "s", "--times")
         for before, after in itertools.pairwise(values.tolist()):
             if not before < after:
                 raise ValueError(f"--times must ascend, but has {before:g} s and then {after:g} s.")

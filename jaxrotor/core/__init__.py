@@ -1,1 +1,1 @@
-"""What every room may use and that knows no rotor: quantities, blocks, checks, progress, programs."""
+"""Foundations without rotor models: quantities, linear blocks, checks, progress, compiled programs."""

@@ -9,19 +9,20 @@ from .quantities import Scalar
 
 
 class Blocks(eqx.Module):
-    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`, a uniform acceleration `a` adding `weight a`.
+    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q`; a uniform acceleration `a` adds `weight a`.
 
-    `r` = `n` rows in the equations' own units, one a coordinate, or `r` virtual works; None means absent
-    and leaves no trace in the compiled program. Blocks add. Beyond these,
+    There is one row per coordinate (`r = n`), in the units of the equations, or one row per virtual
+    displacement. None means that a block is absent and leaves no trace in the compiled program. Blocks
+    of several parts are added. The further terms are:
 
-    - cross-coupling adds `i skew_damping q. + i skew_stiffness q`, and where its damper turns with the
-      shaft, `i skew_circulatory (q. - i Omega q)`, also `Omega skew_circulatory q`,
-    - what is not the same in x and y adds `fixed_damping q*. + fixed_stiffness q*` (q* conjugate),
-    - the same in axes that turn with the shaft, `q = r exp(i Omega t)`, adds to the equations of `r`
+    - cross-coupling: `i skew_damping q. + i skew_stiffness q`; a cross-coupled damper that turns with
+      the shaft, `i skew_circulatory (q. - i Omega q)`, also adds `Omega skew_circulatory q`,
+    - anisotropy in fixed axes: `fixed_damping q*. + fixed_stiffness q*`, with the conjugate `q*`,
+    - anisotropy in axes that turn with the shaft, `q = r exp(i Omega t)`: the equations of `r` get
       `rotating_damping r*. + rotating_stiffness r*`,
-    - `polar` [kg m^2] is the moment of inertia about the axis, which a free rotation needs,
-    - hysteresis adds `i eta_s hysteretic q`, where eta_s is +1 for a motion that whirls faster than
-      the shaft turns and -1 for one that does not: it is known for harmonic motions only.
+    - `polar` [kg m^2]: the moment of inertia about the axis, needed where rotation is integrated,
+    - hysteresis: `i eta_s hysteretic q`, where eta_s is +1 if the motion whirls faster than the shaft
+      turns, else -1. It is defined for harmonic motions only.
     """
 
     inertia: Float[Array, "r n"] | None = None
@@ -52,7 +53,7 @@ class Blocks(eqx.Module):
 class Load(eqx.Module):
     """External load `constant + (Omega^2 - i Omega.) unbalance exp(i theta)`; None means absent.
 
-    `gravity` is the acceleration behind weight, for bodies that have coordinates of their own.
+    `gravity` is the acceleration due to gravity, for bodies that have coordinates of their own.
     """
 
     constant: Complex[Array, " r"] | None = None

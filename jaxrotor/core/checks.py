@@ -1,4 +1,4 @@
-"""Checks: whole numbers within their range, and what a misspelt name may have meant."""
+"""Checks of whole numbers, and suggestions for misspelt names."""
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
@@ -8,13 +8,13 @@ import numpy as np
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Whether a value is a whole number of at least `least`; a truth value is none."""
+    """Whether `value` is an integer of at least `least`; True and False are not integers here."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     return whole and bool(value >= least)
 
 
 def check_counts(least: int = 1, /, **counts: Any) -> None:
-    """Raise unless every count, named by its keyword, is a whole number of at least `least`."""
+    """Raise unless every count is a whole number of at least `least`; keywords name the counts."""
     for name, value in counts.items():
         if not is_whole(value, least):
             raise ValueError(
@@ -23,6 +23,6 @@ def check_counts(least: int = 1, /, **counts: Any) -> None:
 
 
 def suggest(word: str, words: Sequence[str] | Mapping[str, Any], called: Callable = str) -> str:
-    """A closing hint, " (did you mean `..`?)", or nothing; `called` gives what to write for a word."""
+    """A hint `(did you mean ..?)`, empty if no word is close; `called` maps a word to the text shown."""
     close = difflib.get_close_matches(word, list(words), n=1)
     return f" (did you mean `{called(close[0])}`?)" if close else ""

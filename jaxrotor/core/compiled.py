@@ -1,4 +1,4 @@
-"""Compiled: programs that run once or twice, translated in a third of the time."""
+"""Compilation without optimisation, for programs that run once or twice."""
 
 import functools
 from collections.abc import Callable
@@ -9,8 +9,8 @@ import equinox as eqx
 import jax.core
 
 
-# For `jax.jit`: a program that runs once or twice is slower to compile well than to run. Without the
-# fusion emitters and LLVM's optimisation a program compiles in a third of the time.
+# Options for `jax.jit`. A program that runs once or twice takes longer to optimise than to run. Without
+# the fusion emitters and LLVM's optimisation it compiles in a third of the time.
 QUICKLY: dict[str, Any] = {
     "compiler_options": {
         "xla_backend_optimization_level": 0,
@@ -20,10 +20,11 @@ QUICKLY: dict[str, Any] = {
 
 
 def compiled_quickly(function: Callable) -> Callable:
-    """`eqx.filter_jit(function)`, compiled without optimisation where it is called by itself.
+    """`eqx.filter_jit(function)`, compiled without optimisation when it is called directly.
 
-    Linear algebra, which LAPACK does, runs as fast. Inside another program (or a derivative or a map)
-    the function is a part of that one and compiled with it: jax takes settings for a whole program.
+    Linear algebra runs as fast as with optimisation, as LAPACK does it. Inside another program, a
+    derivative or a map the function is compiled as a part of that program, because jax takes compiler
+    options for whole programs only.
     """
     alone, inside = eqx.filter_jit(function, **QUICKLY), eqx.filter_jit(function)
 
@@ -38,6 +39,7 @@ def _nothing_is_traced() -> bool:
     return bool(jax.core.get_opaque_trace_state() == _OUTSIDE)
 
 
-# What jax traces is that of a thread. This module may be imported while something is traced.
+# The trace state belongs to a thread. A new thread has the state outside any trace, even if this
+# module is imported while something is traced.
 with ThreadPoolExecutor(1) as _thread:
     _OUTSIDE = _thread.submit(jax.core.get_opaque_trace_state).result()

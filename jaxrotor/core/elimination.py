@@ -1,4 +1,4 @@
-"""Elimination: the solution of a few linear equations by arithmetic alone."""
+"""Gauss-Jordan elimination for a few linear equations, in plain arithmetic."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -7,10 +7,10 @@ from jaxtyping import Array, Float
 def eliminated(
     matrix: Float[Array, "u u"], known: Float[Array, " u"], *, pivots: bool = False
 ) -> Float[Array, " u"]:
-    """`x` of `matrix x = known` by Gauss-Jordan elimination.
+    """Solution `x` of `matrix x = known` by Gauss-Jordan elimination.
 
-    Without `pivots`, no leading minor of the matrix may vanish. LAPACK, called at every stage of every
-    lane, would cost several times more.
+    Without `pivots`, no leading minor of the matrix may vanish. Calling LAPACK at every stage of every
+    lane would cost several times more.
     """
     rows, order = jnp.concatenate([matrix, known[:, None]], axis=1), jnp.arange(known.size)
     for j in range(known.size):

@@ -1,8 +1,8 @@
-"""Extremes by comparison, whose derivatives outlast the compiler.
+"""Maximum and minimum by comparison, with derivatives that do not depend on rounding.
 
-The derivative of `jnp.maximum(x, y)` goes to whichever of the two equals the result bit by bit. A
-compiler that computes `x` twice, and rounds it differently, leaves none, and the derivative is zero
-without a word (jax issue 40564; a per cent of that of contact forces by friction, jax 0.10.2).
+`jnp.maximum(x, y)` gives its derivative to the argument that equals the result bit by bit. A compiler
+may compute `x` twice and round it differently; then neither is equal, and the derivative is silently
+zero (jax issue 40564; with jax 0.10.2 one per cent of the derivative of contact forces by friction).
 """
 
 import jax.numpy as jnp
@@ -11,26 +11,26 @@ from jaxtyping import Array, ArrayLike, Float
 
 
 def larger(x: ArrayLike, y: ArrayLike) -> Array:
-    """`max(x, y)` of a number `x` that is looked at; its derivative where they are equal, NaN if it is."""
+    """`max(x, y)`; at a tie the derivative is that of `x`; a NaN in `x` propagates."""
     return jnp.where(jnp.asarray(x) < y, y, x)
 
 
 def smaller(x: ArrayLike, y: ArrayLike) -> Array:
-    """`min(x, y)`, as `larger`."""
+    """`min(x, y)`; ties and NaN as in `larger`."""
     return jnp.where(jnp.asarray(x) > y, y, x)
 
 
-def within(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
-    """`x`, or the bound that it is beyond, as `larger`."""
+def bounded(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+    """`min(max(x, low), high)`; ties and NaN as in `larger`."""
     return smaller(larger(x, low), high)
 
 
 def largest(x: Float[Array, "n ..."]) -> Array:
-    """The largest of the first axis; the mean of the derivatives of equals."""
+    """Maximum over the first axis; at ties the derivative is the mean of theirs."""
     first = jnp.argmax(x, axis=0)[None]
     equal = x == jnp.take_along_axis(x, first, axis=0)
     number = jnp.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1))
-    equal |= number == first  # whatever the compiler
+    equal |= number == first  # even if rounded differently
     top, share = still(jnp.take_along_axis(x, first, axis=0)[0]), jnp.sum(equal, axis=0)
-    change = jnp.where(equal & jnp.isfinite(x), x - still(x), 0.0)  # nothing but its derivative
+    change = jnp.where(equal & jnp.isfinite(x), x - still(x), 0.0)  # zero, with the derivative of x
     return top + jnp.sum(change, axis=0) / share

@@ -1,4 +1,4 @@
-"""Outcome: how a run went, and in which words a data set says so of every lane."""
+"""Outcome of a run, and the status that data sets give for every lane."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 
-LARGEST_RATIO = {2: 2.0, 4: 0.5}  # by order: beyond it a bounce gains energy on average
+LARGEST_RATIO = {2: 2.0, 4: 0.5}  # by order of the step: above it a rebound gains energy on average
 STATUS = (
     "ok",
     "not_finite",
@@ -19,26 +19,32 @@ STATUS = (
     "steps_too_long_for_a_stop",
     "not_computed",
 )
-NONE = ("not_finite", "solver_gave_up", "start_or_steady_response_undefined", "not_computed")
-FAILED = tuple(map(STATUS.index, NONE))
+WITHOUT_RESULT = (
+    "not_finite",
+    "solver_gave_up",
+    "start_or_steady_response_undefined",
+    "not_computed",
+)
+FAILED = tuple(map(STATUS.index, WITHOUT_RESULT))
 
 
 class Outcome(eqx.Module):
-    """How some revolutions went; `a & b` is how both did."""
+    """Outcome of some revolutions; `a & b` is the outcome of both together."""
 
     finite: Bool[Array, "*lanes"]
-    solved: Bool[Array, "*lanes"]  # the solver met its tolerance in the steps it had
+    solved: Bool[Array, "*lanes"]  # the solver met its tolerance within its number of steps
     unresolved: Int[Array, "*lanes"]  # steps whose changes of contact were not located
-    touched: Bool[Array, "*lanes"]  # by more than the root of the precision, if `Exponential` steps
+    touched: Bool[Array, "*lanes"]  # a stop changed the state by more than sqrt(eps)
 
     @classmethod
     def good(cls, *shape: int) -> "Outcome":
+        """Outcome of a run without any failure."""
         yes, no = jnp.ones(shape, bool), jnp.zeros(shape, bool)
         return cls(yes, yes, jnp.zeros(shape, int), no)
 
     @property
     def ok(self) -> Bool[Array | np.ndarray, "*lanes"]:
-        """Whether there is a result."""
+        """Whether the run has a result."""
         return self.finite & self.solved
 
     def __and__(self, other: "Outcome") -> "Outcome":
@@ -51,25 +57,25 @@ class Outcome(eqx.Module):
 
 
 def too_long(ratio: Any, order: int) -> Any:
-    """Whether a stop answers within a step, see `March.contact_stiffness_ratio` (.., 2)."""
+    """Whether steps are too long for the stiffest stop, from its `contact_stiffness_ratio` (.., 2)."""
     return ratio.sum(-1) > LARGEST_RATIO[order]
 
 
 def steps_needed(ratio: Any, order: int, steps: int) -> int:
-    """Steps a revolution at which `elastic / r^2 + viscous / r` is at its limit, `r` times as many."""
+    """Fewest steps per revolution, `r` times `steps`, with `elastic / r^2 + viscous / r` at its limit."""
     (elastic, viscous), limit = map(float, ratio), LARGEST_RATIO[order]
     return math.ceil(steps * (viscous + math.sqrt(viscous**2 + 4 * elastic * limit)) / (2 * limit))
 
 
 def failed(status: Any) -> np.ndarray:
-    """Which lanes have no result, by the `status` of a data set."""
+    """Whether each lane lacks a result, from the `status` of a data set."""
     return np.isin(status, FAILED)
 
 
 def statuses(
     outcome: Outcome, started: np.ndarray, undefined: np.ndarray, overlong: np.ndarray
 ) -> np.ndarray:
-    """Numbers in `STATUS` of lanes, the first reason that holds."""
+    """Index in `STATUS` of the first reason that holds, for every lane."""
     reasons = {
         "start_or_steady_response_undefined": ~started,
         "solver_gave_up": ~np.asarray(outcome.solved),

@@ -1,4 +1,4 @@
-"""Chunks: lanes that run as one compiled program, spread over cores or GPUs."""
+"""Parallel execution: chunks of lanes, each one call of a compiled program, over cores or GPUs."""
 
 import concurrent.futures
 import dataclasses
@@ -15,27 +15,28 @@ from .checks import check_counts
 
 
 def cores(workers: int | None) -> int:
-    """Chunks to run at once: those asked for, else one a core, or one a GPU."""
+    """Number of chunks to run at once: `workers` if given, else one per core or one per GPU."""
     if workers is not None:
         check_counts(workers=workers)
         return workers
     if jax.default_backend() != "cpu":
         return jax.local_device_count()
-    if hasattr(os, "sched_getaffinity"):  # where a scheduler may have lent a few of the cores
+    if hasattr(os, "sched_getaffinity"):  # a scheduler may have assigned only some cores
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def chunk_size(lanes: int, most: int, workers: int) -> int:
-    """Even chunks of at most `most` lanes, enough of them to busy every worker."""
+    """Lanes per chunk: at most `most`, in chunks of equal size, at least one chunk per worker."""
     chunks = max(-(-lanes // most), min(workers, lanes))
     return -(-lanes // chunks)
 
 
 def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
-    """Chunks over threads: a compiled program runs outside the interpreter's lock.
+    """Results of `run(chunk, tick)` for all chunks, computed by `workers` threads.
 
-    Of several devices every thread takes one that is free, to run its chunk there.
+    Threads suffice, as a compiled program runs outside the interpreter's lock. With several devices
+    each chunk runs on a device that is free.
     """
     stop = threading.Event()
     devices = jax.local_devices()
@@ -63,7 +64,7 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
         futures = [pool.submit(call, chunk, tick_or_stop) for chunk in chunks]
         try:
             return [future.result() for future in futures]
-        except BaseException:  # Ctrl-C too: running chunks end with their segment
+        except BaseException:  # also Ctrl-C: running chunks stop after their current segment
             stop.set()
             for future in futures:
                 future.cancel()
@@ -72,12 +73,12 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
 
 @dataclasses.dataclass(frozen=True)
 class Threads:
-    """Chunks run by threads of this process, `count` at once."""
+    """Executor that runs chunks in threads of this process, `count` at once."""
 
     count: int
 
     def each(self, call: Callable, chunks: list, tick: Callable[[int], None], sink: Any = None):
-        """`call(chunk, tick)` of every chunk, in order; what goes into a `sink` is not returned."""
+        """Results of `call(chunk, tick)` in order of the chunks; a `sink` takes them instead."""
         lock = threading.Lock()
 
         def one(chunk: Any, tick: Callable[[int], None]) -> Any:
@@ -91,7 +92,7 @@ class Threads:
 
 
 def first_alone(call: Callable) -> Callable:
-    """`call`, but for its first time by one thread alone: what it compiles then serves all."""
+    """`call`, whose first run holds a lock, so that a program is compiled once for all threads."""
     lock, known = threading.Lock(), threading.Event()
 
     def run(*args: Any) -> Any:

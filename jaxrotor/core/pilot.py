@@ -1,4 +1,4 @@
-"""Pilot: a short run whose settings are refined until two successive answers agree."""
+"""Pilot runs: a setting is refined until two successive results agree."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -7,19 +7,19 @@ import numpy as np
 
 
 class Pilot(NamedTuple):
-    """A setting found by a pilot, and how far its answer was from that of the one before."""
+    """A setting chosen by a pilot run, with the change of the result from the setting before it."""
 
     what: str
     setting: int
-    difference: float  # relative, of the last two answers
-    tolerance: float  # asked for
-    converged: bool  # False: no two answers agreed, and nothing is promised
+    difference: float  # relative, of the last two results
+    tolerance: float  # requested largest difference
+    converged: bool  # False: no two results agreed, and accuracy is unknown
 
     def __str__(self) -> str:
         if self.converged:
             return f"{self.setting} {self.what} (change {self.difference:.1e})"
-        missed = f"change {self.difference:.1e} above the tolerance {self.tolerance:g}"
-        return f"{self.setting} {self.what} (not converged: {missed})"
+        reason = f"change {self.difference:.1e} above the tolerance {self.tolerance:g}"
+        return f"{self.setting} {self.what} (not converged: {reason})"
 
 
 def refined(
@@ -28,13 +28,19 @@ def refined(
     settings: Sequence[int],
     tolerance: float | int,
 ) -> Pilot:
-    """The first of rising settings whose answer agrees with that of the one before, else the last.
+    """First setting whose result agrees with that of the setting before it, else the last setting.
 
     Args:
-        what: name of the setting.
-        answer: array for a setting, all of one shape, or None where it cannot be computed.
-        settings: rising.
-        tolerance: largest difference of two answers over the largest entry of the finer.
+        what: name of the setting, in the plural.
+        answer: function from a setting to an array of fixed shape, or None if it cannot be computed.
+        settings: ascending settings to try.
+        tolerance: largest difference of two results, relative to the largest entry of the finer one.
+
+    Returns:
+        The setting, with the difference found and whether the results agreed.
+
+    Raises:
+        ValueError: If `tolerance` is not positive.
     """
     if not tolerance > 0:
         raise ValueError(f"`tolerance` must be positive, but is {tolerance!r}.")

@@ -1,7 +1,7 @@
-"""Plausibility: numbers that no machine has, mostly because a unit was taken for another.
+"""Plausibility: warnings of numbers that no machine has, mostly because of a wrong unit.
 
-Lengths are held against the length of the shaft, so a scene without dimensions, all of order 1, says
-nothing; sag under weight is worked out for a shaft of a real material alone.
+Lengths are compared with the length of the shaft, so a dimensionless scene with values of order 1 gives
+no warning. Sag under weight is computed only for a shaft of a real material.
 """
 
 import math
@@ -10,45 +10,49 @@ import warnings
 from collections.abc import Iterator, Mapping
 
 
-LONGER = 20.0  # times the length of the shaft: no disc, stop or race is as large
-SLENDER = 1e4  # times its diameter: no shaft is as long
-HEAVIEST = 1e7  # [kg], five times the rotor of the largest hydro generator
-FASTEST = 1e6  # [rad/s], ten times the fastest gas bearings
-RIM = 5e3  # [m/s] at the surface of the shaft: no material holds a third of it
+LONGER = 20.0  # times the length of the shaft: larger than any disc, stop or race
+SLENDER = 1e4  # length over diameter: more than any shaft has
+HEAVIEST = 1e7  # [kg], five times the mass of the largest rotor of a hydro generator
+FASTEST = 1e6  # [rad/s], ten times the speed of the fastest gas bearings
+SURFACE = 5e3  # [m/s] at the surface of the shaft: materials burst at a third of it
 GRAVITY = 9.8  # [m/s^2]
-SAG = 0.3  # of the length, of a shaft on its two ends under its discs
-MODULI = (1e9, 2e12)  # [Pa] of what shafts are made of
-DENSITIES = (500.0, 3e4)  # [kg/m^3]
-LIGHT = (0.5, 30.0)  # [g/cm^3], where a density in kg/m^3 is looked for
+SAG = 0.3  # over length: of a shaft supported at both ends, under its discs
+MODULI = (1e9, 2e12)  # [Pa], range of materials for shafts
+DENSITIES = (500.0, 3e4)  # [kg/m^3], range of materials for shafts
+LIGHT = (0.5, 30.0)  # the same in g/cm^3
 
-Found = Mapping[str, tuple[float, str]]  # value and unit by path, of what is known
+Found = Mapping[str, tuple[float, str]]  # value and unit of each known parameter, by path
 
 
 class ImplausibleWarning(UserWarning):
-    """A number of a scene is far outside what machines have; its unit may be another."""
+    """A number of a scene is far outside the range of machines; its unit may be wrong."""
 
 
 def warn_implausible(found: Found) -> None:
-    """Warn of every number that no machine has, at the line outside the package that led here."""
-    level, frame = 1, sys._getframe()
-    while frame.f_back is not None and _ours(frame.f_globals.get("__name__", "")):
-        level, frame = level + 1, frame.f_back
+    """Warn of every implausible number, at the line of the caller outside the package."""
+    level, caller = 1, sys._getframe()
+    while caller.f_back is not None and _ours(caller.f_globals.get("__name__", "")):
+        level, caller = level + 1, caller.f_back
     for sentence in doubts(found):
         warnings.warn(sentence, ImplausibleWarning, stacklevel=level)
 
 
 def _ours(module: str) -> bool:
+    """Whether a module belongs to the package or to the libraries that call it."""
     return module.partition(".")[0] in ("jaxrotor", "equinox", "jaxtyping", "beartype")
 
 
 def doubts(found: Found) -> Iterator[str]:
-    """A sentence on each number that is far outside what machines have, with the unit that may be meant.
+    """A sentence on each implausible number, with the unit that may be meant.
 
     Args:
-        found: value in SI and unit of every parameter that is known, by its path in the scene.
+        found: value in SI and unit of every known parameter, by its path in the scene.
+
+    Yields:
+        Sentences. Sag is checked only if nothing else is wrong, as a wrong length or mass causes it.
     """
     first = [*_lengths(found), *_material(found), *_too_large(found)]
-    yield from first or _sags(found)  # which a wrong length or mass alone would explain
+    yield from first or _sags(found)
 
 
 def _doubt(path: str, value: float, unit: str, why: str, other: str, factor: float) -> str:
@@ -59,20 +63,20 @@ def _doubt(path: str, value: float, unit: str, why: str, other: str, factor: flo
 
 
 def _too_large(found: Found) -> Iterator[str]:
-    """Masses and speeds."""
+    """Masses and speeds that are too large."""
     for path, (value, unit) in found.items():
         if unit == "kg" and value > HEAVIEST:
             yield _doubt(path, value, "kg", "heavier than any rotor", "g", 1e-3)
         if unit == "rad/s" and abs(value) > FASTEST:
             yield _doubt(path, value, "rad/s", "faster than any rotor", "rpm", math.pi / 30)
     diameter, speed = found.get("shaft.diameter"), found.get("spin.speed")
-    if diameter and speed and FASTEST >= abs(speed[0]) > 2 * RIM / diameter[0]:
-        rim = f"{abs(speed[0]) * diameter[0] / 2:.3g} m/s at the surface of the shaft"
-        yield _doubt("spin.speed", speed[0], "rad/s", rim, "rpm", math.pi / 30)
+    if diameter and speed and FASTEST >= abs(speed[0]) > 2 * SURFACE / diameter[0]:
+        why = f"{abs(speed[0]) * diameter[0] / 2:.3g} m/s at the surface of the shaft"
+        yield _doubt("spin.speed", speed[0], "rad/s", why, "rpm", math.pi / 30)
 
 
 def _lengths(found: Found) -> Iterator[str]:
-    """Lengths beside that of the shaft, and that of the shaft beside its diameter."""
+    """Lengths that are too large for the length of the shaft, and a shaft too long for its diameter."""
     length = found["shaft.length"][0] if "shaft.length" in found else math.inf
     for path, (value, unit) in found.items():
         if unit == "m" and abs(value) > LONGER * length:
@@ -85,36 +89,38 @@ def _lengths(found: Found) -> Iterator[str]:
 
 
 def _material(found: Found) -> Iterator[str]:
-    """A modulus of a metal with a density in g/cm^3, or the reverse with a modulus in GPa or MPa."""
+    """A density that is plausible in g/cm^3 only, or a modulus that is plausible in GPa or MPa only."""
     for path, (density, unit) in found.items():
         modulus = found.get(f"{path.removesuffix('density')}youngs_modulus")
         if unit != "kg/m^3" or modulus is None:
             continue
-        if _within(modulus[0], MODULI) and _within(density, LIGHT):
+        if _between(modulus[0], MODULI) and _between(density, LIGHT):
             why = "lighter than what shafts are made of"
             yield _doubt(path, density, "kg/m^3", why, "g/cm^3", 1e3)
         for other, factor in (("GPa", 1e9), ("MPa", 1e6)):
-            if _within(density, DENSITIES) and _within(factor * modulus[0], MODULI):
+            if _between(density, DENSITIES) and _between(factor * modulus[0], MODULI):
                 path, why = f"{path.removesuffix('density')}youngs_modulus", "softer than any shaft"
                 yield _doubt(path, modulus[0], "Pa", why, other, factor)
 
 
 def _sags(found: Found) -> Iterator[str]:
-    """Discs that bend the shaft, and supports that give way, by a good part of its length.
+    """Discs that bend the shaft, and supports that deflect, by a large part of its length.
 
-    `m g l^3 / (48 E I)` is the sag of a shaft on its two ends; `m g / k` that of supports together.
+    The sag of a shaft supported at both ends is `m g l^3 / (48 E I)`, that of all supports `m g / k`.
     """
     modulus, density = (
         found.get(f"shaft.material.{name}") for name in ("youngs_modulus", "density")
     )
     if modulus is None or density is None or "shaft.length" not in found:
         return
-    if not (_within(modulus[0], MODULI) and _within(density[0], DENSITIES)):
+    if not (_between(modulus[0], MODULI) and _between(density[0], DENSITIES)):
         return
     length = found["shaft.length"][0]
     shaft = {path: v for path, (v, _) in found.items() if path.startswith("shaft.")}
     wide = max((v for path, v in shaft.items() if path.endswith(".diameter")), default=math.inf)
-    discs = {path: v for path, (v, unit) in found.items() if unit == "kg" and _of(path, "disc")}
+    discs = {
+        path: v for path, (v, unit) in found.items() if unit == "kg" and _is_kind(path, "disc")
+    }
     sag = sum(discs.values()) * GRAVITY * length**2 / (48 * modulus[0] * math.pi * wide**4 / 64)
     if sag > SAG and discs:
         path = max(discs, key=discs.__getitem__)
@@ -123,7 +129,7 @@ def _sags(found: Found) -> Iterator[str]:
         return
     supports: dict[str, float] = {}
     for path, (value, unit) in found.items():
-        if unit == "N/m" and _of(path, "support"):
+        if unit == "N/m" and _is_kind(path, "support"):
             owner = path.rpartition(".")[0]
             supports[owner] = max(abs(value), supports.get(owner, 0.0))
     weight = GRAVITY * (sum(discs.values()) + density[0] * math.pi * wide**2 / 4 * length)
@@ -140,9 +146,9 @@ def _times(ratio: float) -> str:
     return f"{ratio:.0f} times" if ratio < 1e6 else f"{ratio:.2g} times"
 
 
-def _of(path: str, kind: str) -> bool:
+def _is_kind(path: str, kind: str) -> bool:
     return path.partition(".")[0] in (kind, f"{kind}s")
 
 
-def _within(value: float, bounds: tuple[float, float]) -> bool:
+def _between(value: float, bounds: tuple[float, float]) -> bool:
     return bounds[0] <= value <= bounds[1]

@@ -1,4 +1,4 @@
-"""Program cache: what was compiled once is kept on disk and found there by later processes."""
+"""Program cache: compiled programs are stored on disk, where later processes find them."""
 
 import hashlib
 import importlib.metadata
@@ -9,7 +9,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 
-# Of every program, however small: loading one takes a hundredth of a second.
+# Every program is stored, however small: loading one takes a hundredth of a second.
 SETTINGS = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": -1,
@@ -17,9 +17,9 @@ SETTINGS = {
 
 
 def program_folder() -> Path:
-    """Where programs for this processor and this version of jaxlib are kept by default.
+    """Default folder of compiled programs, for this processor and this version of jaxlib.
 
-    A folder shared by machines would else hold programs that one of them cannot run.
+    Machines may share the user's cache folder, and a program of one may not run on another.
     """
     processor = hashlib.sha256(_processor().encode()).hexdigest()[:8]
     version = importlib.metadata.version("jaxlib")
@@ -27,14 +27,15 @@ def program_folder() -> Path:
 
 
 def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
-    """Keep everything that jax compiles from now on in a folder, for later processes to load.
+    """Store everything that jax compiles from now on in a folder, from which later processes load it.
 
     Args:
-        folder: where, by default the user's cache folder for this processor and version of jaxlib,
-            which the commands use, too. It may be deleted at any time.
+        folder: folder of the programs. The default lies in the user's cache folder, depends on the
+            processor and the version of jaxlib, and is shared with the commands. It may be deleted at
+            any time.
 
     Returns:
-        The folder.
+        Path of the folder.
     """
     import jax
     from jax.experimental.compilation_cache import compilation_cache
@@ -44,12 +45,12 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
     for name, value in SETTINGS.items():
         jax.config.update(name, value)
     jax.config.update("jax_compilation_cache_dir", str(where))
-    compilation_cache.reset_cache()  # one that was opened before, in another folder or in none
+    compilation_cache.reset_cache()  # drop a cache that was opened before with another folder
     return where
 
 
 def keep_programs_of_commands() -> None:
-    """The same by the environment, before jax is loaded; what the user has set there stays."""
+    """`keep_programs` by environment variables, before jax is loaded; the user's own settings stay."""
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(program_folder())
@@ -58,7 +59,7 @@ def keep_programs_of_commands() -> None:
 
 
 def _processor() -> str:
-    """What a processor can do, as Linux lists it, else what it is called."""
+    """Instruction sets of the processor as Linux lists them, else its name."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -1,6 +1,6 @@
-"""Progress: what takes long says so on a terminal, by a bar where there are steps to count.
+"""Progress of long computations on a terminal: a bar, or a line where there are no steps to count.
 
-One thing is shown at a time: what is called on the way by what is shown already is silent.
+One display is shown at a time: a computation called by another that shows its progress stays silent.
 """
 
 import contextlib
@@ -10,16 +10,16 @@ from collections.abc import Iterator
 from typing import Any
 
 
-PATIENCE = 2.0  # seconds that need no word
+PATIENCE = 2.0  # [s], before a line is shown
 COMPILING = "compiling .."
 _SHOWN = threading.Lock()
 
 
 @contextlib.contextmanager
-def _alone(show: bool | None) -> Iterator[bool]:
-    """Whether to show: as asked for, else on a terminal; nothing beside what is shown already."""
-    asked = sys.stderr.isatty() if show is None else show
-    held = asked and _SHOWN.acquire(blocking=False)
+def _display(show: bool | None) -> Iterator[bool]:
+    """Whether to show progress: `show`, or if None on a terminal; False while another display is shown."""
+    wanted = sys.stderr.isatty() if show is None else show
+    held = wanted and _SHOWN.acquire(blocking=False)
     try:
         yield held
     finally:
@@ -29,11 +29,11 @@ def _alone(show: bool | None) -> Iterator[bool]:
 
 @contextlib.contextmanager
 def waiting(show: bool | None, what: str) -> Iterator[None]:
-    """A line on a terminal, after `PATIENCE`, that says `what` is under way and for how long.
+    """Show on a terminal, after `PATIENCE`, a line with `what` is under way and the time elapsed.
 
     It is for a single program, which is compiled and run without steps that could be counted.
     """
-    with _alone(show) as shown:
+    with _display(show) as shown:
         if not shown:
             yield
             return
@@ -62,11 +62,12 @@ def _line(what: str, done: threading.Event) -> None:
 
 @contextlib.contextmanager
 def progress(show: bool | None, total: int, what: str, unit: str, each: int = 1) -> Iterator:
-    """A bar on a terminal, else nothing: yields `tick(steps)`; a step is `each` of the `unit`.
+    """Show a bar on a terminal; yields `tick(steps)`, which advances it.
 
-    Until the first step is done it says that it is compiling.
+    A step is `each` of the `unit`, in which the rate is shown. Until the first step the bar says that
+    the program is being compiled.
     """
-    with _alone(show) as shown:
+    with _display(show) as shown:
         if not shown:
             yield lambda steps: None
             return
@@ -98,7 +99,7 @@ def _bar(total: int, what: str, unit: str, each: int) -> Iterator:
 
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(bar_width=16),  # the line is one of 80 columns
+        BarColumn(bar_width=16),  # so that the line fits 80 columns
         TextColumn("{task.percentage:3.0f} %"),
         Rate(table_column=Column(no_wrap=True)),
         TimeElapsedColumn(),
@@ -110,10 +111,10 @@ def _bar(total: int, what: str, unit: str, each: int) -> Iterator:
         yield lambda steps: bar.update(task, advance=steps, description=what)
 
 
-SEGMENT = 50  # revolutions between two looks at the progress bar
+SEGMENT = 50  # revolutions between two updates of the progress bar
 
 
 def segments(revolutions: int) -> list[int]:
-    """Revolutions in parts, to look at the progress bar in between."""
+    """Parts of a number of revolutions; the progress bar is updated after each."""
     whole, rest = divmod(revolutions, SEGMENT)
     return [SEGMENT] * whole + [rest] * (rest > 0)

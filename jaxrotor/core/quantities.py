@@ -1,8 +1,8 @@
 """Physical quantities: every number of a scene is a checked, differentiable leaf.
 
-A field is declared once, `gap: Scalar = positive("gap [m]")`: that one line gives its type, its
-unit, its check, the sentence a user reads when the check fails, and a leaf jax can differentiate.
-A table is a `Series`, `times: Series = series("times [s]")`: one leaf of several numbers.
+A field is declared once, `gap: Scalar = positive("gap [m]")`. That line gives its type, its unit, its
+check, the error message, and a leaf that jax can differentiate. A table of numbers is one leaf too:
+`times: Series = series("times [s]")`.
 """
 
 import dataclasses
@@ -20,9 +20,9 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 
-if TYPE_CHECKING:  # a field takes a plain number and holds an array
+if TYPE_CHECKING:  # a field accepts a plain number and stores an array
     Scalar: TypeAlias = Array | float
-    Series: TypeAlias = Any  # a field takes any list of numbers and holds an array
+    Series: TypeAlias = Any  # a field accepts any list of numbers and stores an array
 else:
     Scalar = Float[Array, ""]
     Series = Float[Array, "_"]
@@ -31,25 +31,58 @@ _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
 
 
 def positive(label: str, **options: Any) -> Any:
-    """A number above zero; `label` is "name [unit]"."""
+    """Field for a positive number.
+
+    Args:
+        label: name and unit, "gap [m]".
+        options: `default`, the value of the field if it is not given; None: the field may be absent.
+
+    Returns:
+        The field of an `equinox.Module`.
+    """
     checked = functools.partial(check, holds=lambda x: x > 0, rule="must be positive")
     return _quantity(label, checked, **options)
 
 
 def nonnegative(label: str, **options: Any) -> Any:
-    """A number that is zero or more: a strength, where zero means no effect."""
+    """Field for a number that is zero or positive, such as a strength, where zero means no effect.
+
+    Args:
+        label: name and unit, "stiffness [N/m]".
+        options: as of `positive`.
+
+    Returns:
+        The field of an `equinox.Module`.
+    """
     checked = functools.partial(check, holds=lambda x: x >= 0, rule="must not be negative")
     return _quantity(label, checked, **options)
 
 
 def real(label: str, **options: Any) -> Any:
-    """Any finite number."""
+    """Field for any finite number.
+
+    Args:
+        label: name and unit, "angle [rad]".
+        options: as of `positive`.
+
+    Returns:
+        The field of an `equinox.Module`.
+    """
     checked = functools.partial(check, holds=lambda x: x == x, rule="must be a finite number")
     return _quantity(label, checked, **options)
 
 
 def series(label: str, *, ascending: bool = False, **options: Any) -> Any:
-    """Two or more finite numbers in a row, each above the one before if `ascending`."""
+    """Field for a list of two or more finite numbers.
+
+    Args:
+        label: name and unit, "times [s]".
+        ascending: whether each number must be above the one before it.
+        options: as of `positive`.
+
+    Returns:
+        The field of an `equinox.Module`.
+    """
     checked = functools.partial(_check_series, ascending=ascending)
     return _quantity(label, checked, many=True, **options)
 
@@ -63,7 +96,7 @@ def _quantity(
 ) -> Any:
     match = _LABEL.fullmatch(label)
     if match is None:
-        raise ValueError(f"A quantity is labelled 'name [unit]', but is '{label}'.")
+        raise ValueError(f"The label of a quantity must be 'name [unit]', but is '{label}'.")
 
     def convert(value: Any) -> Array | None:
         if value is None and default is None:
@@ -77,7 +110,7 @@ def _quantity(
 
 
 def check(value: Any, label: str, holds: Callable[[Any], Any], rule: str) -> Scalar:
-    """`value` as a scalar array, or one sentence: at once if its value is known, else when run."""
+    """`value` as a scalar array; raises if it is invalid, for a traced value when the program runs."""
     if isinstance(value, str | bool | complex) or value is None:
         raise ValueError(f"`{label}` must be a number, but is {value!r}.")
     if isinstance(value, Tracer):
@@ -86,7 +119,7 @@ def check(value: Any, label: str, holds: Callable[[Any], Any], rule: str) -> Sca
         bad = ~(holds(array) & jnp.isfinite(array))
         return eqx.error_if(array, bad, f"`{label}` {rule} and finite.")
     try:
-        # numpy: inside jit a jax array would be traced; in the precision the leaf will have
+        # numpy, as inside jit a jax array would be traced; in the precision of the leaf
         with np.errstate(over="ignore"):
             number = np.asarray(value, float).astype(jax.dtypes.canonicalize_dtype(float))
     except (TypeError, ValueError, OverflowError):
@@ -109,7 +142,7 @@ def _check_shape(array: Array | np.ndarray, label: str) -> None:
 
 
 def _check_series(value: Any, label: str, ascending: bool) -> Array:
-    """`value` as a row of numbers, or one sentence: at once if known, else when run."""
+    """`value` as a one-dimensional array; raises as `check` does."""
     wanted = f"`{label}` must be a list of two or more finite numbers"
     traced = not all(map(known, value if isinstance(value, list | tuple) else [value]))
     try:
@@ -134,27 +167,27 @@ def _check_series(value: Any, label: str, ascending: bool) -> Array:
 
 
 def as_tuple(value: Any) -> Any:
-    """A list as a tuple, anything else as it is: the converter of a field that holds several parts."""
+    """A list converted to a tuple, anything else unchanged: the converter of a field of several parts."""
     return tuple(value) if isinstance(value, list) else value
 
 
 def number_or_nan(value: Any) -> float:
-    """A value as a number, None as zero; not a number where it is traced, or no number at all."""
+    """A known number as a float, 0 for None, and NaN for a traced value or anything else."""
     try:
         return 0.0 if value is None else float(value) if known(value) else math.nan
-    except (TypeError, ValueError):  # the check of its field refuses it
+    except (TypeError, ValueError):  # an error that the check of its field reports
         return math.nan
 
 
 def with_values(module: Any, **values: Any) -> Any:
-    """The same module with other values of fields, static ones too: no checks."""
+    """Copy of a module with other values of fields, static ones too, without checks."""
     copy = object.__new__(type(module))
     vars(copy).update(vars(module), **values)
     return copy
 
 
 def unit_of(field: dataclasses.Field) -> str | None:
-    """Unit a quantity field was declared with; None for a field that is no quantity."""
+    """Unit of a quantity field; None for a field that is not a quantity."""
     return field.metadata.get("unit")
 
 
@@ -164,16 +197,16 @@ def is_series(field: dataclasses.Field) -> bool:
 
 
 def takes_matrix(field: dataclasses.Field) -> bool:
-    """Whether a quantity field may be given as a 2 by 2 matrix, which its class takes apart."""
+    """Whether a quantity field accepts a 2 by 2 matrix, which its class splits into coefficients."""
     return field.metadata.get("matrix", False)
 
 
 def known(value: Any) -> bool:
-    """Whether a leaf's value can be read now (it is not being traced)."""
+    """Whether the value of a leaf is known now, i.e. jax is not tracing it."""
     return not isinstance(value, Tracer)
 
 
 def quantity_units(module: eqx.Module) -> dict[str, str]:
-    """Quantity fields of a module and their units."""
+    """Unit of every quantity field of a module, by its name."""
     units = {field.name: unit_of(field) for field in dataclasses.fields(module)}
     return {name: unit for name, unit in units.items() if unit is not None}

@@ -1,4 +1,4 @@
-"""Representation: what a part of a scene looks like when it is printed."""
+"""Printed form of the parts of a scene."""
 
 import dataclasses
 from typing import Any
@@ -9,14 +9,13 @@ import numpy as np
 from .quantities import known, unit_of
 
 
-_MOST = 6  # numbers of a table that are shown
+_MOST = 6  # numbers of a table to show
 
 
 class AbstractPart(eqx.Module):
-    """What a scene is made of: `repr` shows its values and their units.
+    """Part of a scene, whose `repr` shows its values with units: `Disc(at=0.5 m, mass=10 kg)`.
 
-    `Disc(at=0.5 m, mass=10 kg)`: fields that have their default are left out; a traced value is shown
-    as jax shows it.
+    Fields with their default value are left out. A traced value is shown as jax shows it.
     """
 
     def __repr__(self) -> str:
@@ -29,7 +28,7 @@ class AbstractPart(eqx.Module):
 
 
 def number_text(value: Any) -> str:
-    """One number or several; what is traced, or no number at all, as it shows itself."""
+    """Text of one number or several; the `str` or `repr` of anything else, such as a traced value."""
     if value is None or not known(value):
         return str(value)
     try:

@@ -1,4 +1,4 @@
-"""Tables: rows of text as HTML, for reports and for what notebooks show of a result."""
+"""Tables in HTML, for reports and for the display of results in notebooks."""
 
 import html
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 
-MOST = 24  # rows a notebook shows of a result
-RPM = 30 / np.pi  # of a rad/s
+MOST = 24  # rows of a result to show in a notebook
+RPM = 30 / np.pi  # rpm in one rad/s
 
 
 def html_table(
     rows: Sequence[Sequence[str]], heads: Sequence[str] = (), numbers: Sequence[int] = ()
 ) -> str:
-    """Rows under their heads; the columns in `numbers` to the right."""
+    """Table with `heads` above its `rows`; columns listed in `numbers` are aligned to the right."""
     head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
     lines = [f"<tr>{head}</tr>"] if heads else []
     for row in rows:
@@ -31,18 +31,22 @@ def html_table(
 def notebook_table(
     caption: str, heads: Sequence[str], rows: Sequence[Sequence[Any]], most: int = MOST
 ) -> str:
-    """What a notebook shows of a result: a sentence, and a table of texts and numbers.
+    """HTML of a result in a notebook: a caption, and a table of texts and numbers.
 
-    Of many rows the first and the last; texts stand to the left.
+    Of more than `most` rows the first and the last are shown. Columns with texts are aligned to the left.
     """
-    told = [[_cell(one) for one in row] for row in rows]
-    if len(told) > most:
-        half, left_out = most // 2, len(told) - 2 * (most // 2)
-        told = [*told[:half], [f".. {left_out} more ..", *[""] * (len(heads) - 1)], *told[-half:]]
+    texts = [[_cell(one) for one in row] for row in rows]
+    if len(texts) > most:
+        half, left_out = most // 2, len(texts) - 2 * (most // 2)
+        texts = [
+            *texts[:half],
+            [f".. {left_out} more ..", *[""] * (len(heads) - 1)],
+            *texts[-half:],
+        ]
     right = [i for i in range(len(heads)) if not any(isinstance(row[i], str) for row in rows)]
-    said = "<br/>".join(map(html.escape, caption.split("\n")))
-    table = html_table(told, heads, right) if told else ""
-    return f"<div><p>{said}</p>\n{table}</div>"
+    sentence = "<br/>".join(map(html.escape, caption.split("\n")))
+    table = html_table(texts, heads, right) if texts else ""
+    return f"<div><p>{sentence}</p>\n{table}</div>"
 
 
 def _cell(value: Any) -> str:

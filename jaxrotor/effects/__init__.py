@@ -1,4 +1,4 @@
-"""Effects: one file, one physical effect."""
+"""Physical effects on and around a shaft, one per file."""
 
 from .ball_balancer import BallBalancer as BallBalancer, BallContact as BallContact
 from .base import (

@@ -1,4 +1,4 @@
-"""Balls that roll in a race and balance the rotor by themselves."""
+"""Ball balancer: balls that roll in a race and balance the rotor, and contact between them."""
 
 from typing import ClassVar
 
@@ -18,10 +18,11 @@ class BallBalancer(AbstractBodies, AbstractLinear):
 
         k m R phi.. + h R (phi. - Omega) = -m Im(exp(-i phi) z..) + (k - 1) m R Omega..
 
-    `rolling` k: 7/5 of a ball, 3/2 of a roller, 1 of a pendulum. `in_use` of the `places` hold a ball,
-    all by default: rows of different numbers can then be mapped over. Their mass is carried
-    by the shaft. `ball_radius` counts where balls touch (`BallContact`); `race_radius` is of the circle
-    of their centres. Source: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Omega.. is ours.
+    `rolling` k is 7/5 for a ball, 3/2 for a roller and 1 for a pendulum. `race_radius` R is the radius
+    of the circle of ball centres. `in_use` of the `places` hold a ball, by default all, so that rows
+    with different numbers of balls can be mapped over. The shaft carries the mass of the balls.
+    `ball_radius` is needed only if balls touch (`BallContact`).
+    Source: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); the term with Omega.. is added here.
     """
 
     kind: ClassVar[str] = "ball_balancer"
@@ -61,11 +62,12 @@ class BallBalancer(AbstractBodies, AbstractLinear):
 
 
 class BallContact(AbstractBetween):
-    """Balls of a row touch: `N = k g + d g.` while `g > 0` and `N > 0`, `g = 2 r - R |gap angle|`.
+    """Contact between balls: `N = k g + d g.` while `g > 0` and `N > 0`.
 
-    Between all pairs along a race of radius R, `ball_radius` r of its balls; in every race. Without it
-    balls pass through one another, as in Filimonikhin, Goncharov (2011). Source: ours, after the normal
-    force of a limiter.
+    The penetration is `g = R (2 arcsin(r / R) - |angle|)`, with the angle between two balls, the race
+    radius R and the `ball_radius` r. The force acts between all pairs of balls in every race. Without
+    it balls pass through one another, as in Filimonikhin, Goncharov (2011).
+    Source: this package, after the normal force of a limiter.
     """
 
     kind: ClassVar[str] = "ball_contact"
@@ -77,7 +79,7 @@ class BallContact(AbstractBetween):
     def between(self, angle, rate, race):
         if race.ball_radius is None:
             raise ValueError(
-                "Balls that touch have a size; give every BallBalancer its `ball_radius [m]`."
+                "Contact between balls needs their size; give every BallBalancer its `ball_radius [m]`."
             )
         radius, present = race.race_radius, 1.0 * (race.masses > 0)
         ahead = angle[None] - angle[:, None]

@@ -1,7 +1,7 @@
-"""What an effect may do: the capabilities the system knows about.
+"""Capabilities of effects: the classes through which the equations of motion see them.
 
-The core sees effects only through these classes. A new effect is one class in one file that takes
-on one or more of them, written against the rows and columns of `AbstractLine`.
+A new effect is one class in one file. It inherits one or more of these classes and uses the rows and
+columns of `AbstractLine`.
 """
 
 import abc
@@ -16,47 +16,49 @@ from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine
 
 
-Plane = Float[Array, " 2"]  # a vector (x, y) of the plane of whirl
-Branch = Float[Array, " c"]  # of every condition of a law, 1 where it holds, else 0
+Plane = Float[Array, " 2"]  # vector (x, y) in the plane of whirl
+Branch = Float[Array, " c"]  # for every condition of a law 1 if it holds, else 0
 
 
 class AbstractEffect(AbstractPart):
-    """Anything on or around a shaft; `kind` names it in scene files and parameter paths."""
+    """Effect on or around a shaft; `kind` names it in scene files and parameter paths."""
 
     kind: eqx.AbstractClassVar[str]
     plural: eqx.AbstractClassVar[str]
-    holds_shaft: ClassVar[bool] = False  # at its station, always or while it touches
+    holds_shaft: ClassVar[bool] = (
+        False  # whether it holds the shaft at its station, always or in contact
+    )
 
 
 class AbstractLinear(AbstractEffect):
-    """Adds to the linear blocks."""
+    """Effect that adds linear blocks to the equations of motion."""
 
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:
-        """The blocks this effect adds."""
+        """Blocks of this effect."""
 
 
 class AbstractLoad(AbstractEffect):
-    """Adds a constant or synchronous load."""
+    """Effect that adds a constant or synchronous load."""
 
     @abc.abstractmethod
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:
-        """The load, given all linear blocks (weight needs the masses of others)."""
+        """Load of this effect; `blocks` are those of the whole scene, as weight depends on all masses."""
 
 
 class Hardness(NamedTuple):
-    """Stiffness and damping of a contact against a motion outward along a direction."""
+    """Stiffness and damping of a contact for an outward motion along a direction."""
 
     stiffness: Scalar  # [N/m]
     damping: Scalar  # [N s/m]
-    direction: Plane  # of unit length
+    direction: Plane  # unit vector
 
 
 class AbstractLaw(eqx.Module):
-    """Force on the shaft at one station as a function of its displacement and velocity there.
+    """Force on the shaft at a station as a function of the displacement and velocity there.
 
-    A law with jumps or kinks also says which smooth branch holds, so that steps can end where it
-    changes: `c` conditions, each 1 or 0. A smooth law has none.
+    A law with jumps or kinks consists of smooth branches. `c` conditions, each 1 or 0, determine the
+    branch, so that steps in time can end where it changes. A smooth law has no conditions.
     """
 
     @abc.abstractmethod
@@ -65,11 +67,11 @@ class AbstractLaw(eqx.Module):
 
     @abc.abstractmethod
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
-        """Torque on the shaft about its axis [N m], positive with positive spin."""
+        """Torque on the shaft about its axis [N m], positive in the sense of positive spin."""
 
     @abc.abstractmethod
     def hardness(self) -> "Hardness":
-        """What a contact opposes to a push: steps must be short beside it."""
+        """Stiffness and damping of the contact, which limit the length of steps in time."""
 
     @property
     @abc.abstractmethod
@@ -78,64 +80,66 @@ class AbstractLaw(eqx.Module):
 
     @abc.abstractmethod
     def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
-        """The conditions as they stand; of a smooth law none, `zeros(0)`."""
+        """Conditions in the current state; `zeros(0)` for a smooth law."""
 
     @abc.abstractmethod
     def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        """Force [N] by the formula of a branch, whether or not it holds."""
+        """Force [N] by the formula of a branch, whether or not its conditions hold."""
 
     @abc.abstractmethod
     def margins(
         self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
     ) -> Branch:
-        """Smooth, positive while a condition stays as the branch has it; infinite if no matter."""
+        """Smooth functions, positive while a condition keeps its value; infinite where it is inactive."""
 
     @abc.abstractmethod
     def clearance(self, displacement: Plane) -> Scalar:
-        """Distance [m] that is left until it acts, below zero inside; -inf if it always acts."""
+        """Distance [m] to contact, negative in contact; -inf for a law that always acts."""
 
 
 class AbstractContact(AbstractEffect):
-    """Acts at a station through a nonlinear law of displacement and velocity.
+    """Effect with a nonlinear law of displacement and velocity at a station.
 
-    Its law turned by an angle is that of the same contact with the angle added to its own.
+    Rotating the law by an angle is the same as adding the angle to `angle`.
     """
 
     holds_shaft: ClassVar[bool] = True
 
     at: eqx.AbstractVar[Scalar]
-    angle: eqx.AbstractVar[Scalar]  # that it faces [rad]
+    angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]
 
     @abc.abstractmethod
     def law(self) -> AbstractLaw:
-        """The law, with everything constant in time worked out."""
+        """Law of the contact, with quantities that are constant in time computed in advance."""
 
 
 class AbstractBodies(AbstractEffect):
-    """Brings `b` point bodies that roll around the shaft at `at`, each at an angle `phi` of its own.
+    """Effect with `b` bodies that roll around the shaft at station `at`, each at its own angle `phi`.
 
-    k m R phi.. = push - m Im(exp(-i phi) z..) + (k - 1) m R Omega..        on the body
+    k m R phi.. = push - m Im(exp(-i phi) z..) + (k - 1) m R Omega..        of the body
     F = -m d^2/dt^2 R exp(i phi)                                            on the shaft
+
+    `push` is the sum of all forces along the race: drag, weight and contact between bodies.
     """
 
     at: eqx.AbstractVar[Scalar]
     race_radius: eqx.AbstractVar[Scalar]  # R [m]
-    rolling: eqx.AbstractVar[Scalar]  # k = 1 + J / (m radius^2) of a body [1]
-    places: eqx.AbstractVar[int]  # for bodies, b
-    ball_radius: eqx.AbstractVar[Scalar | None]  # of a body [m], where bodies touch
+    rolling: eqx.AbstractVar[Scalar]  # k = 1 + J / (m r^2) of a body of radius r [1]
+    places: eqx.AbstractVar[int]  # number b of places for bodies
+    ball_radius: eqx.AbstractVar[Scalar | None]  # r [m], if bodies touch
 
     @property
     @abc.abstractmethod
     def masses(self) -> Float[Array, " b"]:
-        """Mass of every body [kg]; zero for a place without one."""
+        """Mass of every body [kg]; zero for an empty place."""
 
     @abc.abstractmethod
     def drag(self, rate: Float[Array, " b"]) -> Float[Array, " b"]:
-        """Force along the race [N] from the rate relative to the shaft [rad/s]; its reaction drives it."""
+        """Drag along the race [N] by the rate relative to the shaft [rad/s]; it reacts on the shaft."""
 
 
 class AbstractBetween(AbstractEffect):
-    """Acts between the bodies of one race."""
+    """Effect that acts between the bodies of a race."""
 
     @abc.abstractmethod
     def between(
@@ -144,8 +148,8 @@ class AbstractBetween(AbstractEffect):
         rate: Float[Array, " b"],
         race: AbstractBodies,
     ) -> Float[Array, " b"]:
-        """Force along the race [N] on every body of it from angles [rad] and rates [rad/s]."""
+        """Force along the race [N] on every body, by the angles [rad] and rates [rad/s]."""
 
     @abc.abstractmethod
     def duration(self, mass: Scalar) -> Scalar:
-        """Duration of an impact of a body that weighs `mass` along its race [s]: steps must be shorter."""
+        """Duration [s] of an impact of a body of inertia `mass` [kg] along the race: limits the steps."""

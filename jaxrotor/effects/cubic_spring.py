@@ -1,4 +1,4 @@
-"""Spring that hardens or softens with the cube of the displacement."""
+"""Cubic spring, whose force is proportional to the cube of the displacement."""
 
 from typing import ClassVar
 
@@ -9,12 +9,13 @@ from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
 
 class CubicSpring(AbstractContact):
-    """What a spring along `angle` adds to its linear stiffness.
+    """Cubic part of the force of a spring along `angle`.
 
         F = -k3 u^3 e^ia,   u = Re(z e^-ia)
 
-    `stiffness` k3 hardens above zero, softens below. It acts at once, without clearance, and is smooth.
-    With it a mass on a round shaft moves along `angle` by Duffing's equation, across it linearly.
+    A positive `stiffness` k3 hardens the spring, a negative one softens it. The force is smooth and acts
+    without clearance. A mass on a round shaft then moves along `angle` by Duffing's equation, and
+    linearly across it.
     Source: Nayfeh, Mook (1979), Nonlinear Oscillations, section 4.1.
     """
 
@@ -30,7 +31,7 @@ class CubicSpring(AbstractContact):
 
 
 class CubicLaw(AbstractLaw):
-    """The law of a `CubicSpring`, its direction worked out once."""
+    """Law of a `CubicSpring`, with the direction computed once."""
 
     cos: Scalar
     sin: Scalar
@@ -44,7 +45,7 @@ class CubicLaw(AbstractLaw):
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:
-        """None at the centre; that elsewhere, `3 k3 u^2`, steps are to be short beside is not known."""
+        """Zero, as at the centre; elsewhere it is `3 k3 u^2`, which does not limit the steps."""
         zero = jnp.zeros_like(self.stiffness)
         return Hardness(zero, zero, jnp.stack([self.cos, self.sin]))
 

@@ -1,4 +1,4 @@
-"""Rigid disc."""
+"""Rigid disc: mass, moments of inertia, offset and tilt."""
 
 from typing import ClassVar
 
@@ -14,13 +14,13 @@ from .base import AbstractLinear, AbstractLoad
 class Disc(AbstractLinear, AbstractLoad):
     """Rigid disc: `F = -m z..`, `L = -I_d z'.. + i Omega I_p z'.` at its station.
 
-    Made or mounted out of true, it brings unbalance, `(Omega^2 - i Omega.) exp(i theta)` times
+    Offset and tilt of the disc are an unbalance, `(Omega^2 - i Omega.) exp(i theta)` times
 
         force   m e exp(i offset_angle)                            centre of mass `offset` e off the axis
         couple  (I_p - I_d) i sin(tilt) cos(tilt) exp(i tilt_axis)   right-handed tilt about an axis
 
-    `exact=False`: to first order in the tilt, `sin cos ~ tilt`, and the offset adds no inertia about
-    the axis. A polar inertia that is negative reverses the gyroscopic moment (see the scene
+    With `exact=False` they are of first order: `sin cos ~ tilt`, and the offset adds no moment of inertia
+    about the axis. A negative `polar` reverses the gyroscopic moment (see the scene
     `limiter-rotor-2023`). Source: Azarov, Gouskov, Panovko (2023), eq. (3), with I_p = 2 B; for
     offset and tilt the Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
@@ -42,10 +42,20 @@ class Disc(AbstractLinear, AbstractLoad):
     def from_dimensions(
         cls, at, diameter, thickness, density=7850.0, bore=0.0, **out_of_true
     ) -> "Disc":
-        """Homogeneous disc of outer `diameter`, `bore` and `thickness` [m], `density` [kg/m^3].
+        """Homogeneous disc of outer diameter D, bore b, thickness a and density rho.
 
         `m = rho pi (D^2 - b^2) a / 4`, `I_p = m (D^2 + b^2) / 8`, `I_d = I_p / 2 + m a^2 / 12`.
-        `out_of_true`: offset and tilt.
+
+        Args:
+            at: station [m].
+            diameter: outer diameter D [m].
+            thickness: thickness a [m].
+            density: density rho [kg/m^3].
+            bore: inner diameter b [m].
+            out_of_true: offset and tilt, by the fields of the class.
+
+        Raises:
+            ValueError: If a dimension is not positive, or the bore not inside the disc.
         """
         for name, value in {"diameter": diameter, "thickness": thickness}.items():
             check(value, f"{name} [m]", lambda x: x > 0, "must be positive")
@@ -56,16 +66,26 @@ class Disc(AbstractLinear, AbstractLoad):
 
     @classmethod
     def thin(cls, at, mass, radius, **out_of_true) -> "Disc":
-        """Thin homogeneous disc: `I_p = m R^2 / 2`, `I_d = m R^2 / 4`; `radius` R [m]."""
+        """Thin homogeneous disc of radius R: `I_p = m R^2 / 2`, `I_d = m R^2 / 4`.
+
+        Args:
+            at: station [m].
+            mass: mass m [kg].
+            radius: radius R [m].
+            out_of_true: offset and tilt, by the fields of the class.
+
+        Raises:
+            ValueError: If `radius` is not positive.
+        """
         check(radius, "radius [m]", lambda x: x > 0, "must be positive")
         return cls(at, mass, mass * radius**2 / 4, mass * radius**2 / 2, **out_of_true)
 
     def blocks(self, line: AbstractLine) -> Blocks:
         force, couple = line.column(self.at), line.couple_column(self.at)
-        turning = jnp.outer(couple, line.slope_row(self.at))
+        rotary = jnp.outer(couple, line.slope_row(self.at))
         return Blocks(
-            inertia=self.mass * jnp.outer(force, line.row(self.at)) + self.diametral * turning,
-            gyroscopic=self.polar * turning,
+            inertia=self.mass * jnp.outer(force, line.row(self.at)) + self.diametral * rotary,
+            gyroscopic=self.polar * rotary,
             weight=self.mass * force,
             polar=self._about_axis,
         )

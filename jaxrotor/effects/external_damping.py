@@ -1,4 +1,4 @@
-"""Damping by the surroundings, proportional to absolute velocity."""
+"""External damping by the surrounding medium, proportional to absolute velocity."""
 
 from typing import ClassVar
 
@@ -12,10 +12,10 @@ from .base import AbstractLinear
 
 
 class ExternalDamping(AbstractLinear):
-    """Shaft in a medium: `p = -d (z. + a exp(2 i angle) z.*)` per length, with `d` in N s/m^2.
+    """Damping of a shaft in a medium: force per length `p = -d (z. + a exp(2 i angle) z.*)`.
 
-    `anisotropy` a: `d (1 + a)` along the axis at `angle` and `d (1 - a)` across it, fixed in space;
-    None, or a value known to be zero, is the same along every axis.
+    `per_length` is d [N s/m^2]. With the `anisotropy` a it is `d (1 + a)` along the fixed axis at `angle`
+    and `d (1 - a)` across it; None, or a value that is known to be zero, means isotropic damping.
     Source: Azarov, Gouskov, Panovko (2023), eq. (5);
     `eta_e = d l^4 / (2 sqrt(M l^3 E I))`.
     """
@@ -26,13 +26,13 @@ class ExternalDamping(AbstractLinear):
     per_length: Scalar = nonnegative("per_length [N s/m^2]")
     anisotropy: Scalar = real("anisotropy [1]", default=None)
     angle: Scalar = real("angle [rad]", default=0.0)
-    isotropic: bool = eqx.field(init=False, static=True)  # as far as is known
+    isotropic: bool = eqx.field(init=False, static=True)  # known to be so
 
     def __post_init__(self):
         self.isotropic = number_or_nan(self.anisotropy) == 0
 
-    def noted(self) -> "ExternalDamping":
-        """The same, noted anew whether it is isotropic: for a change of values."""
+    def refreshed(self) -> "ExternalDamping":
+        """Copy whose flag `isotropic` is derived from its current values."""
         return with_values(self, isotropic=number_or_nan(self.anisotropy) == 0)
 
     def blocks(self, line: AbstractLine) -> Blocks:
@@ -43,7 +43,7 @@ class ExternalDamping(AbstractLinear):
 
 
 class DiscDamping(AbstractLinear):
-    """Disc in a medium: `F = -d_r z.`, `L = -d_t z'.` at its station.
+    """Damping of a disc in a medium: `F = -d_r z.`, `L = -d_t z'.` at its station.
 
     Source: Azarov, Gouskov, Panovko (2023), eqs. (1), (2); `eta_Dxi = d_r l^3 / (2 sqrt(M l^3 E I))`,
     `eta_Dtheta = d_t l / (2 sqrt(M l^3 E I))`.

@@ -1,4 +1,4 @@
-"""Weight of a rotor whose axis is not vertical."""
+"""Weight of a rotor with a horizontal or inclined axis."""
 
 from typing import ClassVar
 
@@ -11,7 +11,7 @@ from .base import AbstractLoad
 
 
 class Gravity(AbstractLoad):
-    """Weight `F = m g exp(i angle)` of every mass; by default downwards, along -y.
+    """Weight `F = m g exp(i angle)` of every mass; by default it acts downwards, along -y.
 
     Source: Azarov, Gouskov, Panovko (2023), force (2) of eq. (1), where weight acts along -x.
     """

@@ -1,4 +1,4 @@
-"""Hysteresis of the shaft's material: loss that does not depend on frequency."""
+"""Hysteretic damping in the material of the shaft: a loss that does not depend on frequency."""
 
 from typing import ClassVar
 
@@ -9,11 +9,11 @@ from .base import AbstractLinear
 
 
 class HystereticDamping(AbstractLinear):
-    """Complex stiffness `K (1 + i eta_s)` of a harmonic motion, `eta` the loss factor.
+    """Complex stiffness `K (1 + i eta_s)` for harmonic motions, with the loss factor `eta`.
 
-    `eta_s = +eta` for a whirl faster than the shaft turns, which it damps, and `-eta` for a slower
-    or a backward one: forward whirl below the speed of rotation grows. Frequency domain only.
-    Source: Brysin, Nikiforov (2019), eq. (1); `eta = d / pi` of a logarithmic decrement `d`.
+    `eta_s = +eta` for a whirl faster than the shaft turns, which is damped. `eta_s = -eta` for a slower or
+    backward whirl, so a forward whirl slower than the rotation grows. It is for the frequency domain only.
+    Source: Brysin, Nikiforov (2019), eq. (1); `eta = d / pi` with the logarithmic decrement `d`.
     """
 
     kind: ClassVar[str] = "hysteretic_damping"

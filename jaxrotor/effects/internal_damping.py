@@ -1,4 +1,4 @@
-"""Damping inside the material of the shaft."""
+"""Internal damping in the material of the shaft."""
 
 from typing import ClassVar
 
@@ -9,9 +9,9 @@ from .base import AbstractLinear
 
 
 class InternalDamping(AbstractLinear):
-    """Voigt material: stress of the rate of strain as the shaft sees it, `K T (q. - i Omega q)`.
+    """Voigt material: stress by the rate of strain in rotating axes, `K T (q. - i Omega q)`.
 
-    `T` is the Voigt time (viscous over elastic modulus). The circulatory term drives forward whirl
+    `voigt_time` T is the viscous over the elastic modulus. The circulatory term drives forward whirl
     above the onset speed. Source: Azarov, Gouskov, Panovko (2023), eq. (5); `eta_i = T / (2 T*)`.
     """
 

@@ -1,26 +1,26 @@
-"""Viscoelastic stop with dry friction."""
+"""Limiter: a viscoelastic stop with dry friction."""
 
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from ..core.extremes import larger, smaller, within
+from ..core.extremes import bounded, larger, smaller
 from ..core.quantities import Scalar, nonnegative, positive, real
 from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
 
 class Limiter(AbstractContact):
-    """Massless stop at `angle`, a `gap` away from the rim of a rotor at rest in the centre.
+    """Massless stop at `angle`, with a `gap` to the rim of the centred rotor.
 
         g = Re(z e^-ia) - gap,  N = k g + d g.  while g > 0 and N > 0 (a stop cannot pull)
         F = -N (1 + i f sgn V) e^ia,   V = Omega R + Im(z. e^-ia)   slip of the rim, R = rim_radius
 
-    `blend` [m] smooths the onset of the force over that penetration, and release likewise over
-    `stiffness * blend`; `slip` [m/s] smooths the reversal of friction over that slip. Both are
-    twice continuously differentiable, exact outside the stated width, and leave no force inside
-    the clearance. None is the published sharp law. A negative gap is a preload: the stop, released,
-    would stand beyond the centre, and presses a rotor there by `-k gap`.
+    `blend` [m] smooths the onset of the force over this penetration, and the release over a force of
+    `stiffness * blend`. `slip` [m/s] smooths the reversal of friction over this slip. The smoothed laws
+    are twice continuously differentiable, exact outside the given width, and without force in the
+    clearance; None is the published sharp law. A negative gap is a preload, which presses a centred
+    rotor with `-k gap`.
     Source: Azarov, Gouskov, Panovko (2023), eq. (8), with the sign of V corrected.
     """
 
@@ -39,9 +39,14 @@ class Limiter(AbstractContact):
 
     @classmethod
     def at_angles(cls, angles: Iterable[Any], **parameters: Any) -> list["Limiter"]:
-        """Equal stops at several angles [rad], `parameters` those of each; a scene takes the list.
+        """Equal stops at several angles: `Limiter.at_angles([0.0, 2.1], at=0.7, gap=3e-4, stiffness=1e7)`.
 
-        `Limiter.at_angles([0.0, 2.1, 4.2], at=0.7, gap=3e-4, stiffness=1e7)`.
+        Args:
+            angles: angle of each stop [rad].
+            parameters: fields that all stops share.
+
+        Returns:
+            The stops; a scene accepts the list as an effect.
         """
         return [cls(angle=angle, **parameters) for angle in angles]
 
@@ -50,9 +55,9 @@ class Limiter(AbstractContact):
 
 
 class ViscoelasticStop(AbstractLaw):
-    """The law of a `Limiter`, its direction worked out once.
+    """Law of a `Limiter`, with the direction computed once.
 
-    Conditions of a branch: inside the stop, pressed, slipping forward (1/2 at no slip).
+    Conditions of a branch: in contact, under pressure, and slipping forward (1/2 without slip).
     """
 
     cos: Scalar
@@ -94,7 +99,7 @@ class ViscoelasticStop(AbstractLaw):
         depth, closing, slipping = self._local(displacement, velocity, speed)
         stop, (inside, pressed, _) = self.limiter, branch > 0
         sharp, kink = stop.blend is None, (stop.friction > 0) & (stop.slip is None)
-        # Outside, depth decides alone; inside, pressure leaves and returns, and friction reverses.
+        # Outside only the depth can change sign; inside, the pressure and the direction of friction.
         matters = jnp.stack([sharp & ~inside, sharp & inside, kink & inside & pressed])
         margins = jnp.stack([depth, self._pressure(depth, closing), slipping])
         return jnp.where(matters, (2 * branch - 1) * margins, jnp.inf)
@@ -106,7 +111,7 @@ class ViscoelasticStop(AbstractLaw):
     def _local(
         self, displacement: Plane, velocity: Plane, speed: Scalar
     ) -> tuple[Scalar, Scalar, Scalar]:
-        """Depth inside the stop [m] and its rate [m/s], slip of the rim [m/s]."""
+        """Penetration [m], its rate [m/s], and slip of the rim [m/s]."""
         stop = self.limiter
         outward = self.cos * displacement[0] + self.sin * displacement[1]
         closing = self.cos * velocity[0] + self.sin * velocity[1]
@@ -114,12 +119,13 @@ class ViscoelasticStop(AbstractLaw):
         return outward - stop.gap, closing, slipping
 
     def _forces(self, displacement: Plane, velocity: Plane, speed: Scalar) -> tuple[Scalar, Scalar]:
-        """Normal force of the stop, and friction against the slip of the rim [N]."""
+        """Normal force of the stop, and friction opposite to the slip of the rim [N]."""
         depth, closing, slipping = self._local(displacement, velocity, speed)
         normal = self._normal(depth, closing)
         return normal, self.limiter.friction * normal * self._direction(slipping)
 
     def _directed(self, normal: Scalar, tangential: Scalar) -> Plane:
+        """Force on the shaft as a vector (x, y) [N]."""
         return jnp.stack(
             [
                 self.sin * tangential - self.cos * normal,
@@ -128,7 +134,7 @@ class ViscoelasticStop(AbstractLaw):
         )
 
     def _pressure(self, depth: Scalar, rate: Scalar) -> Scalar:
-        """Of the sharp law, where it acts [N]."""
+        """Normal force of the sharp law, where it acts [N]."""
         return self.limiter.stiffness * depth + self.limiter.damping * rate
 
     def _normal(self, depth: Scalar, rate: Scalar) -> Scalar:
@@ -143,17 +149,17 @@ class ViscoelasticStop(AbstractLaw):
         viscous = stop.damping * rate * u**3 * (10 - 15 * u + 6 * u**2)
         force = larger(elastic + viscous, 0.0)
         reach = stop.stiffness * stop.blend
-        # A stop without stiffness has no release to smooth.
+        # Without stiffness there is no release to smooth.
         v = smaller(force / jnp.where(reach > 0, reach, 1.0), 1.0)
         return jnp.where(reach > 0, force + reach * (_onset(v) - v), force)
 
     def _direction(self, slipping: Scalar) -> Scalar:
         if self.limiter.slip is None:
             return jnp.sign(slipping)
-        u = within(slipping / self.limiter.slip, -1.0, 1.0)
+        u = bounded(slipping / self.limiter.slip, -1.0, 1.0)
         return u * (15 - 10 * u**2 + 3 * u**4) / 8
 
 
 def _onset(u: Scalar) -> Scalar:
-    """C2 from 0 (zero slope and curvature) at u = 0 into the line u at u = 1."""
+    """Twice continuously differentiable transition from 0 at u = 0 to the line u at u = 1."""
     return u**3 * (6 - 8 * u + 3 * u**2)

@@ -1,4 +1,4 @@
-"""Elastic support of a shaft: a bearing by its stiffness and damping."""
+"""Elastic support of a shaft: a bearing given by its stiffness and damping."""
 
 from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
@@ -24,23 +24,23 @@ _MEANS += ("damping", "damping_anisotropy", "damping_angle", "cross_damping")
 class Support(AbstractLinear):
     """Linear bearing, `F = -k q - c q.` with `k = [[kxx, kxy], [kyx, kyy]]` and `q = (x, y)`.
 
-    Its coefficients are given as a bearing report prints them: `kxx`, `kxy`, .. `cyy`, where those not
-    given are zero, or `stiffness` and `damping` as 2 by 2 matrices, which are kept as coefficients.
-    Or they are given by means and axes, with `z = x + i y`:
+    There are two ways to give it. The first is by coefficients, as in a bearing report: `kxx`, `kxy`, ..
+    `cyy`, where missing ones are zero, or `stiffness` and `damping` as 2 by 2 matrices, which are stored
+    as coefficients. The second is by means and axes, with `z = x + i y`:
 
         F = -(k + i cross_stiffness) z - k anisotropy exp(2 i angle) z* - (same of c) z.
 
-    So the stiffness is `k (1 + anisotropy)` along the axis at `angle` (None: that of x) and
-    `k (1 - anisotropy)` across it; of damping it is the same, along its own `damping_angle` (None:
-    that of stiffness). `cross_stiffness` turns the force ahead of the displacement (negative drives
-    forward whirl). Both forms are the same bearing, `k = (kxx + kyy) / 2`,
+    The stiffness is then `k (1 + anisotropy)` along the axis at `angle` (None: the x axis) and
+    `k (1 - anisotropy)` across it. Damping is analogous, with the axis at `damping_angle` (None: that of
+    the stiffness). `cross_stiffness` rotates the force ahead of the displacement; a negative value drives
+    forward whirl. Both ways describe the same bearing: `k = (kxx + kyy) / 2`,
     `cross_stiffness = (kyx - kxy) / 2`, `k anisotropy exp(2 i angle) = (kxx - kyy + i kxy + i kyx) / 2`.
-    A support whose values are known to be the same along every axis when it is built, or when
-    `scene.replace` changes it, has no anisotropic part at all.
+    A support that is known to be isotropic when it is built, or changed by `scene.replace`, has no
+    anisotropic part in the equations.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
-    `rotating=True`: the element turns with the shaft, its axes and its damper too, which then is
-    internal damping, `z. - i Omega z` for `z.`. None is absent.
+    With `rotating=True` the axes of the bearing and its damper turn with the shaft, so the damping is
+    internal: `z. - i Omega z` in place of `z.`. None means absent.
     Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
     """
 
@@ -74,7 +74,7 @@ class Support(AbstractLinear):
         for name, letter in _LETTERS.items():
             value = getattr(self, name)
             if isinstance(value, list | tuple) or np.ndim(value) > 1:
-                self._spread(value, name, letter)
+                self._store_matrix(value, name, letter)
         self.vanishing = tuple(self._vanishing())
 
     def __check_init__(self):
@@ -82,13 +82,13 @@ class Support(AbstractLinear):
         means = [name for name in _MEANS if getattr(self, name) is not None]
         if given and means:
             raise ValueError(
-                f"`{given[0]}` and `{means[0]}` are of two ways to describe a support; give coefficients "
-                "(kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy, or both matrices), or means and axes "
-                "(stiffness, damping, anisotropy, ..)."
+                f"`{given[0]}` and `{means[0]}` belong to two different ways to describe a support; give "
+                "coefficients (kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy, or both matrices), or means and "
+                "axes (stiffness, damping, anisotropy, ..)."
             )
         if self.stiffness is None and self.kxx is None:
             raise ValueError(
-                "A support needs its stiffness; give `kxx [N/m]` and, if not zero, kxy, kyx and kyy, or "
+                "A support needs a stiffness; give `kxx [N/m]` and, if not zero, kxy, kyx and kyy, or "
                 "`stiffness [N/m]`."
             )
         for letter, unit in (("k", "N/m"), ("c", "N s/m")):
@@ -99,20 +99,20 @@ class Support(AbstractLinear):
                 check(total, label, lambda x: x >= 0, "must not be negative")
         if self.damping is None and self.damping_anisotropy is not None:
             raise ValueError(
-                "`damping_anisotropy [1]` is a fraction of `damping [N s/m]`; give it."
+                "`damping_anisotropy [1]` is a fraction of `damping [N s/m]`; give that too."
             )
         if self.damping_anisotropy is None and self.damping_angle is not None:
             raise ValueError(
-                "`damping_angle [rad]` is that of `damping_anisotropy [1]`; give both or neither."
+                "`damping_angle [rad]` belongs to `damping_anisotropy [1]`; give both or neither."
             )
 
-    def noted(self) -> "Support":
-        """The same, its parts that are known to be zero noted anew: for a change of values."""
+    def refreshed(self) -> "Support":
+        """Copy whose `vanishing` parts are derived from its current values."""
         return with_values(self, vanishing=tuple(self._vanishing()))
 
     @property
     def mean_stiffness(self) -> Scalar:
-        """`(kxx + kyy) / 2` [N/m]."""
+        """Mean stiffness `(kxx + kyy) / 2` [N/m]."""
         return self._plane("stiffness").mean
 
     def blocks(self, line: AbstractLine) -> Blocks:
@@ -144,8 +144,8 @@ class Support(AbstractLinear):
             },
         )
 
-    def _spread(self, matrix: Any, name: str, letter: str) -> None:
-        """Keep a matrix as its coefficients."""
+    def _store_matrix(self, matrix: Any, name: str, letter: str) -> None:
+        """Store a matrix as its coefficients."""
         if any(getattr(self, letter + axes) is not None for axes in _AXES):
             raise ValueError(
                 f"`{name}` is a matrix of {letter}xx, {letter}xy, {letter}yx and {letter}yy, which are "
@@ -168,7 +168,7 @@ class Support(AbstractLinear):
         setattr(self, name, None)
 
     def _vanishing(self) -> Iterator[str]:
-        """Parts of `_plane` that are known to be zero, "stiffness cross" and the like."""
+        """Names of the parts of `_plane` that are known to be zero, such as "stiffness cross"."""
         for name, letter in _LETTERS.items():
             own = [getattr(self, letter + axes) for axes in _AXES]
             if any(value is not None for value in own):
@@ -182,7 +182,7 @@ class Support(AbstractLinear):
             yield from [f"{name} deviator"] * deviator
 
     def _plane(self, name: str) -> "_Plane":
-        """Parts of stiffness or damping, however they were given."""
+        """Parts of the stiffness or the damping, whichever way they were given."""
         letter = _LETTERS[name]
         own = [getattr(self, letter + axes) for axes in _AXES]
         if any(value is not None for value in own):
@@ -199,7 +199,7 @@ class Support(AbstractLinear):
 
 
 class _Plane(NamedTuple):
-    """`F = -(mean + i cross) z - deviator z*`; None is absent."""
+    """Parts of `F = -(mean + i cross) z - deviator z*`; None means absent."""
 
     mean: Any
     cross: Any
@@ -211,4 +211,5 @@ def _is_zero(value: Any) -> bool:
 
 
 def _of_coefficients(xx: Any, xy: Any, yx: Any, yy: Any) -> _Plane:
+    """Parts of a 2 by 2 matrix."""
     return _Plane((xx + yy) / 2, (yx - xy) / 2, (xx - yy) / 2 + 0.5j * (xy + yx))

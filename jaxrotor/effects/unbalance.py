@@ -1,4 +1,4 @@
-"""Mass unbalance."""
+"""Mass unbalance of a rotor."""
 
 import re
 from typing import Any, ClassVar
@@ -17,8 +17,8 @@ _GRADE = re.compile(r"\s*G?\s*(\d+\.?\d*|\.\d+)\s*")
 class Unbalance(AbstractLoad):
     """Centre of mass off the axis: `F = m e (Omega^2 - i Omega.) exp(i (theta + phase))`.
 
-    Given by `mass` m and `eccentricity` e, or by their product, `moment` U = m e, as balancing
-    machines print it; `from_grade` takes a grade of balance.
+    It is given by `mass` m and `eccentricity` e, or by their product, the `moment` U = m e that balancing
+    machines show. `from_grade` computes it from a balance quality grade.
     Source: Azarov, Gouskov, Panovko (2023), force (3) of eq. (1), for constant speed.
     """
 
@@ -35,20 +35,23 @@ class Unbalance(AbstractLoad):
         product = (self.mass is not None, self.eccentricity is not None)
         if any(product) if self.moment is not None else not all(product):
             raise ValueError(
-                "An unbalance is given by `mass [kg]` and `eccentricity [m]`, or by `moment [kg m]`, "
-                "their product; give one of the two ways whole."
+                "An unbalance needs either `mass [kg]` and `eccentricity [m]`, or their product, the "
+                "`moment [kg m]`; give one of the two."
             )
 
     @classmethod
     def from_grade(cls, grade: Any, mass, speed, at, phase=0.0) -> "Unbalance":
-        """Unbalance that a grade of balance permits, `e = G / Omega`, so `U = m G / Omega`.
+        """Unbalance that a balance quality grade permits, `e = G / Omega`, so `U = m G / Omega`.
 
         Args:
-            grade: "G6.3", or G in mm/s, 6.3.
-            mass: of the rotor [kg].
-            speed: of service [rad/s], not zero.
+            grade: the grade, "G6.3", or its G [mm/s], 6.3.
+            mass: mass of the rotor [kg].
+            speed: service speed [rad/s], not zero.
             at: station [m].
-            phase: [rad].
+            phase: phase of the unbalance [rad].
+
+        Raises:
+            ValueError: If `grade` is not a grade or not positive, or `speed` is zero.
 
         Source: ISO 21940-11:2016, eq. (7).
         """

@@ -1,6 +1,6 @@
-"""Scene files: TOML, units, shipped scenes, and files of other programs.
+"""Files: scenes in TOML with units, shipped scenes, and files of other programs.
 
-What there is stands in `__init__.pyi`; each is loaded when it is first asked for.
+The public names are listed in `__init__.pyi`; each is loaded at its first use.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Scene files, loaded when they are first asked for."""
+"""Public names of `jaxrotor.files`; each is loaded at its first use."""
 
 from .shipped import shipped as shipped
 from .toml import (

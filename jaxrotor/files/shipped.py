@@ -1,6 +1,6 @@
-"""Sources: texts of scene files, shipped or a user's, before anything is made of them.
+"""Texts of scene files, shipped ones and those of the user.
 
-What is wrong with a name, or that a file is no TOML, is known here without loading jax.
+This module does not load jax, so a wrong name is reported at once.
 """
 
 import importlib.resources
@@ -14,18 +14,22 @@ from .units import refuse
 
 
 def source(name_or_path: str | os.PathLike[str]) -> str:
-    """Text of a scene file, comments and all."""
+    """Text of a scene file, including its comments."""
     return text_of(name_or_path)[0]
 
 
 def shipped() -> list[tuple[str, str]]:
-    """Names and titles of the scenes that come with jaxrotor."""
+    """Scenes that come with jaxrotor.
+
+    Returns:
+        Name and title of every scene, ordered by name.
+    """
     texts = {name: file.read_text("utf-8") for name, file in sorted(_shipped().items())}
     return [(name, tomllib.loads(text).get("title", "")) for name, text in texts.items()]
 
 
 def text_of(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
-    """Text of a scene file, and what to call it."""
+    """Text of a scene file, and its name for error messages."""
     source, ours = os.fspath(name_or_path), _shipped()
     try:
         return ours.get(source, Path(source)).read_bytes().decode("utf-8-sig"), source

@@ -1,4 +1,4 @@
-"""Scenes as TOML."""
+"""Writing of scenes as TOML."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from .vocabulary import TEXTS, kinds, models
 
 
 def dumps(scene: Scene, title: str = "") -> str:
-    """A scene as TOML: SI, every float in full, its unit behind it."""
+    """Text of a scene in TOML: SI units, all digits of every number, and its unit in a comment."""
     import tomlkit
 
     document = tomlkit.document()
@@ -35,7 +35,7 @@ def dumps(scene: Scene, title: str = "") -> str:
 
 
 def _written(module: Any, path: str, known: Mapping[str, type] | None = None) -> Any:
-    """A module as a table; `known` are the classes that a file can name there."""
+    """Table of a module; `known` are the classes that a file can name at this place."""
     import tomlkit
 
     table, nested = tomlkit.table(), {}
@@ -64,6 +64,7 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
 
 
 def _plain(value: Any, path: str, many: bool) -> float | list[float]:
+    """A known number, or if `many` a list of them."""
     try:
         numbers = np.asarray(value, float)
         plain = numbers.ndim == many and bool(np.isfinite(numbers).all())

@@ -1,4 +1,4 @@
-"""Turbine variants: thirty rotors of a printed table, in a layout that is assumed."""
+"""Turbine variants: thirty rotors of a printed table, with an assumed layout."""
 
 import csv
 import importlib.resources
@@ -21,32 +21,38 @@ _COLUMNS = (
     *("variant", "m1_kg", "m2_kg", "R1_m", "R2_m", "O1C1_mm", "alpha_rad", "a_m", "b_m", "c_m"),
     *("M0T_100Nm", "k1_Nms", "k2T_1e-2Nms2", "omega0_rad_s", "tau_s", "note"),
 )
-_SECOND = ("m2_kg", "R2_m", "c_m")  # of the second wheel: all there or none
+_SECOND = ("m2_kg", "R2_m", "c_m")  # cells of the second wheel: all or none
 
 
 class Variant(NamedTuple):
-    """One row of the table, in SI; a single wheel has the offset and the tilt too."""
+    """Row of the table, in SI units; if there is one wheel, it has both the offset and the tilt."""
 
     number: int
-    masses: tuple[float, ...]  # of the wheels [kg]
-    radii: tuple[float, ...]  # [m]
-    offset: float  # of wheel 1 [m]
-    tilt: float  # of the last wheel [rad]
-    distances: tuple[float, ...]  # a, b and, with two wheels, c [m]
+    masses: tuple[float, ...]  # masses of the wheels [kg]
+    radii: tuple[float, ...]  # radii of the wheels [m]
+    offset: float  # offset of wheel 1 [m]
+    tilt: float  # tilt of the last wheel [rad]
+    distances: tuple[float, ...]  # a, b, and with two wheels c [m]
     torque: float  # [N m]
     slope: float  # [N m s]
     drag: float  # [N m s^2]
-    speed: float  # at the start [rad/s]
-    duration: float  # of the run [s]
-    note: str  # on doubtful cells, kept as printed
+    speed: float  # initial speed [rad/s]
+    duration: float  # duration of the run [s]
+    note: str  # remark on doubtful cells, which are used as printed
 
     def scene(self, layout: str = CHAIN) -> Scene:
-        """The rotor, first order in offset and tilt, as in the source.
+        """Scene of the rotor, of first order in offset and tilt, as in the source.
 
-        The figures that show where wheels and bearings sit are lost. `layout` is assumed: "chain" is
-        A -a- wheel 1 -b- wheel 2 -c- B; "example31" is that of the worked example, A at 0, wheel 1 at
-        a, B at b, wheel 2 at b + c. The angle between offset and tilt is not known either: here the
-        offset is along x and the tilt's product of inertia adds to its own.
+        The figures with the positions of wheels and bearings are lost, so a layout is assumed. The angle
+        between offset and tilt is not known either: here the offset is along x, and the product of
+        inertia of the tilt adds to that of the offset.
+
+        Args:
+            layout: "chain" is A -a- wheel 1 -b- wheel 2 -c- B; "example31" is that of the worked example,
+                A at 0, wheel 1 at a, B at b, wheel 2 at b + c.
+
+        Raises:
+            ValueError: If there is no such layout.
         """
         wheels, bearing = self._places(layout)
         last = len(wheels) - 1
@@ -61,12 +67,12 @@ class Variant(NamedTuple):
         return Scene(shaft, *discs, spin=drive, assumption=self._assumption(layout))
 
     def title(self, layout: str = CHAIN) -> str:
-        """What is assumed, and what in the print is doubtful."""
+        """Title with the assumed layout, and with the remark on doubtful cells."""
         note = f"; {self.note}" if self.note else ""
         return f"Turbine rotor, variant {self.number} ({self._assumption(layout)}{note})"
 
     def _assumption(self, layout: str) -> str:
-        """What every result must say."""
+        """Assumption that every result must state."""
         self._places(layout)
         return f"layout assumed: {layout}"
 
@@ -82,7 +88,10 @@ class Variant(NamedTuple):
 
 
 def variants() -> dict[int, Variant]:
-    """All rows of the table of the source, by their number from 1 to 30.
+    """Rotors of the table of the source.
+
+    Returns:
+        Rows by their number, from 1 to 30.
 
     Source: course project "Dynamic reactions in the bearings of a rotor", Table 13.
     """
@@ -91,7 +100,7 @@ def variants() -> dict[int, Variant]:
 
 
 def variant(row: int) -> Variant:
-    """One row of the table, by its number."""
+    """Row of the table with the number `row`."""
     table = variants()
     if type(row) is not int or row not in table:
         raise ValueError(f"`row` must be a whole number from 1 to {max(table)}, but is {row!r}.")
@@ -99,7 +108,7 @@ def variant(row: int) -> Variant:
 
 
 def read(text: str) -> dict[int, Variant]:
-    """Rows of a table in CSV; an empty cell is absent, any other is a number in full or refused."""
+    """Rows of a table in CSV; a cell is a decimal number, or empty if the value is absent."""
     rows = list(csv.reader(text.splitlines()))
     if not rows or tuple(rows[0]) != _COLUMNS:
         refuse(NAME, f"must have the columns {', '.join(_COLUMNS)}.")

@@ -1,7 +1,7 @@
-"""Vocabulary of scene files: what they call the classes of effects, shafts and spins, and their keys.
+"""Vocabulary of scene files: names of effects, shafts and spins, and their keys.
 
-Effects are found by the `kind` and `plural` of the classes exported in `jaxrotor.effects`, shafts and
-spins by their class names (`FlexibleShaft` is `model = "flexible"`): a new class needs no line here.
+Effects are found by the `kind` and `plural` of the classes that `jaxrotor.effects` exports, shafts and
+spins by their class names (`FlexibleShaft` is `model = "flexible"`). A new class needs no line here.
 """
 
 import inspect
@@ -16,20 +16,20 @@ from ..effects import AbstractEffect, Disc, Unbalance
 
 TEXTS = ("title", "assumption")
 START = {"radius": "m", "rate": "rad/s", "angle": "rad"}
-COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # whole numbers and their least
-_NOUNS = ("Shaft", "Speed")  # what the classes of a model share, and its name leaves out
+COUNTS = {"settle": 0, "keep": 1, "steps_per_revolution": 1}  # smallest allowed count of each key
+_NOUNS = ("Shaft", "Speed")  # endings of class names that are not part of the model name
 
 
 class Form(NamedTuple):
-    """Another way to give a part than by its own fields."""
+    """Way to give a part by other keys than its own fields."""
 
     of: type
     noun: str
-    marks: frozenset[str]  # keys of which one says that a table is written this way
+    marks: frozenset[str]  # any of these keys selects this way
     build: Callable
-    units: Mapping[str, str]  # of the arguments of `build`
+    units: Mapping[str, str]  # unit of each argument of `build`
     needed: tuple[str, ...]
-    fields: tuple[str, ...] = ()  # of the part's own that may be given too
+    fields: tuple[str, ...] = ()  # fields of the part that may be given too
 
 
 _OUT_OF_TRUE = ("offset", "offset_angle", "tilt", "tilt_axis", "exact")
@@ -65,14 +65,14 @@ FORMS = (
 
 
 def kinds() -> dict[str, Any]:
-    """Classes of effects by their kind: those exported in `jaxrotor.effects`."""
+    """Classes of effects that `jaxrotor.effects` exports, by their kind."""
     classes = [c for c in vars(effects).values() if inspect.isclass(c)]
     named = [c for c in classes if issubclass(c, AbstractEffect) and hasattr(c, "kind")]
     return {cls.kind: cls for cls in named if not inspect.isabstract(cls)}
 
 
 def models(module: ModuleType, base: type) -> dict[str, type]:
-    """Classes of shafts or spins by model: `FlexibleShaft` is "flexible", `SpeedProfile` "profile"."""
+    """Classes of shafts or spins by model name: `FlexibleShaft` is "flexible"."""
     classes = [c for c in vars(module).values() if inspect.isclass(c) and issubclass(c, base)]
     words = {c: re.findall("[A-Z][a-z]*", c.__name__) for c in classes}
     own = {c: [w.lower() for w in found if w not in _NOUNS] for c, found in words.items()}
@@ -84,8 +84,8 @@ _HEAD = re.compile(r"\s*\[\[?\s*([\w.]+)\s*\]\]?.*")
 _KEY = re.compile(r"\s*([\w.\"-]+?)\s*=.*")
 
 
-def twice(text: str, error: str) -> str:
-    """What to write in place of a table or key that is there twice, "" where `error` is another."""
+def repeated(text: str, error: str) -> str:
+    """Message for a table or key that is repeated; "" if `error` of tomllib is a different one."""
     found = _LINE.search(error)
     if found is None or not ("twice" in error or "overwrite" in error):
         return ""

@@ -190,7 +190,7 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
 def _places(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
     """Which line gives the force and which the moment of every constraint: 0 or 1 of (c, r)."""
     owned = np.arange(max(influence.owners) + 1)[:, None] == np.array(influence.owners)
-    turns = np.array(influence.turns)
+    turns = np.array(influence.holds_slope)
     return 1.0 * (owned & ~turns), 1.0 * (owned & turns)
 
 

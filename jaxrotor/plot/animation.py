@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..effects import AbstractBodies
-from ..files.toml import whole
+from ..files.draft import replacing
 from . import colours, labels, page
 from .balancer import Rows
 from .orbit import draw_limiters, limiters_at
@@ -62,7 +62,7 @@ def animate(
         axes = figure.subplots(1, 2 if balanced else 1, squeeze=False)[0]
         figure.subplots_adjust(0.11 if balanced else 0.2, 0.14, 0.98, 0.84, wspace=0.3)
         film = writer(fps=rate)
-        with whole(target) as draft, film.saving(figure, os.fspath(draft), _DPI):
+        with replacing(target) as draft, film.saving(figure, os.fspath(draft), _DPI):
             for number, now in enumerate(samples):
                 for ax in axes:
                     ax.clear()

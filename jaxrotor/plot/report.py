@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..core.tables import html_table
-from ..files.toml import dumps, loads, whole
+from ..files.draft import replacing
+from ..files.toml import dumps, loads
 from ..results.export import data_of
 from ..scene import Scene
 
@@ -78,7 +79,7 @@ def report(
     title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
     parts = [*map(_scene, scenes), *_figures(figures), *map(_numbers, data), _made(data)]
     text = _PAGE.substitute(title=html.escape(title), body="\n".join(parts))
-    with whole(target) as draft:
+    with replacing(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.toml import whole
+from ..files.draft import replacing
 
 
 _NEEDS = {".csv": (), ".parquet": ("pyarrow",), ".nc": ("h5netcdf", "h5py")}
@@ -66,7 +66,7 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
                 f"Writing {target.suffix} needs the package {needed}, which is not installed; add it by "
                 "`pip install 'jaxrotor[export]'`, or write .csv."
             )
-    with whole(target) as draft:
+    with replacing(target) as draft:
         _write(result, draft)
 
 

@@ -1,9 +1,9 @@
-"""Collocation of the integral equation of a beam on spans of Legendre-Gauss-Lobatto nodes.
+"""Collocation of the integral equation of a beam at Legendre-Gauss-Lobatto nodes of spans.
 
     z(x_i) = Sum_j [ Int G(x_i, s) h_j(s) ds ] p_j,   p = load per length, h_j = interpolants
 
-The kernel times the interpolant is a polynomial on either side of `s = x_i`, so Gauss quadrature
-split there is exact, and the error falls exponentially with the number of nodes a span.
+The kernel times the interpolant is a polynomial on either side of `s = x_i`. Gauss quadrature that is
+split there is therefore exact, and the error falls exponentially with the number of nodes per span.
 """
 
 import functools
@@ -16,31 +16,31 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-from ..core.extremes import within
+from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel
 from .line import AbstractLine, PerLength, strain_energy
 
 
-# Whether displacement and slope are held, at every end of spans.
+# Whether displacement and slope are held, for every end of the spans.
 Held = tuple[tuple[bool, bool], ...]
 
 
 class SpectralLine(AbstractLine):
-    """`q = (z at the nodes, l z' where spans meet)`: Lobatto nodes of spans, what is held left out.
+    """`q = (z at the nodes, l z' where spans meet)`, without the displacements and slopes that are held.
 
-    Where two spans meet the interpolant keeps the slope, scaled by the length `l` of the shaft, as
-    an unknown collocated by `dG/dx`: a disc there would otherwise see the slope of one side only,
-    and a high mode could grow. A shaft that can move without bending has auxiliary constraints
-    (see `HeldKernel`) at its ends: the coordinate there is the motion, and its equation says that
-    the constraint does not react.
+    Where two spans meet, the slope, scaled by the length `l` of the shaft, is an unknown of its own,
+    collocated by `dG/dx`. Otherwise a disc there would use the slope of one side only, and a high mode
+    could grow. A shaft that can move without bending has auxiliary constraints (see `HeldKernel`) at
+    its ends. The coordinate at such an end is the rigid motion, and its equation states that the
+    auxiliary constraint has no reaction.
     """
 
     kernel: AbstractKernel
-    ends: Float[Array, " ends"]  # of the spans [m]
-    degrees: tuple[int, ...] = eqx.field(static=True)  # of the interpolants, span by span
+    ends: Float[Array, " ends"]  # ends of the spans [m]
+    degrees: tuple[int, ...] = eqx.field(static=True)  # degree of the interpolant on each span
     held: Held = eqx.field(static=True)
-    free: tuple[int, ...] = eqx.field(static=True)  # ends of auxiliary constraints: 0 or -1
+    free: tuple[int, ...] = eqx.field(static=True)  # ends with an auxiliary constraint: 0 or -1
     anisotropy: Scalar | None
 
     @property
@@ -49,7 +49,7 @@ class SpectralLine(AbstractLine):
 
     @property
     def nodes(self) -> Float[Array, " nodes"]:
-        """Stations of the displacements, held ones too [m]."""
+        """Stations of the displacements, including held ones [m]."""
         return spread(self.degrees, self.ends)
 
     @property
@@ -58,10 +58,10 @@ class SpectralLine(AbstractLine):
         if isinstance(self.kernel, HeldKernel):
             for number, end in enumerate(self._free_nodes):
                 rigid = self.kernel.rigid(number, self.nodes)
-                turned = self.ends[-1] * self.kernel.rigid_slope(number, self._inner)
-                stiffness = stiffness.at[:, end].add(-jnp.concatenate([rigid, turned]))
+                tilted = self.ends[-1] * self.kernel.rigid_slope(number, self._inner)
+                stiffness = stiffness.at[:, end].add(-jnp.concatenate([rigid, tilted]))
             stiffness = stiffness.at[np.array(self._free_nodes, int)].set(0.0)
-        return stiffness[np.ix_(self._kept, self._kept)]
+        return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
 
     @property
     def bending_stiffness(self) -> Float[Array, "n n"]:
@@ -99,7 +99,7 @@ class SpectralLine(AbstractLine):
     # --- equations
 
     def _collocate(self, couple: bool, evaluate: Callable) -> Array:
-        """Equations of displacement at the nodes, then of scaled slope; of forces or of couples."""
+        """Equations of the displacements at the nodes, then of the scaled slopes, due to a load."""
         kernel, length = self.kernel, self.ends[-1]
         displaced = kernel.deflection_by_couple if couple else kernel.deflection
         sloped = kernel.slope_by_couple if couple else kernel.slope
@@ -113,7 +113,7 @@ class SpectralLine(AbstractLine):
                 work = lambda x, s, number=number: moved(number, s) + jnp.zeros_like(x)
                 row = kernel.compliance * evaluate(work, self.nodes[:1])[0]
                 equations = equations.at[node].set(row)
-        return equations[self._kept]
+        return equations[self._unconstrained]
 
     def _integrate(self, shapes: Callable, per_length: PerLength, kernel: Callable, x: Array):
         """`Int kernel(x_i, s) per_length(s) h_j(s) ds`: (i, coordinates)."""
@@ -121,7 +121,7 @@ class SpectralLine(AbstractLine):
         values = weight * kernel(x[:, None, None], s) * by_span(per_length)
         interpolants, places = shapes(local)
         integrals = jnp.einsum("ipg,ipgj->ipj", values, interpolants)
-        return jnp.einsum("ipj,pjn->in", integrals, places)[:, self._kept]
+        return jnp.einsum("ipj,pjn->in", integrals, places)[:, self._unconstrained]
 
     def _total(self, per_length: PerLength, kernel: Callable, x: Array) -> Float[Array, " i"]:
         """`Int kernel(x_i, s) per_length(s) ds`."""
@@ -130,10 +130,10 @@ class SpectralLine(AbstractLine):
         return jnp.sum(values, axis=(1, 2))
 
     def _quadrature(self, x: Array) -> tuple[Array, Array, Array]:
-        """Gauss points (x, spans, g) on both sides of `s = x_i`, exact for the kernel times h_j."""
+        """Gauss points, weights and local coordinates (x, spans, g), exact for the kernel times h_j."""
         points, weights = np.polynomial.legendre.leggauss(max(self.degrees) // 2 + 4)
         start, stop = self.ends[:-1], self.ends[1:]
-        kink = within(x[:, None], start, stop)
+        kink = bounded(x[:, None], start, stop)
         low = jnp.stack([jnp.broadcast_to(start, kink.shape), kink], axis=-1)
         high = jnp.stack([kink, jnp.broadcast_to(stop, kink.shape)], axis=-1)
         half = (high - low)[..., None] / 2
@@ -154,13 +154,13 @@ class SpectralLine(AbstractLine):
 
     @property
     def _free_nodes(self) -> list[int]:
-        """Nodes of the auxiliary constraints."""
+        """Indices of the nodes at the auxiliary constraints."""
         places = node_of_ends(self.degrees)
         return [int(places[end]) for end in self.free]
 
     @property
-    def _kept(self) -> np.ndarray:
-        """Which displacements and slopes are coordinates: all that no constraint holds."""
+    def _unconstrained(self) -> np.ndarray:
+        """Indices of the displacements and slopes that no constraint holds: the coordinates."""
         places, held = node_of_ends(self.degrees), []
         count = places[-1] + 1
         for end, (displacement, slope) in enumerate(self.held):
@@ -171,17 +171,19 @@ class SpectralLine(AbstractLine):
         return np.delete(np.arange(count + self._inner.size), held)
 
     def _form(self, shapes: Callable, at: Scalar) -> Float[Array, " n"]:
-        """Displacement or slope at one station as a form of the coordinates."""
+        """Displacement or slope at a station as a linear form of the coordinates."""
         inside = jnp.arange(self._widths.size) == jnp.searchsorted(self._inner, at)
         local = (at - self.ends[:-1]) / self._widths
         interpolants, places = shapes(local[:, None])
-        return jnp.einsum("pj,pjn->n", inside[:, None] * interpolants[:, 0], places)[self._kept]
+        return jnp.einsum("pj,pjn->n", inside[:, None] * interpolants[:, 0], places)[
+            self._unconstrained
+        ]
 
     def _shapes(self, local: Array, derivative: int = 0) -> tuple[Array, np.ndarray]:
-        """Interpolants (.., spans, g, shapes) of every span, and which coordinates they take.
+        """Interpolants (.., spans, g, shapes) of every span, and the coordinate that each multiplies.
 
-        Shapes of a span are by its displacements, then by its slopes at either end. Where spans differ
-        in degree, those of fewer nodes have zeros for the shapes they lack.
+        The shapes of a span belong to its displacements, then to the slopes at its two ends. Where spans
+        differ in degree, those with fewer nodes have zeros in place of the missing shapes.
         """
         spans, degree = len(self.degrees), max(self.degrees)
         coefficients = np.stack(
@@ -204,24 +206,23 @@ class SpectralLine(AbstractLine):
 
 
 def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:
-    """Index among all nodes of every end of the spans: (ends,)."""
+    """Index of the node at every end of the spans: (ends,)."""
     return np.concatenate([[0], np.cumsum(degrees)])
 
 
 def spread(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array, " nodes"]:
-    """Lobatto nodes of all spans, neighbours sharing ends [m]."""
+    """Lobatto nodes of all spans [m]; neighbouring spans share the node at their common end."""
     inner = np.full((len(degrees), max(degrees)), np.nan)
     for k, degree in enumerate(degrees):
         inner[k, :degree] = lobatto(degree)[1:]
     beyond = ends[:-1, None] + jnp.diff(ends)[:, None] * inner
-    own = np.flatnonzero(
-        np.isfinite(inner)
-    )  # all of them, where spans are alike: nothing is gathered
+    # If all spans have the same degree, all nodes are used and nothing is gathered.
+    own = np.flatnonzero(np.isfinite(inner))
     return jnp.append(ends[0], beyond if own.size == inner.size else beyond.ravel()[own])
 
 
 def neighbours(degrees: tuple[int, ...], count: int) -> np.ndarray:
-    """Nodes of every span among all, neighbours sharing ends: 0 or 1 of (span, own node, node)."""
+    """Incidence of the nodes of every span, 0 or 1: (span, node of the span, node of the shaft)."""
     places = np.zeros((len(degrees), max(degrees) + 1, count))
     for k, (first, degree) in enumerate(zip(node_of_ends(degrees)[:-1], degrees, strict=True)):
         places[k, range(degree + 1), range(first, first + degree + 1)] = 1
@@ -229,41 +230,41 @@ def neighbours(degrees: tuple[int, ...], count: int) -> np.ndarray:
 
 
 def by_span(per_length: PerLength) -> Array:
-    """A density, uniform or of each span, against (x, spans, g)."""
+    """A density, uniform or per span, broadcast against (x, spans, g)."""
     return jnp.asarray(per_length)[..., None]
 
 
 def lobatto(degree: int) -> np.ndarray:
-    """Legendre-Gauss-Lobatto nodes on [0, 1], `degree + 1` of them, ascending."""
+    """The `degree + 1` Legendre-Gauss-Lobatto nodes on [0, 1], ascending."""
     inner = np.sort(legendre.Legendre.basis(degree).deriv().roots().real)
     return (np.concatenate([[-1.0], inner, [1.0]]) + 1) / 2
 
 
 @functools.cache
 def _to_legendre(degree: int, most: int, left: bool, right: bool) -> np.ndarray:
-    """Legendre coefficients of the interpolants of the Lobatto nodes and the slopes at either end.
+    """Legendre coefficients of the interpolants of values at Lobatto nodes and slopes at the ends.
 
-    Columns are `most + 1` values, then both slopes (by the coordinate in [0, 1]); a value beyond the
-    degree, or a slope that is not kept, is a column of zeros.
+    The columns belong to `most + 1` values, then to both slopes (by the coordinate in [0, 1]). Columns
+    of values beyond the degree, and of a slope that is no unknown (`left`, `right`), are zero.
     """
-    kept = [*range(degree + 1), *[degree + 1] * left, *[degree + 2] * right]
+    used = [*range(degree + 1), *[degree + 1] * left, *[degree + 2] * right]
     values = legendre.legvander(2 * lobatto(degree) - 1, degree + 2)
     slopes = 2 * np.stack(
         [legendre.legval([-1, 1], legendre.legder(e)) for e in np.eye(degree + 3)]
     )
-    conditions = np.concatenate([values, slopes.T])[kept, : len(kept)]
-    columns = [k if k <= degree else k + most - degree for k in kept]
+    conditions = np.concatenate([values, slopes.T])[used, : len(used)]
+    columns = [k if k <= degree else k + most - degree for k in used]
     coefficients = np.zeros((most + 3, most + 3))
-    coefficients[: len(kept), columns] = np.linalg.inv(conditions)
+    coefficients[: len(used), columns] = np.linalg.inv(conditions)
     return coefficients
 
 
 def legendre_polynomials(degree: int, local: Array, derivative: int = 0) -> Array:
-    """`P_k(2 local - 1)`, or its first derivative by `local`, k = 0..degree: (.., degree + 1)."""
+    """`P_k(2 local - 1)` for k = 0..degree, or the first derivative by `local`: (.., degree + 1)."""
     t = 2 * jnp.asarray(local) - 1
     one = jnp.ones_like(t)
 
-    def up(carry, k):  # a loop: written out, it takes most of the time to compile a scene
+    def up(carry, k):  # a loop, as unrolled it would dominate the time to compile a scene
         (before, now), (slope_before, slope) = carry
         value = ((2 * k + 1) * t * now - k * before) / (k + 1)
         steeper = slope_before + (2 * k + 1) * now

@@ -9,7 +9,7 @@ from ..core.representation import AbstractPart
 
 
 class Constraint(AbstractPart):
-    """What is held fast at a station: displacement (pin), slope (guide) or both (clamp)."""
+    """Rigid constraint at a station: of the displacement (pin), the slope (guide) or both (clamp)."""
 
     at: Scalar = nonnegative("at [m]")
     holds: Literal["pin", "guide", "clamp"] = eqx.field(default="pin", static=True)

@@ -16,7 +16,7 @@ from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
 from .line import AbstractLine, AbstractShaft, check_ratio, off_shaft
 from .materials import Material, steel
-from .resolution import nodes_by_need
+from .resolution import nodes_needed
 from .section import Section, Step
 from .shear import ShearLine
 from .trapezoid import TrapezoidLine
@@ -27,15 +27,16 @@ class FlexibleShaft(AbstractShaft):
 
         z(x) + .. = - Int G(x,s) m z.. ds - Int dG/ds(x,s) (J z'.. - i Omega P z'.) ds + loads
 
-    `m = rho A` mass, `J = rho I` diametral and `P = polar_ratio J` polar inertia per length; `G`
-    the Green's function under its `constraints`, by default a clamp at 0; `constraints=()` leaves it
-    to its supports. `steps` change the section from where they are onwards. `shear=True` adds
-    shear, so the slope is that of the sections. `anisotropy` mu: bending stiffness `(1 + mu)` of the
-    given along an axis that turns with the shaft and `(1 - mu)` across it, everywhere; stiffness in
-    shear and rotary inertia stay those of the round section, the same along both.
-    `rule="spectral"`: `nodes` a span between stations, exponential convergence, or with
-    `nodes="auto"` up to 8, as many as the span needs for its share of a wave (see `nodes_by_need`);
-    `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, second order, as published.
+    Per length, `m = rho A` is the mass, `J = rho I` the diametral and `P = polar_ratio J` the polar
+    moment of inertia. `G` is the Green's function under the `constraints`, by default a clamp at 0; with
+    `constraints=()` only supports hold the shaft. `steps` change the section from their station onwards.
+    With `shear=True` the shaft deforms in shear too, and the slope is that of the sections.
+    `anisotropy` mu: the bending stiffness is `(1 + mu)` times that of the round section along an axis
+    that turns with the shaft, and `(1 - mu)` times across it; shear stiffness and rotary inertia remain
+    those of the round section.
+    `rule="spectral"`: `nodes` per span between stations, with exponential convergence; `nodes="auto"`
+    chooses 2 to 8 for each span, as its part of the bending waves needs.
+    `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, of second order, as published.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """
 
@@ -66,15 +67,15 @@ class FlexibleShaft(AbstractShaft):
                 raise ValueError(f"`{name}` must be a list of {kind.__name__}, but is {members!r}.")
         if not self.rotary_inertia and (self.shear or self.rule == "trapezoid"):
             raise ValueError(
-                "With shear, and in the trapezoidal rule, slopes are coordinates, which without "
-                "`rotary_inertia` have no mass; keep it."
+                "With shear, and in the trapezoidal rule, slopes are coordinates, which have no inertia "
+                "without `rotary_inertia`; keep it."
             )
         for section in self._sections:
             section.check(self.shear)
         check_ratio(self.anisotropy)
         if self.rule == "trapezoid" and (self.steps or self.shear or not self._cantilever):
             raise ValueError(
-                "The trapezoidal rule serves the uniform shaft clamped at 0, without shear; take "
+                "The trapezoidal rule is for a uniform shaft clamped at 0, without shear; take "
                 'rule="spectral".'
             )
 
@@ -109,7 +110,7 @@ class FlexibleShaft(AbstractShaft):
 
     @property
     def _cantilever(self) -> bool:
-        """Whether it is just clamped at 0, as far as can be seen."""
+        """Whether the only constraint is a clamp at 0, as far as values are known."""
         one = self.constraints[0] if len(self.constraints) == 1 else None
         return one is not None and one.holds == "clamp" and not (known(one.at) and one.at > 0)
 
@@ -127,7 +128,7 @@ class FlexibleShaft(AbstractShaft):
 
     def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:
         length, own = float(self.length), len(self.stations)
-        # Stations this close count as one: shorter spans cost more digits than the break gains.
+        # Closer stations count as one: a shorter span loses more digits than the break would gain.
         shortest = 0.002 * length
         held = len(self.constraints)
         first = last = -1
@@ -144,11 +145,11 @@ class FlexibleShaft(AbstractShaft):
                 continue
             near = [k for k in inner if abs(stations[k] - at) < shortest]
             near += [-1] * (min(at, length - at) < shortest)
-            same = all(k >= 0 and abs(stations[k] - at) <= 1e-12 * length for k in near)
-            if number < own and near and not (same and not constraint):
+            coincident = all(k >= 0 and abs(stations[k] - at) <= 1e-12 * length for k in near)
+            if number < own and near and not (coincident and not constraint):
                 raise ValueError(
-                    f"What is held or steps at {at:g} m is nearer than {shortest:.2g} m to another such "
-                    "station or an end of the shaft; move one of them."
+                    f"The constraint or step at {at:g} m is nearer than {shortest:.2g} m to another one "
+                    "or to an end of the shaft; move one of them."
                 )
             if not near and self.rule == "spectral":
                 inner.append(number)
@@ -172,7 +173,7 @@ class FlexibleShaft(AbstractShaft):
             ends = self._ends(stations, spans)
             slowness = jnp.stack([section.slowness for section in self._sections])
             waves = slowness[self._of_span(ends)] * jnp.diff(ends)
-        return nodes_by_need(np.asarray(waves), held, self.shear)
+        return nodes_needed(np.asarray(waves), held, self.shear)
 
     def line(
         self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
@@ -199,10 +200,10 @@ class FlexibleShaft(AbstractShaft):
             )
         kernel = beam
         if held[0] != (True, True) or any(any(one) for one in held[1:]):
-            fast = [(k, sloped) for k, one in enumerate(held) for sloped in (0, 1) if one[sloped]]
-            fast += [(k, 0) for k in free]
-            at = jnp.stack([ends[k] for k, _ in fast])
-            sloped = tuple(bool(sloped) for _, sloped in fast)
+            holds = [(k, sloped) for k, one in enumerate(held) for sloped in (0, 1) if one[sloped]]
+            holds += [(k, 0) for k in free]
+            at = jnp.stack([ends[k] for k, _ in holds])
+            sloped = tuple(bool(sloped) for _, sloped in holds)
             kernel = HeldKernel(beam, self.length, at, sloped, len(free))
         return SpectralLine(
             kernel=kernel,
@@ -221,7 +222,7 @@ class FlexibleShaft(AbstractShaft):
         return jnp.stack([jnp.zeros_like(self.length), *inner, self.length])
 
     def _held(self, spans: tuple[int, ...]) -> tuple[Held, tuple[int, ...]]:
-        """Displacement and slope held at every end of spans; ends of auxiliary constraints."""
+        """Whether displacement and slope are held at every end of the spans; auxiliary constraints."""
         own = self.constraints
         held = tuple(
             (own[k].displacement, own[k].slope) if 0 <= k < len(own) else (False, False)
@@ -278,7 +279,7 @@ class FlexibleShaft(AbstractShaft):
         return self.polar_ratio * jnp.sum(rotary * jnp.diff(starts, append=self.length))
 
     def _of_span(self, ends: Array) -> Array:
-        """Which section every span has; the one section of all where there are no steps."""
+        """Index of the section of every span: (spans,), or (1,) if there are no steps."""
         if not self.steps:
             return jnp.zeros(1, int)
         starts = jnp.stack([step.at for step in self.steps])
@@ -286,8 +287,9 @@ class FlexibleShaft(AbstractShaft):
 
 
 def _only(number: int, taken: int, at: float) -> int:
+    """The number of the constraint at an end of the shaft; raises if there is another (`taken`)."""
     if taken >= 0:
         raise ValueError(
-            f"Two constraints are at {at:g} m; give one, a clamp holds displacement and slope."
+            f"Two constraints are at {at:g} m; give one, as a clamp holds displacement and slope."
         )
     return number

@@ -1,9 +1,9 @@
-"""Green's functions of beams: deflection under a unit force, for any sections and any constraints.
+"""Green's functions of beams: deflection due to a unit force, for any sections and constraints.
 
     G(x, s) = Int_0^min(x,s) (x - u)(s - u) / EI(u) du       (clamped at 0, free)
 
-Every derivative is written out: automatic differentiation through `min` would give the wrong
-slope on the diagonal. Source: Azarov, Gouskov, Panovko (2023), the kernel below eq. (9).
+All derivatives are coded explicitly, as automatic differentiation through `min` would give a wrong
+slope at x = s. Source: Azarov, Gouskov, Panovko (2023), the kernel below eq. (9).
 """
 
 import abc
@@ -12,28 +12,28 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.extremes import within
+from ..core.extremes import bounded
 from ..core.quantities import Scalar
 
 
 class AbstractKernel(eqx.Module):
-    """Influence of loads at `s` on the line at `x`; both in [0, length] and broadcast."""
+    """Response of the line at `x` to unit loads at `s`; both are in [0, length] and broadcast."""
 
     @abc.abstractmethod
     def deflection(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """`G(x, s)`: displacement at `x` by a unit force at `s` [m/N]."""
+        """`G(x, s)`: displacement at `x` due to a unit force at `s` [m/N]."""
 
     @abc.abstractmethod
     def slope(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """Slope at `x` by a unit force at `s` [1/N]."""
+        """Slope at `x` due to a unit force at `s` [1/N]."""
 
     @abc.abstractmethod
     def deflection_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """Displacement at `x` by a unit couple at `s` [1/N]."""
+        """Displacement at `x` due to a unit couple at `s` [1/N]."""
 
     @abc.abstractmethod
     def slope_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """Slope at `x` by a unit couple at `s` [1/(N m)]."""
+        """Slope at `x` due to a unit couple at `s` [1/(N m)]."""
 
     @abc.abstractmethod
     def rigidity(self, x: Array | Scalar) -> Array:
@@ -41,12 +41,12 @@ class AbstractKernel(eqx.Module):
 
 
 class CantileverKernel(AbstractKernel):
-    """Clamped at 0 and free, of `sections` uniform one by one: a sum of polynomials over them.
+    """Beam clamped at 0 and free at its end, piecewise uniform: a sum of polynomials over `sections`.
 
-    With `shear` a force adds `Int_0^min(x,s) du / kGA`, and slopes are those of the sections.
+    With `shear`, a force adds `Int_0^min(x,s) du / kGA`, and slopes are those of the sections.
     """
 
-    starts: Float[Array, " sections"]  # where each begins [m], 0 first
+    starts: Float[Array, " sections"]  # start of each section [m], the first at 0
     bending: Float[Array, " sections"]  # 1 / EI [1/(N m^2)]
     shear: Float[Array, " sections"] | None = None  # 1 / kGA [1/N]
 
@@ -71,22 +71,22 @@ class CantileverKernel(AbstractKernel):
         return 1 / self.bending[jnp.searchsorted(self.starts, x, side="right") - 1]
 
     def _reach(self, x, s) -> tuple[Array, Array, Array]:
-        """From the start of every section to `x`, to `s`, and the stretch of it below both."""
+        """Distances from the start of each section to `x`, to `s`, and to min(x, s) within the section."""
         x, s = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(s))
         stops = jnp.append(self.starts[1:], jnp.inf)
         below = jnp.where(x > s, s, x)[..., None]
-        inside = within(below, self.starts, stops)
+        inside = bounded(below, self.starts, stops)
         return x[..., None] - self.starts, s[..., None] - self.starts, inside - self.starts
 
 
 class HeldKernel(AbstractKernel):
-    """Any rigid constraints `c`, from the clamped-free kernel `G` by one Schur complement.
+    """Kernel for any rigid constraints `c`, from the clamped-free kernel `G` by one Schur complement.
 
         G_held(x, s) = G(x, s) - [G(x, c), E(x)] W [G(c, s); E(s)],   W = [[G(c, c), E(c)], [E(c)', 0]]^-1
 
-    `E = (1, x)` are the rigid motions: the clamp at 0 goes, the constraints react instead. The last
-    `free` of them are auxiliary: they are moved by coordinates of their own and must not react.
-    All in units of the length and of `compliance = l^3 / EI`.
+    `E = (1, x)` are the rigid motions; the constraints take the place of the clamp at 0. The last `free`
+    constraints are auxiliary: a coordinate moves each of them, and its reaction must vanish. All
+    quantities are in units of the length and of `compliance = l^3 / EI`.
     """
 
     beam: CantileverKernel
@@ -94,7 +94,7 @@ class HeldKernel(AbstractKernel):
     stations: Float[Array, " c"]
     slopes: tuple[bool, ...] = eqx.field(
         static=True
-    )  # whether the slope is held, or the displacement
+    )  # whether each holds the slope, else displacement
     free: int = eqx.field(static=True)
     inverse: Float[Array, "c2 c2"]
 
@@ -102,7 +102,7 @@ class HeldKernel(AbstractKernel):
         self.beam, self.length, self.stations = beam, length, stations
         self.slopes, self.free = slopes, free
         rows = [
-            self._felt(at, sloped) * (length if sloped else 1.0)
+            self._influences(at, sloped) * (length if sloped else 1.0)
             for at, sloped in zip(stations, slopes, strict=True)
         ]
         corner = jnp.concatenate([jnp.stack(rows)[:, -2:].T, jnp.zeros((2, 2))], axis=1)
@@ -114,49 +114,50 @@ class HeldKernel(AbstractKernel):
         return self.length**3 * self.beam.bending[0]
 
     def deflection(self, x, s):
-        return self.beam.deflection(x, s) - self._reacted(x, s, False, False)
+        return self.beam.deflection(x, s) - self._by_reactions(x, s, False, False)
 
     def slope(self, x, s):
-        return self.beam.slope(x, s) - self._reacted(x, s, True, False)
+        return self.beam.slope(x, s) - self._by_reactions(x, s, True, False)
 
     def deflection_by_couple(self, x, s):
-        return self.beam.deflection_by_couple(x, s) - self._reacted(x, s, False, True)
+        return self.beam.deflection_by_couple(x, s) - self._by_reactions(x, s, False, True)
 
     def slope_by_couple(self, x, s):
-        return self.beam.slope_by_couple(x, s) - self._reacted(x, s, True, True)
+        return self.beam.slope_by_couple(x, s) - self._by_reactions(x, s, True, True)
 
     def rigidity(self, x):
         return self.beam.rigidity(x)
 
     def rigid(self, number: int, x: Array) -> Array:
-        """Displacement at `x` by a unit motion of the auxiliary constraint `number`."""
+        """Displacement at `x` due to a unit motion of the auxiliary constraint `number`."""
         offset, tilt = self._rigid(number)
         return offset + tilt * x
 
     def rigid_slope(self, number: int, x: Array) -> Array:
-        """Slope at `x` by a unit motion of the auxiliary constraint `number` [1/m]."""
+        """Slope at `x` due to a unit motion of the auxiliary constraint `number` [1/m]."""
         return self._rigid(number)[1] + jnp.zeros_like(x)
 
     def _rigid(self, number: int) -> tuple[Scalar, Scalar]:
         offset, tilt = self.inverse[-2:, len(self.slopes) - self.free + number]
         return offset, tilt / self.length
 
-    def _reacted(self, x, s, sloped: bool, couple: bool) -> Array:
-        left, right = self._felt(x, sloped), self._felt(s, couple)
+    def _by_reactions(self, x, s, sloped: bool, couple: bool) -> Array:
+        """Part of a kernel that the reactions of the constraints take away."""
+        left, right = self._influences(x, sloped), self._influences(s, couple)
         return self.compliance * jnp.einsum("...i,ij,...j->...", left, self.inverse, right)
 
-    def _felt(self, x, sloped: bool) -> Float[Array, "*x c2"]:
-        """Displacement or slope at `x` by unit reactions of the constraints and rigid motions.
+    def _influences(self, x, sloped: bool) -> Float[Array, "*x c2"]:
+        """Displacement or slope at `x` due to unit reactions of the constraints and unit rigid motions.
 
-        By reciprocity also what the constraints feel of a force or a couple at `x`.
+        By reciprocity also the response at the constraints to a unit force or couple at `x`.
         """
         x = jnp.asarray(x)
         of_force = self.beam.slope if sloped else self.beam.deflection
         of_couple = self.beam.slope_by_couple if sloped else self.beam.deflection_by_couple
-        felt = [
+        elastic = [
             (self.length * of_couple(x, at) if held else of_force(x, at)) / self.compliance
             for at, held in zip(self.stations, self.slopes, strict=True)
         ]
         one, zero = jnp.ones_like(x), jnp.zeros_like(x)
         rigid = [zero, one / self.length] if sloped else [one, x / self.length]
-        return jnp.stack([*felt, *rigid], axis=-1)
+        return jnp.stack([*elastic, *rigid], axis=-1)

@@ -1,4 +1,4 @@
-"""Influence lines: what a constraint of a shaft takes of a load anywhere on it."""
+"""Influence lines: the reaction of a constraint of a shaft to a load at any station."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,25 +10,25 @@ from .greens import CantileverKernel
 
 
 class Influence(eqx.Module):
-    """Influence lines `phi_k(x)`: constraint k moves by one, the others hold.
+    """Influence lines `phi_k(x)`: deflection where constraint k moves by one and the others hold.
 
         phi(x) = a + b x + Sum_j G(x, s_j) r_j,   Sum r_j = Sum s_j r_j + .. = 0
 
-    By Betti's theorem the reaction of the constraint to loads is minus their work on its line.
+    By Betti's theorem the reaction of a constraint to loads is minus the work of the loads on its line.
     `kernel` is None for a rigid shaft.
     """
 
     kernel: CantileverKernel | None
     stations: Float[Array, " r"]
     length: Scalar
-    turns: tuple[bool, ...] = eqx.field(static=True)  # slope held, or displacement
-    owners: tuple[int, ...] = eqx.field(static=True)  # which constraint each belongs to
+    holds_slope: tuple[bool, ...] = eqx.field(static=True)  # else it holds the displacement
+    owners: tuple[int, ...] = eqx.field(static=True)  # index of the constraint of each line
 
     @classmethod
     def of(
         cls, kernel: CantileverKernel | None, constraints: tuple[Constraint, ...], length: Scalar
     ) -> "Influence | None":
-        """Lines of all that constraints hold, displacement before slope; None without any."""
+        """Lines of all displacements and slopes that are held, in this order; None if there are none."""
         held = [
             (i, one.at, slope)
             for i, one in enumerate(constraints)
@@ -37,8 +37,8 @@ class Influence(eqx.Module):
         ]
         if not held:
             return None
-        owners, stations, turns = zip(*held, strict=True)
-        return cls(kernel, jnp.stack(stations), length, turns, owners)
+        owners, stations, holds_slope = zip(*held, strict=True)
+        return cls(kernel, jnp.stack(stations), length, holds_slope, owners)
 
     def shapes(self, x: Scalar) -> Float[Array, " r"]:
         """`phi_k(x)` [1] of held displacements, [m] of held slopes."""
@@ -50,11 +50,14 @@ class Influence(eqx.Module):
 
     @property
     def _coefficients(self) -> Float[Array, "r2 r"]:
-        count = len(self.turns)
+        count = len(self.holds_slope)
         held = jnp.stack(
-            [self._forms(at, turn) for at, turn in zip(self.stations, self.turns, strict=True)]
+            [
+                self._forms(at, slope)
+                for at, slope in zip(self.stations, self.holds_slope, strict=True)
+            ]
         )
-        # Least squares: where constraints leave a rigid motion free, any of it may be added.
+        # Least squares, as any rigid motion that the constraints leave free may be added.
         if self.kernel is None:
             return jnp.linalg.pinv(held)
         balance = jnp.concatenate([jnp.zeros((2, 2)), held[:, :2].T], axis=1)
@@ -62,7 +65,7 @@ class Influence(eqx.Module):
         return jnp.linalg.pinv(equations)[:, :count]
 
     def _forms(self, x: Scalar, slope: bool) -> Float[Array, " r2"]:
-        """Of unit coefficients: rigid motions, then unit reactions."""
+        """Deflection or slope at `x` due to unit rigid motions, then unit reactions."""
         zero, one = jnp.zeros_like(x), jnp.ones_like(x)
         rigid = [zero, one / self.length] if slope else [one, x / self.length]
         if self.kernel is None:
@@ -73,9 +76,9 @@ class Influence(eqx.Module):
             if slope
             else (kernel.deflection, kernel.deflection_by_couple)
         )
-        size = kernel.bending[0] * self.length**3  # of deflection by a unit force
+        size = kernel.bending[0] * self.length**3  # deflection due to a unit force, in scale
         parts = [
-            by_couple(x, at) if turn else by_force(x, at)
-            for at, turn in zip(self.stations, self.turns, strict=True)
+            by_couple(x, at) if held_slope else by_force(x, at)
+            for at, held_slope in zip(self.stations, self.holds_slope, strict=True)
         ]
         return jnp.stack([*rigid, *(part / size for part in parts)])

@@ -1,4 +1,4 @@
-"""Massless shaft: elasticity only, everything on it at one station."""
+"""Massless shaft: an elastic shaft that carries everything at one station."""
 
 from typing import Any, ClassVar, Literal
 
@@ -13,7 +13,7 @@ from .line import AbstractLine, AbstractShaft, check_ratio
 
 
 class MasslessLine(AbstractLine):
-    """`q = (z, [z'], [z_0])`: displacement and slope at the station, displacement of both ends."""
+    """`q = (z, [z'], [z_0])`: displacement and slope at the station, common displacement of the ends."""
 
     elasticity: Float[Array, "n n"]
     anisotropy: Scalar | None
@@ -45,7 +45,7 @@ class MasslessLine(AbstractLine):
         unit = jnp.eye(self.elasticity.shape[0])
         if not self.elastic_ends:
             return unit[0]
-        end = same(at, 0.0, self.length) | same(at, self.length, self.length)
+        end = coincide(at, 0.0, self.length) | coincide(at, self.length, self.length)
         return jnp.where(end, unit[-1], unit[0])
 
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
@@ -60,34 +60,35 @@ class MasslessLine(AbstractLine):
         return self.slope_row(at)
 
     def forces_along(self, per_length):
-        return _refuse_length(per_length)
+        return _refuse_distributed(per_length)
 
     def couples_along(self, per_length):
-        return _refuse_length(per_length)
+        return _refuse_distributed(per_length)
 
     def load_along(self, per_length):
-        return _refuse_length(per_length)
+        return _refuse_distributed(per_length)
 
 
-def same(at: Scalar | float, place: Scalar | float, length: Scalar | float) -> Array | bool:
-    """Whether a station on a shaft of a length is a place of it, but for rounding."""
+def coincide(at: Scalar | float, place: Scalar | float, length: Scalar | float) -> Array | bool:
+    """Whether two stations of a shaft are the same up to rounding."""
     return abs(at - place) <= 1e-12 * length
 
 
-def _refuse_length(per_length):
+def _refuse_distributed(per_length):
     del per_length
     raise ValueError(
-        "A massless shaft is known at one station only, so nothing can be spread along it; put "
+        "A massless shaft is known at one station only, so nothing can be distributed along it; put "
         "damping at the station (DiscDamping)."
     )
 
 
 class MasslessShaft(AbstractShaft):
-    """`F = k11 z + k12 z'`, `L = k12 z + k22 z'` at the station `at`; no slope without k12, k22.
+    """`F = k11 z + k12 z'`, `L = k12 z + k22 z'` at the station `at`.
 
-    `anisotropy` mu: stiffness `(1 + mu)` of the given along an axis that turns with the shaft and
-    `(1 - mu)` across it. `damping` h: viscous force `h (z. - i Omega z)` between the station and the
-    ends. `ends="elastic"`: both ends move alike, and each needs a Support, at 0 and at the length.
+    Without `k12` and `k22` the slope is left out. `anisotropy` mu: the stiffness is `(1 + mu)` times the
+    given one along an axis that turns with the shaft, and `(1 - mu)` times across it. `damping` h:
+    viscous force `h (z. - i Omega z)` between the station and the ends. `ends="elastic"`: both ends have
+    the same displacement, and each needs a Support, at 0 and at the length.
     Sources: Brysin, Nikiforov (2019), eq. (1); Klochkov, eqs. (1), (4)-(7).
     """
 
@@ -115,7 +116,7 @@ class MasslessShaft(AbstractShaft):
         if not (known(self.at) and known(self.length)):
             return
         at, length = float(self.at), float(self.length)
-        at_end = same(at, 0.0, length) or same(at, length, length)
+        at_end = coincide(at, 0.0, length) or coincide(at, length, length)
         if at > length and not at_end:
             raise ValueError(f"`at [m]` must be on the shaft (0 to {length:g}), but is {at:g}.")
         if at_end and self.ends == "elastic":
@@ -130,29 +131,48 @@ class MasslessShaft(AbstractShaft):
         k11, k12, k22 = float(k11), float(k12), float(k22)
         if k12**2 > k11 * k22 * (1 + 1e-12):
             raise ValueError(
-                "`k12 [N]` squared must not exceed k11 k22, else the shaft pushes itself away, but k12 is "
-                f"{k12:g}, k11 {k11:g} and k22 {k22:g}."
+                "`k12 [N]` squared must not exceed k11 k22, else the stiffness is not positive, but k12 "
+                f"is {k12:g}, k11 {k11:g} and k22 {k22:g}."
             )
 
     @classmethod
     def clamped_free(cls, length, rigidity, at, **options) -> "MasslessShaft":
-        """Clamped at 0 and free at `length` [m]; `rigidity` E I [N m^2].
+        """Shaft clamped at 0, free at its end: `k11 = 12 EI / a^3`, `k12 = -6 EI / a^2`, `k22 = 4 EI / a`.
 
-        `k11 = 12 EI / a^3`, `k12 = -6 EI / a^2`, `k22 = 4 EI / a`, a = at. Source: eq. (7).
+        Args:
+            length: length [m].
+            rigidity: bending stiffness E I [N m^2].
+            at: station a [m].
+            options: other fields of the shaft.
+
+        Raises:
+            ValueError: If `at` is not positive, or is beyond the end.
+
+        Source: Brysin, Nikiforov (2019), eq. (7).
         """
-        at = _beyond(at, "at [m]")
+        at = _positive(at, "at [m]")
         k11, k12, k22 = 12 / at**3, -6 / at**2, 4 / at
         return cls(length, at, k11 * rigidity, k12 * rigidity, k22 * rigidity, **options)
 
     @classmethod
     def clamped_pinned(cls, length, rigidity, at, **options) -> "MasslessShaft":
-        """Clamped at 0 and pinned at `length` [m]; `rigidity` E I [N m^2].
+        """Shaft clamped at 0, pinned at its end: `k11 = 3 EI (a^3 + 4 b^3) / (a^3 b^3)`.
 
-        `k11 = 3 EI (a^3 + 4 b^3) / (a^3 b^3)`, `k12 = -3 EI (2 b^2 - a^2) / (a^2 b^2)`,
-        `k22 = EI (3 l + b) / (a b)`, a = at, b = l - a. Source: eq. (10).
+        `k12 = -3 EI (2 b^2 - a^2) / (a^2 b^2)`, `k22 = EI (3 l + b) / (a b)`, b = l - a.
+
+        Args:
+            length: length l [m].
+            rigidity: bending stiffness E I [N m^2].
+            at: station a [m].
+            options: other fields of the shaft.
+
+        Raises:
+            ValueError: If `at` is not between 0 and `length`.
+
+        Source: Brysin, Nikiforov (2019), eq. (10).
         """
-        a = _beyond(at, "at [m]")
-        b = _beyond(length - a, "length - at [m]")
+        a = _positive(at, "at [m]")
+        b = _positive(length - a, "length - at [m]")
         k11 = 3 * (a**3 + 4 * b**3) / (a**3 * b**3)
         k12 = -3 * (2 * b**2 - a**2) / (a**2 * b**2)
         k22 = (3 * length + b) / (a * b)
@@ -160,7 +180,7 @@ class MasslessShaft(AbstractShaft):
 
     def reason_against(self, at: float) -> str | None:
         places = [float(place) for place in self._places]
-        if any(same(at, place, float(self.length)) for place in places):
+        if any(coincide(at, place, float(self.length)) for place in places):
             return None
         has = ", ".join(f"{place:g} m" for place in places)
         return f"is not at a station of the massless shaft; it has: {has}"
@@ -177,7 +197,7 @@ class MasslessShaft(AbstractShaft):
         if self.ends == "elastic":
             length = float(self.length)
             for end in (0.0, length):
-                if not any(same(at, end, length) for at in stations):
+                if not any(coincide(at, end, length) for at in stations):
                     raise ValueError(
                         f"A massless shaft on elastic ends needs a Support at 0 m and at {length:g} m, "
                         f"but nothing is at {end:g} m."
@@ -197,13 +217,13 @@ class MasslessShaft(AbstractShaft):
         elasticity = jnp.reshape(self.k11, (1, 1))
         if self.k12 is not None:
             elasticity = jnp.array([[self.k11, self.k12], [self.k12, self.k22]])
-        placed = [[same(at, place, self.length) for place in self._places] for at in stations]
-        # `Scene.put` may have moved a station, or the shaft under it.
+        placed = [[coincide(at, place, self.length) for place in self._places] for at in stations]
+        # `Scene.put` may have moved a station or changed the length of the shaft.
         elasticity = eqx.error_if(
             elasticity,
             ~jnp.all(jnp.any(jnp.array(placed, bool).reshape(-1, len(self._places)), axis=1)),
-            "What sits on a massless shaft must stay at a station of it; move the shaft's `at [m]` and "
-            "`length [m]` together with the `at [m]` of what is there.",
+            "A part on a massless shaft must stay at a station of the shaft; change the `at [m]` and "
+            "`length [m]` of the shaft together with the `at [m]` of the part.",
         )
         relative = self._relative()
         return MasslessLine(
@@ -229,21 +249,21 @@ class MasslessShaft(AbstractShaft):
     def influence(self) -> Influence | None:
         if self.ends == "rigid":
             raise ValueError(
-                "A massless shaft is known by its stiffness at one station, which does not tell how its "
-                'rigid ends share the load; take `ends="elastic"` with a Support at each.'
+                "The stiffness of a massless shaft at one station does not determine how its rigid ends "
+                'share the load; take `ends="elastic"` with a Support at each.'
             )
         return None
 
     @property
     def _places(self) -> tuple[Scalar | float, ...]:
-        """Stations at which it is known [m]."""
+        """Stations that the shaft has [m]."""
         return (self.at, 0.0, self.length) if self.ends == "elastic" else (self.at,)
 
     def _relative(self) -> Float[Array, "k n"]:
-        """Displacement (less that of the ends) and slope from the coordinates."""
+        """Displacement relative to the ends, and slope, from the coordinates."""
         own = jnp.eye(1 if self.k12 is None else 2)
         return jnp.concatenate([own, -own[:, :1]], axis=1) if self.ends == "elastic" else own
 
 
-def _beyond(value: Any, label: str) -> Scalar:
+def _positive(value: Any, label: str) -> Scalar:
     return check(value, label, lambda x: x > 0, "must be positive")

@@ -1,4 +1,4 @@
-"""Resolution: how many nodes each span of a shaft needs for its share of a wave."""
+"""Number of nodes that each span of a shaft needs for its part of a bending wave."""
 
 import bisect
 import math
@@ -9,26 +9,29 @@ from jaxtyping import Float
 
 FEWEST, MOST = 2, 8
 
-# The longest piece of a wave [rad] that a span of 2, 3, .. 7 nodes carries: below it the second bending
-# frequency of a uniform beam in equal spans, pinned or clamped, is right to 1e-9.
+# Largest phase of a wave [rad] on a span of 2, 3, .. 7 nodes. Up to it the second bending frequency of a
+# uniform beam with equal spans, pinned or clamped, has an error below 1e-9.
 LONGEST = (0.09, 0.33, 0.95, 1.35, 2.3, 3.0)
 LONGEST_WITH_SHEAR = (0.01, 0.087, 0.35, 0.8, 1.4, 2.1)
 
 
-def nodes_by_need(lengths: Float[np.ndarray, " spans"], held: int, shear: bool) -> tuple[int, ...]:
+def nodes_needed(lengths: Float[np.ndarray, " spans"], held: int, shear: bool) -> tuple[int, ...]:
     """Nodes of every span, 2 to 8, for the first four roots: two modes, forward and backward.
 
         phase_k = (c + 1/2) pi l_k / Sum l_k,   l_k = (rho A / EI)^(1/4) times the length of the span
 
-    A beam held at c places has its second mode at or below the (c + 2)-th of the free beam, two rigid
-    motions among them, whose wave has the phase `(c + 1/2) pi` from end to end; masses slow it. Where
-    sections differ, or discs are fast gyroscopes, that is an estimate: of shipped rotors and 14 random
-    ones the four slowest roots were within 1e-9 of those of 8 nodes a span.
+    The second mode of a beam with c constraints is at or below mode c + 2 of the free beam, counting its
+    two rigid motions. The wave of that mode has the phase `(c + 1/2) pi` from end to end, and masses
+    lower its frequency. With different sections or fast gyroscopes this is an estimate: the four slowest
+    roots of the shipped rotors and of 14 random ones were within 1e-9 of those with 8 nodes per span.
 
     Args:
-        lengths: `l_k` of each span, up to a factor.
-        held: at how many places displacement or slope is held; at least two are reckoned with.
-        shear: whether displacement and slope of the sections are polynomials by themselves.
+        lengths: `l_k` of each span, up to a common factor.
+        held: number c of displacements and slopes that are held; at least two are assumed.
+        shear: whether displacement and slope of the sections are separate polynomials.
+
+    Returns:
+        Number of nodes of every span.
     """
     phases = (max(held, 2) + 0.5) * math.pi * lengths / np.sum(lengths)
     longest = LONGEST_WITH_SHEAR if shear else LONGEST

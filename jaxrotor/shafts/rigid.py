@@ -1,4 +1,4 @@
-"""Rigid shaft: on a fixed axis, tilting about a pivot, or free in elastic bearings."""
+"""Rigid shaft: on a fixed axis, tilting about a pivot, or in elastic bearings."""
 
 from typing import ClassVar
 
@@ -16,7 +16,7 @@ from .line import AbstractLine, AbstractShaft, PerLength, off_shaft
 class RigidLine(AbstractLine):
     """`z(x) = Sum_k q_k (a_k + b_k x)`: the rigid motions that the constraints allow."""
 
-    motions: Float[Array, "n 2"]  # a [m] or [1] and b [1] or [1/m] of each
+    motions: Float[Array, "n 2"]  # a [m] or [1] and b [1] or [1/m] of each coordinate
     length: Scalar
     anisotropy: None = None
 
@@ -68,10 +68,10 @@ class RigidLine(AbstractLine):
 
 
 class RigidShaft(AbstractShaft):
-    """Straight massless axis `z(x) = z_0 + psi x`; what sits on it gives it mass.
+    """Straight massless axis `z(x) = z_0 + psi x`; the parts on it give it mass.
 
-    `constraints` decide what is left to move: two pins or one clamp hold it on a fixed axis (no
-    coordinates), one pin is a pivot (tilt `psi`), none leaves `z_0` and `psi` to its supports.
+    The `constraints` determine the coordinates. Two pins or one clamp fix the axis (no coordinates), one
+    pin is a pivot (tilt `psi`), and without constraints supports must hold `z_0` and `psi`.
     Sources: course project of `turbine-run-up`, Newton-Euler equations; Filimonikhin, Goncharov (2011),
     (2.1).
     """
@@ -88,8 +88,9 @@ class RigidShaft(AbstractShaft):
         pins, guides = (sum(getattr(c, n) for c in held) for n in ("displacement", "slope"))
         if pins + guides > 2 or guides > 1:
             raise ValueError(
-                "A rigid shaft has two motions to hold, displacement and slope, but `constraints` hold "
-                f"{pins} displacements and {guides} slopes, so their reactions are not determined."
+                "A rigid shaft has only two motions to hold, but `constraints` hold "
+                f"{pins} displacements and {guides} slopes, so their reactions are not determined; give "
+                "two pins or one clamp."
             )
 
     def reason_against(self, at: float) -> str | None:

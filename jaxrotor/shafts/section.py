@@ -1,4 +1,4 @@
-"""Round sections of a shaft, solid or hollow."""
+"""Round sections of a shaft, solid or hollow, and steps from one to the next."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from .materials import Material
 
 
 class Section(eqx.Module):
-    """Ring of outer diameter `D` and inner diameter `d` (None: solid) of a material."""
+    """Round section with outer diameter `D` and inner diameter `d` (None: solid), of a material."""
 
     diameter: Scalar
     inner_diameter: Scalar | None
@@ -41,17 +41,17 @@ class Section(eqx.Module):
 
     @property
     def rotary_inertia(self) -> Scalar:
-        """`rho I` [kg m], diametral inertia per length."""
+        """`rho I` [kg m], diametral moment of inertia per length."""
         return self.material.density * self.second_moment
 
     @property
     def slowness(self) -> Scalar:
-        """`(rho A / EI)^(1/4)` [s^(1/2)/m]: times the root of a frequency, the wave number."""
+        """`(rho A / EI)^(1/4)` [s^(1/2)/m]: the wave number over the square root of the frequency."""
         return (self.mass_per_length / self.rigidity) ** 0.25
 
     @property
     def shear_stiffness(self) -> Scalar:
-        """`k G A` [N] with the shear coefficient of a hollow circle.
+        """Shear stiffness `k G A` [N] with the shear coefficient of a hollow circle.
 
         `k = 6 (1 + r^2)^2 (1 + nu) / [(7 + 6 nu)(1 + r^2)^2 + (20 + 12 nu) r^2]`, `r = d / D`,
         `nu = E / 2G - 1`. Source: Cowper (1966).
@@ -64,7 +64,7 @@ class Section(eqx.Module):
         return above / below * shear * self.area
 
     def check(self, shear: bool) -> None:
-        """Refuse a bore wider than the shaft, and shear of a material that does not say how."""
+        """Raise if the bore is not below the diameter, or if `shear` lacks a shear modulus."""
         inner, outer = self.inner_diameter, self.diameter
         if inner is not None and known(inner) and known(outer) and float(inner) >= float(outer):
             raise ValueError(
@@ -73,12 +73,12 @@ class Section(eqx.Module):
             )
         if shear and self.material.shear_modulus is None:
             raise ValueError(
-                "A shaft with `shear` needs the material's `shear_modulus [Pa]`, which is absent."
+                "A shaft with `shear` needs the `shear_modulus [Pa]` of its material, but it is absent."
             )
 
 
 class Step(AbstractPart):
-    """Another section from the station `at` onwards: to the next step or the end of the shaft."""
+    """Another section, from the station `at` to the next step or the end of the shaft."""
 
     at: Scalar = positive("at [m]")
     diameter: Scalar = positive("diameter [m]")
@@ -86,7 +86,7 @@ class Step(AbstractPart):
     material: Material | None = None  # None: that of the shaft
 
     def section(self, material: Material) -> Section:
-        """Its section on a shaft of a material."""
+        """The section, of its own material or else of the given one."""
         return Section(
             self.diameter, self.inner_diameter, material if self.material is None else self.material
         )

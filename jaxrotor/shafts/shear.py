@@ -1,9 +1,9 @@
-"""Spectral elements of a Timoshenko beam: displacement and slope of the section by themselves.
+"""Spectral elements of a Timoshenko beam, with separate displacement z and slope psi of the sections.
 
-    2 U = Int [ EI psi'^2 + kGA (z' - psi)^2 ] dx,   z and psi polynomials on spans, continuous
+    2 U = Int [ EI psi'^2 + kGA (z' - psi)^2 ] dx,   z and psi continuous, polynomials on spans
 
-Written as flexibility: the equations are those of Galerkin times the inverse of the stiffness, so
-that they read as collocation does. (Collocation of the kernel with shear has high modes that grow.)
+The equations are in flexibility form: Galerkin's equations times the inverse of the stiffness, as in
+collocation. (Collocation of the kernel with shear has high modes that grow.)
 """
 
 import equinox as eqx
@@ -25,12 +25,12 @@ from .line import AbstractLine, PerLength
 
 
 class ShearLine(AbstractLine):
-    """`q = (z at the nodes, l psi at the nodes)`: Lobatto nodes of spans, what is held left out."""
+    """`q = (z at the nodes, l psi at the nodes)`, without the displacements and slopes that are held."""
 
-    ends: Float[Array, " ends"]  # of the spans [m]
+    ends: Float[Array, " ends"]  # ends of the spans [m]
     bending: Float[Array, "#spans"]  # EI [N m^2]
     shear: Float[Array, "#spans"]  # kGA [N]
-    degrees: tuple[int, ...] = eqx.field(static=True)  # of the polynomials, span by span
+    degrees: tuple[int, ...] = eqx.field(static=True)  # degree of the polynomials on each span
     held: Held = eqx.field(static=True)
     anisotropy: Scalar | None
 
@@ -40,12 +40,12 @@ class ShearLine(AbstractLine):
 
     @property
     def nodes(self) -> Float[Array, " nodes"]:
-        """Stations of the coordinates, held ones too [m]."""
+        """Stations of the displacements, including held ones [m]."""
         return spread(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
-        unit = jnp.eye(self._kept.size)
+        unit = jnp.eye(self._unconstrained.size)
         rigid = self._rigid
         if rigid is None:
             return unit
@@ -53,7 +53,7 @@ class ShearLine(AbstractLine):
 
     @property
     def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self._bent(self.bending_energy)
+        return self._deflection(self.bending_energy)
 
     @property
     def strain_energy(self) -> Float[Array, "n n"]:
@@ -72,40 +72,40 @@ class ShearLine(AbstractLine):
         return self._form(at, 1) / self.ends[-1]
 
     def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._bent(self.row(at))
+        return self._deflection(self.row(at))
 
     def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._bent(self.slope_row(at))
+        return self._deflection(self.slope_row(at))
 
     def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         z = self._at_gauss(0, 0)
-        return self._bent(self._integral(per_length, z, z))
+        return self._deflection(self._integral(per_length, z, z))
 
     def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         psi = self._at_gauss(1, 0) / self.ends[-1]
-        return self._bent(self._integral(per_length, psi, psi))
+        return self._deflection(self._integral(per_length, psi, psi))
 
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         unit = jnp.ones((self._widths.size, max(self.degrees) + 1, 1))
-        return self._bent(self._integral(per_length, self._at_gauss(0, 0), unit)[:, 0])
+        return self._deflection(self._integral(per_length, self._at_gauss(0, 0), unit)[:, 0])
 
     # --- energy
 
-    def _bent(self, force: Array) -> Array:
-        """Coordinates under forces of Galerkin's equations; motions without bending held softly."""
+    def _deflection(self, force: Array) -> Array:
+        """Coordinates due to forces of Galerkin's equations, with a soft spring on each rigid motion."""
         energy = self.strain_energy
         if (rigid := self._rigid) is not None:
             energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
         return jnp.linalg.solve(energy, force)
 
     def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
-        """`Int per_length left right dx` of forms at the Gauss points (spans, g, n)."""
+        """`Int per_length left right dx` of linear forms at the Gauss points (spans, g, n)."""
         weights = self._widths[:, None] * self._gauss[1] / 2
         return jnp.einsum("pg,pgn,pgm->nm", weights * by_span(per_length), left, right)
 
     @property
     def _rigid(self) -> Float[Array, "n r"] | None:
-        """Motions without bending that the constraints allow."""
+        """Rigid motions that the constraints allow; None if there are none."""
         pins = [k for k, (displacement, _) in enumerate(self.held) if displacement]
         slopes = any(slope for _, slope in self.held)
         if len(pins) >= 2 or (pins and slopes):
@@ -114,7 +114,7 @@ class ShearLine(AbstractLine):
         centre = self.ends[pins[0]] / self.ends[-1] if pins else 0.5
         shift, tilt = jnp.concatenate([one, 0 * one]), jnp.concatenate([x - centre, one])
         motions = [shift] * (not pins) + [tilt] * (not slopes)
-        return jnp.stack(motions, axis=1)[self._kept]
+        return jnp.stack(motions, axis=1)[self._unconstrained]
 
     # --- coordinates
 
@@ -123,8 +123,8 @@ class ShearLine(AbstractLine):
         return jnp.diff(self.ends)
 
     @property
-    def _kept(self) -> np.ndarray:
-        """Which displacements and slopes are coordinates: all that no constraint holds."""
+    def _unconstrained(self) -> np.ndarray:
+        """Indices of the displacements and slopes that no constraint holds: the coordinates."""
         count = self.nodes.size
         places = node_of_ends(self.degrees)
         held = np.array(self.held, bool).T  # displacement, slope
@@ -132,11 +132,11 @@ class ShearLine(AbstractLine):
 
     @property
     def _gauss(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss points on [-1, 1], the same of every span, and their weights."""
+        """Gauss points on [-1, 1] and weights, the same for every span."""
         return np.polynomial.legendre.leggauss(max(self.degrees) + 1)
 
     def _at_gauss(self, which: int, derivative: int) -> Float[Array, "spans g n"]:
-        """Forms of `z` (0) or `l psi` (1), or of its derivative, at the Gauss points of spans."""
+        """Linear forms of `z` (0) or `l psi` (1), or of its derivative, at the Gauss points of spans."""
         local = jnp.asarray((1 + self._gauss[0]) / 2)
         basis = legendre_polynomials(max(self.degrees), local, derivative)  # (g, k)
         forms = jnp.einsum("gk,pkj,pjn->pgn", basis, self._to_legendre, self._places(which))
@@ -160,7 +160,7 @@ class ShearLine(AbstractLine):
         return found
 
     def _places(self, which: int) -> np.ndarray:
-        """Coordinates of the displacements (0) or slopes (1) of every span: (span, node, n)."""
+        """Incidence of the displacements (0) or slopes (1) of every span: (span, node, n)."""
         count = self.nodes.size
         places = neighbours(self.degrees, 2 * count)
-        return np.roll(places, which * count, axis=2)[..., self._kept]
+        return np.roll(places, which * count, axis=2)[..., self._unconstrained]

@@ -1,14 +1,14 @@
-"""The published collocation: trapezoidal rule on equal cells, displacement and slope as unknowns.
+"""Published collocation: the trapezoidal rule on equal cells, with displacements and slopes as unknowns.
 
-Second order in the cell width. Kept as the reference method of the 2023 paper and as the slow
-curve of the accuracy figures. Source: Azarov, Gouskov, Panovko (2023), eq. (9) and below.
+It is of second order in the cell width, and serves as the reference method of the 2023 paper and for
+comparison in the figures of accuracy. Source: Azarov, Gouskov, Panovko (2023), eq. (9) and below.
 """
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.extremes import within
+from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import CantileverKernel
 from .line import AbstractLine, PerLength, strain_energy
@@ -79,12 +79,12 @@ class TrapezoidLine(AbstractLine):
         return (self.length / self.cells) * jnp.ones(self.cells).at[-1].set(0.5)
 
     def _hermite(self, at: Scalar) -> tuple[Array, Array]:
-        """Rows of displacement and slope: cubic Hermite between nodes, exact at them."""
+        """Rows of displacement and slope: cubic Hermite interpolation between the nodes."""
         m, width = self.cells, self.length / self.cells
-        cell = within(jnp.ceil(at / width) - 1, 0, m - 1).astype(int)
+        cell = bounded(jnp.ceil(at / width) - 1, 0, m - 1).astype(int)
         u = at / width - cell
-        left, right = jnp.eye(m + 1)[cell], jnp.eye(m + 1)[cell + 1]  # clamp first
-        scaled = width / self.length  # of the unknown l z'
+        left, right = jnp.eye(m + 1)[cell], jnp.eye(m + 1)[cell + 1]  # the first entry is the clamp
+        scaled = width / self.length  # factor of the unknown l z'
 
         def row(value, value_, slope, slope_):
             ends = value * left + value_ * right

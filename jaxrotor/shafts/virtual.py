@@ -1,4 +1,4 @@
-"""Virtual work: what acts on a shaft, weighed by displacements of one's choice."""
+"""Virtual work of the loads on a shaft, on given virtual displacements."""
 
 from collections.abc import Callable
 
@@ -12,30 +12,30 @@ from .line import AbstractLine, PerLength, gauss_points
 
 
 class VirtualLine(AbstractLine):
-    """Work of loads on `r` virtual displacements `shapes(x)`, of a motion written for `line`.
+    """Work of loads on `r` virtual displacements `shapes(x)`, for motions in the coordinates of `line`.
 
-    Effects written for a line then give, in place of the equations of motion, the resultant of their
-    forces (`shapes = 1, x`), the equations of Galerkin (`shapes = row`) or a reaction (`Influence`).
-    Stresses of the shaft itself count in Galerkin's equations alone: they do no work on rigid motions
-    and, by Betti's theorem, on influence lines.
+    In place of the equations of motion, effects then give the resultant of their forces
+    (`shapes = 1, x`), Galerkin's equations (`shapes = row`) or a reaction (`Influence`). Stresses of the
+    shaft count in Galerkin's equations only: they do no work on rigid motions nor, by Betti's theorem,
+    on influence lines.
     """
 
     line: AbstractLine
     shapes: Callable[[Scalar], Float[Array, " r"]]
     slopes: Callable[[Scalar], Float[Array, " r"]]
     anisotropy: Scalar | None = None
-    strained: bool = eqx.field(default=False, static=True)  # whether stresses of the shaft count
+    strained: bool = eqx.field(default=False, static=True)  # whether stresses of the shaft do work
 
     @classmethod
     def resultant(cls, line: AbstractLine, about: Scalar | float = 0.0) -> "VirtualLine":
-        """Force, and moment about a station."""
+        """Resultant force, and moment about the station `about` [m]."""
         shapes = lambda x: jnp.stack([jnp.ones_like(x), x - about])
         slopes = lambda x: jnp.stack([jnp.zeros_like(x), jnp.ones_like(x)])
         return cls(line=line, shapes=shapes, slopes=slopes)
 
     @classmethod
     def galerkin(cls, line: AbstractLine) -> "VirtualLine":
-        """Work on the coordinates themselves."""
+        """Galerkin's equations: work on the shapes of the coordinates."""
         return cls(
             line=line,
             shapes=line.row,
@@ -54,14 +54,14 @@ class VirtualLine(AbstractLine):
 
     @property
     def strain_energy(self) -> Float[Array, "r n"]:
-        return self.line.strain_energy if self.strained else self._none
+        return self.line.strain_energy if self.strained else self._zero
 
     @property
     def bending_energy(self) -> Float[Array, "r n"]:
-        return self.line.bending_energy if self.strained else self._none
+        return self.line.bending_energy if self.strained else self._zero
 
     @property
-    def _none(self) -> Float[Array, "r n"]:
+    def _zero(self) -> Float[Array, "r n"]:
         return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
 
     def row(self, at: Scalar) -> Float[Array, " n"]:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core.extremes import larger, largest, smaller, within
+from ..core.extremes import bounded, larger, largest, smaller
 from ..core.quantities import Scalar
 
 
@@ -47,7 +47,7 @@ class Cubic(NamedTuple):
         root = jnp.sqrt(jnp.where(turns, square, 1.0))
         q = self.c2 + jnp.where(self.c2 < 0, -root, root)  # no difference of near equals
         far, near = _ratio(-q, 3 * self.c3), _ratio(-self.c1, q)
-        clip = lambda u: within(jnp.where(turns, u, 0.0), 0.0, 1.0)
+        clip = lambda u: bounded(jnp.where(turns, u, 0.0), 0.0, 1.0)
         up = self.c2 < 0  # then `far` is the minimum
         return clip(jnp.where(up, near, far)), clip(jnp.where(up, far, near))
 
@@ -87,8 +87,8 @@ def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     u = (a + b) / 2
     for _ in range(3):
         rate = found.slope(u)
-        u = within(u - found(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+        u = bounded(u - found(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
     rate = found.slope(u)
-    u = within(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
+    u = bounded(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
     u = jnp.where(found(start) <= 0, start, u)  # just begun, and ends at once
     return -largest(-jnp.append(jnp.where(leaving, u, 2.0), 2.0))

@@ -1,4 +1,4 @@
-"""Laws of rotation of the shaft, one a file."""
+"""Laws of rotation of the shaft, one per file."""
 
 from .base import AbstractSpin as AbstractSpin, Turning as Turning
 from .constant import ConstantSpeed as ConstantSpeed

@@ -1,4 +1,4 @@
-"""How the shaft turns about its axis."""
+"""Base class of the laws of rotation of the shaft about its axis."""
 
 import abc
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -11,7 +11,7 @@ from ..core.representation import AbstractPart
 
 
 class Turning(NamedTuple):
-    """Rotation at a time, or at many: each of the shape of the times."""
+    """Rotation at one time or many: each field has the shape of the times."""
 
     angle: Float[Array, "*time"]  # theta [rad], 0 at t = 0
     speed: Float[Array, "*time"]  # Omega [rad/s]
@@ -21,7 +21,7 @@ class Turning(NamedTuple):
 class AbstractSpin(AbstractPart):
     """Law of rotation `theta(t)`, `theta(0) = 0`; positive spin turns x into y."""
 
-    if TYPE_CHECKING:  # where an abstract variable would be an argument of every spin
+    if TYPE_CHECKING:  # to type checkers an abstract variable would be an argument of every spin
         speed: ClassVar[Any]
     else:
         speed: eqx.AbstractVar[Scalar]  # at t = 0 [rad/s]
@@ -29,7 +29,7 @@ class AbstractSpin(AbstractPart):
     @property
     @abc.abstractmethod
     def given(self) -> bool:
-        """Whether the rotation is known without integration."""
+        """Whether the rotation is known in advance, without integration."""
 
     @property
     def kinks(self) -> Series | None:
@@ -38,15 +38,15 @@ class AbstractSpin(AbstractPart):
 
     @abc.abstractmethod
     def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
-        """The rotation at times [s], zero or more, of a rotor of inertia `polar` [kg m^2]."""
+        """Rotation at times `time` >= 0 [s] of a rotor with polar moment of inertia `polar` [kg m^2]."""
 
     @abc.abstractmethod
     def after(self, time: Scalar, speed: Scalar | None) -> "AbstractSpin":
-        """The law from `time` [s] on, of a rotor that has reached `speed` [rad/s] (None: its own)."""
+        """The law with t = 0 at `time` [s], where the rotor has `speed` [rad/s]; None: that of the law."""
 
 
 def check_same_length(spin: AbstractSpin, *names: str) -> None:
-    """Raise unless two series of a spin have equally many numbers."""
+    """Raise unless two tables of a spin have the same number of values."""
     one, two = (len(getattr(spin, name)) for name in names)
     if one != two:
         raise ValueError(

@@ -29,5 +29,5 @@ class ConstantSpeed(AbstractSpin):
 
 
 def constant(speed: ArrayLike) -> ConstantSpeed:
-    """`ConstantSpeed` of a speed [rad/s] as it is: no check in a compiled program."""
+    """`ConstantSpeed` with a speed [rad/s] that is not checked, so compiled programs have no check."""
     return eqx.tree_at(lambda spin: spin.speed, ConstantSpeed(0.0), jnp.asarray(speed, float))

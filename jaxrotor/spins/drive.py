@@ -1,4 +1,4 @@
-"""A motor of limited torque that turns the rotor."""
+"""Drive: a motor of limited torque, and resistance to rotation."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,10 +12,12 @@ from .riccati import riccati
 class Drive(AbstractSpin):
     """Motor and resistance: `I Omega. = M0 - k1 Omega - k2 Omega^2 - M_C sgn Omega + M(Omega)`.
 
-    `odd`: the drag is `k2 Omega |Omega|`, against either sense; else `k2 Omega^2` to the letter.
-    `M(Omega)` is a table, straight between its speeds and held beyond them. `feedback`: unbalance,
-    weight, friction of contact and what turns with the shaft, internal damping and unequal axes, act on
-    the rotation too. `stops`: a rotor that comes to rest stays, whatever torque acts then.
+    `torque` M0, `slope` k1, `drag` k2, `coulomb` M_C, `polar` I. With `odd` the drag is
+    `k2 Omega |Omega|`, which opposes rotation in either sense; else it is `k2 Omega^2`, which drives at
+    Omega < 0. `M(Omega)` is a table, linear between its speeds and constant beyond them. With `feedback`
+    the forces on the rotor act on its rotation too: unbalance, weight, friction in contacts, internal
+    damping and unequal stiffness of the shaft. With `stops` a rotor that comes to rest stays at rest,
+    whatever the torque.
     Source: course project "Dynamic reactions in the bearings of a rotor", eqs. (1), (11).
     """
 
@@ -40,10 +42,15 @@ class Drive(AbstractSpin):
             check_same_length(self, "table_speeds", "table_torques")
 
     def moment(self, speed: ArrayLike, sense: ArrayLike | None = None) -> Array:
-        """Torque [N m] of motor and resistance at a speed, or at many [rad/s].
+        """Torque of motor and resistance.
 
-        Coulomb friction is against `sense`, by default that of the speed: one that is kept lets a run
-        pass through zero speed without a jump, to find when it did.
+        Args:
+            speed: speed of rotation, one or many [rad/s].
+            sense: sign of the speed that Coulomb friction opposes, by default that of `speed`. A fixed
+                sense keeps the torque smooth at zero speed, so that the time of standstill can be found.
+
+        Returns:
+            The torque [N m], of the shape of `speed`.
         """
         speed = jnp.asarray(speed, float)
         moment = jnp.broadcast_to(self.torque, speed.shape)
@@ -58,14 +65,17 @@ class Drive(AbstractSpin):
         return moment
 
     def inertia(self, polar: Scalar | None) -> Scalar:
-        """What is turned [kg m^2]: the drive's own `polar`, else that of the scene."""
+        """Moment of inertia that the drive accelerates [kg m^2]: its own `polar`, else the scene's."""
         polar = polar if self.polar is None else self.polar
         if polar is None:
-            raise ValueError("A drive turns an inertia; give `polar [kg m^2]`.")
+            raise ValueError(
+                "A drive needs a moment of inertia, but neither it nor the scene has one; give `polar "
+                "[kg m^2]`."
+            )
         if known(polar) and not float(polar) > 0:
             raise ValueError(
-                f"A drive turns an inertia above zero, but that of the scene is {float(polar):g} kg m^2; "
-                "give discs a `polar`, or the drive itself."
+                f"A drive needs a positive moment of inertia, but that of the scene is {float(polar):g} "
+                "kg m^2; give `polar [kg m^2]` to the discs or to the drive."
             )
         return polar
 
@@ -77,7 +87,7 @@ class Drive(AbstractSpin):
 
     @property
     def can_stop(self) -> bool:
-        """Whether the rotor may come to rest and stay."""
+        """Whether the rotor can come to rest and stay at rest."""
         return self.stops or self.coulomb is not None
 
     @property

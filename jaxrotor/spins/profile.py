@@ -1,4 +1,4 @@
-"""A speed of rotation that is given as a table over time."""
+"""Speed profile: the speed of rotation as a table over time."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,9 +10,10 @@ from .base import AbstractSpin, Turning as Turning, check_same_length
 
 
 class SpeedProfile(AbstractSpin):
-    """Given speed: `Omega(t)` straight from each time to the next, held before and after all.
+    """Given speed `Omega(t)`, linear between the times of a table and constant outside of it.
 
-    `theta(t) = Int_0^t Omega dt` exactly; at a time of the table the acceleration is the next one's.
+    The angle `theta(t) = Int_0^t Omega dt` is exact. At a time of the table the acceleration is that of
+    the interval after it.
     """
 
     times: Series = series("times [s]", ascending=True)
@@ -23,7 +24,11 @@ class SpeedProfile(AbstractSpin):
 
     @classmethod
     def ramp(cls, start: ArrayLike, stop: ArrayLike, duration: ArrayLike) -> "SpeedProfile":
-        """From speed `start` to `stop` [rad/s] in `duration` [s] at one acceleration, then held."""
+        """Profile from speed `start` to `stop` [rad/s] in `duration` [s], then constant.
+
+        Raises:
+            ValueError: If a value is not a finite number, or `duration` is not positive.
+        """
         check(duration, "duration [s]", lambda x: x > 0, "must be positive")
         return cls([0.0, duration], [start, stop])
 
@@ -47,24 +52,26 @@ class SpeedProfile(AbstractSpin):
         return Turning(angle - self._since_first(jnp.zeros(()))[0], speed, acceleration)
 
     def after(self, time: Scalar, speed: Scalar | None) -> "SpeedProfile":
-        """The same from `time` on; a rotor that has another speed then is refused."""
+        """The profile with t = 0 at `time`; raises if the rotor has another speed at that time."""
         later = eqx.tree_at(lambda spin: spin.times, self, self.times - time)
         if speed is None:
             return later
         there = later.speed
         jumps = abs(speed - there) > 1e-6 * larger(abs(speed), abs(there))
-        sentence = "A run goes on in a profile where that has the speed the run ended with"
+        sentence = (
+            "A run can continue in a profile only where the profile has the final speed of the run"
+        )
         if not known(jumps):
             return eqx.tree_at(lambda s: s.times, later, eqx.error_if(later.times, jumps, sentence))
         if jumps:
             raise ValueError(
                 f"{sentence}, {float(speed):g} rad/s, but at {float(time):g} s it is {float(there):g} "
-                "rad/s; give the launch the `time` of the profile at which to begin."
+                "rad/s; give the launch the `time` of the profile at which it begins."
             )
         return later
 
     def _since_first(self, time):
-        """Angle from the first time of the table on, speed, acceleration."""
+        """Angle since the first time of the table, speed and acceleration."""
         times, speeds = jnp.asarray(self.times), jnp.asarray(self.speeds)
         steps = jnp.diff(times)
         areas = jnp.cumsum(jnp.append(0.0, (speeds[1:] + speeds[:-1]) / 2 * steps))

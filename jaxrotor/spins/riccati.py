@@ -1,4 +1,4 @@
-"""Closed run-up and run-down of a rotor: linear drive, linear and quadratic resistance."""
+"""Run-up and run-down in closed form: constant torque, linear and quadratic resistance."""
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ def riccati(
     drag: ArrayLike,
     speed: ArrayLike,
 ) -> Turning:
-    """Closed solution of `I Omega. = M0 - k1 Omega - k2 Omega^2`, `Omega(0) = Omega_0`.
+    """Solution of `I Omega. = M0 - k1 Omega - k2 Omega^2`, `Omega(0) = Omega_0`, in closed form.
 
     With `D^2 = k1^2 + 4 k2 M0`, `x = t / 2 I`, `N = cosh D x + (k1 + 2 k2 Omega_0) sinh(D x) / D`:
 
@@ -26,11 +26,11 @@ def riccati(
         Omega. = ( M0 - k1 Omega_0 - k2 Omega_0^2 ) / ( I N^2 )
         theta  = (I / k2) ( ln N - k1 x )
 
-    written so that nothing overflows, and no digit is lost where D, k1, k2 or M0 vanish; braking
-    makes D^2 negative. The drag is `k2 Omega^2` to the letter: it drives where Omega < 0.
+    evaluated so that nothing overflows and no digit is lost where D, k1, k2 or M0 vanish. Braking can
+    make D^2 negative. The drag `k2 Omega^2` keeps its sign, so it drives the rotor where Omega < 0.
 
     Args:
-        time: t [s], zero or more, of any shape.
+        time: t >= 0 [s], of any shape.
         polar: I [kg m^2].
         torque: M0 [N m].
         slope: k1 [N m s].
@@ -38,8 +38,11 @@ def riccati(
         speed: Omega_0 [rad/s].
 
     Returns:
-        Differentiable in every argument. From `blow_up_time` on there is no solution: a known time
-        raises, a traced one gives nan.
+        Angle, speed and acceleration, differentiable by every argument; NaN for a traced time from
+        `blow_up_time` on, where there is no solution.
+
+    Raises:
+        ValueError: If a known time is negative, or not below `blow_up_time`.
 
     Source: course project "Dynamic reactions in the bearings of a rotor", eq. (11).
     """
@@ -49,17 +52,23 @@ def riccati(
     last = blow_up_time(*data)
     if known(time) and known(last) and np.any(np.asarray(time) >= np.asarray(last)):
         raise ValueError(
-            f"`time [s]` must be below {float(last):g}, where the speed runs away to minus infinity "
-            f"under a drag that drives a negative speed, but is {np.max(time):g}; use odd drag."
+            f"`time [s]` must be below {float(last):g}, where the speed runs away to minus infinity, as "
+            f"the drag drives a negative speed, but is {np.max(time):g}; use odd drag."
         )
     return _solution(time, last, *data)
 
 
 def steady_speed(torque: ArrayLike, slope: ArrayLike, drag: ArrayLike) -> Scalar:
-    """`Omega* = 2 M0 / (k1 + D)` [rad/s], a stable balance of the torques of `riccati`.
+    """Stable steady speed of `riccati`: `Omega* = 2 M0 / (k1 + D)` [rad/s].
 
-    Without one: nan where a brake (M0 < 0) is stronger than all balance, infinite where nothing
-    resists.
+    Args:
+        torque: M0 [N m].
+        slope: k1 [N m s].
+        drag: k2 [N m s^2].
+
+    Returns:
+        The speed at which the torques balance; NaN if a brake (M0 < 0) is too strong for a balance,
+        infinite if nothing resists.
     """
     torque, slope, drag = (jnp.asarray(a, float) for a in (torque, slope, drag))
     d = jnp.sqrt(slope**2 + 4 * drag * torque)
@@ -72,7 +81,17 @@ def steady_speed(torque: ArrayLike, slope: ArrayLike, drag: ArrayLike) -> Scalar
 def relaxation_rate(
     polar: ArrayLike, torque: ArrayLike, slope: ArrayLike, drag: ArrayLike
 ) -> Scalar:
-    """`D / I` [1/s], at which the speed comes to `steady_speed`; zero without one."""
+    """Rate at which the speed of `riccati` approaches `steady_speed`: `D / I` [1/s].
+
+    Args:
+        polar: I [kg m^2].
+        torque: M0 [N m].
+        slope: k1 [N m s].
+        drag: k2 [N m s^2].
+
+    Returns:
+        The rate; zero if there is no steady speed.
+    """
     polar, torque, slope, drag = (jnp.asarray(a, float) for a in (polar, torque, slope, drag))
     square = slope**2 + 4 * drag * torque
     there = square > 0
@@ -82,33 +101,57 @@ def relaxation_rate(
 def stop_time(
     polar: ArrayLike, torque: ArrayLike, slope: ArrayLike, drag: ArrayLike, speed: ArrayLike
 ) -> Scalar:
-    """Time [s] at which the speed of `riccati` is zero for the first time; infinite if never."""
+    """Time at which the speed of `riccati` is first zero [s].
+
+    Args:
+        polar: I [kg m^2].
+        torque: M0 [N m].
+        slope: k1 [N m s].
+        drag: k2 [N m s^2].
+        speed: Omega_0 [rad/s].
+
+    Returns:
+        The time; infinite if the rotor never stops.
+    """
     polar, torque, slope, drag, speed = (
         jnp.asarray(a, float) for a in (polar, torque, slope, drag, speed)
     )
-    turns = speed != 0
-    ratio = torque / jnp.where(turns, speed, 1.0)
+    rotates = speed != 0
+    ratio = torque / jnp.where(rotates, speed, 1.0)
     time = 2 * polar * _first_zero(slope**2 + 4 * drag * torque, 2 * ratio - slope)
     time = jnp.where(time < blow_up_time(polar, torque, slope, drag, speed), time, jnp.inf)
-    return jnp.where(turns, time, 0.0)
+    return jnp.where(rotates, time, 0.0)
 
 
 def blow_up_time(
     polar: ArrayLike, torque: ArrayLike, slope: ArrayLike, drag: ArrayLike, speed: ArrayLike
 ) -> Scalar:
-    """Time [s] at which the speed of `riccati` is minus infinity; infinite if never."""
+    """Time at which the speed of `riccati` reaches minus infinity [s].
+
+    Args:
+        polar: I [kg m^2].
+        torque: M0 [N m].
+        slope: k1 [N m s].
+        drag: k2 [N m s^2].
+        speed: Omega_0 [rad/s].
+
+    Returns:
+        The time; infinite if it never does.
+    """
     polar, torque, slope, drag, speed = (
         jnp.asarray(a, float) for a in (polar, torque, slope, drag, speed)
     )
     return 2 * polar * _first_zero(slope**2 + 4 * drag * torque, slope + 2 * drag * speed)
 
 
-# === each degenerate case in its own branch; the others are fed harmless numbers (double where)
+# === each degenerate case has its own branch; the others get harmless numbers (double where)
 
-_NEAR = 1.0  # |D x|^2 up to which cosh and sinh are summed as series in it
+_NEAR = 1.0  # |D x|^2 up to which cosh and sinh are computed by their series
 _TERMS = 14
-_COSH = [1 / float(np.prod(np.arange(1.0, 2 * k + 1))) for k in range(_TERMS)]  # of z = (D x)^2
-_SINH = [c / (2 * k + 1) for k, c in enumerate(_COSH)]  # sinh(D x) / D x
+_COSH = [
+    1 / float(np.prod(np.arange(1.0, 2 * k + 1))) for k in range(_TERMS)
+]  # of cosh, in (D x)^2
+_SINH = [c / (2 * k + 1) for k, c in enumerate(_COSH)]  # of sinh(D x) / D x
 
 
 @jax.jit
@@ -123,17 +166,18 @@ def _solution(time, last, polar, torque, slope, drag, speed) -> Turning:
 
 
 def _apart(time, there, square, polar, torque, slope, drag, speed, start):
-    """Two steady speeds apart; w is the one that stays finite as k2 -> 0, `v = Omega - w`.
+    """Rotation where D^2 > 0 is large, so that the two steady speeds are well apart.
 
-    `I v. = -r v - k2 v^2`, r = D or -D, so `v = v0 E / (1 + h)`, `h = k2 v0 (1 - E) / r`,
-    `E = exp(-r t / I)`, and `theta = w t + (I / k2) ln(1 + h)`.
+    With the steady speed w that stays finite as k2 -> 0 and `v = Omega - w`: `I v. = -r v - k2 v^2`,
+    r = D or -D, so `v = v0 E / (1 + h)`, `h = k2 v0 (1 - E) / r`, `E = exp(-r t / I)`, and
+    `theta = w t + (I / k2) ln(1 + h)`.
     """
     d = jnp.sqrt(jnp.where(there, square, 1.0))
     r = jnp.where(slope < 0, -d, d)
     w = 2 * torque / (slope + r)
     v0 = jnp.where(there, speed - w, 0.0)
     power = -r * time / polar
-    # r < 0: E grows without end but drag ends the growth of v, long before E is cut
+    # If r < 0, E grows without bound, but drag ends the growth of v long before the cut of E.
     most = jnp.where(drag == 0, jnp.inf, 0.4 * float(np.log(jnp.finfo(power.dtype).max)))
     cut = smaller(power, most)
     y = -v0 * jnp.expm1(cut) / r
@@ -144,16 +188,16 @@ def _apart(time, there, square, polar, torque, slope, drag, speed, start):
 
 
 def _near(x, z, polar, torque, slope, drag, speed, start):
-    """Steady speeds close together, or none: cosh and sinh of a small or imaginary D x."""
+    """Rotation where the steady speeds are close or complex, so that D x is small or imaginary."""
     k = slope * x
     small = jnp.abs(z) <= _NEAR
     inside = jnp.where(small, z, 0.0)
-    turn = jnp.sqrt(jnp.where(z < -_NEAR, -z, 1.0))
-    cosh = jnp.where(small, _series(_COSH, inside), jnp.cos(turn))
-    sinh = x * jnp.where(small, _series(_SINH, inside), jnp.sin(turn) / turn)
+    phase = jnp.sqrt(jnp.where(z < -_NEAR, -z, 1.0))
+    cosh = jnp.where(small, _series(_COSH, inside), jnp.cos(phase))
+    sinh = x * jnp.where(small, _series(_SINH, inside), jnp.sin(phase) / phase)
     here = z <= _NEAR
     n = jnp.where(here, cosh + (slope + 2 * drag * speed) * sinh, 1.0)
-    # ln N - k = ln(1 + k2 y), where N exp(-k) - 1 = k2 y is a difference of series, not of numbers
+    # ln N - k = ln(1 + k2 y); N exp(-k) - 1 = k2 y is computed by a divided difference of the series.
     gentle = small & (k**2 <= 4)
     k_in = jnp.where(gentle, k, 0.0)
     apart = _divided(_COSH, inside, k_in**2) + k_in * _divided(_SINH, inside, k_in**2)
@@ -171,7 +215,7 @@ def _series(coefficients: list[float], z: Array) -> Array:
 
 
 def _divided(coefficients: list[float], z: Array, y: Array) -> Array:
-    """`(P(z) - P(y)) / (z - y)` of a polynomial, for equal z and y too."""
+    """Divided difference `(P(z) - P(y)) / (z - y)` of a polynomial, also for z = y."""
     value, difference = jnp.zeros_like(z), jnp.zeros_like(z)
     for c in coefficients[::-1]:
         difference = difference * y + value
@@ -199,7 +243,7 @@ def _first_zero(square: Array, b: Array) -> Array:
     two = falling & ~close & (y > 0) & (y < 1)
     root = jnp.sqrt(jnp.where(two, y, 0.25))
     none = square < 0
-    turn = jnp.sqrt(jnp.where(none, -square, 1.0))
+    rate = jnp.sqrt(jnp.where(none, -square, 1.0))
     x = jnp.where(two, jnp.arctanh(root) / (root * jnp.where(falling, -b, 1.0)), jnp.inf)
-    x = jnp.where(none, jnp.arctan2(turn, jnp.where(none, -b, 1.0)) / turn, x)
+    x = jnp.where(none, jnp.arctan2(rate, jnp.where(none, -b, 1.0)) / rate, x)
     return jnp.where(falling & close, near / jnp.where(falling, -b, 1.0), x)

@@ -1,4 +1,4 @@
-"""Programs compiled without optimisation give the same numbers, alone and inside others."""
+"""Functions compiled without optimisation give the same numbers, called directly and inside programs."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ from jaxrotor.core.compiled import compiled_quickly
 
 
 def test_alone_inside_a_program_mapped_and_differentiated():
-    """jax refuses settings of the compiler inside another program: there the function is plain."""
+    """Inside another program, where jax refuses compiler options, the function has none."""
     traced = []
 
     @compiled_quickly
@@ -19,7 +19,7 @@ def test_alone_inside_a_program_mapped_and_differentiated():
     exact = lambda k: np.array([2.0, k - 1]) / (3 * k - 1)
     np.testing.assert_allclose(solved(jnp.asarray(2.0)), exact(2.0), rtol=1e-14)
     np.testing.assert_allclose(solved(jnp.asarray(4.0)), exact(4.0), rtol=1e-14)
-    assert len(traced) == 1  # one for all values
+    assert len(traced) == 1  # one trace serves all values
     np.testing.assert_allclose(jax.jit(lambda k: 2 * solved(k))(2.0), 2 * exact(2.0), rtol=1e-14)
     np.testing.assert_allclose(
         jax.vmap(solved)(jnp.array([2.0, 5.0])), [exact(2.0), exact(5.0)], rtol=1e-14

@@ -1,4 +1,4 @@
-"""Numbers that no machine has: each is warned of with the unit that is meant, and nothing else is."""
+"""Implausible numbers: each gives a warning with the unit that may be meant, plausible ones give none."""
 
 import warnings
 
@@ -14,12 +14,12 @@ STEEL = {"youngs_modulus": 2.1e11, "density": 7850.0}
 
 
 def shaft(length=1.2, diameter=0.08, **material):
-    """A free shaft of steel, but for what is given."""
+    """A free shaft of steel, with the given properties."""
     return jr.FlexibleShaft(length, diameter, jr.Material(**(STEEL | material)), constraints=())
 
 
 def scene(shaft, *effects, mass=2.0, speed=300.0, stiffness=1e6):
-    """A disc in the middle of a shaft in two equal supports."""
+    """A disc at the middle of a shaft on two equal supports."""
     ends = [jr.Support(at, stiffness) for at in (0.0, float(shaft.length))]
     return jr.Scene(shaft, jr.Disc(0.6, mass), *ends, *effects, spin=jr.ConstantSpeed(speed))
 
@@ -47,16 +47,16 @@ def scene(shaft, *effects, mass=2.0, speed=300.0, stiffness=1e6):
         (lambda: scene(shaft(), speed=3e5), "1.2e\\+04 m/s at the surface of the shaft"),
     ],
 )  # fmt: skip
-def test_what_no_machine_has(build, sentence):
+def test_implausible_number_is_warned_of(build, sentence):
     with pytest.warns(jr.ImplausibleWarning, match=sentence) as found:
         build()
     assert len(found) == 1
-    assert found[0].filename == __file__  # the line that wrote the number, not one of the package
+    assert found[0].filename == __file__  # the line of the user, not of the package
 
 
 @pytest.mark.filterwarnings("error")
-def test_machines_and_scenes_without_dimensions_say_nothing():
-    """All that is shipped, a turbine of a power station, and a Jeffcott rotor of order 1."""
+def test_machines_and_dimensionless_scenes_give_no_warning():
+    """All shipped scenes, a turbine of a power station, and a Jeffcott rotor with values of order 1."""
     for name, _ in jr.shipped():
         jr.load(name)
     scene(shaft(12.0, 0.9), mass=4e4, speed=314.0, stiffness=1e9)

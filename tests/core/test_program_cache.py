@@ -1,4 +1,4 @@
-"""What one process compiled, another loads."""
+"""Programs compiled by one process are loaded by another."""
 
 import json
 import os
@@ -21,7 +21,7 @@ def hear(event, **_):
     if event in counts:
         counts[event] += 1
 jax.monitoring.register_event_listener(hear)
-jax.jit(lambda x: 2 * x)(3.0)  # before the folder is known
+jax.jit(lambda x: 2 * x)(3.0)  # compiled before the folder is set
 folder = jr.keep_programs(sys.argv[1])
 roots = np.abs(jr.roots(jr.load("gyroscopic-cantilever"), 4)).tolist()
 print(json.dumps([roots, *counts.values(), str(folder)]))

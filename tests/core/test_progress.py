@@ -1,4 +1,4 @@
-"""What takes long says so, where it is asked for or on a terminal, one thing at a time."""
+"""Progress of long computations is shown on request or on a terminal, one display at a time."""
 
 import time
 
@@ -22,12 +22,12 @@ def test_a_bar_compiles_until_its_first_step(capsys):
 def test_a_wait_is_told_after_some_time(capsys, monkeypatch):
     with progress.waiting(True, "run-up"):
         pass
-    assert not capsys.readouterr().err  # over at once
+    assert not capsys.readouterr().err  # it ended before PATIENCE
     monkeypatch.setattr(progress, "PATIENCE", 0.01)
     with progress.waiting(True, "run-up"):
         time.sleep(0.2)
     assert "run-up: compiling and running" in capsys.readouterr().err
-    with progress.waiting(None, "run-up"):  # no terminal
+    with progress.waiting(None, "run-up"):  # not a terminal
         time.sleep(0.05)
     assert not capsys.readouterr().err
 
@@ -43,7 +43,9 @@ def test_one_thing_is_shown_at_a_time(capsys, monkeypatch):
     with pytest.raises(ZeroDivisionError), progress.waiting(True, "simulation"):
         raise ZeroDivisionError
     capsys.readouterr()
-    with progress.progress(True, 1, "again", "lanes") as tick:  # what failed is shown no more
+    with progress.progress(
+        True, 1, "again", "lanes"
+    ) as tick:  # the display of a failed run is closed
         tick(1)
     assert "again" in capsys.readouterr().err
 
@@ -52,7 +54,7 @@ DISC = jr.Disc(0.5, 1.0), jr.DiscDamping(0.5, 0.2)
 ROTOR = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1.0), *DISC, spin=jr.ConstantSpeed(2.0))
 
 
-@pytest.mark.slow  # each of them is compiled
+@pytest.mark.slow  # each function is compiled
 @pytest.mark.parametrize(
     ("call", "what"),
     [

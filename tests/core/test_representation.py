@@ -1,4 +1,4 @@
-"""Parts and results as they are printed, and as a notebook shows them."""
+"""Printed form of parts and results, and their display in notebooks."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""Tables of numbers as quantities: checks, scene files, parameter paths."""
+"""Fields for tables of numbers: checks, scene files, parameter paths."""
 
 import equinox as eqx
 import jax
@@ -47,7 +47,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("value", "message"), BAD)
-def test_each_slip_has_one_sentence(value, message):
+def test_each_mistake_has_one_sentence(value, message):
     with pytest.raises(ValueError) as caught:
         Table(value)
     assert str(caught.value) == message
@@ -79,7 +79,7 @@ def test_a_table_in_a_file_has_units_element_by_element():
 
 LIST = "spin.times must be a list of two or more numbers, but is"
 ORDER = "`times [s]` must be ascending, each above the one before, but has"
-SLIPS = [
+MISTAKES = [
     ("3", "[0, 1]", f"{LIST} 3."),
     ('"0 : 1 : 3"', "[0, 1]", f"{LIST} '0 : 1 : 3'."),
     ("[0, 1, 1]", "[0, 1, 2]", f"spin: {ORDER} 1 and then 1."),
@@ -95,8 +95,8 @@ SLIPS = [
 ]
 
 
-@pytest.mark.parametrize(("times", "speeds", "message"), SLIPS)
-def test_each_slip_of_a_file_has_one_sentence(times, speeds, message):
+@pytest.mark.parametrize(("times", "speeds", "message"), MISTAKES)
+def test_each_mistake_in_a_file_has_one_sentence(times, speeds, message):
     with pytest.raises(jr.SceneError) as caught:
         loads(PROFILE.format(times, speeds))
     assert str(caught.value) == f"<text>: {message}"
@@ -149,4 +149,6 @@ def test_derivatives_with_respect_to_a_replaced_table():
     slope = jax.grad(lambda v: scene.replace({"spin.speeds": v}).spin.turning(at).angle)(
         jnp.asarray([1.0, 2.0, 3.0])
     )
-    np.testing.assert_allclose(slope, [0.5, 0.5 + 0.375, 0.125], rtol=1e-14)  # areas of the hats
+    np.testing.assert_allclose(
+        slope, [0.5, 0.5 + 0.375, 0.125], rtol=1e-14
+    )  # areas of the hat functions

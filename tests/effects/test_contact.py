@@ -1,4 +1,4 @@
-"""The law of a limiter against its written form, and the energy of a rotor that strikes it."""
+"""Law of a limiter against its formula, and energy of a rotor that strikes limiters."""
 
 import functools
 
@@ -29,14 +29,14 @@ def stop(**values) -> jr.Limiter:
 
 
 def force(limiter: jr.Limiter, z, v, speed=SPEED) -> complex:
-    """Force of the library's law as `x + i y`."""
+    """Force of the law as `x + i y`."""
     plane = lambda w: jnp.array([np.real(w), np.imag(w)], float)
     fx, fy = np.asarray(limiter.law()(plane(z), plane(v), jnp.asarray(speed, float)))
     return complex(fx, fy)
 
 
 def sheet(limiter: jr.Limiter, z: complex, v: complex, speed: float = SPEED) -> complex:
-    """`Psi = -r (1 + i f sgn V) exp(i alpha)` as section 1 of the sheet has it, SI."""
+    """`Psi = -r (1 + i f sgn V) exp(i alpha)` by section 1 of the sheet, in SI units."""
     angle, gap = float(limiter.angle), float(limiter.gap)
     local, moving = z * np.exp(-1j * angle), v * np.exp(-1j * angle)
     g = local.real - gap
@@ -48,7 +48,7 @@ def sheet(limiter: jr.Limiter, z: complex, v: complex, speed: float = SPEED) -> 
 
 
 def states(count: int, seed: int) -> list[tuple[complex, complex]]:
-    """Displacements [m] and velocities [m/s] about the stops, slip of both signs."""
+    """Random displacements [m] and velocities [m/s] near the stops, with slip of both signs."""
     rng = np.random.default_rng(seed)
     z = rng.uniform(0, 0.02, count) * np.exp(1j * rng.uniform(-np.pi, np.pi, count))
     v = rng.uniform(0, 150, count) * np.exp(1j * rng.uniform(-np.pi, np.pi, count))
@@ -95,7 +95,7 @@ def test_blended_law_is_the_sharp_one_outside_its_width():
             hits += 1
             assert force(stop(blend=blend), z, v) == pytest.approx(sharp, rel=1e-12)
     assert hits > 20
-    # and nothing where the sharp one gives nothing, on the way out
+    # without force where the sharp law has none, as the rotor leaves the stop
     out = np.exp(1j * np.pi / 3)
     assert sheet(stop(), 7.6e-3 * out, -50 * out) == force(
         stop(blend=5e-5), 7.6e-3 * out, -50 * out
@@ -108,10 +108,10 @@ def second_difference(f, x: float, h: float) -> float:
 
 @pytest.mark.parametrize("closing", [0.0, 0.5, -0.5])
 def test_blended_law_is_twice_differentiable(closing):
-    """Curvature of the force over depth: no jump at the gap, none at the end of the blend."""
+    """The curvature of the force over the depth has no jump at the gap nor at the end of the blend."""
     blend, out = 1e-3, np.exp(1j * np.pi / 3)
     limiter = stop(blend=blend, friction=0.0)
-    scale = 4e6 / blend  # of the curvature
+    scale = 4e6 / blend  # scale of the curvature
 
     def normal(depth):
         return -(force(limiter, (7.5e-3 + depth) * out, closing * out) / out).real
@@ -122,14 +122,14 @@ def test_blended_law_is_twice_differentiable(closing):
             left = second_difference(normal, edge - 2 * h, h)
             right = second_difference(normal, edge + 2 * h, h)
             jumps.append(abs(right - left) / scale)
-        assert jumps[-1] < 0.6 * jumps[0] + 1e-9  # closes in proportion to h: continuous
+        assert jumps[-1] < 0.6 * jumps[0] + 1e-9  # falls in proportion to h: continuous
         assert jumps[-1] < 1
     sharp = lambda depth: -(force(stop(friction=0.0), (7.5e-3 + depth) * out, 0j) / out).real
     assert second_difference(sharp, 0.0, 1e-5) / scale > 10  # the sharp law has a kink
 
 
 def test_release_of_a_blended_stop_is_twice_differentiable():
-    """Curvature over closing speed where a damped stop lets go."""
+    """The curvature over the closing speed is continuous where a damped stop is released."""
     blend, out = 1e-3, np.exp(1j * np.pi / 3)
     limiter = stop(blend=blend, friction=0.0)
     at = (7.5e-3 + 2 * blend) * out
@@ -175,7 +175,7 @@ def test_smoothed_friction_sign_is_twice_differentiable():
 @pytest.mark.parametrize("blend", [None, 1e-4])
 @pytest.mark.parametrize("gap", [0.0, 7.5e-3])
 def test_law_is_safe_at_the_centre(gap, blend):
-    """Values and derivatives by every number, at rest in the centre and just touching."""
+    """Values and derivatives by every number are finite, at rest in the centre and just touching."""
     limiter = stop(gap=gap, blend=blend, slip=1.0)
 
     def pull(limiter, z, v):
@@ -191,12 +191,12 @@ def test_law_is_safe_at_the_centre(gap, blend):
 
 # === energy
 
-POINTS = 0.35 * (1 - np.cos(np.pi * np.arange(1, 17) / 16))  # stations [m], the tip last
+POINTS = 0.35 * (1 - np.cos(np.pi * np.arange(1, 17) / 16))  # stations [m], the last at the tip
 TIP = (0.7, *POINTS[:-1])
 
 
 def passive(**limiter) -> jr.Scene:
-    """The rotor without rotation, damping, unbalance or friction, between soft stops."""
+    """Rotor between stops, without rotation, damping, unbalance and friction."""
     shaft = jr.FlexibleShaft(0.7, 0.02, nodes=12)
     stops = [
         stop(angle=np.pi / 3 + k * 2 * np.pi / 3, **({"friction": 0.0, "damping": 0.0} | limiter))
@@ -207,9 +207,9 @@ def passive(**limiter) -> jr.Scene:
 
 
 def energy(z: np.ndarray, v: np.ndarray, stiffness: float) -> float:
-    """Kinetic + elastic + contact energy [J] of displacement and velocity at `TIP`.
+    """Kinetic, elastic and contact energy [J] from displacement and velocity at the stations `TIP`.
 
-    The displacement is a polynomial between clamp and disc, so it is fitted, not approximated.
+    The displacement is a polynomial between clamp and disc, so the fit is exact.
     """
     x = np.array([0.0, *TIP])
     line = lambda w: [
@@ -221,8 +221,8 @@ def energy(z: np.ndarray, v: np.ndarray, stiffness: float) -> float:
     diametral = mass * 0.2**2 / 16 + mass * 0.01**2 / 12
     total = 0.0
     for f in line(v):
-        spread = 7850 * area * square(f) + 7850 * second * square(f.deriv())
-        total += (spread + mass * f(0.7) ** 2 + diametral * f.deriv()(0.7) ** 2) / 2
+        along = 7850 * area * square(f) + 7850 * second * square(f.deriv())
+        total += (along + mass * f(0.7) ** 2 + diametral * f.deriv()(0.7) ** 2) / 2
     for f in line(z):
         total += 2.1e11 * second * square(f.deriv(2)) / 2
     for k in range(3):
@@ -233,14 +233,14 @@ def energy(z: np.ndarray, v: np.ndarray, stiffness: float) -> float:
 
 @functools.cache
 def history(steps: int, stiffness: float, damping: float, order: int = 4) -> np.ndarray:
-    """Energy 16 times in each of 12 periods that are short beside the motion's own."""
+    """Energy 16 times in each of 12 periods, which are shorter than those of the motion."""
     start = jr.Whirl(0.012, 12.0, 0.9)
     built = passive(stiffness=stiffness, damping=damping)
     r = jr.simulate(
         built, 12, steps, solver=jr.Exponential(order), start=start, at=TIP, period=0.0226
     )
     force = abs(np.asarray(r.contact_force))
-    assert np.count_nonzero(force.max(axis=0)) >= 2  # the motion strikes
+    assert np.count_nonzero(force.max(axis=0)) >= 2  # at least two stops are struck
     every = steps // 16
     pairs = zip(r.displacement[::every], r.velocity[::every], strict=True)
     return np.array([energy(np.asarray(z), np.asarray(v), stiffness) for z, v in pairs])
@@ -249,13 +249,13 @@ def history(steps: int, stiffness: float, damping: float, order: int = 4) -> np.
 @pytest.mark.slow
 @pytest.mark.hard("1.8 energy of a passive rotor between stops")
 def test_passive_rotor_keeps_its_energy(record_property):
-    """No drift; what is left swings within 3e-4, the interpolant of 12 nodes (8: 1.2e-3)."""
+    """The energy does not drift; it oscillates by 3e-4, the error of 12 nodes (8 nodes: 1.2e-3)."""
     kept = history(1024, 5e4, 0.0)
     assert np.ptp(kept) < 5e-4 * kept[0]
     drift = abs(kept[-64:].mean() / kept[:64].mean() - 1)
     record_property("measured", f"mean energy drifts by {drift:.0e}")
     assert drift < 1e-4
-    # coarse steps of low order do lose or gain: the rest above is not the steps'
+    # coarse steps of low order change the energy, so the oscillation above is not due to steps
     error = [
         abs(history(steps, 5e4, 0.0, 2)[-64:].mean() / kept[-64:].mean() - 1) for steps in (16, 64)
     ]
@@ -268,5 +268,5 @@ def test_passive_rotor_keeps_its_energy(record_property):
 def test_damped_stops_only_take_energy():
     kept = history(1024, 5e4, 30.0)
     assert kept[-1] < 0.99 * kept[0]
-    assert np.diff(kept).max() < 3e-4 * kept[0]  # the swing of the interpolant
+    assert np.diff(kept).max() < 3e-4 * kept[0]  # oscillation due to the interpolant
     assert np.diff(kept[:192].reshape(-1, 32).mean(axis=1)).max() < 1e-4 * kept[0]

@@ -1,4 +1,4 @@
-"""Bearings of any stiffness and damping: a Jeffcott rotor as 2 by 2 matrices of (x, y) by numpy."""
+"""Bearings of any stiffness and damping, against 2 by 2 matrices of a Jeffcott rotor by numpy."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,9 @@ import jaxrotor as jr
 
 MASS, SHAFT, OUTER, ECCENTRICITY, PHASE = 2.0, 3.0, 0.2, 0.1, 0.7
 STIFFNESS = np.array([[4.0, 1.3], [-0.4, 2.5]])
-DAMPING = np.array([[0.5, -0.1], [0.25, 0.3]])  # of other axes than the stiffness
+DAMPING = np.array(
+    [[0.5, -0.1], [0.25, 0.3]]
+)  # its principal axes differ from those of the stiffness
 J, ONE = np.array([[0.0, -1.0], [1.0, 0.0]]), np.eye(2)
 
 
@@ -33,11 +35,11 @@ def support(stiffness=STIFFNESS, damping=DAMPING, **options):
 
 
 def matrices(speed, stiffness, damping, rotating):
-    """`C`, `K` of the rotor in fixed axes, or in those that turn with it."""
+    """`C`, `K` of the rotor in fixed axes, or in rotating axes."""
     if not rotating:
         return OUTER * ONE + damping, SHAFT * ONE + stiffness
-    turned = 2 * MASS * speed * J + OUTER * ONE + damping
-    return turned, (SHAFT - MASS * speed**2) * ONE + OUTER * speed * J + stiffness
+    coriolis = 2 * MASS * speed * J + OUTER * ONE + damping
+    return coriolis, (SHAFT - MASS * speed**2) * ONE + OUTER * speed * J + stiffness
 
 
 def roots_of(mass, damping, stiffness):
@@ -46,7 +48,7 @@ def roots_of(mass, damping, stiffness):
 
 
 def close(found, expected, tolerance):
-    """The same values in any order."""
+    """Check that two sets of values are equal, in any order."""
     found, expected = np.asarray(found), np.asarray(expected)
     assert found.shape == expected.shape
     distance = np.abs(found[:, None] - expected[None])
@@ -66,10 +68,10 @@ def test_eight_coefficients(speed, rotating):
     close(jr.floquet_multipliers(scene), multipliers, 1e-11 * np.abs(multipliers).max())
     found = jr.unbalance_response(scene, speed)
     push = MASS * ECCENTRICITY * speed**2 * np.exp(1j * PHASE)
-    if rotating:  # at rest in the axes of the shaft
+    if rotating:  # the response is constant in rotating axes
         x, y = np.linalg.solve(stiffness, [push.real, push.imag])
         forward, backward = x + 1j * y, 0.0
-    else:  # Re(q exp(i Omega t)) of q = (x, y)
+    else:  # q = (x, y) with the motion Re(q exp(i Omega t))
         dynamic = stiffness + 1j * speed * damping - MASS * speed**2 * ONE
         x, y = np.linalg.solve(dynamic, [push, -1j * push])
         forward, backward = (x + 1j * y) / 2, (x - 1j * y).conj() / 2
@@ -77,28 +79,28 @@ def test_eight_coefficients(speed, rotating):
     assert complex(found.backward[0, 0]) == pytest.approx(backward, rel=1e-12)
 
 
-def test_fixed_and_turning_bearings_at_once():
-    """Periodic coefficients, integrated in fixed axes by scipy."""
-    speed, turning = 1.3, 0.3 * STIFFNESS.T
-    scene = rotor(speed, support(), support(turning, 0.5 * DAMPING, rotating=True))
+def test_fixed_and_rotating_bearings_at_once():
+    """Multipliers of the periodic coefficients, integrated in fixed axes by scipy."""
+    speed, rotating = 1.3, 0.3 * STIFFNESS.T
+    scene = rotor(speed, support(), support(rotating, 0.5 * DAMPING, rotating=True))
 
     def field(t, y):
         q, v = y.reshape(2, 2, 4)
         axes = expm(speed * t * J)
         seen = axes.T @ q, axes.T @ (v - speed * J @ q)
-        force = axes @ (turning @ seen[0] + 0.5 * DAMPING @ seen[1])
+        force = axes @ (rotating @ seen[0] + 0.5 * DAMPING @ seen[1])
         force = force + (SHAFT * ONE + STIFFNESS) @ q + (OUTER * ONE + DAMPING) @ v
         return np.concatenate([v, -force / MASS]).ravel()
 
-    turn = (0.0, 2 * np.pi / speed)
-    run = solve_ivp(field, turn, np.eye(4).ravel(), method="DOP853", rtol=1e-11, atol=1e-12)
+    period = (0.0, 2 * np.pi / speed)
+    run = solve_ivp(field, period, np.eye(4).ravel(), method="DOP853", rtol=1e-11, atol=1e-12)
     expected = np.linalg.eigvals(run.y[:, -1].reshape(4, 4))
     close(jr.floquet_multipliers(scene), expected, 1e-9)
 
 
 @pytest.mark.slow
 def test_each_mode_of_a_pinned_shaft_in_an_anisotropic_medium():
-    """`rA q.. + D q. + EI k^4 q = f`, one Jeffcott rotor a mode; `D` has axes of its own."""
+    """Every mode is a Jeffcott rotor, `rA q.. + D q. + EI k^4 q = f`; `D` is anisotropic."""
     length, diameter, young, density = 1.3, 0.02, 2.1e11, 7850.0
     medium, share, angle, speed, eccentric = 150.0, 0.6, 0.5, 90.0, 1e-3
     per_length = density * np.pi * diameter**2 / 4
@@ -140,7 +142,7 @@ def test_each_mode_of_a_pinned_shaft_in_an_anisotropic_medium():
 
 
 def test_pure_cross_coupling():
-    """Alford's force, which turns the force ahead of the displacement; no stiffness, no damping."""
+    """Alford's force, which is ahead of the displacement, without direct stiffness or damping."""
     alford = support([[0.0, 1.5], [-1.5, 0.0]], None)
     close(
         jr.roots(rotor(2.0, alford)),
@@ -156,18 +158,18 @@ CROSSED = jr.Support(0.5, 2.0, 0.3, cross_stiffness=0.4, cross_damping=0.15, rot
 
 def crossed(speed):
     """Coefficients of `m z.. + d (z. - i Omega z) + c z. + k z = 0`, `d = 0.3 + 0.15 i`."""
-    turning = 0.3 + 0.15j
-    stiffness = SHAFT + 2.0 + 0.4j - 1j * speed * turning
-    return np.array([MASS, OUTER + turning, stiffness])
+    internal = 0.3 + 0.15j
+    stiffness = SHAFT + 2.0 + 0.4j - 1j * speed * internal
+    return np.array([MASS, OUTER + internal, stiffness])
 
 
 @pytest.mark.parametrize("speed", [3.0, -2.0])
-def test_cross_coupled_damper_that_turns(speed):
-    """It sees the velocity in its own axes: `Omega` times the cross term stiffens the rotor."""
+def test_cross_coupled_damper_that_rotates(speed):
+    """The damper acts on the velocity in rotating axes: `Omega` times the cross term is a stiffness."""
     close(jr.roots(rotor(speed, CROSSED)), np.roots(crossed(speed)), 1e-12)
 
 
-def test_cross_coupled_damper_that_turns_in_time():
+def test_cross_coupled_damper_that_rotates_in_time():
     speed = 3.0
     scene = rotor(speed, CROSSED).without("unbalance")
     run = jr.simulate(scene, 2, 16, start=jr.Whirl(0.01, -1.2))
@@ -181,7 +183,7 @@ def test_cross_coupled_damper_that_turns_in_time():
 
 
 def test_derivatives_by_every_coefficient():
-    """Traced matrices, against differences of the eigenvalues by numpy."""
+    """Derivatives by traced matrices, against differences of the eigenvalues by numpy."""
     speed, h = 1.1, 1e-5
     root = lambda k, c: jr.roots(rotor(speed, support(k, c)))[0]
 
@@ -204,7 +206,7 @@ def test_derivatives_by_every_coefficient():
 
 @pytest.mark.parametrize("change", [ONE, np.diag([2.0, 0.0])], ids=["equal", "unequal"])
 def test_derivatives_where_the_axes_are_equal(change):
-    """Of an isotropic bearing, by both its axes and by x alone."""
+    """Derivatives at an isotropic bearing by the stiffness of both axes, and of x alone."""
 
     def response(share):
         bearing = support(4.0 * jnp.eye(2) + share * change, None)
@@ -227,8 +229,8 @@ def test_derivatives_where_the_axes_are_equal(change):
     "matrix",
     [STIFFNESS, DAMPING, 2 * ONE, np.diag([1.0, 3.0]), [[1.0, 5.0], [5.0, 1.0]], J, 0 * ONE],
 )
-def test_matrices_come_back(name, matrix):
-    """The force of a unit displacement or velocity along x and y."""
+def test_blocks_reproduce_the_matrix(name, matrix):
+    """The matrix is recovered from the forces of unit displacements or velocities along x and y."""
     other = {"stiffness": "damping", "damping": "stiffness"}[name]
     bearing = jr.Support(0.5, **{name: matrix, other: ONE})
     blocks = bearing.blocks(rotor(1.0).line())
@@ -242,7 +244,7 @@ def test_matrices_come_back(name, matrix):
 
 
 def test_coefficients_are_the_matrices():
-    """Each with the others absent, and all of them at once."""
+    """Coefficients give the blocks of the matrices, one alone and all of them at once."""
     of = lambda **given: jr.Support(0.5, **given).blocks(rotor(1.0).line())
     names = [f"{letter}{axes}" for letter in "kc" for axes in ("xx", "xy", "yx", "yy")]
     values = np.concatenate([STIFFNESS.ravel(), DAMPING.ravel()])
@@ -264,7 +266,7 @@ EQUAL = [
 
 @pytest.mark.parametrize("bearing", EQUAL, ids=["means", "coefficients", "matrix"])
 def test_equal_axes_leave_no_trace(bearing):
-    """The rotor is simulated as one that is the same along every axis, and can be changed again."""
+    """An isotropic bearing adds no anisotropic blocks, until `replace` makes it anisotropic."""
     scene, plain = rotor(1.0, bearing), rotor(1.0, jr.Support(0.5, 4.0))
     found, expected = jr.assemble(scene).blocks, jr.assemble(plain).blocks
     for name in ("stiffness", "skew_stiffness", "fixed_stiffness", "fixed_damping"):
@@ -302,11 +304,14 @@ def test_traced_values_are_placed_without_checks():
         (lambda: support(-ONE), "`kxx + kyy [N/m]` must not be negative, but is -2."),
         (lambda: support("soft"), "`stiffness [N/m]` must be a number, but is 'soft'"),
         (lambda: support([["a", 1], [2, 3]]), "must be a number or a 2 by 2 matrix of numbers"),
-        (lambda: jr.Support(0.5, kxx=1.0, angle=0.3), "`kxx` and `angle` are of two ways"),
-        (lambda: jr.Support(0.5, cxx=1.0), "A support needs its stiffness; give `kxx [N/m]`"),
+        (
+            lambda: jr.Support(0.5, kxx=1.0, angle=0.3),
+            "`kxx` and `angle` belong to two different ways",
+        ),
+        (lambda: jr.Support(0.5, cxx=1.0), "A support needs a stiffness; give `kxx [N/m]`"),
         (lambda: support(STIFFNESS, kyy=1.0), "`stiffness` is a matrix of kxx, kxy, kyx and kyy"),
         (lambda: support(np.diag([1.0, np.nan])), "must be a finite number"),
-        (lambda: jr.Support(0.5, 1.0, damping_anisotropy=0.1), "give it"),
+        (lambda: jr.Support(0.5, 1.0, damping_anisotropy=0.1), "give that too"),
         (lambda: jr.Support(0.5, 1.0, 0.1, damping_angle=0.1), "give both or neither"),
     ],
 )

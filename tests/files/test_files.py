@@ -1,4 +1,4 @@
-"""Scene files: the shipped scenes hold the published data, and every slip gets one sentence."""
+"""Scene files: published data of the shipped scenes, round trips, units, and error messages."""
 
 import dataclasses
 import itertools
@@ -31,7 +31,6 @@ from jaxrotor import (
     Support,
     Unbalance,
     effects,
-    files,
     roots,
 )
 from jaxrotor.core.blocks import Blocks
@@ -39,7 +38,9 @@ from jaxrotor.core.quantities import positive
 from jaxrotor.effects import AbstractLinear
 from jaxrotor.equations.system import assemble
 from jaxrotor.files.shipped import _shipped, shipped
-from jaxrotor.files.toml import SceneError, dumps, load, loads, save, study
+from jaxrotor.files.toml import dumps, load, loads, save, study
+from jaxrotor.files.toml_reader import read
+from jaxrotor.files.units import SceneError
 from jaxrotor.files.vocabulary import kinds
 
 
@@ -117,7 +118,7 @@ def refused(text, source="my.toml"):
 
 
 def groups(scene: Scene) -> dict[str, float]:
-    """The dimensionless groups of the paper, each by its definition."""
+    """Dimensionless groups of the paper by their definitions."""
     shaft, get = scene.shaft, lambda path: np.asarray(scene.get(path)).item()
     length, mass, rigidity = get("shaft.length"), get("disc.mass"), float(shaft.rigidity)
     time = math.sqrt(mass * length**3 / rigidity)
@@ -222,13 +223,13 @@ def test_study_of_shipped_scene(name):
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_shipped_scene(name):
-    """Every number survives a round trip; what they amount to is in the tests of the sheets."""
+    """Every number survives a round trip; the tests of the sheets check the results."""
     same(load(name), loads(dumps(load(name))))
     assert study(name) == {}
 
 
-def test_overhung_fan_is_what_its_sheets_say():
-    """And it is written again as its sheets say it."""
+def test_overhung_fan_has_the_data_of_its_sheets():
+    """Parameters are those of the sheets, and are written in the same form."""
     scene = load("overhung-fan")
     for name, value in {
         "kxx": 8e7,
@@ -248,9 +249,9 @@ def test_overhung_fan_is_what_its_sheets_say():
     assert set(scene.get("limiters.gap").tolist()) == {3e-4}
 
 
-@pytest.mark.slow  # roots of fifty coordinates
+@pytest.mark.slow  # computes roots of fifty coordinates
 def test_overhung_fan_runs_smoothly_in_service():
-    """The films drive whirl by their cross-coupling, but damp it more."""
+    """Cross-coupling of the films drives whirl, but their damping prevails."""
     scene = load("overhung-fan")
     for rpm in (0, 1500, 6000):
         assert float(roots(scene.at_speed(rpm * math.pi / 30)).real.max()) < -10
@@ -266,21 +267,21 @@ def test_shipped_lists_names_and_titles():
 # === round trip
 
 
-ANOTHER_WAY = {  # fields of parts that may be given in two ways, of which the scene below has one
+ANOTHER_WAY = {  # fields of the second way to give a part, which the scene below leaves out
     Support: [letter + axes for letter in "kc" for axes in ("xx", "xy", "yx", "yy")],
     Unbalance: ["moment"],
 }
 
 
 def every_effect() -> Scene:
-    """One scene with every exported effect and numbers of awkward digits."""
+    """Scene with every exported effect, and with numbers that have no short decimal form."""
     rng = random.Random(7)
     members = []
     for cls in kinds().values():
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
             numbers = {name: rng.random() / 3 for name in names}
-            if "ball_radius" in numbers:  # fits into its race
+            if "ball_radius" in numbers:  # must be below the race radius
                 numbers["ball_radius"] = numbers["race_radius"] / 7
             for name in ANOTHER_WAY.get(cls, ()):
                 del numbers[name]
@@ -291,7 +292,7 @@ def every_effect() -> Scene:
 
 
 def rigid_scene() -> Scene:
-    """A rigid shaft, a drive and all its tables."""
+    """Rigid shaft with a drive that has all its fields."""
     constraints = (Constraint(1 / 9), Constraint(1 / 7, "guide"))
     drive = Drive(
         1e3 / 7,
@@ -317,7 +318,7 @@ def profile_scene() -> Scene:
 
 
 def film_scene() -> Scene:
-    """Bearings by their coefficients, an unbalance by its moment."""
+    """Bearings given by coefficients, and an unbalance given by its moment."""
     bearings = [
         Support(0.0, kxx=1e8 / 3, kxy=1e7 / 7, kyx=-2e7 / 9, kyy=4e7, cxx=2e5, cyy=1e5 / 7),
         Support(1 / 3, kxx=8e7 / 3, angular_stiffness=1e3 / 7, rotating=True),
@@ -346,14 +347,14 @@ def test_round_trip_of_any_float(value):
     same(scene, loads(dumps(scene)))
 
 
-def test_written_file_says_units():
+def test_written_file_has_units():
     text = dumps(load("limiter-rotor"))
     assert 'model = "flexible"' in text and "gap = 0.0075 # m\n" in text
     assert "per_length = 7.778381808870701 # N s/m^2\n" in text
     assert text.count("[[limiters]]") == 3 and text.count("[disc]") == 1
 
 
-def test_effects_of_a_kind_are_written_together():
+def test_effects_of_a_kind_are_written_in_one_group():
     shaft, spin = FlexibleShaft(0.7, 0.02), ConstantSpeed(1.0)
     mixed = Scene(shaft, Disc(0.3, 1.0), Limiter(0.7, 0, 0, 1), Disc(0.5, 2.0), spin=spin)
     again = loads(dumps(mixed))
@@ -543,8 +544,8 @@ speed = "3000 rpm"
 """
 
 
-def test_bearings_as_their_reports_print_them():
-    """Numbers come back from a file as they were typed, whichever of the ways was taken."""
+def test_bearings_in_the_form_of_their_reports():
+    """Coefficients are read and written exactly, whether given one by one or as matrices."""
     scene = loads(FILM)
     matrices = {"k": [[8e7, 1e7], [-2e7, 4e7]], "c": [[2e5, 0.0], [0.0, 1e5]]}
     for support in scene.of(Support):
@@ -574,7 +575,7 @@ def test_bearings_as_their_reports_print_them():
         (
             "cyy = 1e5\n",
             "damping = 1e5\n",
-            "supports.0: `kxx` and `damping` are of two ways to describe a support; give ",
+            "supports.0: `kxx` and `damping` belong to two different ways to describe a support; give ",
         ),
         (
             'kxx = "80 MN/m"',
@@ -582,7 +583,7 @@ def test_bearings_as_their_reports_print_them():
             "supports.0.kxx must be one number in N/m, but is the list [[80000000.0, 10000000.0], "
             "[-20000000.0, 40000000.0]]; write one, or stiffness = [[xx, xy], [yx, yy]] in its place.",
         ),
-        ('kxx = "80 MN/m"\n', "", "supports.0: A support needs its stiffness; give `kxx [N/m]`"),
+        ('kxx = "80 MN/m"\n', "", "supports.0: A support needs a stiffness; give `kxx [N/m]`"),
         (
             '[["80 MN/m", 1e7], [-2e7, 4e7]]',
             "[8e7, 4e7]",
@@ -601,7 +602,7 @@ def test_bearings_as_their_reports_print_them():
         (
             "damping = [[2e5, 0], [0, 1e5]]",
             "damping = 2e5",
-            "supports.1: `kxx` and `damping` are of",
+            "supports.1: `kxx` and `damping` belong to",
         ),
         (
             "[0, 1e5]]",
@@ -611,9 +612,9 @@ def test_bearings_as_their_reports_print_them():
         (
             'moment = "80 g*mm"',
             "moment = 1\nmass = 1",
-            "unbalance: An unbalance is given by `mass [kg]` and `eccentricity [m]`, or by `moment",
+            "unbalance: An unbalance needs either `mass [kg]` and `eccentricity [m]`, or their product",
         ),
-        ('moment = "80 g*mm"', "mass = 1", "unbalance: An unbalance is given by `mass [kg]` and "),
+        ('moment = "80 g*mm"', "mass = 1", "unbalance: An unbalance needs either `mass [kg]` and "),
     ],
 )
 def test_two_ways_at_once_are_refused(old, new, message):
@@ -623,7 +624,7 @@ def test_two_ways_at_once_are_refused(old, new, message):
 
 
 def test_unbalance_by_moment_and_by_grade():
-    """ISO 21940-11: G6.3 is e Omega = 6.3 mm/s."""
+    """Grade G6.3 is e Omega = 6.3 mm/s (ISO 21940-11)."""
     assert loads(FILM).get("unbalance.moment") == 8e-5
     moment = 80 * 6.3e-3 / (100 * math.pi)
     for given in ('"G6.3"', '"G 6.3"', "6.3", '"6.3 mm/s"'):
@@ -635,7 +636,7 @@ def test_unbalance_by_moment_and_by_grade():
         faster = loads(graded.replace("phase = 1", 'phase = 1\nspeed = "6000 rpm"'))
         np.testing.assert_allclose(assemble(faster).load.unbalance, load / 2, rtol=1e-14)
     profile = 'model = "profile"\ntimes = [0, 1]\nspeeds = [0, 1]'
-    for slip, message in [
+    for mistake, message in [
         (
             ("mass = 80\nphase", "phase"),
             "my.toml: unbalance.mass is missing; an unbalance given by its grade ",
@@ -645,7 +646,7 @@ def test_unbalance_by_moment_and_by_grade():
         (('speed = "3000 rpm"', profile), "my.toml: unbalance.speed is missing; an unbalance "),
         (('"3000 rpm"', "0"), "my.toml: unbalance: `speed [rad/s]` must not be zero, but is 0."),
     ]:
-        assert refused(graded.replace(*slip)).startswith(message)
+        assert refused(graded.replace(*mistake)).startswith(message)
 
 
 def test_angles_make_one_effect_each():
@@ -686,7 +687,7 @@ def test_study():
 
 
 def study_of(text):
-    return files._read(text, "my.toml")[1]
+    return read(text, "my.toml")[1]
 
 
 # === refusals
@@ -849,7 +850,7 @@ def study_of(text):
         (
             "[spin]",
             "[spin]\nmodel = 3",
-            "spin.model must be 'constant' or 'profile' or 'drive', but is 3.",
+            "spin.model must be 'constant' or 'drive' or 'profile', but is 3.",
         ),
         (
             "[shaft]",
@@ -995,15 +996,15 @@ def test_every_slip_gets_one_sentence(old, new, message):
         ),
     ],
 )
-def test_what_is_no_scene_at_all(text, message):
+def test_texts_that_are_no_scene(text, message):
     assert refused(text).startswith(message)
 
 
 def test_unreadable_files(tmp_path):
     def sentence(path, start):
-        for read in (load, study):
+        for reader in (load, study):
             with pytest.raises(SceneError) as caught:
-                read(path)
+                reader(path)
             shown = str(path).replace("\0", "\\x00")
             assert str(caught.value).startswith(f"{shown} {start}"), caught.value
             assert str(caught.value).endswith(".")
@@ -1012,8 +1013,10 @@ def test_unreadable_files(tmp_path):
     sentence("limiter-roter", f"is neither a file nor a shipped scene {near}")
     (tmp_path / "my-rotor.toml").touch()
     near = "(did you mean `my-rotor.toml`?)"
-    for slip in ("my-rotr.toml", "my-rotor"):
-        sentence(tmp_path / slip, f"is neither a file nor a shipped scene {near}; shipped are: ")
+    for misspelt in ("my-rotr.toml", "my-rotor"):
+        sentence(
+            tmp_path / misspelt, f"is neither a file nor a shipped scene {near}; shipped are: "
+        )
     for name in ("my-fan.toml", "my-fan"):
         begin = "`jaxrotor new my-fan.toml` writes one to begin with; shipped are: "
         sentence(name, f"is neither a file nor a shipped scene; {begin}")
@@ -1026,13 +1029,13 @@ def test_unreadable_files(tmp_path):
 
 
 def test_files_of_other_editors(tmp_path):
-    """A byte order mark and line ends of Windows are no slip."""
+    """A byte order mark and line ends of Windows are accepted."""
     (tmp_path / "a.toml").write_bytes(good().replace("\n", "\r\n").encode("utf-8-sig"))
     same(load(str(tmp_path / "a.toml")), loads(good()))
 
 
 def test_mutated_files_never_end_in_another_exception():
-    """Any text is a scene or a sentence."""
+    """Every text gives a scene or an error message of one sentence."""
     rng = random.Random(2023)
     texts = [file.read_text("utf-8") for file in _shipped().values()]
     junk = [*"[]{}=\"'.,#\n\t éz\x00\\-1", "true", "nan", "1e999", "1979-05-27", '"9**9 m"', "[1]"]
@@ -1061,7 +1064,7 @@ def test_mutated_files_never_end_in_another_exception():
 
 @pytest.mark.slow
 def test_from_another_folder_and_without_pint(tmp_path):
-    """Shipped scenes load anywhere; units cost their import only when a file has some."""
+    """Shipped scenes load from any folder; pint is imported only if a file has units."""
     code = (
         "import sys, jaxrotor.files as f\n"
         "s = f.load('limiter-rotor-2023')\n"

@@ -1,6 +1,6 @@
-"""Scene files that nobody would write: each is a scene or one sentence, whatever stands in it.
+"""Fuzzing of scene files: each gives a scene or an error message of one sentence.
 
-`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; by default it is 2500.
+`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; the default is 2500.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ from jaxrotor.files.units import quantity
 PROGRAM: Any = get_command(app)
 COUNT = int(os.environ.get("JAXROTOR_FUZZ", "2500"))
 SHIPPED = [file.read_text("utf-8") for file in _shipped().values()]
-LONGEST = 3100  # characters of a sentence
+LONGEST = 3100  # limit of the characters of a message
 
 CODE = "__import__('os').system('touch touched')"
 UNITS = [
@@ -121,7 +121,7 @@ BYTES = [
 
 
 def names():
-    """All keys of all shipped scenes, dotted ones too."""
+    """All keys of all shipped scenes, including dotted ones."""
 
     def below(table):
         for key, value in table.items():
@@ -137,7 +137,7 @@ KEYS = names()
 
 
 def value(random, depth=0):
-    """A value of TOML, of any kind and depth, or what is none."""
+    """Text of a TOML value of any kind and depth, or of something that is not a value."""
     some = lambda: ", ".join(value(random, depth + 1) for _ in range(random.randrange(4)))
     table = lambda: ", ".join(f"{key(random)} = {value(random, depth + 1)}" for _ in range(2))
     number = lambda: random.choice(NUMBERS)
@@ -165,7 +165,7 @@ def value(random, depth=0):
 
 
 def key(random):
-    """A key: of some scene, or any other, or several with dots."""
+    """Key of a scene, or any other key, or several joined by dots."""
     parts = [random.choice(JUNK if random.random() < 0.2 else KEYS)]
     if random.random() < 0.2:
         parts.append(random.choice(KEYS))
@@ -173,7 +173,7 @@ def key(random):
 
 
 def mutated(random):
-    """A shipped scene with one to four slips in its lines, and maybe one in its bytes."""
+    """Bytes of a shipped scene with one to four changes of its lines, and possibly one of its bytes."""
     lines = random.choice(SHIPPED).split("\n")
     lines = [line for line in lines if line and not line.startswith("#")]
     for _ in range(random.choice([1, 1, 2, 4])):
@@ -192,7 +192,7 @@ def mutated(random):
                 lines.insert(at, random.choice(lines))
             case 7 if len(lines) > 1:
                 del lines[at]
-            case _:  # another digit somewhere
+            case _:  # another digit in the line
                 lines[at] = re.sub(r"\d", str(random.randrange(10)), lines[at], count=1)
     text = "\n".join(lines).encode("utf-8", "surrogatepass")
     if random.random() < 0.1:
@@ -201,11 +201,11 @@ def mutated(random):
     return text
 
 
-# === what a file may not do
+# === what reading a file must not do
 
 FORBIDDEN = ("os.", "subprocess.", "shutil.", "socket.", "ctypes.", "exec", "compile")
 HARMLESS = ("os.listdir", "os.scandir")
-WATCH: list = []  # events while there is a list inside
+WATCH: list = []  # its last list collects events
 
 
 def _hook(event, args):
@@ -218,7 +218,7 @@ def _hook(event, args):
 
 
 def checking_types():
-    """Whether the types of a nested function are being compiled into it, as under pytest alone."""
+    """Whether beartype is compiling the checks of a nested function, which happens under pytest only."""
     frames = (frame.f_code for frame, _ in traceback.walk_stack(sys._getframe(1)))
     return any(
         "/beartype/" in code.co_filename or (code.co_name, Path(code.co_filename).name) == JAXTYPED
@@ -231,7 +231,7 @@ JAXTYPED = ("jaxtyped", "_decorator.py")
 
 @contextlib.contextmanager
 def watched():
-    """Fail if a file is opened to write, anything executed, compiled or sent."""
+    """Fail if a file is opened for writing, or anything is executed, compiled or sent."""
     seen = []
     WATCH.append(seen)
     try:
@@ -243,11 +243,11 @@ def watched():
 
 @pytest.fixture(scope="module", autouse=True)
 def prepared(tmp_path_factory):
-    for name, _ in shipped():  # all that is imported for units and scenes,
+    for name, _ in shipped():  # so that modules for units and scenes are imported,
         files.load(name)
     bad = tmp_path_factory.mktemp("bad") / "bad.toml"
     bad.write_text("[shaft]\nmodel = 'rigid'\n")
-    assert called("show", str(bad))[0] == 2  # and for a command and its sentence
+    assert called("show", str(bad))[0] == 2  # and those for a command and its message
     if _hook not in HOOKED:
         sys.addaudithook(_hook)
         HOOKED.append(_hook)
@@ -268,7 +268,7 @@ def called(*words):
 
 
 def checked(path, content):
-    """What comes of a file: a scene that can be written again, or a sentence that names the file."""
+    """Check that a file gives a scene that can be written, or a message that names the file."""
     path.write_bytes(content)
     try:
         with watched():

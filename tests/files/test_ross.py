@@ -1,4 +1,4 @@
-"""Rotors that ROSS has written: its own numbers, and all that is changed or left out is told."""
+"""Rotors that ROSS has written: results of ROSS, and notes on everything that is changed or left out."""
 
 import copy
 import json
@@ -53,10 +53,10 @@ def put(element, **values):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "speed"), CASES)
 def test_roots_are_those_of_ross(name, speed):
-    """Twelve each: gyroscopic, unequal, cross-coupled and damped bearings, steps, two materials.
+    """Twelve roots each, with gyroscopic moments, eight-coefficient bearings, steps and two materials.
 
-    Errors of ROSS's elements fall with the square of their length; from 12 and 24 pieces of each
-    element follows what they tend to.
+    The errors of ROSS's elements fall with the square of their length, so the limit is extrapolated
+    from 12 and 24 pieces of each element.
     """
     scene, notes = jr.from_ross(HERE / name, speed)
     assert all("depend on speed" in note for note in notes)
@@ -69,8 +69,8 @@ def test_roots_are_those_of_ross(name, speed):
 
 
 @pytest.mark.slow
-def test_what_ross_says_of_its_example():
-    """Natural frequencies as the documentation of ROSS prints them, [91.79655318 96.28899977]."""
+def test_frequencies_in_the_documentation_of_ross():
+    """Natural frequencies printed in the documentation of ROSS, [91.79655318 96.28899977]."""
     found = oscillating(jr.from_ross(HERE / "example.toml", 0.0)[0], 2)
     np.testing.assert_allclose(found.imag, [91.79655318, 96.28899977], rtol=2e-6)
 
@@ -89,13 +89,13 @@ def test_scene_of_the_file():
     steel = 0.3 * area(0.03) + 0.1 * area(0.05) + 0.1 * area(0.04)
     mass = 12.0 + 7850 * steel + 8800 * 0.3 * area(0.06, 0.02)
     assert float(jr.total_mass(scene)) == pytest.approx(mass, rel=1e-12)
-    assert notes == ("coefficients that depend on speed taken at the speed of the scene: rear",)
+    assert notes == ("coefficients that depend on speed are taken at the speed of the scene: rear",)
     assert "stepped.json" in scene.assumption
     assert jr.from_ross(HERE / "example.toml", 0.0)[0].assumption == ""
 
 
 def stiffness(scene, which):
-    """[xx, xy; yx, yy] of a support."""
+    """Stiffness matrix of a support, [[xx, xy], [yx, yy]]."""
     own = scene.of(jr.Support)[which]
     values = [getattr(own, name) for name in ("kxx", "kxy", "kyx", "kyy")]
     return np.reshape(np.array(values, float), (2, 2))
@@ -110,7 +110,7 @@ def test_table_of_coefficients(speed, kxx):
 
 
 def test_negative_speed_is_refused():
-    """Coefficients of films and seals that drive whirl change their sign with the rotation."""
+    """Cross-coupling of films and seals changes its sign with the rotation, so the file is not valid."""
     with pytest.raises(
         jr.SceneError, match="speed must not be negative.*, but is -700 rad/s"
     ) as error:
@@ -118,27 +118,27 @@ def test_negative_speed_is_refused():
     assert str(error.value).endswith(".")
 
 
-# === what is changed or left out
+# === changes and omissions
 
 
 @pytest.mark.parametrize(
     ("change", "note"),
     [
-        (put(SHAFT, axial_force=100.0), "axial force left out: Shaft Element 1"),
-        (put(SHAFT, torque=3), "torque left out: Shaft Element 1"),
-        (put(SHAFT, beta=1e-5), "damping in proportion to stiffness (beta) left out"),
+        (put(SHAFT, axial_force=100.0), "axial force is left out: Shaft Element 1"),
+        (put(SHAFT, torque=3), "torque is left out: Shaft Element 1"),
+        (put(SHAFT, beta=1e-5), "damping in proportion to stiffness (beta) is left out"),
         (put(SHAFT, shear_method_calc="hutchinson"), "Cowper in place of Hutchinson"),
-        (put(SHAFT, gyroscopic=False), "gyroscopic taken into account all along the shaft"),
-        (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) left out: front"),
-        (put(FRONT, kzz=[1e5]), "axial stiffness and damping left out: front"),
-        (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget left out: Gadget"),
+        (put(SHAFT, gyroscopic=False), "gyroscopic is taken into account all along the shaft"),
+        (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) is left out: front"),
+        (put(FRONT, kzz=[1e5]), "axial stiffness and damping are left out: front"),
+        (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget is left out: Gadget"),
         (
             lambda d: d.update({"PointMass_a": {"n": 3, "mx": 1.0, "my": 2.0}}),
-            "mass that differs along x and y taken as their mean: PointMass",
+            "mass that differs along x and y is replaced by its mean: PointMass",
         ),
     ],
 )  # fmt: skip
-def test_left_out_is_told(changed, change, note):
+def test_omissions_are_noted(changed, change, note):
     scene, notes = changed(change)
     assert len(notes) == 2 and any(note in one for one in notes), notes
     assert scene.assumption
@@ -150,13 +150,13 @@ def test_one_note_for_many(changed):
             if name.startswith("ShaftElement"):
                 table["torque"] = 1.0
 
-    assert "torque left out: Shaft Element 0 and 6 more" in changed(twist)[1]
+    assert "torque is left out: Shaft Element 0 and 6 more" in changed(twist)[1]
 
 
 def test_tapered_element_is_cut(changed):
-    """At the middles of four pieces, whose mass is that of the cone to 0.2 %."""
+    """Diameters are those at the middles of four pieces; the mass is that of the cone within 0.2 %."""
     scene, notes = changed(put(SHAFT, odl=0.03, odr=0.045))
-    assert any("tapered element cut into 4 uniform ones" in note for note in notes)
+    assert any("tapered element is cut into 4 uniform ones" in note for note in notes)
     diameters = [float(step.diameter) for step in scene.shaft.steps][:4]
     assert diameters == pytest.approx(0.03 + 0.015 * (np.arange(4) + 0.5) / 4)
     squares = np.mean(np.square(diameters))
@@ -174,7 +174,7 @@ def test_tapered_element_is_cut(changed):
 )
 def test_pieces_of_a_short_taper_are_counted(changed, length, said):
     notes = changed(put(SHAFT, L=length, odl=0.03, odr=0.045))[1]
-    assert any(note.startswith(f"tapered element {said}") for note in notes), notes
+    assert any(note.startswith(f"tapered element is {said}") for note in notes), notes
 
 
 def test_sleeve_of_the_same_material_is_exact(changed):
@@ -186,11 +186,11 @@ def test_sleeve_of_the_same_material_is_exact(changed):
 
 
 def test_sleeve_of_another_material(changed):
-    """One ring of the same mass and bending stiffness per length."""
+    """The layers become one ring with the same mass and bending stiffness per length."""
     light = {"name": "light", "E": 7e10, "rho": 2700.0, "G_s": 2.6e10}
     sleeve = {**STEPPED[SHAFT], "idl": 0.03, "idr": 0.03, "odl": 0.05, "odr": 0.05}
     scene, notes = changed(lambda d: d.update({"ShaftElement_s": {**sleeve, "material": light}}))
-    assert any("layers taken as one ring" in note for note in notes)
+    assert any("layers are taken as one ring" in note for note in notes)
     step = scene.shaft.steps[0]
     area, second = np.pi * 0.05**2 / 4, np.pi * 0.05**4 / 64
     core, tube = np.pi * 0.03**4 / 64, np.pi * (0.05**4 - 0.03**4) / 64
@@ -202,7 +202,7 @@ def test_sleeve_of_another_material(changed):
 
 
 def on_support(ground):
-    """The front bearing on another with a mass between."""
+    """Change that puts the front bearing on another one, with a mass between them."""
     plain = {key: [0.0] for key in ("kxy", "kyx", "cxy", "cyx")}
 
     def link(document):
@@ -214,7 +214,7 @@ def on_support(ground):
 
 
 def test_bearing_on_a_flexible_support(changed):
-    """Springs in series, `1/k = 1/k1 + 1/k2`; of dampers `c = c1 (k/k1)^2 + c2 (k/k2)^2`."""
+    """In series `1/k = 1/k1 + 1/k2`, `c = c1 (k/k1)^2 + c2 (k/k2)^2`."""
     scene, notes = changed(on_support({"kxx": 1e8, "cxx": 1e3}))
     front = scene.of(jr.Support)[0]
     expected = np.array([3e7 * 1e8 / 1.3e8, 5e7 * 1e8 / 1.5e8])
@@ -222,13 +222,13 @@ def test_bearing_on_a_flexible_support(changed):
     loss = np.array([4e3, 6e3]) * (expected / [3e7, 5e7]) ** 2 + 1e3 * (expected / 1e8) ** 2
     assert [float(front.cxx), float(front.cyy)] == pytest.approx(loss)
     assert len(scene.of(jr.Support)) == 2 and len(scene.of(jr.Disc)) == 2
-    assert "mass of a flexible support left out: casing" in notes
+    assert "mass of a flexible support is left out: casing" in notes
     (said,) = [note for note in notes if "in series" in note]
     assert "(omega C << K of either): front" in said
 
 
-def test_squeeze_film_in_series_is_told(changed):
-    """`omega C / K` of the film is 500 * 2e4 / 1e7 = 1, at 140 rad/s 0.28."""
+def test_squeeze_film_in_series_is_noted(changed):
+    """`omega C / K` of the film is 500 * 2e4 / 1e7 = 1, and 0.28 at 140 rad/s."""
     film = {"kxx": 1e7, "cxx": 2e4}
     notes = changed(on_support(film))[1]
     assert any(
@@ -238,7 +238,7 @@ def test_squeeze_film_in_series_is_told(changed):
 
 
 def test_short_section_takes_its_neighbours_diameter(changed):
-    """A groove of 1 mm, which is shorter than a step can be."""
+    """A groove of 1 mm is shorter than the least distance of steps."""
     scene, notes = changed(put(SHAFT, L=0.001, odl=0.02, odr=0.02))
     assert float(scene.shaft.length) == pytest.approx(0.681)
     assert [float(step.diameter) for step in scene.shaft.steps] == [0.05, 0.06, 0.04, 0.03]
@@ -289,7 +289,7 @@ ODD = [None, -1, 0, 1e300, float("nan"), "2 furlongs", True, [], {}, [1, "x"]]
 
 @pytest.mark.parametrize("element", [SHAFT, FRONT, "DiskElement_middle"])
 def test_odd_values_end_in_a_sentence(changed, element):
-    """Every key of an element without a value and with odd ones: read, or refused in one sentence."""
+    """Every key of an element without a value or with an odd one is read, or refused in one sentence."""
     keys = [key for key in STEPPED[element] if key not in ("color", "scale_factor")]
     for number, key in enumerate(keys):
         for odd in (None, *ODD[number % 3 :: 3]):
@@ -321,11 +321,11 @@ def test_new_scene_from_ross(tmp_path, monkeypatch):
 
 def test_a_tag_cannot_write_into_the_scene(changed):
     notes = changed(put(SHAFT, torque=1.0, tag="a\n[spin]\nspeed = 1\x1b"))[1]
-    assert "torque left out: a [spin] speed = 1" in notes
+    assert "torque is left out: a [spin] speed = 1" in notes
 
 
 def test_a_kind_cannot_write_into_the_scene(changed):
     odd = {"Foo\n[gravity]_1": {"n": 0}}
     notes = changed(lambda document: document.update(odd))[1]
-    assert any("Foo [gravity] left out" in note for note in notes)
+    assert any("Foo [gravity] is left out" in note for note in notes)
     assert not any("\n" in note for note in notes)

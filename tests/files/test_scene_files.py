@@ -1,4 +1,4 @@
-"""The page of scene files: as its script writes it from the classes, and every example a scene."""
+"""The page of scene files is up to date with the classes, and its examples are valid scenes."""
 
 import importlib
 import tomllib
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from jaxrotor.files.toml import _read, loads
+from jaxrotor.files.toml import loads
+from jaxrotor.files.toml_reader import read
 from jaxrotor.files.vocabulary import FORMS, kinds
 
 
@@ -25,8 +26,8 @@ def script():
         yield importlib.import_module("scene_files")
 
 
-def test_page_is_as_the_classes_are(script):
-    """`python docs/scene_files.py` writes it anew."""
+def test_page_is_up_to_date(script):
+    """`python docs/scene_files.py` writes the page."""
     assert (DOCS / "scene-files.md").read_text("utf-8") == script.page()
 
 
@@ -35,19 +36,19 @@ def test_every_example_is_a_scene(script):
         for text in texts:
             own = tomllib.loads(text)
             base = [part for key, part in BASE.items() if key not in own and key != "sweep"]
-            if name in ("step", "constraint", "material"):  # a table within the shaft
+            if name in ("step", "constraint", "material"):  # a table inside that of the shaft
                 base = [BASE["shaft"], text, BASE["spin"]]
             elif name == "sweep":
                 base = [*BASE.values(), text]
             else:
                 base.append(text)
-            scene, study = _read("\n".join(base), name)
+            scene, study = read("\n".join(base), name)
             assert scene.effects or "shaft" in own or "spin" in own
             assert bool(study) == (name == "sweep")
 
 
 def test_every_part_has_examples_of_all_its_keys(script):
-    """A new effect, or a new key, is refused by the script until it has one."""
+    """The script raises for a new effect or key without an example."""
     assert set(kinds()) | {form.noun for form in FORMS} < set(script.EXAMPLES)
     with pytest.raises(KeyError, match="Give 'magnet' examples with every key"):
         script.examples("magnet")

@@ -1,4 +1,4 @@
-"""The thirty turbine variants: strict reading, both layouts, and the numbers of the sheet's 3.7."""
+"""The thirty turbine variants: strict reading, both layouts, and the numbers of the sheet (3.7)."""
 
 import csv
 from pathlib import Path
@@ -16,11 +16,11 @@ TEXT = (Path(jr.__file__).parent / "scenes" / "turbine-variants.csv").read_text(
 ROWS = {int(row["variant"]): row for row in csv.DictReader(TEXT.splitlines())}
 SINGLE = (11, 22, 30)
 DOUBTFUL = (2, 4, 7, 11, 20, 22, 28)
-FAR = 1e4  # s: over a thousand relaxation times of the slowest
+FAR = 1e4  # [s], over a thousand relaxation times of the slowest rotor
 
 
 def drive(row):
-    """Inertia, drive and times of a row from the printed cells alone."""
+    """Inertia, drive and times of a row from the printed cells."""
     get = lambda key: float(ROWS[row][key] or 0)
     inertia = sum(get(f"m{i}_kg") * get(f"R{i}_m") ** 2 / 2 for i in (1, 2))
     law = 100 * get("M0T_100Nm"), get("k1_Nms"), get("k2T_1e-2Nms2") / 100
@@ -35,20 +35,22 @@ def run_of(row, layout="chain"):
 
 @pytest.mark.parametrize("row", ROWS)
 def test_speed_of_every_variant(row):
-    """Against the Riccati equation by its partial fractions, from the printed cells."""
+    """Speed against the Riccati equation by partial fractions, from the printed cells."""
     inertia, torque, slope, drag, start, end = drive(row)
     scene = jr.load("turbine-variants", row=row)
     root = np.sqrt(slope**2 + 4 * drag * torque)
     high, low = (-slope + root) / (2 * drag), (-slope - root) / (2 * drag)
     ratio = (start - high) / (start - low) * np.exp(-root * end / inertia)
     polar = jr.assemble(scene).blocks.polar
-    turning = scene.spin.turning(jnp.array([end, FAR]), polar)
+    rotation = scene.spin.turning(jnp.array([end, FAR]), polar)
     np.testing.assert_allclose(polar, inertia, rtol=1e-14)
     np.testing.assert_allclose(
-        turning.speed, [(high - low * ratio) / (1 - ratio), high], rtol=1e-12
+        rotation.speed, [(high - low * ratio) / (1 - ratio), high], rtol=1e-12
     )
-    if start == 0:  # within a few per cent of the steady speed, as the table was made
-        assert 0.9804 - 5e-5 <= turning.speed[0] / high <= 0.9969 + 5e-5
+    if (
+        start == 0
+    ):  # the table was made so that the speed is within a few per cent of the steady one
+        assert 0.9804 - 5e-5 <= rotation.speed[0] / high <= 0.9969 + 5e-5
 
 
 def test_variants_run_up_and_run_down():
@@ -59,7 +61,7 @@ def test_variants_run_up_and_run_down():
 @pytest.mark.hard("4.7 variants with a single wheel")
 @pytest.mark.parametrize("layout", ["chain", "example31"])
 def test_reactions_of_every_variant(layout):
-    """Against `|u - J / z_B|`, `|J / z_B|` times `hypot(eps, omega^2)`, from the printed cells."""
+    """Reactions `|u - J / z_B|`, `|J / z_B|` times `hypot(eps, omega^2)`, from the printed cells."""
     for row in (1, 2, 7, 11, 16, 22, 30):
         run, found = run_of(row, layout)
         get = lambda key, row=row: float(ROWS[row][key] or 0)
@@ -74,7 +76,7 @@ def test_reactions_of_every_variant(layout):
 
 
 def test_reference_numbers():
-    """To one unit of the last digit given: the sheet truncates 475.1582088."""
+    """Values agree to one unit of the last digit, as the sheet truncates 475.1582088."""
     run, force = run_of(1)
     assert np.allclose(run.speed[1:], [469.731705, 475.158208], rtol=0, atol=1e-6)
     assert np.all(np.abs(force[2] - [6087.52, 10603.0]) < [6e-3, 6e-2])
@@ -89,7 +91,7 @@ def test_reference_numbers():
 
 
 def test_worst_phase_between_offset_and_tilt():
-    """Over all phases: bearing B most at 0, bearing A most at 180 deg."""
+    """The reaction at bearing B is largest at phase 0, that at bearing A at 180 deg."""
     scene, phases = jr.load("turbine-variants", row=1), np.pi * np.array([0, 0.25, 0.5, 0.75, 1])
     runs = [jr.run_up(scene.replace({"discs.0.offset_angle": p}), [0.0, FAR]) for p in phases]
     force = np.array([np.abs(jr.reactions(run).force[1]) for run in runs])
@@ -145,7 +147,7 @@ def test_doubtful_cells_stay_as_printed_and_are_named():
         ("m1_kg", "m1_g", "must have the columns variant, m1_kg, "),
     ],
 )
-def test_slips_of_the_table_are_refused(old, new, message):
+def test_mistakes_in_the_table_are_refused(old, new, message):
     assert TEXT.count(old) == 1
     with pytest.raises(jr.SceneError) as caught:
         read(TEXT.replace(old, new))
@@ -165,10 +167,10 @@ def test_other_refusals():
         jr.load("limiter-rotor", row=1)
 
 
-# === what is assumed stands in every result
+# === every result states the assumption
 
 
-def test_results_say_what_is_assumed(tmp_path):
+def test_results_state_the_assumption(tmp_path):
     scene = jr.load("turbine-variants", row=3, layout="example31")
     run = jr.run_up(scene.replace({"spin.speed": 300.0}), [0.0, 0.1, 0.2])
     result = jr.reactions(run)

@@ -1,4 +1,4 @@
-"""The massless shaft: which stations it has, and which elasticity it may have."""
+"""Massless shaft: its stations, and the stiffness that it accepts."""
 
 import jax
 import jax.numpy as jnp
@@ -16,19 +16,19 @@ def rotor(shaft, *effects):
 
 
 def elastic(*ends, at=0.3, length=0.6):
-    """Unit mass on unit stiffness, between supports of a half."""
+    """Unit mass on a shaft of unit stiffness, between supports of stiffness 1/2."""
     shaft = jr.MasslessShaft(length, at, 1.0, ends="elastic")
     return rotor(shaft, *(jr.Support(x, 0.5) for x in ends))
 
 
-SERIES = np.sqrt(1 / (1 + 1))  # shaft and both supports one after the other
+SERIES = np.sqrt(1 / (1 + 1))  # shaft in series with both supports
 
 
-def test_an_end_is_one_but_for_rounding():
+def test_stations_of_the_ends_are_compared_up_to_rounding():
     assert 3 * 0.2 != 0.6
     for scene in (elastic(0.0, 0.6), elastic(0.0, 3 * 0.2)):
         np.testing.assert_allclose(np.abs(jr.roots(scene)), SERIES, rtol=1e-14)
-    # one that is on the disc instead is a spring to the ground
+    # a support at the station of the disc is a spring to the ground
     scene = rotor(jr.MasslessShaft(0.6, 3 * 0.1, 1.0), jr.Support(0.3, 0.5))
     np.testing.assert_allclose(np.abs(jr.roots(scene)), np.sqrt(1.5), rtol=1e-14)
 
@@ -42,9 +42,9 @@ def test_supports_move_with_the_ends():
         scene.replace({"shaft.length": 0.7})
     for left in ({"shaft.length": 0.7}, {"shaft.at": 0.2}, {"disc.at": 0.2}):
         left = {path: jnp.asarray(value) for path, value in left.items()}
-        with pytest.raises(Exception, match="must stay at a station of it"):
+        with pytest.raises(Exception, match="must stay at a station of the shaft"):
             jr.roots(scene.put(left))
-    with pytest.raises(Exception, match="must stay at a station of it"):
+    with pytest.raises(Exception, match="must stay at a station of the shaft"):
         jax.vmap(lambda x: jr.growth_rate(scene.replace({"shaft.length": x})))(jnp.array([0.6, 1]))
 
 
@@ -53,7 +53,7 @@ def shaft(*stiffness, at=0.5, **options):
 
 
 def test_semidefinite_elasticity_has_a_motion_without_bending():
-    """`k12^2 = k11 k22`: a spring at a distance of 0.3, which the slope -1 / 0.3 does not stretch."""
+    """`k12^2 = k11 k22`: a spring at a distance of 0.3, which a rotation by -1 / 0.3 does not stretch."""
     found = np.sort(np.abs(jr.roots(shaft(2.0, 0.6, 0.18))))
     np.testing.assert_allclose(found, [0, 0, np.sqrt(2.18), np.sqrt(2.18)], rtol=0, atol=1e-6)
 
@@ -91,9 +91,9 @@ def test_without_any_mass():
 
 
 def test_lengths_are_differentiable():
-    """`d k11 / d a` of `12 EI / a^3`, and of the propped shaft by its length, by hand at a = b."""
+    """`d k11 / d a` of `12 EI / a^3`, and `d k11 / d l` of the propped shaft at a = b, by hand."""
     slope = jax.grad(lambda a: jr.MasslessShaft.clamped_free(1.0, 40.0, a).k11)(0.5)
     assert float(slope) == pytest.approx(-36 * 40 / 0.5**4)
-    # 3 EI (1 / b^3 + 4 / a^3): its length moves b alone
+    # 3 EI (1 / b^3 + 4 / a^3): the length changes b only
     slope = jax.grad(lambda x: jr.MasslessShaft.clamped_pinned(x, 40.0, 0.5).k11)(1.0)
     assert float(slope) == pytest.approx(-9 * 40 / 0.5**4)

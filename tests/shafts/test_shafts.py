@@ -1,7 +1,7 @@
 """Shafts of every kind: end conditions, spans, steps, shear, bearings, two stiffnesses.
 
-Against closed forms, exact transfer matrices, and the verification rotors of the sheet (from
-Friswell, Penny, Garvey, Lees, 2010, by finite elements of others).
+They are compared with closed forms, exact transfer matrices, and the verification rotors of the sheet
+(Friswell, Penny, Garvey, Lees, 2010, computed by other finite element programs).
 """
 
 import itertools
@@ -30,14 +30,14 @@ def at_rest(shaft, *effects, speed=0.0):
 
 
 def forward(scene, count=None):
-    """Whirl speeds of forward modes that bend, ascending."""
+    """Whirl rates of forward bending modes, ascending."""
     whirl = np.sort(np.asarray(jr.roots(scene)).imag)
     return whirl[whirl > 1e-3 * np.abs(whirl).min(where=np.abs(whirl) > 1.0, initial=1e9)][:count]
 
 
 # === uniform beams: all pairs of ends
 
-RIGID = {  # motions without bending
+RIGID = {  # number of rigid motions
     ("free", "free"): 2,
     ("pin", "free"): 1,
     ("guide", "guide"): 1,
@@ -64,7 +64,7 @@ def ends(first, last):
 
 
 def first_roots(function, count):
-    """Of a characteristic equation, zero left out."""
+    """First positive roots of a characteristic equation."""
     grid = np.arange(0.3, 6 * np.pi, 0.05)
     values = function(grid)
     places = np.flatnonzero(values[:-1] * values[1:] < 0)[:count]
@@ -77,7 +77,7 @@ PAIRS = [*CHARACTERISTIC, ("free", "clamp"), ("free", "pin"), ("pin", "clamp")]
 @pytest.mark.slow
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 def test_end_conditions(pair):
-    """First five frequencies of a slender beam, with 20 nodes; rigid motions where there are any."""
+    """First five frequencies of a slender beam with 20 nodes, and the number of rigid motions."""
     constraints = ends(*pair)
     pair = pair if pair in CHARACTERISTIC else pair[::-1]
     function = CHARACTERISTIC[pair]
@@ -93,7 +93,7 @@ def test_end_conditions(pair):
 
 @pytest.mark.slow
 def test_convergence_is_exponential():
-    """Error of the third frequency of the pinned beam falls by a factor with every node."""
+    """The error of the third frequency of the pinned beam falls by a factor with every node."""
     exact = (3 * np.pi) ** 2 * np.sqrt(RIGIDITY / PER_LENGTH) / LENGTH**2
     nodes, errors = [6, 8, 10, 12], []
     for n in nodes:
@@ -109,21 +109,21 @@ def test_convergence_is_exponential():
 
 
 def pinned_whirls(number, speed, shear):
-    """Whirls of `w = sin kx, psi = cos kx`: four branches, or two where the slope is that of w.
+    """Whirl rates of `w = sin kx, psi = cos kx`: four with shear, two without, where psi = dw/dx.
 
     EI k^4 + 2 rI Omega k^2 w - (rA + rI k^2) w^2 = 0                              (no shear)
     (S k^2 - rA w^2) (EI k^2 + S + 2 rI Omega w - rI w^2) = (S k)^2,  S = kGA      (shear)
     """
     k = number * np.pi / LENGTH
     area, second = np.pi * DIAMETER**2 / 4, np.pi * DIAMETER**4 / 64
-    turning = 2 * 7850 * second * speed
+    gyroscopic = 2 * 7850 * second * speed
     if not shear:
         inertia = 7850 * (area + second * k**2)
-        return np.roots([-inertia, turning * k**2, 2.1e11 * second * k**4])
+        return np.roots([-inertia, gyroscopic * k**2, 2.1e11 * second * k**4])
     nu = 0.3
     stiff = 6 * (1 + nu) / (7 + 6 * nu) * 2.1e11 / 2.6 * area
     one = np.array([-7850 * area, 0.0, stiff * k**2])
-    other = np.array([-7850 * second, turning, 2.1e11 * second * k**2 + stiff])
+    other = np.array([-7850 * second, gyroscopic, 2.1e11 * second * k**2 + stiff])
     return np.roots(np.polysub(np.polymul(one, other), [(stiff * k) ** 2]))
 
 
@@ -139,26 +139,28 @@ def test_rotating_pinned_shaft(shear, speed):
         slow = expected[np.argsort(np.abs(expected))][:2]
         for whirl in slow:
             assert np.min(np.abs(found / whirl - 1)) < 1e-9
-    if shear:  # the branch where sections turn against the line
+    if shear:  # the branch where the sections rotate against the slope of the line
         fast = np.sort(pinned_whirls(1, speed, True).real)[-1]
         assert np.min(np.abs(found / fast - 1)) < 1e-9
 
 
 def flat_pinned_whirls(number, speed, ratio, length, diameter):
-    """Roots in turning axes of `w = sin kx, psi = cos kx` of a Timoshenko shaft with EI (1 +- mu).
+    """Roots in rotating axes of `w = sin kx, psi = cos kx`, for a Timoshenko shaft with EI (1 +- mu).
 
     rA z.. + S k (k z - psi) = 0,  rI psi.. - 2 i rI Omega psi. + EI k^2 psi + .. + S (psi - k z) = 0
     """
     k, nu = number * np.pi / length, 0.3
     area, second = np.pi * diameter**2 / 4, np.pi * diameter**4 / 64
     stiff = 6 * (1 + nu) / (7 + 6 * nu) * 2.1e11 / 2.6 * area
-    i = np.array([[0.0, -1.0], [1.0, 0.0]])  # of the plane: coordinates are (z, psi) by (x, y)
+    i = np.array(
+        [[0.0, -1.0], [1.0, 0.0]]
+    )  # rotation in the plane; coordinates are (z, psi) by (x, y)
     both = lambda matrix: np.kron(matrix, np.eye(2))
-    mass, turning = 7850 * np.diag([area, second]), 7850 * np.diag([0.0, 2 * second])
+    mass, gyroscopic = 7850 * np.diag([area, second]), 7850 * np.diag([0.0, 2 * second])
     sheared = stiff * np.array([[k**2, -k], [-k, 1.0]])
     bent = np.kron(np.diag([0.0, 2.1e11 * second * k**2]), np.diag([1 + ratio, 1 - ratio]))
-    damping = speed * np.kron(2 * mass - turning, i)
-    stiffness = both(sheared) + bent + speed**2 * both(turning - mass)
+    damping = speed * np.kron(2 * mass - gyroscopic, i)
+    stiffness = both(sheared) + bent + speed**2 * both(gyroscopic - mass)
     inverse = np.linalg.inv(both(mass))
     low = np.concatenate([-inverse @ stiffness, -inverse @ damping], axis=1)
     return np.linalg.eigvals(np.concatenate([np.eye(4, 8, 4), low]))
@@ -166,7 +168,7 @@ def flat_pinned_whirls(number, speed, ratio, length, diameter):
 
 @pytest.mark.parametrize("speed", [0.0, 4000.0, 15500.0])
 def test_two_stiffnesses_with_shear(speed):
-    """Shear stays the same along every axis; at 15500 rad/s, between both criticals, one grows."""
+    """Shear stiffness is isotropic; at 15500 rad/s, between the critical speeds, one root is unstable."""
     length, diameter, ratio = 0.2, 0.05, 0.3
     shaft = FlexibleShaft(
         length,
@@ -181,7 +183,7 @@ def test_two_stiffnesses_with_shear(speed):
     expected = flat_pinned_whirls(1, speed, ratio, length, diameter)
     for root in expected[np.argsort(np.abs(expected))][:4]:
         assert np.min(np.abs(found - root)) < 1e-8 * np.max(np.abs(expected))
-    if speed == 0:  # of the stiff axis in closed form, by another hand
+    if speed == 0:  # frequency of the stiff axis in closed form, derived independently
         assert np.min(np.abs(found.imag - 16738.39)) < 0.01
     assert (expected.real.max() > 100) == (speed == 15500.0)
 
@@ -218,7 +220,7 @@ def two_discs(shear, speed, softer=0.0, nodes=8):
 @pytest.mark.slow
 @pytest.mark.parametrize(("shear", "rpm"), [(s, rpm) for s in HERTZ for rpm in HERTZ[s]])
 def test_two_discs_on_bearings(shear, rpm):
-    """To 2e-6 of the elements' 60 elements, and to 1e-9 of exact transfer matrices."""
+    """Within 2e-6 of 60 finite elements (sheet), and within 1e-9 of exact transfer matrices."""
     speed = rpm * np.pi / 30
     found = np.asarray(jr.roots(two_discs(shear, speed), 6)).imag
     hertz = np.sort(np.abs(found)) / (2 * np.pi)
@@ -313,12 +315,12 @@ def test_shaft_of_the_limiter_rotor(shear):
     np.testing.assert_allclose(slow, exact, rtol=1e-7)
 
 
-# === stepped, hollow, held inside: exact transfer matrices
+# === steps, bores and inner constraints: exact transfer matrices
 
 
 @pytest.mark.slow
 def test_steps_and_constraints_against_transfer_matrices():
-    """Hollow and solid sections of two materials, pinned inside, guided at the end, with a disc."""
+    """Hollow and solid sections of two materials, with an inner pin, a guide at the end, and a disc."""
     bronze = jr.Material(1.1e11, 8800.0, 4.1e10)
     for shear in (False, True):
         shaft = FlexibleShaft(
@@ -358,7 +360,7 @@ def test_steps_and_constraints_against_transfer_matrices():
 @pytest.mark.slow
 @pytest.mark.parametrize("holds", ["pin", "guide", "clamp"])
 def test_two_equal_spans(holds):
-    """Pinned at both ends and held in the middle: modes of half the beam, pinned and held."""
+    """Beam pinned at both ends and held at the middle: modes of half of it, by symmetry."""
     held = (*ends("pin", "pin"), Constraint(LENGTH / 2, holds))
     shaft = FlexibleShaft(LENGTH, DIAMETER, STEEL, nodes=16, rotary_inertia=False, constraints=held)
     by_symmetry = {"pin": [S, CHARACTERISTIC["clamp", "pin"]]}
@@ -371,7 +373,7 @@ def test_two_equal_spans(holds):
 
 @pytest.mark.slow
 def test_a_stiff_support_is_a_pin():
-    """The root moves by one over the stiffness: 1e-6 of it at 1e6 times the shaft's."""
+    """The roots differ from those with a pin in inverse proportion to the stiffness of the support."""
     held = FlexibleShaft(LENGTH, DIAMETER, STEEL, constraints=(Constraint(0.3), Constraint(1.0)))
     loose = FlexibleShaft(LENGTH, DIAMETER, STEEL, constraints=())
     expected = np.asarray(jr.roots(at_rest(held, Disc(0.65, 2.0)), 6))
@@ -387,7 +389,7 @@ def test_a_stiff_support_is_a_pin():
 
 
 def random_rotor(seed):
-    """A rotor of random make without damping."""
+    """An undamped rotor with random parts."""
     rng = np.random.default_rng(seed)
     length = 1.0
     places = rng.permutation(np.arange(1, 20))[:6] / 20
@@ -419,7 +421,7 @@ def computed(scene):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_conservative_roots_are_imaginary(seed):
-    """As computed, before `roots` takes rounding away: it leaves 3e-11 of the largest."""
+    """Eigenvalues before `roots` removes rounding have real parts of 3e-11 of the largest root."""
     values = np.asarray(computed(random_rotor(seed)))
     assert np.abs(values.real).max() < 1e-10 * np.abs(values).max()
     assert np.all(np.asarray(jr.roots(random_rotor(seed))).real == 0)
@@ -449,7 +451,7 @@ def test_internal_damping_alone_destabilises_at_the_first_critical_speed(shear):
 
 @pytest.mark.slow
 def test_one_physics_two_descriptions():
-    """Two-stiffness rotor: a massless shaft, and a flexible one of vanishing mass, mid-span disc."""
+    """Disc at mid-span of a shaft of two stiffnesses: massless, and flexible with a tiny mass."""
     stiffness = 48 * RIGIDITY / LENGTH**3
     light = jr.Material(2.1e11, 1e-7)
     middle, ratio = LENGTH / 2, 0.2
@@ -514,7 +516,10 @@ def build(**options):
         (lambda: build(steps=(Step(1.0, 0.03),)), "is at an end of the shaft"),
         (lambda: build(steps=(Step(0.6, 0.03), Step(0.4, 0.02))), "in the order of their stations"),
         (lambda: build(inner_diameter=0.03), "`inner_diameter [m]` must be below"),
-        (lambda: build(shear=True, material=jr.Material(2e11, 7800.0)), "needs the material's"),
+        (
+            lambda: build(shear=True, material=jr.Material(2e11, 7800.0)),
+            "needs the `shear_modulus [Pa]`",
+        ),
         (lambda: build(shear=True, rotary_inertia=False), "slopes are coordinates"),
         (lambda: build(anisotropy=1.2), "must be between -1 and 1"),
         (lambda: build(rule="trapezoid", constraints=(Constraint(0.0),)), "clamped at 0"),
@@ -570,7 +575,7 @@ def test_more_constraints_in_any_order_are_the_same():
     ids=["cantilever", "trapezoid", "pinned", "stepped", "shear"],
 )
 def test_strain_energy_is_the_work_of_a_force(options, at, expected):
-    """Deflection under a unit force, times E I; l / kGA adds l (7 + 6 nu) D^2 / 48 of it."""
+    """Deflection due to a unit force, times E I; shear adds l / kGA = l (7 + 6 nu) D^2 / 48 to it."""
     shear = 2e11 / 2 / 1.3
     shaft = jr.FlexibleShaft(2.0, 0.05, jr.Material(2e11, 7850.0, shear), nodes=6, **options)
     scene = jr.Scene(shaft, jr.Disc(at, 1.0), spin=jr.ConstantSpeed(0.0))
@@ -583,6 +588,6 @@ def test_strain_energy_is_the_work_of_a_force(options, at, expected):
 
 @eqx.filter_jit
 def at_station(scene, at):
-    """Stiffness and strain energy of the shaft, row and column of a station."""
+    """Stiffness and strain energy of the shaft, and the row and column of a station."""
     line = scene.line()
     return line.stiffness, line.strain_energy, line.row(at), line.column(at)

@@ -1,4 +1,4 @@
-"""Closed run-up: the sheet's numbers, scipy's integration, and every degenerate case."""
+"""Run-up in closed form: values of the sheet, integration by scipy, and every degenerate case."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import jaxrotor as jr
 
 
-INERTIA = 2.2354  # the sheet's I_zz, linear in the tilt
+INERTIA = 2.2354  # I_zz of the sheet, to first order in the tilt
 BASE = (1950.0, 1.57, 0.039, 600.0)  # M0, k1, k2, Omega_0 of variant 31
 
 
@@ -85,7 +85,7 @@ SPECIAL = {
     "D^2 < 0": ((-100.0, 1.57, 0.039, 600.0), 203.9163588945),
     "D = 0": ((-(1.57**2) / (4 * 0.039), 1.57, 0.039, 600.0), 206.9372477372),
 }
-MORE = {  # beyond the sheet
+MORE = {  # cases that are not in the sheet
     "k1 < 0": (50.0, -0.9, 0.01, 3.0),
     "k1 < 0, k2 = 0": (50.0, -0.9, 0.0, 3.0),
     "nothing": (0.0, 0.0, 0.0, 40.0),
@@ -139,7 +139,7 @@ def test_braking_stops_at_the_time_of_the_sheet():
     assert abs(stop - 1.3411738400) < 5.1e-11
     assert abs(closed(stop, braked).speed) < 1e-11
     d = np.sqrt(4 * 0.039 * 100 - 1.57**2)
-    beyond = np.arctan(1.57 / d) + np.pi / 2  # of Omega from zero to minus infinity, D^2 < 0
+    beyond = np.arctan(1.57 / d) + np.pi / 2  # phase from Omega = 0 to minus infinity, D^2 < 0
     np.testing.assert_allclose(
         jr.blow_up_time(INERTIA, *braked) - stop, 2 * INERTIA / d * beyond, rtol=1e-14
     )
@@ -155,7 +155,7 @@ def test_a_rotor_left_alone_never_stops():
     ):
         assert jr.stop_time(INERTIA, *data) == np.inf
         assert jr.blow_up_time(INERTIA, *data) == np.inf
-    assert jr.stop_time(INERTIA, 0.0, 1.57, 0.039, 0.0) == 0  # stands already
+    assert jr.stop_time(INERTIA, 0.0, 1.57, 0.039, 0.0) == 0  # at rest from the start
     late = closed(200.0, (0.0, 1.57, 0.0, 600.0)).speed
     np.testing.assert_allclose(late, 600 * np.exp(-1.57 * 200 / INERTIA), rtol=1e-13)
 
@@ -195,7 +195,7 @@ def test_a_negative_speed_that_its_drag_drives_runs_away():
 
 
 def test_a_braked_rotor_has_no_solution_after_its_blow_up():
-    """The tangent's next branch would look like a speed again."""
+    """After its pole the tangent of the formula would give finite values, which are no solution."""
     braked = (-100.0, 1.57, 0.039, 600.0)
     last = float(jr.blow_up_time(INERTIA, *braked))
     times = jnp.asarray([0.99, 1.01, 1.5, 3.3]) * last
@@ -242,18 +242,20 @@ def test_no_overflow_at_late_times():
     assert (late.acceleration == 0).all()
     offset = float(closed(10.0, BASE).angle) - STEADY * 10
     np.testing.assert_allclose(late.angle, STEADY * np.array([1e3, 1e6, 1e9]) + offset, rtol=1e-14)
-    unstable = closed(1e5, (50.0, -0.9, 0.01, 3.0))  # torque that grows with speed, ended by drag
+    unstable = closed(
+        1e5, (50.0, -0.9, 0.01, 3.0)
+    )  # the torque grows with speed until drag balances it
     top = float(jr.steady_speed(50.0, -0.9, 0.01))
     np.testing.assert_allclose(top, (0.9 + np.sqrt(0.81 + 2)) / 0.02, rtol=1e-15)
     np.testing.assert_allclose(unstable.speed, top, rtol=1e-14)
     np.testing.assert_allclose(unstable.angle / 1e5, top, rtol=1e-3)
-    middle = float(closed(600.0, (50.0, -0.9, 0.01, 3.0)).angle)  # where E would not overflow yet
+    middle = float(closed(600.0, (50.0, -0.9, 0.01, 3.0)).angle)  # E does not overflow yet
     np.testing.assert_allclose(unstable.angle - middle, top * (1e5 - 600), rtol=1e-13)
 
 
 @pytest.mark.hard("4.8 at the steady speed")
 def test_acceleration_near_the_steady_speed_keeps_its_digits():
-    """Sheet: at t = 3 s the difference of torques has an error of 3.6e-6; the closed form has none."""
+    """At t = 3 s the difference of torques has an error of 3.6e-6 (sheet); the closed form has none."""
     d = np.sqrt(np.longdouble(1.57) ** 2 + 4 * np.longdouble(0.039) * 1950)
     up, down = (-np.longdouble(1.57) + d) / 0.078, (-np.longdouble(1.57) - d) / 0.078
     c = (600 - up) / (600 - down) * np.exp(-d * 3 / np.longdouble(INERTIA))
@@ -267,7 +269,7 @@ def test_acceleration_near_the_steady_speed_keeps_its_digits():
 
 POINTS = {
     "base": BASE,
-    "D = 0": (-(1.5**2) / (4 * 0.0625), 1.5, 0.0625, 60.0),  # exactly
+    "D = 0": (-(1.5**2) / (4 * 0.0625), 1.5, 0.0625, 60.0),  # without rounding
     "k2 = 0": (1950.0, 1.57, 0.0, 60.0),
     "k1 = 0": (195.0, 0.0, 0.039, 60.0),
     "M0 = 0": (0.0, 1.57, 0.039, 60.0),
@@ -308,7 +310,10 @@ def test_second_derivatives_are_finite_where_nothing_acts():
     point = jnp.asarray([0.5, INERTIA, 0.0, 0.0, 0.0, 60.0])
     gradient = jax.grad(lambda p: outputs(p)[0])
     bends = jax.jit(lambda p: jax.jvp(gradient, (p,), (jnp.eye(6)[0],))[1])(point)
-    by_torque, by_drag = 0.5 / INERTIA, -(60.0**2) * 0.5 / INERTIA  # of Omega, at t = 0.5
+    by_torque, by_drag = (
+        0.5 / INERTIA,
+        -(60.0**2) * 0.5 / INERTIA,
+    )  # derivatives of Omega at t = 0.5
     np.testing.assert_allclose(bends, [0, 0, by_torque, -60 * by_torque, by_drag, 1], rtol=1e-13)
 
 

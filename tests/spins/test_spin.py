@@ -1,7 +1,8 @@
-"""Spins: angle, speed and acceleration against quadrature and integration; their scene files."""
+"""Laws of rotation: angle, speed and acceleration against quadrature and integration; scene files."""
 
 import equinox as eqx
 import jax
+import jax.flatten_util
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def turned(speed, time, breaks):
     return sum(quad(speed, a, b, epsabs=1e-13)[0] for a, b in zip(ends, ends[1:], strict=False))
 
 
-# === given rotations
+# === rotations known in advance
 
 
 def test_constant_speed():
@@ -41,7 +42,7 @@ def test_angle_of_a_profile_is_the_area_under_it(time):
     speed = lambda t: np.interp(t, KNOTS, SPEEDS)
     np.testing.assert_allclose(found.speed, speed(time), rtol=1e-14)
     np.testing.assert_allclose(found.angle, turned(speed, time, KNOTS), rtol=1e-13, atol=1e-14)
-    rate = (speed(time + 1e-6) - speed(time)) / 1e-6  # from a knot on, the next one's
+    rate = (speed(time + 1e-6) - speed(time)) / 1e-6  # at a knot, that of the next interval
     np.testing.assert_allclose(found.acceleration, rate, rtol=1e-6, atol=1e-6)
 
 
@@ -87,7 +88,8 @@ def test_the_inertia_is_the_drives_own_or_the_rotors():
     assert own.turning(3.0, jnp.asarray(5.0)).speed == 15
     with pytest.raises(ValueError) as caught:
         bare_drive.turning(3.0)
-    assert str(caught.value) == "A drive turns an inertia; give `polar [kg m^2]`."
+    needs = "A drive needs a moment of inertia, but neither it nor the scene has one"
+    assert str(caught.value) == f"{needs}; give `polar [kg m^2]`."
 
 
 def test_moment_adds_its_parts():
@@ -177,7 +179,7 @@ def test_jit_and_vmap_change_nothing(spin):
 
 @pytest.mark.parametrize("spin", SPINS, ids=lambda spin: type(spin).__name__)
 def test_derivatives_of_every_leaf_and_of_time(spin):
-    """Angle by the leaves; speed and acceleration as derivatives of the angle by time."""
+    """Derivatives of the angle by every leaf; speed and acceleration are its derivatives by time."""
     time = 1.1
     ask = eqx.filter_jit(lambda spin, t: spin.turning(t))
     flat, structure = jax.flatten_util.ravel_pytree(spin)
@@ -262,7 +264,7 @@ def test_a_drive_by_hand():
     with pytest.raises(jr.SceneError, match="spin.odd must be true or false, but is 1"):
         loads(text.replace("odd = true", "odd = 1"))
     with pytest.raises(
-        jr.SceneError, match="spin.model must be 'constant' or 'profile' or 'drive'"
+        jr.SceneError, match="spin.model must be 'constant' or 'drive' or 'profile'"
     ):
         loads(text.replace('"drive"', '"motor"'))
 
@@ -316,11 +318,11 @@ def test_stepping_at_constant_speed_refuses_a_speed_that_varies(rotor, spin):
         )
 
 
-# === where a drive comes to
+# === steady speed of a drive
 
 
-def test_a_drive_settles():
-    """Course rotor: roots of the quadratic, time by partial fractions; the others by hand."""
+def test_speed_and_time_at_which_a_drive_settles():
+    """Rotor of the course project by its quadratic and partial fractions; the others by hand."""
     torque, slope, drag, polar = 1950.0, 1.57, 0.039, 2.2354
     root = np.sqrt(slope**2 + 4 * drag * torque)
     high, low = (root - slope) / (2 * drag), (-root - slope) / (2 * drag)
@@ -331,7 +333,7 @@ def test_a_drive_settles():
     coasting = jr.settled(jr.Drive(100.0, 0.0, coulomb=5.0), 2.0)
     assert coasting == pytest.approx((0.0, 2.0 * 99.9 / 5.0), rel=1e-5, abs=1e-9)
     table = jr.Drive(0.0, 0.0, slope=0.1, table_speeds=[0.0, 50.0], table_torques=[10.0, 5.0])
-    # 10 - 0.2 W up to the balance at 50 rad/s: within 0.05 of it after 5 ln(1000) of I / 0.2
+    # torque 10 - 0.2 W, balanced at 50 rad/s: the speed is within 0.05 of it after 5 ln(1000) s
     assert jr.settled(table, 1.0) == pytest.approx((50.0, 5 * np.log(1000)), rel=1e-4)
     assert jr.settled(jr.Drive(5.0, 0.0), 1.0) == (5.0, 0.0)
     with pytest.raises(ValueError, match="runs away"):

@@ -1,3 +1,3 @@
-"""ROSS: rotors as ROSS writes them, read into scenes."""
+"""Reader of rotors that ROSS has written."""
 
 from .rotor import from_ross as from_ross

@@ -1,4 +1,4 @@
-"""Bearings: discs and supports of the elements that sit on the shaft."""
+"""Discs and supports from the elements of ROSS on the shaft."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -10,17 +10,17 @@ from ..units import SceneError, quantity, refuse, show
 from .file import Element, Notes, station
 
 
-_SLOW = 0.3  # omega C / K up to which springs in series hide little of a damper
+_SLOW = 0.3  # omega C / K up to which two in series damp nearly as in slow motions
 _AXES = ("xx", "xy", "yx", "yy")
 _STIFFNESS, _DAMPING = ("k", "N/m"), ("c", "N s/m")
 
 
 def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -> Iterator[Disc]:
-    """Disks, and point masses on the shaft."""
+    """Discs from disk elements, and from point masses on the shaft."""
     for element in elements:
         if "Id" in element.table and "Ip" in element.table:
             if element.kind != "DiskElement":
-                notes.add(f"{element.kind} taken for a disc", element)
+                notes.add(f"{element.kind} is taken as a disc", element)
             inertia = (element.number(key, "kg m^2") for key in ("Id", "Ip"))
             yield _made(
                 element, Disc, station(element, places), element.number("m", "kg"), *inertia
@@ -28,23 +28,23 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
         elif element.kind == "PointMass":
             along, across = (element.number(key, "kg") for key in ("mx", "my"))
             if element.node not in places:
-                notes.add("mass of a flexible support left out", element)
+                notes.add("mass of a flexible support is left out", element)
                 continue
             if along != across:
-                notes.add("mass that differs along x and y taken as their mean", element)
+                notes.add("mass that differs along x and y is replaced by its mean", element)
             yield _made(element, Disc, station(element, places), (along + across) / 2)
 
 
 def supports(
     elements: Sequence[Element], places: dict[int, float], speed: float, notes: Notes
 ) -> Iterator[Support]:
-    """Bearings and seals between shaft and ground, with their coefficients at a speed [rad/s]."""
+    """Supports from bearings and seals on the shaft, with their coefficients at a speed [rad/s]."""
     bearings = [element for element in elements if "kxx" in element.table]
     of_ground = {e.node: e for e in bearings if e.node not in places}
     known = ("ShaftElement", "PointMass")
     for element in elements:
         if element.kind not in known and not {"kxx", "Ip"} & element.table.keys():
-            notes.add(f"{element.kind} left out", element)
+            notes.add(f"{element.kind} is left out", element)
     for element in bearings:
         if element.node not in places:
             continue
@@ -59,15 +59,15 @@ def supports(
             own, other = (stiffness, damping), _coefficients(below, speed, notes)
             stiffness, damping = _series(element, own, other)
             notes.add(
-                "bearing and its support taken as one, in series, with the damping of slow motions "
+                "bearing and its support are taken as one, in series, with the damping of slow motions "
                 "(omega C << K of either)",
                 element,
             )
             ratio = max(speed * np.linalg.norm(c @ np.linalg.inv(k), 2) for k, c in (own, other))
             if ratio > _SLOW:
                 notes.add(
-                    f"damping of a bearing and its support in series too high at the speed of the scene, "
-                    f"where omega C / K is {ratio:.2g}",
+                    f"damping of a bearing and its support in series is too high at the speed of the "
+                    f"scene, where omega C / K is {ratio:.2g}",
                     element,
                 )
         if stiffness.any() or damping.any():
@@ -76,24 +76,25 @@ def supports(
 
 
 def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping [xx, xy; yx, yy] at a speed."""
+    """Matrices of stiffness and damping, [[xx, xy], [yx, yy]], at a speed."""
     stiffness, damping, mass = (
         np.array([_value(element, letter + axes, unit, speed, notes) for axes in _AXES])
         for letter, unit in (_STIFFNESS, _DAMPING, ("m", "kg"))
     )
     if mass.any():
-        notes.add("inertia of a bearing or seal (mxx, ..) left out", element)
+        notes.add("inertia of a bearing or seal (mxx, ..) is left out", element)
     if any(_value(element, key, unit, speed, notes) for key, unit in _axial().items()):
-        notes.add("axial stiffness and damping left out", element)
+        notes.add("axial stiffness and damping are left out", element)
     return stiffness.reshape(2, 2), damping.reshape(2, 2)
 
 
 def _axial() -> dict[str, str]:
+    """Axial coefficients with their units."""
     return {f"{letter}zz": unit for letter, unit in (_STIFFNESS, _DAMPING)}
 
 
 def _value(element: Element, key: str, unit: str, speed: float, notes: Notes) -> float:
-    """A coefficient at a speed."""
+    """Coefficient at a speed, interpolated if the file has a table."""
     missing = element.table.get(f"{key[0]}xx", 0.0) if key[1:] == "yy" else 0.0
     given, path = element.table.get(key, missing), f"{element.path}.{key}"
     values = given if isinstance(given, list) else [given]
@@ -113,9 +114,9 @@ def _value(element: Element, key: str, unit: str, speed: float, notes: Notes) ->
 
     if not at[0] <= speed <= at[-1]:
         notes.add(
-            f"coefficients for {at[0]:g} to {at[-1]:g} rad/s taken at the nearer end", element
+            f"coefficients for {at[0]:g} to {at[-1]:g} rad/s are taken at the nearer end", element
         )
-    notes.add("coefficients that depend on speed taken at the speed of the scene", element)
+    notes.add("coefficients that depend on speed are taken at the speed of the scene", element)
     spline = UnivariateSpline(at, numbers, k=min(3, len(at) - 1), s=0)
     return float(np.asarray(spline(min(max(speed, at[0]), at[-1]))))
 
@@ -125,7 +126,7 @@ def _series(
     one: tuple[np.ndarray, np.ndarray],
     other: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`Z = (Z1^-1 + Z2^-1)^-1` of `Z = K + s C`, to first order in s."""
+    """Stiffness and damping of two in series: `Z = (Z1^-1 + Z2^-1)^-1`, `Z = K + s C`, to order s."""
     try:
         soft = [np.linalg.inv(stiffness) for stiffness, _ in (one, other)]
         stiffness = np.linalg.inv(sum(soft))
@@ -136,8 +137,9 @@ def _series(
 
 
 def _made(element: Element, build: Any, *values: Any) -> Any:
+    """Result of `build(*values)`, with the path of the element in the message of an error."""
     try:
-        with np.errstate(over="ignore"):  # what is not finite is refused
+        with np.errstate(over="ignore"):  # infinite values are refused by `build`
             return build(*values)
     except ValueError as error:
         raise SceneError(f"{element.path}: {error}") from None

@@ -1,4 +1,4 @@
-"""File: the elements that ROSS has written, and notes on what of them is not carried over."""
+"""Elements of a file of ROSS, and notes on what is not carried over."""
 
 import json
 import tomllib
@@ -13,29 +13,31 @@ Table = dict[str, Any]
 
 
 class Element(NamedTuple):
-    """One element of the file."""
+    """Element of the file."""
 
-    kind: str  # the class that wrote it
-    path: str  # of its table, for error messages
+    kind: str  # name of its class in ROSS
+    path: str  # path of its table, for error messages
     table: Table
 
     @property
     def name(self) -> str:
-        """Its tag, as one line."""
+        """Tag of the element, or else its kind, as one line."""
         return _line(self.table.get("tag") or self.kind)
 
     @property
     def node(self) -> int:
+        """Number of its node."""
         return self.count("n")
 
     def count(self, key: str) -> int:
-        """A number of a node."""
+        """Integer value of a key."""
         value = self.table.get(key)
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
             refuse(f"{self.path}.{key}", f"must be a whole number, but is {show(value)}.")
         return int(value)
 
     def number(self, key: str, unit: str, default: float | None = None) -> float:
+        """Value of a key in `unit`."""
         value = self.table.get(key, default)
         if value is None:
             refuse(f"{self.path}.{key}", f"is missing; a {self.kind} needs it.")
@@ -43,18 +45,19 @@ class Element(NamedTuple):
 
 
 def _line(text: Any) -> str:
-    """A text as one line, which a comment can hold."""
+    """A text as one line, which fits into a comment."""
     words = " ".join(str(text).split())
     return "".join(letter for letter in words if letter.isprintable())
 
 
 class Notes:
-    """What was not carried over, each with the elements that had it."""
+    """Notes on what was changed or left out, each with the elements concerned."""
 
     def __init__(self) -> None:
         self.found: dict[str, list[str]] = {}
 
     def add(self, text: str, element: Element) -> None:
+        """Add a note on an element."""
         names = self.found.setdefault(text, [])
         if element.name not in names:
             names.append(element.name)
@@ -66,7 +69,7 @@ class Notes:
 
 
 def read(source: str) -> list[Element]:
-    """Elements of a file, refused in one sentence where there is no shaft."""
+    """Elements of a file; raises if it cannot be read or has no shaft."""
     try:
         text = Path(source).read_bytes().decode("utf-8-sig")
         document = json.loads(text) if source.lower().endswith(".json") else tomllib.loads(text)
@@ -85,7 +88,7 @@ def read(source: str) -> list[Element]:
 
 
 def station(element: Element, places: dict[int, float]) -> float:
-    """Station [m] of the node that an element sits on."""
+    """Station of an element [m]."""
     if element.node not in places:
         refuse(
             f"{element.path}.n", f"must be a node of the shaft, but is {show(element.table['n'])}."

@@ -1,4 +1,4 @@
-"""Rotor: a scene of a rotor that ROSS has written."""
+"""Scene of a rotor that ROSS has written."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ from .file import Notes, read
 from .shaft import merged, placed, sections, step
 
 
-_COORDINATES = 48  # nodes of all spans together, about
+_COORDINATES = 48  # about as many nodes in all spans together
 
 
 def from_ross(
@@ -21,23 +21,28 @@ def from_ross(
 ) -> tuple[Scene, tuple[str, ...]]:
     """Scene of a rotor that ROSS has written by `Rotor.save`, a .toml or .json file.
 
-    Elements of shafts become one `FlexibleShaft` without constraints, with shear and rotary inertia as
-    theirs and a `Step` where sections change; disks `Disc`, point masses on the shaft too; bearings
-    and seals `Support`, of all eight coefficients. A table of coefficients by frequency gives those at
-    the speed, by cubic interpolation, or at its nearer end. A tapered element becomes up to four
-    uniform ones, layers of sleeves one ring. A bearing on a flexible support becomes one of the two in
-    series, `K^-1 = K1^-1 + K2^-1`, `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`, without the support's
-    mass: of motions slow enough for `omega C << K` of either; of faster ones, as on a squeeze film, its
-    damping is too high. Axial and torsional motion, axial force, torque and damping of the shaft are
-    not carried over. Written for files of ROSS 2.3.
+    Shaft elements become one `FlexibleShaft` without constraints, with their shear and rotary inertia,
+    and with a `Step` where the section changes. Disks, and point masses on the shaft, become `Disc`.
+    Bearings and seals become `Support` with all eight coefficients; a table of coefficients by frequency
+    is interpolated at the speed by cubic splines, or taken at its nearer end. A tapered element becomes
+    up to four uniform ones, and layers of sleeves become one ring.
+
+    A bearing on a flexible support becomes one `Support` of both in series, `K^-1 = K1^-1 + K2^-1`,
+    `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`, without the mass of the support. That is right for slow
+    motions, `omega C << K` of either one; in faster motions, as on a squeeze film, the damping is too
+    high. Axial and torsional motion, axial force, torque and damping of the shaft are not carried over.
+    The reader is written for files of ROSS 2.3.
 
     Args:
-        path: the file.
+        path: path of the file.
         speed: constant speed of the scene [rad/s], not negative; the file has none.
-        nodes: of every span of the shaft; by default 8 of few, and fewer of many, down to 3.
+        nodes: nodes of every span of the shaft; by default 8 for few spans, down to 3 for many.
 
     Returns:
-        The scene, and a sentence on each thing that was changed or left out, with its elements.
+        The scene, and a sentence on everything that was changed or left out, with its elements.
+
+    Raises:
+        SceneError: If the file cannot be read, an element is invalid, or `speed` is negative.
     """
     source, speed = os.fspath(path), quantity(speed, "rad/s", "speed")
     if speed < 0:
@@ -51,7 +56,7 @@ def from_ross(
     ends = [0.0, total, *(at for at, _ in placed(shaft, steps)), *(float(e.at) for e in effects)]
     spans = len({round(at / total, 4) for at in ends}) - 1
     left_out = tuple(notes)
-    said = f"less what could not be carried over from {Path(source).name}" if left_out else ""
+    said = f"without what could not be carried over from {Path(source).name}" if left_out else ""
     try:
         line = FlexibleShaft(
             total,

@@ -1,4 +1,4 @@
-"""Shaft: rings of uniform section along it, of elements one behind and around the other."""
+"""Shaft as uniform rings, from the elements of ROSS along it and around each other."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -11,9 +11,9 @@ from ..units import refuse, show
 from .file import Element, Notes, Table
 
 
-_PIECES = 4  # uniform ones in place of a tapered element
-_SHORTEST = 0.0021  # of the length of the shaft: what a step must be away from the next
-_LEFT_OUT = {  # of a shaft element
+_PIECES = 4  # number of uniform pieces of a tapered element
+_SHORTEST = 0.0021  # least distance of steps, over the length of the shaft
+_LEFT_OUT = {  # properties of a shaft element that are not carried over
     "axial_force": ("N", "axial force"),
     "torque": ("N m", "torque"),
     "alpha": ("1/s", "damping in proportion to mass (alpha)"),
@@ -22,7 +22,7 @@ _LEFT_OUT = {  # of a shaft element
 
 
 class Ring(NamedTuple):
-    """A uniform piece of shaft."""
+    """Uniform piece of a shaft."""
 
     length: float
     outer: float
@@ -31,14 +31,14 @@ class Ring(NamedTuple):
 
     @property
     def bore(self) -> Any:
-        """Inner diameter, None of a solid shaft."""
+        """Inner diameter, None if the ring is solid."""
         return self.inner or None
 
 
 def sections(
     elements: Sequence[Element], source: str, notes: Notes
 ) -> tuple[dict[int, float], list[Ring], bool, Table]:
-    """Stations of the nodes, rings along the shaft, whether it is gyroscopic, and its flags."""
+    """Stations of the nodes, rings along the shaft, whether it is gyroscopic, and flags of the shaft."""
     own = [element for element in elements if element.kind == "ShaftElement"]
     for element in elements:
         if element.kind == "CouplingElement":
@@ -53,7 +53,7 @@ def sections(
             refuse(f"{element.path}.L", f"must be positive, but is {show(element.table['L'])}.")
         for key, (unit, text) in _LEFT_OUT.items():
             if element.number(key, unit, 0.0):
-                notes.add(f"{text} left out", element)
+                notes.add(f"{text} is left out", element)
     first = min(layers)
     if sorted(layers) != list(range(first, first + len(layers))):
         refuse(source, "has shaft elements that do not make one line; save each rotor by itself.")
@@ -66,26 +66,26 @@ def sections(
     given = {key: _flag(own, key, notes) for key in ("shear_effects", "rotary_inertia")}
     shear, rotary = given.values()
     if shear and not rotary:
-        notes.add("rotary inertia added, which shear needs", own[0])
+        notes.add("rotary inertia is added, which shear needs", own[0])
     gyroscopic = _flag(own, "gyroscopic", notes)
     if shear and any(e.table.get("shear_method_calc", "cowper") != "cowper" for e in own):
-        notes.add("shear coefficient by Cowper in place of Hutchinson", own[0])
+        notes.add("shear coefficient is that of Cowper in place of Hutchinson", own[0])
     return places, rings, gyroscopic, {"shear": shear, "rotary_inertia": rotary or shear}
 
 
 def _flag(elements: Sequence[Element], key: str, notes: Notes) -> bool:
-    """What elements say of a flag; of several answers yes."""
+    """Value of a flag; True if elements differ."""
     said = [element.table.get(key, True) for element in elements]
     for value, element in zip(said, elements, strict=True):
         if not isinstance(value, bool):
             refuse(f"{element.path}.{key}", f"must be true or false, but is {show(value)}.")
         if not value and any(said):
-            notes.add(f"{key} taken into account all along the shaft", element)
+            notes.add(f"{key} is taken into account all along the shaft", element)
     return any(said)
 
 
 def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) -> list[Ring]:
-    """Uniform pieces of the elements between two nodes, one around the other."""
+    """Uniform pieces of the elements between two nodes, which surround each other."""
     for element in layer:
         if element.number("L", "m") != length:
             wanted = "must be that of the element which it surrounds"
@@ -100,7 +100,7 @@ def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) 
     pieces = max(1, min(_PIECES, int(length / (_SHORTEST * total)))) if tapered else 1
     if tapered:
         into = f"cut into {pieces} uniform ones" if pieces > 1 else "taken as a uniform one"
-        notes.add(f"tapered element {into}", layer[0])
+        notes.add(f"tapered element is {into}", layer[0])
     materials = [_material(element) for element in layer]
     found = []
     for piece in range(pieces):
@@ -114,11 +114,12 @@ def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) 
             if not 0 <= ring.inner < ring.outer:
                 wanted = "must be positive and above the inner diameter"
                 refuse(f"{element.path}.odl", f"{wanted}, but is {ring.outer:g}.")
-        found.append(_one(rings, layer[0], notes))
+        found.append(_combined(rings, layer[0], notes))
     return found
 
 
 def _material(element: Element) -> tuple[float, float, float]:
+    """Young's modulus, density and shear modulus of an element."""
     table = element.table.get("material")
     if not isinstance(table, dict):
         refuse(f"{element.path}.material", f"must be a table, but is {show(table)}.")
@@ -126,14 +127,14 @@ def _material(element: Element) -> tuple[float, float, float]:
     return made.number("E", "Pa"), made.number("rho", "kg/m^3"), made.number("G_s", "Pa")
 
 
-def _one(rings: Sequence[Ring], element: Element, notes: Notes) -> Ring:
-    """Rings around each other as one: exact where they touch and are of one material."""
+def _combined(rings: Sequence[Ring], element: Element, notes: Notes) -> Ring:
+    """Rings around each other as one; exact if they touch and have the same material."""
     rings = sorted(rings, key=lambda ring: ring.inner)
     outer, inner = max(ring.outer for ring in rings), rings[0].inner
     touch = all(a.outer == b.inner for a, b in zip(rings, rings[1:], strict=False))
     if len({ring.of for ring in rings}) == 1 and touch:
         return rings[0]._replace(outer=outer)
-    notes.add("layers taken as one ring of equal mass, bending and shear stiffness", element)
+    notes.add("layers are taken as one ring of equal mass, bending and shear stiffness", element)
     area, second = (
         np.array([r.outer**k - r.inner**k for r in rings]) / (outer**k - inner**k) for k in (2, 4)
     )
@@ -147,7 +148,7 @@ def _one(rings: Sequence[Ring], element: Element, notes: Notes) -> Ring:
 
 
 def merged(rings: Sequence[Ring], total: float, notes: Notes) -> list[Ring]:
-    """Rings of different sections: equal neighbours as one, those too short for one with the last."""
+    """Rings with equal neighbours joined, and with those that are too short joined to a neighbour."""
     found: list[Ring] = []
     for ring in rings:
         if found and found[-1][1:] == ring[1:]:
@@ -159,13 +160,13 @@ def merged(rings: Sequence[Ring], total: float, notes: Notes) -> list[Ring]:
         if len(found) > 1:
             ring, other = found.pop(k), max(0, k - 1)
             found[other] = found[other]._replace(length=found[other].length + ring.length)
-            text = "section shorter than 0.2 % of the shaft given the diameter of its neighbour"
+            text = "section shorter than 0.2 % of the shaft gets the diameter of its neighbour"
             notes.add(text, Element("", "", {"tag": f"{ring.length:g} m of {ring.outer:g} m"}))
     return found
 
 
 def placed(first: Ring, rings: Sequence[Ring]) -> Iterator[tuple[float, Ring]]:
-    """Rings after the first, with the stations where they begin."""
+    """Rings after the first, each with the station where it begins."""
     at = first.length
     for ring in rings:
         yield at, ring
@@ -173,6 +174,6 @@ def placed(first: Ring, rings: Sequence[Ring]) -> Iterator[tuple[float, Ring]]:
 
 
 def step(at: float, ring: Ring, of: tuple[float, float, float]) -> Step:
-    """Step to a ring, with a material of its own where that is not the one given."""
+    """Step to a ring, with its own material if that differs from the one given."""
     material = None if ring.of == of else Material(*ring.of)
     return Step(at, ring.outer, ring.bore, material)

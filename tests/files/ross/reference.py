@@ -1,11 +1,11 @@
-"""Rotors as ROSS writes them, and what ROSS computes of them: run by hand, beside the tests.
+"""Rotor files written by ROSS, and results of ROSS for them. Run by hand, not by the tests.
 
     pip install "ross-rotordynamics==2.3.0" "plotly<6"
     python tests/files/ross/reference.py
 
 writes `example.toml`, `stepped.json` and `roots.json`: eigenvalues [rad/s] of lateral motion of the
-same rotors with every shaft element cut into 12, so that what is left of ROSS's mesh is far below
-what the tests ask for (and into 1 as in the files, to see what its mesh costs).
+same rotors, with every shaft element cut into 1 (as in the files), 12 and 24 pieces, from which the
+limit of a fine mesh is extrapolated.
 """
 
 import json
@@ -27,7 +27,7 @@ COUNT = 12
 
 
 def example(cut):
-    """The rotor of `ross.rotor_example`: six equal elements, two discs, kxx != kyy."""
+    """Rotor of `ross.rotor_example`: six equal elements, two discs, kxx != kyy."""
     rotor = ross.rotor_example()
     shaft = [
         ross.ShaftElement(
@@ -57,7 +57,7 @@ STEPS = (
 
 
 def stepped(cut):
-    """Hollow and stepped, two materials, an overhung disc, bearings of full matrices, one a table."""
+    """Stepped hollow rotor of two materials, an overhung disc, and bearings with full matrices."""
     made = {
         "steel": ross.Material("steel", rho=7850, E=2.1e11, G_s=8.1e10),
         "bronze": ross.Material("bronze", rho=8800, E=1.1e11, G_s=4.1e10),
@@ -71,7 +71,11 @@ def stepped(cut):
         ross.DiskElement(n=0, m=3.0, Id=0.008, Ip=0.015, tag="overhung"),
         ross.DiskElement(n=4 * cut, m=9.0, Id=0.03, Ip=0.055, tag="middle"),
     ]
-    at = [0.0, 700.0, 1400.0]  # of four or more ROSS takes a smoothing spline, which misses them
+    at = [
+        0.0,
+        700.0,
+        1400.0,
+    ]  # for four or more ROSS uses a smoothing spline, which does not interpolate
     bearings = [
         ross.BearingElement(
             n=cut, kxx=3e7, kyy=5e7, kxy=4e6, kyx=-6e6, cxx=4e3, cyy=6e3, cxy=-500, cyx=-300,
@@ -86,20 +90,22 @@ def stepped(cut):
 
 
 def lateral_roots(rotor, speed):
-    """The slowest eigenvalues of x, y and the two tilts, by ROSS's matrices."""
+    """Slowest eigenvalues of x, y and the two tilts, from the matrices of ROSS."""
     lateral = [i for i in range(rotor.ndof) if i % 6 not in (2, 5)]
     pick = lambda matrix: np.asarray(matrix, float)[np.ix_(lateral, lateral)]
     mass, stiffness = pick(rotor.M(speed)), pick(rotor.K(speed))
     damping = pick(rotor.C(speed)) + speed * pick(rotor.G())
     n = len(lateral)
-    inverse = np.block(  # of the state matrix: the slowest are its largest, to the last digits
-        [
-            [-np.linalg.solve(stiffness, damping), -np.linalg.solve(stiffness, mass)],
-            [np.eye(n), np.zeros((n, n))],
-        ]
+    inverse = (
+        np.block(  # inverse of the state matrix: its largest eigenvalues, the slowest, are accurate
+            [
+                [-np.linalg.solve(stiffness, damping), -np.linalg.solve(stiffness, mass)],
+                [np.eye(n), np.zeros((n, n))],
+            ]
+        )
     )
     values = 1 / scipy.linalg.eigvals(inverse)
-    values = values[values.imag > 1.0]  # of a pair one, and none of the overdamped
+    values = values[values.imag > 1.0]  # one of each pair, without overdamped ones
     return values[np.argsort(np.abs(values))][:COUNT]
 
 

@@ -1,0 +1,128 @@
+"""Parameters: paths to the numbers of a tree of modules, such as `spin.speed` and `limiters.0.gap`.
+
+A tree has parts, called by their names, and a tuple of members, called by their `kind` where there is
+one of a kind, else by their `plural`, with a number for one of them and without for all.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .quantities import known, quantity_units, unit_of, with_values
+
+
+Address = tuple[Any, ...]  # attribute names and tuple indices from the tree to a leaf
+Addresses = Mapping[str, list[Address]]  # by path; several where a path stands for all of a kind
+
+
+def addresses(tree: eqx.Module, parts: Iterable[str], members: str) -> dict[str, list[Address]]:
+    """Addresses of all parameters of a tree, by their paths.
+
+    Args:
+        tree: module with the parts and the members.
+        parts: names of the fields that hold a part.
+        members: name of the field that holds the tuple of members.
+    """
+    table: dict[str, list[Address]] = {}
+    for part in parts:
+        for leaf in _quantities(getattr(tree, part)):
+            table[_path(part, *leaf)] = [(part, *leaf)]
+    all_members = getattr(tree, members)
+    for kind in dict.fromkeys(member.kind for member in all_members):
+        alike = [i for i, member in enumerate(all_members) if member.kind == kind]
+        group = kind if len(alike) == 1 else all_members[alike[0]].plural
+        for number, i in enumerate(alike):
+            for leaf in _quantities(all_members[i]):
+                address = (members, i, *leaf)
+                table.setdefault(_path(group, *leaf), []).append(address)
+                if len(alike) > 1:
+                    table[_path(group, number, *leaf)] = [address]
+    return table
+
+
+def aliases(path: str, members: Iterable[Any]) -> list[str]:
+    """Other spellings of a path: with the singular or plural of its kind, and without the index 0."""
+    head, _, rest = path.partition(".")
+    names = {m.kind: m.plural for m in members} | {m.plural: m.kind for m in members}
+    if head not in names:
+        return []
+    found = [f"{names[head]}.{rest}"]
+    index, _, leaf = rest.partition(".")
+    if index == "0":
+        found += [f"{head}.{leaf}", f"{names[head]}.{leaf}"]
+    return found
+
+
+def follow(tree: Any, address: Sequence[Any]) -> Any:
+    """The leaf or module of a tree at an address."""
+    for step in address:
+        tree = tree[step] if isinstance(step, int) else getattr(tree, step)
+    return tree
+
+
+def with_leaves(tree: Any, leaves: Mapping[Address, Any]) -> Any:
+    """The tree with other leaves at addresses, without checks.
+
+    Modules on the way that have static flags derived from their values compute these anew, by their
+    method `refreshed`.
+    """
+    if () in leaves:
+        return leaves[()]
+    by_step: dict[Any, dict[Address, Any]] = {}
+    for (step, *rest), leaf in leaves.items():
+        by_step.setdefault(step, {})[tuple(rest)] = leaf
+    if isinstance(tree, tuple):
+        return tuple(
+            with_leaves(one, by_step[i]) if i in by_step else one for i, one in enumerate(tree)
+        )
+    others = {name: with_leaves(getattr(tree, name), by_step[name]) for name in by_step}
+    changed = with_values(tree, **others)
+    return changed.refreshed() if hasattr(changed, "refreshed") else changed
+
+
+def known_values(tree: eqx.Module, table: Addresses) -> dict[str, tuple[float, str]]:
+    """Value and unit of every number by its own path; of a table of numbers the largest in magnitude.
+
+    Empty while any leaf is traced.
+    """
+    found: dict[str, tuple[float, str]] = {}
+    if not all(map(known, jax.tree.leaves(tree))):
+        return found
+    for path, (address, *more) in table.items():
+        leaf = follow(tree, address)
+        if more or leaf is None:
+            continue
+        unit = quantity_units(follow(tree, address[:-1]))[address[-1]]
+        found[path] = float(max(np.ravel(leaf), key=abs)), unit
+    return found
+
+
+def _path(*steps: Any) -> str:
+    return ".".join(map(str, steps))
+
+
+def _quantities(module: eqx.Module) -> list[Address]:
+    """Addresses of the quantities of a module and of the modules in it."""
+    found: list[Address] = []
+    for name, is_quantity in _fields(type(module)):
+        if is_quantity:
+            found.append((name,))
+            continue
+        value = getattr(module, name)
+        if isinstance(value, eqx.Module):
+            found += [(name, *rest) for rest in _quantities(value)]
+        elif isinstance(value, tuple):
+            parts = [(i, part) for i, part in enumerate(value) if isinstance(part, eqx.Module)]
+            found += [(name, i, *rest) for i, part in parts for rest in _quantities(part)]
+    return found
+
+
+@functools.cache
+def _fields(kind: type[eqx.Module]) -> tuple[tuple[str, bool], ...]:
+    """Names of the fields of a class, each with whether it is a quantity."""
+    return tuple((field.name, unit_of(field) is not None) for field in dataclasses.fields(kind))
