@@ -77,7 +77,7 @@ def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp
     def unseen(sink):
         yield sink and (sink, tmp_path / "elsewhere")
 
-    monkeypatch.setattr(module, "_seen", unseen)
+    monkeypatch.setattr(module, "_shared_folder", unseen)
     swept(cluster=dask, store=tmp_path / "a.zarr")
     assert files(tmp_path / "a.zarr") == files(alone)
 
@@ -124,7 +124,7 @@ def test_command(dask, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://127.0.0.1:9", ""])
 def test_no_scheduler(address, monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 0.5)
+    monkeypatch.setattr(module, "CONNECTION_TIME", 0.5)
     with pytest.raises(ValueError, match="No Dask scheduler answers at .* give the address that"):
         swept(cluster=address)
 
