@@ -73,7 +73,7 @@ def test_numbers_of_another_sweep_are_kept():
         ({"features": ["colour"]}, "The dataset has no `colour`; choose `features` of rate"),
         ({"features": ["rate"], "within": 0.0}, "`within` must be above 0"),
         ({"features": ["rate"], "apart": 0.01}, "`apart` not below it"),
-        ({"features": ["rate"], "like": made({}, start__angle=[0.0])}, "`like` must be an answer"),
+        ({"features": ["rate"], "like": made({}, start__angle=[0.0])}, "`like` must be a result"),
     ],
 )
 def test_refusals(given, words):
