@@ -10,6 +10,7 @@ from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..core.pilot import Pilot
@@ -104,7 +105,7 @@ def _value(value: Any) -> Any:
     if isinstance(value, dict):
         value = value.get("values", value)
     if isinstance(value, dict):
-        return np.asarray(value["real"], float) + 1j * np.asarray(value["imag"], float)
+        return jnp.asarray(value["real"], float) + 1j * jnp.asarray(value["imag"], float)
     return value
 
 

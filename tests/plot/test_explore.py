@@ -139,7 +139,8 @@ def test_refusals(swept):
         plot.explore(swept.drop_attrs())
     for about, words in (
         ({"start": "Continued(q=..)"}, "only one from AtRest or Whirl"),
-        ({"solver": "Kvaerno5"}, "only `Exponential`"),
+        ({"solver_settings": '{"class": "Kvaerno5"}'}, "only `Exponential`"),
+        ({"start": "AtRest()", "solver": "Kvaerno5"}, "only `Exponential`"),
     ):
         with pytest.raises(ValueError, match=words):
             plot.explore(swept.assign_attrs(about))

@@ -126,28 +126,43 @@ def test_every_setting_tells_a_sweep_from_another(tmp_path):
     scene = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
     solver, steps = dfx.Kvaerno5(), dfx.PIDController(rtol=1e-6, atol=1e-9)
     how = HOW | {"start": jr.Whirl(1.2345678901234567e-3), "period": 0.1, "lanes_per_chunk": 1}
-    how |= {"observe": [jr.observe.Radius()], "solver": solver, "controller": steps, "at": 0.7}
-    ask = lambda **more: jr.sweep(
+    how |= {"observe": [jr.observe.Extrema(3)], "solver": solver, "controller": steps, "at": 0.7}
+    how |= {"settle": 0, "keep": 1}
+    ask = lambda scene=scene, **more: jr.sweep(
         scene, {"limiters.gap": [7e-3]}, store=tmp_path / "a.zarr", **how | more
     )
     with np.printoptions(precision=3):
-        ask(settle=0, keep=1)
-    ask(settle=0, keep=1)  # the same, whatever the options of numpy
+        ask()
+    ask()  # the same, whatever the options of numpy
+    mass = float(scene.get("disc.mass"))
     others = {
-        "start": jr.Whirl(1.2345678901234569e-3),
-        "settle": 1,
-        "keep": 2,
-        "observe": [jr.observe.Section()],
-        "steps_per_revolution": 33,
-        "solver": dfx.Kvaerno5(scan_kind="bounded"),
-        "controller": dfx.PIDController(rtol=1e-6, atol=1.0000000001e-9),
-        "at": 0.69,
-        "period": 0.1 * (1 + 1e-15),
-        "max_steps": 4095,
+        "scene": [scene.replace({"disc.mass": np.nextafter(mass, np.inf)})],
+        "start": [
+            jr.Whirl(1.2345678901234569e-3),
+            jr.Whirl(1.2345678901234567e-3, rate=5e-324),
+            jr.Whirl(1.2345678901234567e-3, angle=1e-300),
+            jr.AtRest(),
+        ],
+        "settle": [1],
+        "keep": [2],
+        "observe": [[jr.observe.Section()], [jr.observe.Extrema(4)], jr.observe.everything(True)],
+        "steps_per_revolution": [33],
+        "solver": [dfx.Kvaerno5(scan_kind="bounded"), dfx.Kvaerno3(), jr.Exponential(4)],
+        "controller": [
+            dfx.PIDController(rtol=np.nextafter(1e-6, 1), atol=1e-9),
+            dfx.PIDController(rtol=1e-6, atol=np.nextafter(1e-9, 1)),
+            dfx.PIDController(rtol=1e-6, atol=1e-9, pcoeff=0.1),
+            None,
+        ],
+        "at": [0.69],
+        "period": [0.1 * (1 + 1e-15)],
+        "max_steps": [4095],
+        "nodes": [5],
     }
-    for name, other in others.items():
-        with pytest.raises(OtherSweepError):
-            ask(**{"settle": 0, "keep": 1, name: other})
+    for name, values in others.items():
+        for other in values:
+            with pytest.raises(OtherSweepError):
+                ask(**{name: other})
 
 
 @pytest.mark.slow
