@@ -1,4 +1,4 @@
-"""What earlier versions wrote opens as before: names of modules, pickles, stores of sweeps."""
+"""Names of modules, pickles and stores of earlier versions open as before."""
 
 import importlib
 import pickle
@@ -64,7 +64,7 @@ def test_a_store_of_before_is_read_and_its_motions_run_again(earlier_store):
 
 
 def test_a_store_of_before_is_not_continued(earlier_store):
-    """Its settings are texts of another kind, so they are those of another sweep; nothing is written."""
+    """Its settings are printed texts, which count as those of another sweep; nothing is written."""
     dataset = xr.open_zarr(earlier_store, chunks=None)
     over = {path: dataset[path].values for path in ("unbalance.eccentricity", "start.radius")}
     run = {"start": jr.Whirl(1e-3, -441.0), "settle": 1, "keep": 2, "steps_per_revolution": 8}

@@ -1,4 +1,4 @@
-"""Several devices: chunks of a sweep on each, with the data of one. Two are feigned of the processor."""
+"""Several devices run chunks of a sweep, with the data of one. The processor is presented as two."""
 
 import os
 import subprocess
