@@ -134,9 +134,8 @@ def _plain(value: Any) -> Any:
     return getattr(value, "__qualname__", None) or repr(value)
 
 
-def _plain_array(array: np.ndarray) -> Any:
+def _plain_array(array: Any) -> Any:
     """Numbers of an array in lists; with its `dtype` where that is not the one of the precision."""
-    numbers: Any
     if np.iscomplexobj(array):
         numbers = {"real": _plain(array.real.tolist()), "imag": _plain(array.imag.tolist())}
     else:
