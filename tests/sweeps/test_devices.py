@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxrotor as jr
-from jaxrotor.chunks import spread
+from jaxrotor.core.parallel import spread
 
 assert jax.local_device_count() == 2
 both = threading.Barrier(2, timeout=60)

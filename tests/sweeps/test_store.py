@@ -389,7 +389,7 @@ import numpy as np, xarray as xr
 from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor.cli import app
-from jaxrotor.store import StoreError
+from jaxrotor.sweeps.store import StoreError
 
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 4), "start.angle": [0.0, 1.0, 2.0]}
 how = dict(settle=3, keep=2, steps_per_revolution=32, lanes_per_chunk=3, workers=1, error_sample=2)
