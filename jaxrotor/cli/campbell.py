@@ -9,6 +9,7 @@ import typer
 
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
 from ..analysis.modal import KINDS
+from ..core.attributes import about
 from ..equations.pencil import is_rounding
 from ..scene import Scene
 from . import answer
@@ -26,7 +27,7 @@ from .options import (
     scene_with,
     speeds_between,
 )
-from .output import about, draft_or_none, draw, labelled, write_dataset, written_to
+from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
 _FILES = ("campbell.zarr", "campbell.png")

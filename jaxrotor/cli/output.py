@@ -97,11 +97,6 @@ def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Sc
     return xr.Dataset(*parts, about)
 
 
-def about(units: str, long_name: str) -> dict[str, str]:
-    """Attributes of a variable."""
-    return {"units": units, "long_name": long_name}
-
-
 def write_dataset(dataset: Any, path: Path) -> None:
     """An `xarray.Dataset` in Zarr format 2: there texts and consolidated metadata are standard."""
     dataset.to_zarr(path, zarr_format=2, consolidated=True)

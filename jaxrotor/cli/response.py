@@ -17,6 +17,7 @@ from ..analysis import (
     growth_rate,
     unbalance_response,
 )
+from ..core.attributes import about
 from ..effects import AbstractContact
 from ..equations.pencil import isotropic
 from ..equations.system import structure
@@ -37,7 +38,7 @@ from .options import (
     scene_with,
     speeds_between,
 )
-from .output import about, draft_or_none, draw, labelled, write_dataset, written_to
+from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
 _FILES = ("response.zarr", "response.png")

@@ -7,10 +7,11 @@ import numpy as np
 import typer
 
 from ..analysis import StabilityMap, stability_boundary, stability_map
+from ..core.attributes import about
 from ..scene import Scene
 from . import answer
 from .options import AsJson, Out, Overwrite, SceneName, Settings, scene_with, swept_axes
-from .output import about, draft_or_none, draw, labelled, write_dataset, written_to
+from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
 _FILES = ("stability.zarr", "stability.png")

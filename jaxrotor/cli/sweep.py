@@ -17,9 +17,10 @@ from ..effects import AbstractContact
 from ..files.toml import study
 from ..scene import Scene
 from ..solvers import Exponential
+from ..sweeps.axes import check_lanes
 from ..sweeps.observe import AbstractObservable, WhirlSpectrum, everything
 from ..sweeps.store import PENDING, OtherSweepError
-from ..sweeps.sweep import check_lanes, sweep as run
+from ..sweeps.sweep import sweep as run
 from . import answer
 from .options import (
     MOST,

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.elimination import eliminated
+from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
@@ -138,12 +139,12 @@ class Transient(eqx.Module):
         drift, free = rate * y.r_rate, y.speed.size
         if self.massless is not None:
             still = jnp.where(self.massless.either, 0.0, still)
-            drift = jnp.stack([now.drift.real, now.drift.imag])
+            drift = plane(now.drift)
             if self.massless.undamped is not None:  # not integrated: computed at every instant
                 drift = jnp.where(self.massless.undamped, 0.0, drift)
         return RotatingState(
             drift,
-            jnp.stack([still.real, still.imag]) / rate,
+            plane(still) / rate,
             rate * y.speed,
             jnp.full(free, acceleration / rate),
             rate * y.bodies_rate,
@@ -186,7 +187,7 @@ class Transient(eqx.Module):
             then = then._replace(absolute=self.inverse @ (push + change + thrust))
             gap = [race.row @ then.absolute for race in system.races]
             gap = jnp.stack(gap) - seen if gap else seen
-            gap = jnp.stack([gap.real, gap.imag], axis=1).ravel()
+            gap = plane(gap, axis=1).ravel()
             if torque is not None:
                 gap = jnp.append(self._spin_up(then, torque) - spin, gap)
             return then, gap
@@ -345,7 +346,6 @@ class Transient(eqx.Module):
 
     def _seen_by_ports(self, now: Kinematics) -> tuple[list[Array], list[Array]]:
         """Displacement and velocity [x, y] of every port."""
-        plane = lambda z: jnp.stack([z.real, z.imag])
         rows = [port.row for port in self.system.ports]
         displacement = [plane(row @ now.r * now.turn) for row in rows]
         return displacement, [plane(row @ now.velocity * now.turn) for row in rows]

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from .pencil import check_moves
 from .system import Port, System
@@ -70,7 +71,7 @@ class Motion(eqx.Module):
         for name, (part, factor) in parts.items():
             scaled = None if part is None else factor * (inverse @ part)
             if scaled is not None and jnp.iscomplexobj(scaled):
-                scaled = jnp.stack([scaled.real, scaled.imag])
+                scaled = plane(scaled)
             setattr(self, name, scaled)
         self.rate, self.s = rate, speed / rate
         self.rows, self.ports, self.speed = rows, system.ports, speed

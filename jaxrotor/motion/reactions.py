@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..effects import AbstractContact, Support
 from ..equations.pencil import Pencil, frame
@@ -219,7 +220,6 @@ def _instants(scene: Scene, response: Response) -> Kinematics:
     """What moves how, at the samples of a motion at constant speed."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
     speed, none = scene.spin.speed, jnp.zeros(0)
-    plane = lambda z: jnp.stack([z.real, z.imag])
 
     def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
         turn = jnp.exp(-1j * speed * time)

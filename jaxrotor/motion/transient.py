@@ -10,6 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..core.extremes import larger
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
 from ..equations.massless_coordinates import Known
@@ -119,7 +120,6 @@ def _first_state(
     speed = scene.spin.speed
     q, velocity = launch.shaft.state(system, station)
     turn = jnp.exp(-1j * launch.angle)
-    plane = lambda z: jnp.stack([z.real, z.imag])
     join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
     alone = lambda value: jnp.reshape(value, -1)[: int(free)]
     return RotatingState(
@@ -234,10 +234,9 @@ def _seen(system: System, instants: Kinematics, stations: Array):
     forces = None
     if system.ports:
         ports = jnp.stack([port.row for port in system.ports])
-        plane = lambda z: jnp.stack([z.real, z.imag], axis=-1)
         forces = jax.vmap(system.contact_forces)(
-            plane(turn * instants.r @ ports.T),
-            plane(turn * velocity @ ports.T),
+            plane(turn * instants.r @ ports.T, axis=-1),
+            plane(turn * velocity @ ports.T, axis=-1),
             instants.turning.speed,
         )
         forces = forces[..., 0] + 1j * forces[..., 1]

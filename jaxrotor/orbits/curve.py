@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.compiled import QUICKLY
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
@@ -190,8 +191,7 @@ def _clearances(curve: Curve, system: System, seen: Seen) -> tuple[Array, Array]
     z, v = (
         part[:, None, first:] * ahead for part in (seen.displacement, seen.velocity)
     )  # (T, i, p)
-    plane = lambda z: jnp.stack([z.real, z.imag], axis=-1)
-    rate = lambda z, v: jax.jvp(system.clearances, (plane(z),), (plane(v),))
+    rate = lambda z, v: jax.jvp(system.clearances, (plane(z, -1),), (plane(v, -1),))
     return jax.vmap(jax.vmap(rate))(z, v)
 
 

@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
 from ..core.extremes import largest
+from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
 from ..equations.pencil import Pencil, check_alike, check_moves
@@ -211,7 +212,7 @@ class Balance(eqx.Module):
         """Harmonics of the port forces [N] from those of the displacements there [m]."""
         rates = 1j * self.frequencies[:, None] * ports
         seen = (self._sampled(part) for part in (ports, rates))
-        parts = [jnp.stack([part.real, part.imag], axis=-1) for part in seen]
+        parts = [plane(part, axis=-1) for part in seen]
         speed = self.system.spin.speed
         totals = [
             jax.vmap(lambda z, v, port=port: port.forces(z, v, speed).sum(0))(
@@ -323,7 +324,7 @@ def _contact_force(system: System, q: Array, rates: Array) -> Complex[Array, "T 
         return None
     rows = jnp.stack([port.row for port in system.ports])
     z, v = (part @ rows.T for part in (q, rates))
-    pairs = (jnp.stack([part.real, part.imag], axis=-1) for part in (z, v))
+    pairs = (plane(part, axis=-1) for part in (z, v))
     forces = jax.vmap(lambda z, v: system.contact_forces(z, v, system.spin.speed))(*pairs)
     return forces[..., 0] + 1j * forces[..., 1]
 

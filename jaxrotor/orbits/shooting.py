@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..analysis.floquet import multipliers_of
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
@@ -123,7 +124,7 @@ class Shooting(eqx.Module):
         q, velocity = self.decode(x)
         state = jnp.stack([q, velocity / self.rate])
         motion = Motion(self.system, self.rate)
-        field = motion(jnp.zeros(()), jnp.stack([state.real, state.imag], axis=1))
+        field = motion(jnp.zeros(()), plane(state, axis=1))
         q, rates = field[:, 0] + 1j * field[:, 1]
         moved = self.encode(q, self.rate * rates)
         length = jnp.linalg.norm(moved)

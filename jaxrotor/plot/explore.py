@@ -1,6 +1,5 @@
 """Explorer: a bifurcation diagram that shows the motion behind a point that is clicked."""
 
-import re
 import textwrap
 from typing import Any
 
@@ -10,11 +9,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..core.outcome import STATUS
-from ..equations.start import AbstractStart, AtRest, Whirl
 from ..files.toml import loads
 from ..motion.simulate import Response, simulate
-from ..solvers import Exponential
-from ..sweeps.sweep import placed
+from ..results.provenance import start_and_solver
+from ..sweeps.axes import at_point
 from . import colours, page
 from .bifurcation import bifurcation
 from .labels import coordinate, ensemble, only_swept
@@ -22,21 +20,21 @@ from .orbit import orbit
 from .whirl import whirl_spectrum
 
 
-LONGEST = 50  # revolutions of a motion that are shown, its last
+LONGEST = 50  # the most revolutions of a motion that are shown, its last ones
 _KEYS = {"left": -1, "right": 1}
 
 
 class Explorer:
     """The diagram of a sweep on the left; orbit and whirl spectrum of one of its lanes on the right.
 
-    A click takes the lane that is nearest to it; the arrow keys left and right go on to its neighbours.
+    A click shows the lane nearest to it; the arrow keys left and right step to its neighbours.
 
     Attributes:
         upper: Axes of the diagram, with the precession index in `lower`.
         lower: Axes of the index.
         orbit: Axes of the orbit.
         spectrum: Axes of the spectrum.
-        response: the motion that is shown, of `simulate`; None before the first, or if there is none.
+        response: the motion shown, as from `simulate`; None before the first, or if it cannot be computed.
     """
 
     def __init__(self, dataset: xr.Dataset, run: dict[str, Any]):
@@ -54,16 +52,20 @@ class Explorer:
         self.orbit, self.spectrum = axes["orbit"], axes["spectrum"]
         self.lower.sharex(self.upper)
         bifurcation(dataset, (self.upper, self.lower), size=3)
-        # Read once, not at every click: the data set may be one on disk.
+        # Read once, not at every click, because the data set may be on disk.
         self._data = dataset[["index", "extrema", "status"]].transpose(dim, *others, ...).load()
         mark: Any = {"color": colours.DARK, "linewidth": 0.8, "visible": False}
         self._marks = [ax.axvline(self._values[0], **mark) for ax in (self.upper, self.lower)]
-        self._say("click a point of the diagram")
+        self._show_text("click a point of the diagram")
         figure.canvas.mpl_connect("button_press_event", self._clicked)
         figure.canvas.mpl_connect("key_press_event", self._pressed)
 
     def show(self, lane: int) -> None:
-        """Show the motion of a lane, counted as in the flattened data set, along the diagram first."""
+        """Show the motion of a lane, by its number in the flattened data set, the swept axis first.
+
+        Args:
+            lane: number of the lane; negative ones count from the end.
+        """
         self._lane, self.response = lane % self._data["index"].size, None
         number = self._lane // self._starts
         for mark in self._marks:
@@ -72,16 +74,25 @@ class Explorer:
         try:
             self.response = simulate(scene, **{**how, **self._run})
         except (RuntimeError, ValueError) as error:
-            self._say(str(error))
+            self._show_text(str(error))
         else:
             self._draw()
         status = STATUS[int(self._data["status"].values.ravel()[self._lane])]
-        about = f"{self._label}: {self._values[number]:.6g}"
-        self.orbit.set_title(f"{about}\nstatus {status}", fontsize=page.TEXT, loc="left", pad=18)
+        value = f"{self._label}: {self._values[number]:.6g}"
+        self.orbit.set_title(f"{value}\nstatus {status}", fontsize=page.TEXT, loc="left", pad=18)
         self.figure.canvas.draw_idle()
 
     def near(self, ax: Axes, x: float, y: float) -> int:
-        """The lane that is nearest to a point of a diagram: its value, then what is drawn there."""
+        """The lane nearest to a point of a diagram: at the nearest value, the nearest height.
+
+        Args:
+            ax: `upper` or `lower`.
+            x: value of the swept parameter, in the unit of the diagram.
+            y: height in the unit of the diagram.
+
+        Returns:
+            Its number in the flattened data set.
+        """
         number = int(np.argmin(np.abs(self._values - x)))
         lanes = number * self._starts + np.arange(self._starts)
         if ax is self.upper:
@@ -92,18 +103,22 @@ class Explorer:
         return int(lanes[np.argmin(off)])
 
     def wait(self) -> None:
-        """Open the window and wait until it is closed."""
+        """Open the window and wait until it is closed.
+
+        Raises:
+            ValueError: if the backend of matplotlib opens no windows.
+        """
         canvas: Any = self.figure.canvas
         if canvas.required_interactive_framework is None:
             raise ValueError(
                 f"No window can be opened here (matplotlib draws by {plt.get_backend()}); write a picture "
-                "by --out FILE, or install what opens windows, as by pip install PyQt6."
+                "by --out FILE, or install a backend that opens windows, such as PyQt6."
             )
         plt.show()
 
     @property
     def _starts(self) -> int:
-        """Lanes at each value of the diagram."""
+        """Number of lanes at each value of the diagram."""
         return self._data["index"].size // self._values.size
 
     def _clicked(self, event: Any) -> None:
@@ -116,6 +131,7 @@ class Explorer:
             self.show(self._lane + _KEYS[event.key] * self._starts)
 
     def _draw(self) -> None:
+        """Draw the orbit and the spectrum of the motion."""
         for ax in (self.orbit, self.spectrum):
             ax.clear()
             ax.set_axis_on()
@@ -125,13 +141,15 @@ class Explorer:
         except ValueError as error:
             _write(self.spectrum, str(error))
 
-    def _say(self, sentence: str) -> None:
+    def _show_text(self, sentence: str) -> None:
+        """Show a sentence in place of the orbit and the spectrum."""
         for ax in (self.orbit, self.spectrum):
             _write(ax, "")
         _write(self.orbit, sentence)
 
 
 def _write(ax: Axes, sentence: str) -> None:
+    """Replace what axes show by a sentence."""
     ax.clear()
     ax.set_axis_off()
     text = textwrap.fill(sentence, 44)
@@ -142,13 +160,20 @@ def _write(ax: Axes, sentence: str) -> None:
 def explore(dataset: xr.Dataset, **run: Any) -> Explorer:
     """A window on a sweep: click a point of its diagram to see its orbit and whirl spectrum.
 
-    The lane is simulated again, by what the data set says of it, and its last revolutions are drawn.
+    The lane is simulated again from the attributes of the data set, and its last revolutions are drawn.
     Windows need an interactive backend of matplotlib (`plt.show()`, or `%matplotlib widget`).
 
     Args:
-        dataset: of a sweep, with `extrema` and `index`, over one parameter and any starts; of more
-            parameters choose values by `.sel`.
-        **run: options of `simulate` other than those of the sweep, such as `keep`.
+        dataset: data set of a sweep, with `extrema` and `index`, over one parameter and any starts;
+            where it has more parameters, select values by `.sel`.
+        **run: options of `simulate` that replace those of the sweep, such as `keep`.
+
+    Returns:
+        The explorer; `show` and `wait` work without a click.
+
+    Raises:
+        ValueError: if the data set is none of `sweep`, its states were carried from lane to lane, or its
+            start or solver cannot be built from its attributes.
     """
     if "scene" not in dataset.attrs or "status" not in dataset:
         raise ValueError(
@@ -156,52 +181,29 @@ def explore(dataset: xr.Dataset, **run: Any) -> Explorer:
         )
     if "branch" in dataset.dims or "branch" in dataset.coords:
         raise ValueError(
-            "A lane of a sweep with `carry` comes of the whole way before it, so it cannot be run alone; "
+            "In a sweep with `carry` a lane depends on all lanes before it, so it cannot be run alone; "
             "explore a sweep without."
         )
-    motion_of(dataset, 0)  # refuses here what a click could not show
+    motion_of(dataset, 0)  # raises here if a click could show nothing
     return Explorer(dataset, run)
 
 
 def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
-    """Scene of a lane, and how `simulate` repeats its motion."""
-    about, status = dataset.attrs, dataset["status"]
-    at = dict(zip(status.dims, np.unravel_index(lane, status.shape), strict=True))
-    coords = status.isel(at).coords
+    """Scene of a lane, and the options by which `simulate` repeats its motion."""
+    attributes, status = dataset.attrs, dataset["status"]
+    place = dict(zip(status.dims, np.unravel_index(lane, status.shape), strict=True))
+    coords = status.isel(place).coords
     values = {str(name): float(c) for name, c in coords.items() if "." in str(name)}
-    scene, start = placed(loads(about["scene"]), _start(about["start"]), values)
-    keep, period = int(about["keep"]), about["period"]
-    how = {
-        "revolutions": int(about["settle"]) + keep,
-        "steps_per_revolution": int(about["steps_per_revolution"]),
+    start, solver = start_and_solver(attributes)
+    scene, start = at_point(loads(attributes["scene"]), start, values)
+    keep, period = int(attributes["keep"]), attributes["period"]
+    options = {
+        "revolutions": int(attributes["settle"]) + keep,
+        "steps_per_revolution": int(attributes["steps_per_revolution"]),
         "start": start,
-        "solver": _solver(about["solver"]),
+        "solver": solver,
         "keep": min(keep, LONGEST),
-        "at": float(about["station"]),
+        "at": float(attributes["station"]),
         "period": period if isinstance(period, float) else None,
     }
-    return scene, how
-
-
-def _start(text: str) -> AbstractStart:
-    """A start from how a data set names it."""
-    if text.startswith("AtRest"):
-        return AtRest()
-    fields = re.findall(r"(\w+)=Array\(([^,]+),", text)
-    if not text.startswith("Whirl") or not fields:
-        raise ValueError(
-            f"A sweep from {text.split('(')[0]} cannot be run again from its data set; only one from "
-            "AtRest or Whirl can."
-        )
-    return Whirl(**{name: float(value) for name, value in fields})
-
-
-def _solver(text: str) -> Exponential:
-    found = re.fullmatch(r"Exponential\(order=(\d), basis='(\w+)'(, located=True)?\)", text)
-    if found is None:
-        raise ValueError(
-            f"A sweep by {text} cannot be run again from its data set; only `Exponential` can."
-        )
-    order, basis, located = found.groups()
-    kind: Any = Exponential
-    return kind(order=int(order), basis=basis, located=bool(located))
+    return scene, options

@@ -1,1 +1,1 @@
-"""Results as labelled arrays and tables, with units and what made them."""
+"""Results as labelled arrays and tables, with units and provenance."""

@@ -1,10 +1,12 @@
-"""Dataset: results as labelled arrays, with units and what made them."""
+"""Dataset: results as labelled arrays, with units and provenance."""
 
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from ..core.attributes import about
+from ..core.plane import plane
 from ..effects import AbstractBodies
 from ..files.toml import dumps
 from ..motion.reactions import Reactions
@@ -21,44 +23,51 @@ def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
 
     `dataset(response).sel(time=slice(0.1, 0.2))` takes a part of it. Balls of all races are along
     `ball`, with the number of their `race`; places without a ball are left out.
+
+    Args:
+        result: what `simulate`, `run_up` or `reactions` returned.
+
+    Returns:
+        Dataset over `time`, and over `station`, `limiter`, `ball` or `bearing` where the result has them.
+        Its attributes hold the scene as TOML text, the solver, the precision and the versions.
     """
-    about: Variables = {}
+    settings: Variables = {}
     match result:
         case Response():
-            title, variables, own = "simulation", *_motion(result)
+            title, variables, coordinates = "simulation", *_motion(result)
             slope = _vector(("time", "station"), result.slope, "rad", "slope dz/dx")
             variables = {**variables, "slope": slope}
-            about["steps_per_revolution"] = result.steps_per_revolution
-            about |= chosen(result.pilots)
+            settings["steps_per_revolution"] = result.steps_per_revolution
+            settings |= chosen(result.pilots)
         case RunUp():
-            title, variables, own = "run-up", *_motion(result)
+            title, variables, coordinates = "run-up", *_motion(result)
             variables |= _spin(result)
             if result.balls:
-                more, place = _balls(result)
-                variables, own = variables | more, own | place
+                balls, races = _balls(result)
+                variables, coordinates = variables | balls, coordinates | races
         case Reactions():
-            title, variables, own = "reactions", *_reactions(result)
+            title, variables, coordinates = "reactions", *_reactions(result)
     time = np.asarray(result.time)
     coordinates = {
-        "time": ("time", time, _about("s", "time since the start")),
-        "angle": ("time", np.asarray(result.angle), _about("rad", "angle of revolution")),
-        **own,
+        "time": ("time", time, about("s", "time since the start")),
+        "angle": ("time", np.asarray(result.angle), about("rad", "angle of revolution")),
+        **coordinates,
         "axis": ("axis", ["x", "y"]),
     }
-    about = {
+    attributes = {
         "title": f"jaxrotor {title}",
         "scene": dumps(result.scene),
         **assumed(result.scene),
-        **about,
+        **settings,
         "solver": result.solver,
         "precision": str(time.dtype),
         "versions": versions(),
     }
-    return xr.Dataset(variables, coordinates, about)
+    return xr.Dataset(variables, coordinates, attributes)
 
 
 def _motion(result: Response | RunUp) -> tuple[Variables, Variables]:
-    """What every motion in time has, and its coordinates."""
+    """Variables and coordinates that every motion in time has."""
     variables = {
         "displacement": _vector(("time", "station"), result.displacement, "m", "displacement"),
         "velocity": _vector(("time", "station"), result.velocity, "m/s", "velocity"),
@@ -67,65 +76,62 @@ def _motion(result: Response | RunUp) -> tuple[Variables, Variables]:
     if force is not None:
         name = "contact force on the shaft"
         variables["contact_force"] = _vector(("time", "limiter"), force, "N", name)
-    return variables, {"station": ("station", np.asarray(result.stations), _about("m", "station"))}
+    return variables, {"station": ("station", np.asarray(result.stations), about("m", "station"))}
 
 
 def _spin(run: RunUp) -> Variables:
+    """Speed and acceleration of the rotation."""
     return {
-        "speed": ("time", np.asarray(run.speed), _about("rad/s", "speed of rotation")),
+        "speed": ("time", np.asarray(run.speed), about("rad/s", "speed of rotation")),
         "acceleration": (
             "time",
             np.asarray(run.acceleration),
-            _about("rad/s^2", "acceleration of rotation"),
+            about("rad/s^2", "acceleration of rotation"),
         ),
     }
 
 
 def _balls(run: RunUp) -> tuple[Variables, Variables]:
-    there = [np.asarray(bodies.masses) > 0 for bodies in run.scene.of(AbstractBodies)]
-    together = lambda name: np.concatenate(
+    """Variables of the balls of all races, and the race of each; places without a ball left out."""
+    present = [np.asarray(bodies.masses) > 0 for bodies in run.scene.of(AbstractBodies)]
+    of_all_races = lambda name: np.concatenate(
         [
-            np.asarray(getattr(row, name))[:, some]
-            for row, some in zip(run.balls, there, strict=True)
+            np.asarray(getattr(balls, name))[:, places]
+            for balls, places in zip(run.balls, present, strict=True)
         ],
         axis=1,
     )
-    race = np.repeat(np.arange(len(there)), [some.sum() for some in there])
+    race = np.repeat(np.arange(len(present)), [places.sum() for places in present])
     variables = {
         "ball_angle": (
             ("time", "ball"),
-            together("angle"),
-            _about("rad", "angle of a ball from the rotor"),
+            of_all_races("angle"),
+            about("rad", "angle of a ball from the rotor"),
         ),
-        "ball_rate": (("time", "ball"), together("rate"), _about("rad/s", "its rate")),
+        "ball_rate": (("time", "ball"), of_all_races("rate"), about("rad/s", "its rate")),
         "imbalance": _vector(
             ("time",), run.imbalance, "kg m", "imbalance of rotor and balls, in its axes"
         ),
     }
-    return variables, {"race": ("ball", race, _about("1", "race of a ball"))}
+    return variables, {"race": ("ball", race, about("1", "race of a ball"))}
 
 
 def _reactions(result: Reactions) -> tuple[Variables, Variables]:
-    parts = ("time", "bearing")
-    about = {
-        "force": (parts, "N", "force on the rotor"),
-        "moment": (parts, "N m", "moment on the rotor, positive with the slope"),
-        "static": (parts[1:], "N", "force on the rotor at rest"),
-        "static_moment": (parts[1:], "N m", "moment on the rotor at rest"),
+    """Variables and coordinates of reactions: forces and moments, in motion and at rest."""
+    dims = ("time", "bearing")
+    parts = {
+        "force": (dims, "N", "force on the rotor"),
+        "moment": (dims, "N m", "moment on the rotor, positive with the slope"),
+        "static": (dims[1:], "N", "force on the rotor at rest"),
+        "static_moment": (dims[1:], "N m", "moment on the rotor at rest"),
     }
     variables = {
         name: _vector(dims, getattr(result, name), units, long_name)
-        for name, (dims, units, long_name) in about.items()
+        for name, (dims, units, long_name) in parts.items()
     }
     return variables, {"bearing": ("bearing", list(result.names))}
 
 
 def _vector(dims: tuple[str, ...], values: Any, units: str, long_name: str) -> tuple:
     """A variable of complex numbers, as x and y."""
-    values = np.asarray(values)
-    parts = np.stack([values.real, values.imag], axis=-1)
-    return (*dims, "axis"), parts, _about(units, long_name)
-
-
-def _about(units: str, long_name: str) -> dict[str, str]:
-    return {"units": units, "long_name": long_name}
+    return (*dims, "axis"), plane(np.asarray(values), axis=-1), about(units, long_name)

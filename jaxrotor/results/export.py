@@ -14,18 +14,25 @@ from ..files.draft import replacing
 
 
 _NEEDS = {".csv": (), ".parquet": ("pyarrow",), ".nc": ("h5netcdf", "h5py")}
-_NAMED = {"station": "at {} m", "bearing": "of {}"}  # of others their number
+_PLACES = {"station": "at {} m", "bearing": "of {}"}  # other dimensions: "of ball 1"
 
 
 def table(result: Any) -> Any:
     """A result as a `pandas.DataFrame`: a row a sample or a row a lane, units in the names of columns.
 
-    Of a motion `time [s]`, `angle [rad]`, `displacement x at 0.7 m [m]`, and so on: all that `jr.dataset`
-    has of a time, every vector by its x and y. Of a sweep what was swept, the numbers of every lane, its
-    status in words; series within a lane, such as its section, are in its data set alone.
+    The table of a motion has `time [s]`, `angle [rad]`, `displacement x at 0.7 m [m]`, and so on: all
+    that `jr.dataset` has along time, every vector by its x and y. The table of a sweep has the swept
+    values, the numbers of every lane, and its status in words; series within a lane, such as its
+    section, are in the data set alone.
 
     Args:
         result: what `simulate`, `run_up`, `reactions`, `sweep` or `dataset` return, or a part of it.
+
+    Returns:
+        The table.
+
+    Raises:
+        ValueError: if the data have neither a `time` nor a `status` of lanes.
     """
     import pandas as pd
 
@@ -40,22 +47,26 @@ def table(result: Any) -> Any:
     columns: dict[str, Any] = {}
     names = ["time", *(name for name in data.coords if name != "time"), *data.data_vars]
     for name in names:
-        one = data[name]
-        if "time" in one.dims and np.issubdtype(one.dtype, np.number):
-            columns |= _columns(str(name), one.transpose("time", ...), data)
+        array = data[name]
+        if "time" in array.dims and np.issubdtype(array.dtype, np.number):
+            columns |= _columns(str(name), array.transpose("time", ...), data)
     return pd.DataFrame(columns)
 
 
 def export(result: Any, path: str | os.PathLike[str]) -> None:
     """Write a result to `.csv`, `.parquet` or `.nc`, whole or not at all; a file there is replaced.
 
-    A table is that of `jr.table`. NetCDF holds any data set, of a sweep too, with units, scene and
-    versions as attributes: `xarray.open_dataset(path, engine="h5netcdf")` reads it, and any program
-    that knows NetCDF 4. Parquet and NetCDF need packages of their own: `pip install 'jaxrotor[export]'`.
+    The table is that of `jr.table`. NetCDF holds any data set, also that of a sweep, with units, scene
+    and versions as attributes: `xarray.open_dataset(path, engine="h5netcdf")` reads it, and any program
+    that knows NetCDF 4. Parquet and NetCDF need further packages: `pip install 'jaxrotor[export]'`.
 
     Args:
         result: what `simulate`, `run_up`, `reactions` and `sweep` return, or any `xarray.Dataset`.
-        path: the file; its ending says the format.
+        path: the file; its ending gives the format.
+
+    Raises:
+        ValueError: if the ending is none of these, a package that the format needs is not installed, or
+            the file cannot be written.
     """
     target = Path(path)
     if target.suffix not in _NEEDS:
@@ -71,6 +82,7 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
 
 
 def _write(result: Any, draft: Path) -> None:
+    """Write a result in the format that the ending of the file names."""
     match draft.suffix:
         case ".csv":
             table(result).to_csv(draft, index=False)
@@ -90,67 +102,68 @@ def data_of(result: Any) -> Any:
 
 
 def _lanes(data: Any) -> dict[str, Any]:
-    """Columns of the lanes of a sweep, also of what one value was chosen of."""
+    """Columns of the lanes of a sweep, with swept values of which one was selected."""
     if not data["status"].dims:
         data = data.expand_dims("only")
     status = data["status"]
     swept = np.meshgrid(*(data[dim].values for dim in status.dims), indexing="ij")
     columns: dict[str, Any] = {}
-    for name, one in data.coords.items():
+    for name, array in data.coords.items():
         if ("." in str(name) or name == "branch") and name not in status.dims:
-            columns[_head(str(name), one)] = np.broadcast_to(one.values, status.shape).ravel()
+            columns[_head(str(name), array)] = np.broadcast_to(array.values, status.shape).ravel()
     for dim, values in zip(status.dims, swept, strict=True):
         if dim in data.coords:
             columns[_head(str(dim), data[dim])] = values.ravel()
     words = str(status.attrs["flag_meanings"]).split()
     columns["status"] = [words[number] for number in status.values.ravel()]
-    for name, one in data.data_vars.items():
-        rest = set(one.dims) - set(status.dims)
-        if name != "status" and set(status.dims) <= set(one.dims) and rest <= {"limiter"}:
-            lanes = one.stack(lane=status.dims, create_index=False).transpose("lane", ...)
+    for name, array in data.data_vars.items():
+        rest = set(array.dims) - set(status.dims)
+        if name != "status" and set(status.dims) <= set(array.dims) and rest <= {"limiter"}:
+            lanes = array.stack(lane=status.dims, create_index=False).transpose("lane", ...)
             columns |= _columns(str(name), lanes, data)
     return columns
 
 
-def _head(name: str, one: Any) -> str:
-    unit = one.attrs.get("units", "1")
+def _head(name: str, array: Any) -> str:
+    """Head of a column: a name, with the unit of the array where it has one."""
+    unit = array.attrs.get("units", "1")
     return name if unit == "1" else f"{name} [{unit}]"
 
 
-def _columns(name: str, one: Any, data: Any) -> dict[str, Any]:
-    """Columns of a variable, by what names its other dimensions."""
-    sizes = [range(size) for size in one.shape[1:]]
-    found = {}
+def _columns(name: str, array: Any, data: Any) -> dict[str, Any]:
+    """Columns of a variable: one for every place along its dimensions but the first."""
+    sizes = [range(size) for size in array.shape[1:]]
+    columns = {}
     for index in itertools.product(*sizes):
-        places = [_place(str(dim), i, data) for dim, i in zip(one.dims[1:], index, strict=True)]
+        places = [_place(str(dim), i, data) for dim, i in zip(array.dims[1:], index, strict=True)]
         parts = [name, *sorted(places, key=lambda place: place not in ("x", "y"))]
-        found[_head(" ".join(parts), one)] = np.asarray(one.values[(slice(None), *index)])
-    return found
+        columns[_head(" ".join(parts), array)] = np.asarray(array.values[(slice(None), *index)])
+    return columns
 
 
 def _place(dim: str, i: int, data: Any) -> str:
+    """A place along a dimension in words: "x", "at 0.7 m", "of ball 1"."""
     label = data[dim].values[i] if dim in data.coords else i
     if dim == "axis":
         return str(label)
     text = f"{label:.9g}" if isinstance(label, float) else str(label)
-    return _NAMED[dim].format(text) if dim in _NAMED else f"of {dim} {text}"
+    return _PLACES[dim].format(text) if dim in _PLACES else f"of {dim} {text}"
 
 
 def _storable(data: Any) -> Any:
-    """The data with attributes that a NetCDF file can hold, and as it is stored nowhere else."""
+    """The data with attributes that a NetCDF file can hold, without the encoding of another format."""
     data = data.drop_encoding()
     data.attrs = _plain(data.attrs)
-    for one in data.variables.values():
-        one.attrs = _plain(one.attrs)
-        if (
-            "flag_values" in one.attrs and one.dtype.kind in "iu"
-        ):  # of the variable's own kind, or nobody decodes them
-            one.attrs["flag_values"] = one.attrs["flag_values"].astype(one.dtype)
+    for array in data.variables.values():
+        array.attrs = _plain(array.attrs)
+        # Readers decode flags only where their values have the type of the variable.
+        if "flag_values" in array.attrs and array.dtype.kind in "iu":
+            array.attrs["flag_values"] = array.attrs["flag_values"].astype(array.dtype)
     return data
 
 
 def _plain(attrs: Mapping[Any, Any]) -> dict[str, Any]:
-    """Texts, numbers and lists of numbers as they are; all else as JSON."""
+    """Attributes with texts, numbers and lists of numbers as they are, and all else as JSON."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, str | np.ndarray | np.number):

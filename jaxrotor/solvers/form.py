@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 
@@ -49,7 +50,7 @@ class PhysicalForm(AbstractForm):
 
     def encode(self, q, velocity):
         state = jnp.stack([q, velocity / self.motion.rate])
-        return jnp.stack([state.real, state.imag], axis=1)
+        return plane(state, axis=1)
 
     def decode(self, y):
         state = y[:, 0] + 1j * y[:, 1]

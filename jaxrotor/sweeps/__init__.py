@@ -1,4 +1,4 @@
-"""Sweeps: many trajectories at once, observed as they run, kept in stores, numbered by attractor."""
+"""Sweeps: many trajectories at once, observed as they run, kept in stores, classified by attractor."""
 
 import lazy_loader
 

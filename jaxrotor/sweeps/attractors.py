@@ -1,4 +1,4 @@
-"""Attractors: which lanes of a sweep end in the same motion, and in which one as parameters change."""
+"""Attractors: the motions in which lanes of a sweep end, followed as parameters change."""
 
 from collections.abc import Sequence
 
@@ -25,23 +25,28 @@ def attractors(
     apart: float | None = None,
     like: xr.Dataset | None = None,
 ) -> xr.Dataset:
-    """The data set with a number of the `attractor` of every lane, the commonest 0.
+    """The data set with the number of the `attractor` of every lane, 0 for the most frequent one.
 
-    Lanes of the same parameters, which differ by their start or branch, are in one attractor if a chain of
-    lanes leads from one to the other in steps of `within`, of `features` over their ranges in the whole
-    data set. From one value of a parameter to the next, clusters keep the number of the known one whose
-    mean is nearest, if nearer than `apart`; so an attractor that changes fast needs close values.
+    Distances are those of `features`, each over its range in the whole data set. Lanes of the same
+    parameters, which differ by their start or branch, are in one attractor if a chain of lanes leads
+    from one to the other in steps of at most `within`. From one value of a parameter to the next, a
+    cluster takes the number of the known attractor whose mean is nearest, if nearer than `apart`; an
+    attractor that changes fast therefore needs close values.
 
     Args:
-        dataset: sweep of one number a lane for every feature; undefined whirl counts as none.
+        dataset: sweep with one number a lane for every feature; an undefined whirl rate counts as 0.
         features: names of variables.
-        within: distance of neighbours, of the range of every feature.
-        apart: farthest that an attractor moves to the next value; by default twice `within`.
-        like: an earlier answer, of another sweep, whose numbers are kept for the attractors it knows.
+        within: largest distance of neighbours in a chain.
+        apart: distance that an attractor may move to the next value; by default twice `within`.
+        like: an earlier result for another sweep, whose numbers are kept for the attractors in it.
 
     Returns:
         The data set with `attractor`, -1 where a lane failed; its attribute `means` lists the features of
         every attractor. Motions with equal features count as one; not differentiable.
+
+    Raises:
+        ValueError: if a feature is missing or is not one number a lane, `within` is not above 0 or is
+            above `apart`, or `like` has no attractors by the same features.
 
     Source: Stender, Hoffmann (2022), bSTAB, Nonlinear Dynamics 107, 1451-1468; matching: Datseris, Rossi,
     Wagemakers (2023), Chaos 33, 073151.
@@ -72,17 +77,17 @@ def attractors(
     good = ~failed(status.transpose(*order).values).ravel()
     spread = np.ptp(table[good], axis=0) if good.any() else np.ones(len(features))
     scaled = (table / np.where(spread > 0, spread, 1.0)).reshape(cells, -1, len(features))
-    before = [] if like is None else _means(like, features)
-    known = [np.array(mean) / np.where(spread > 0, spread, 1.0) for mean in before]
+    earlier = [] if like is None else _means(like, features)
+    known = [np.array(mean) / np.where(spread > 0, spread, 1.0) for mean in earlier]
     label = _numbered(scaled, good.reshape(cells, -1), _serpentine(shape), within, apart, known)
     label = label.ravel()
     means = [
-        table[label == number].mean(axis=0).tolist() if (label == number).any() else before[number]
-        for number in range(max(label.max(initial=-1) + 1, len(before)))
+        table[label == number].mean(axis=0).tolist() if (label == number).any() else earlier[number]
+        for number in range(max(label.max(initial=-1) + 1, len(earlier)))
     ]
-    about = {"long_name": "attractor", "features": list(features), "means": means, "within": within}
+    attrs = {"long_name": "attractor", "features": list(features), "means": means, "within": within}
     sizes = [dataset.sizes[d] for d in order]
-    found = xr.DataArray(label.reshape(sizes), dims=order, attrs=about)
+    found = xr.DataArray(label.reshape(sizes), dims=order, attrs=attrs)
     return dataset.assign(attractor=found.transpose(*status.dims))
 
 
@@ -94,31 +99,32 @@ def _numbered(
     apart: float,
     known: list[np.ndarray],
 ) -> Int[np.ndarray, "c l"]:
-    """Numbers of the lanes of every cell, cells taken along a path of neighbours.
+    """Numbers of the attractors of all lanes, cells taken along a path of neighbours.
 
-    `known` is the mean of every attractor where it was last seen.
+    `known` holds the mean of every attractor in the last cell where it occurred.
     """
     label, first = np.full(points.shape[:2], -1), len(known)
     for cell in path:
         lanes = np.flatnonzero(good[cell])
         if not lanes.size:
             continue
-        mine = points[cell, lanes]
-        cluster = _clusters(mine, within)
-        means = np.stack([mine[cluster == k].mean(axis=0) for k in range(cluster.max() + 1)])
-        names = np.full(len(means), -1)
+        here = points[cell, lanes]
+        cluster = _clusters(here, within)
+        means = np.stack([here[cluster == k].mean(axis=0) for k in range(cluster.max() + 1)])
+        numbers = np.full(len(means), -1)
         if known:
-            away = np.linalg.norm(means[:, None] - np.stack(known), axis=-1)
-            # No match is dearer than any that counts, and all that do not cost the same.
-            for row, column in zip(*linear_sum_assignment(np.minimum(away, apart)), strict=True):
-                if away[row, column] < apart:
-                    names[row] = column
-        for number, mean in enumerate(means):
-            if names[number] < 0:
-                names[number] = len(known)
+            distance = np.linalg.norm(means[:, None] - np.stack(known), axis=-1)
+            # Beyond `apart` all cost the same, more than any admissible match.
+            matches = linear_sum_assignment(np.minimum(distance, apart))
+            for row, column in zip(*matches, strict=True):
+                if distance[row, column] < apart:
+                    numbers[row] = column
+        for k, mean in enumerate(means):
+            if numbers[k] < 0:
+                numbers[k] = len(known)
                 known.append(mean)
-            known[names[number]] = mean
-        label[cell, lanes] = names[cluster]
+            known[numbers[k]] = mean
+        label[cell, lanes] = numbers[cluster]
     sizes = np.bincount(label[label >= 0], minlength=len(known))
     rank = np.append(np.arange(len(known)), -1)
     rank[first + np.argsort(-sizes[first:], kind="stable")] = np.arange(first, len(known))
@@ -126,14 +132,14 @@ def _numbered(
 
 
 def _means(like: xr.Dataset, features: Sequence[str]) -> list[list[float]]:
-    """Of the attractors that another data set knows."""
+    """Means of the attractors in another data set."""
     if "attractor" not in like or like["attractor"].attrs["features"] != list(features):
-        raise ValueError("`like` must be an answer of `attractors` by the same `features`.")
+        raise ValueError("`like` must be a result of `attractors` by the same `features`.")
     return like["attractor"].attrs["means"]
 
 
 def _clusters(points: Float[np.ndarray, "l f"], within: float) -> Int[np.ndarray, " l"]:
-    """Which points are joined by steps of at most `within`."""
+    """Number of the cluster of every point, where steps of at most `within` join points."""
     pairs = KDTree(points).query_pairs(within, output_type="ndarray")
     joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(points), len(points)))
     return connected_components(joined, directed=False)[1]
@@ -143,9 +149,9 @@ def _serpentine(shape: Sequence[int]) -> list[int]:
     """Cells of a grid in an order in which each is a neighbour of the one before."""
     path = []
     for index in np.ndindex(*shape):
-        turned, rank = [], 0
+        cell, rank = [], 0
         for at, size in zip(index, shape, strict=True):
-            turned.append(size - 1 - at if rank % 2 else at)
+            cell.append(size - 1 - at if rank % 2 else at)
             rank = rank * size + at
-        path.append(int(np.ravel_multi_index(turned, shape)) if len(shape) else 0)
+        path.append(int(np.ravel_multi_index(cell, shape)) if len(shape) else 0)
     return path

@@ -1,6 +1,6 @@
-"""Basins: where many starts of a balancer end."""
+"""Basins: the motions in which many starts of a ball balancer end."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from ..core.attributes import about, flags
 from ..core.checks import check_counts
 from ..core.parallel import chunk_size, cores, spread
 from ..core.progress import progress as bar
@@ -19,7 +20,7 @@ from ..equations.start import AbstractStart, AtRest, Balls, Launch
 from ..files.toml import dumps
 from ..motion.run_up import by_race, imbalance_of
 from ..motion.transient import Integration, control, integrate
-from ..results.provenance import assumed, versions
+from ..results.provenance import as_json, assumed, versions
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
@@ -48,12 +49,12 @@ def basins(
     progress: bool | None = None,
     max_steps: int = 100_000,
 ) -> xr.Dataset:
-    """Outcome of many starts: balanced, unbalanced but in step, or balls captured in a lag whirl.
+    """Outcome of many starts: balanced, unbalanced but synchronous, or balls captured in a lag whirl.
 
-    Seen over the last `window` of the run. A ball is in step when its mean rate differs from that of
-    the shaft by less than `slip` of it; a rotor is balanced when all are and the rms of the imbalance
-    is below `within` of what its balls can balance. A state that is still drifting is called what
-    it is then: lengthen the run until shares settle.
+    The outcome is judged over the last `window` of the run. A ball is synchronous when its mean rate
+    differs from that of the shaft by less than `slip` of it; a rotor is balanced when all balls are, and
+    the rms of the imbalance is below `within` of what its balls can balance. A motion that still drifts
+    is classified as it is then: lengthen the run until the shares no longer change.
 
     Starts of a chunk wait for the slowest. 200 starts of 5 s of the scene `ball-balancer` take 300 to
     500 steps and 2 s of one core, above the critical speed and below, after 15 s of compilation; where
@@ -61,14 +62,14 @@ def basins(
 
     Args:
         scene: a rotor with balls.
-        angles: (lanes, balls) first angles from the shaft [rad], rows one after the other.
+        angles: (lanes, balls) first angles from the shaft [rad], races one after the other.
         duration: length of the runs [s].
         rates: (lanes, balls) or one, first rates from the shaft [rad/s]; minus the speed is at rest.
         window: share of the run that is observed, at its end.
-        within: imbalance that counts as balanced, of the capacity of the balls.
-        slip: difference of mean rates that counts as in step, of the mean speed.
+        within: imbalance that counts as balanced, as a share of the capacity of the balls.
+        slip: difference of mean rates that counts as synchronous, as a share of the mean speed.
         shaft: starting state of the shaft, by default `AtRest()`.
-        samples: how many instants of the window are looked at, two or more.
+        samples: number of instants in the window, two or more.
         solver: any diffrax solver with an error estimate, by default Dopri8.
         controller: step control, by default rtol 1e-6 and atol 1e-9 of m and rad.
         lanes_per_chunk: starts run as one program.
@@ -81,8 +82,58 @@ def basins(
         Dataset over `lane` and `ball`: `outcome`, `imbalance` (rms) [kg m], `radius` (largest, of the
         station of the first race) [m], `mean_rate` of every ball [rad/s]; not differentiable.
 
+    Raises:
+        ValueError: if the scene has no balls or its drive can stop, a start is not finite or not of so
+            many balls, `duration`, `window` or `samples` are not admissible, or the solver has no error
+            estimate.
+
     Source: Filimonikhin, Goncharov (2011); its balls start anywhere, and not all end in balance.
     """
+    starts = _starts(scene, angles, rates)
+    _check_run(scene, duration, window, samples)
+    chosen: Any = checked_solver(dfx.Dopri8() if solver is None else solver)
+    plan = _plan(scene, chosen, controller, duration, max_steps)
+    times = jnp.linspace((1 - window) * duration, duration, samples)
+    shaft = AtRest() if shaft is None else shaft
+    workers = cores(workers)
+    size = chunk_size(len(starts), lanes_per_chunk, workers)
+    chunks = [starts[i : i + size] for i in range(0, len(starts), size)]
+
+    def run(chunk: np.ndarray, tick):
+        padded = np.concatenate([chunk, np.repeat(chunk[-1:], size - len(chunk), axis=0)])
+        out = _ends(scene, times, shaft, jnp.asarray(padded), plan)
+        tick(1)
+        return jax.tree.map(lambda leaf: np.asarray(leaf)[: len(chunk)], out)
+
+    with bar(progress, len(chunks), f"{len(starts)} starts", "starts", size) as tick:
+        parts = spread(run, chunks, workers, tick)
+    ends = End(*map(np.concatenate, zip(*parts, strict=True)))
+    settings = {
+        "duration": float(duration),
+        "window": float(window),
+        "within": float(within),
+        "slip": float(slip),
+        "solver": solver_name(chosen),
+        "controller": as_json(plan.controller),
+    }
+    return _dataset(scene, starts[:, 0], ends, _outcomes(scene, ends, within, slip), settings)
+
+
+class End(NamedTuple):
+    """How runs end, observed over their last window; lanes in front."""
+
+    imbalance: Any  # rms [kg m]
+    radius: Any  # largest [m]
+    mean_rate: Any  # of every ball [rad/s]
+    lag: Any  # mean rate of every ball from the shaft [rad/s]
+    good: Any  # whether the run reached its end
+
+
+# === before the runs
+
+
+def _starts(scene: Scene, angles: Any, rates: Any) -> Float[np.ndarray, "l 2 b"]:
+    """First angles and rates of all balls, checked."""
     races = scene.of(AbstractBodies)
     if not races:
         raise ValueError(
@@ -97,6 +148,11 @@ def basins(
         if not np.isfinite(values).all():
             lane = int(np.argmin(np.isfinite(values).all(axis=1)))
             raise ValueError(f"`{name}` must be finite, but are {values[lane]} in lane {lane}.")
+    return np.stack([angles, rates], axis=1)
+
+
+def _check_run(scene: Scene, duration: float, window: float, samples: int) -> None:
+    """Raise unless the balls of a scene can be observed over the end of such a run."""
     if not 0 < window <= 1 or not 0 < duration < np.inf:
         raise ValueError(
             f"`duration` must be positive and `window` up to 1, but are {duration} and {window}."
@@ -109,15 +165,24 @@ def basins(
             "Balls are compared with the speed of the shaft, which has none once it is at rest; give a "
             "drive without `stops` and `coulomb`."
         )
-    chosen: Any = checked_solver(dfx.Dopri8() if solver is None else solver)
-    steps = controller or control(chosen, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration)
-    if isinstance(chosen, Exponential) or steps is None:
+
+
+def _plan(
+    scene: Scene,
+    solver: Any,
+    controller: dfx.AbstractStepSizeController | None,
+    duration: float,
+    max_steps: int,
+) -> Integration:
+    """How the runs are integrated, by steps that an error estimate chooses."""
+    steps = controller or control(solver, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration)
+    if isinstance(solver, Exponential) or steps is None:
         raise ValueError(
-            f"`solver` must choose its steps by an error estimate, but {solver_name(chosen)} has none; "
+            f"`solver` must choose its steps by an error estimate, but {solver_name(solver)} has none; "
             "give one such as diffrax.Dopri8(), or a `controller`."
         )
-    plan = Integration(
-        solver=tuned(chosen),
+    return Integration(
+        solver=tuned(solver),
         controller=steps,
         adjoint=dfx.ForwardMode(),
         substeps=1,
@@ -127,59 +192,20 @@ def basins(
         from_start=False,
         massless=massless_of(scene),
     )
-    times = jnp.linspace((1 - window) * duration, duration, samples)
-    starts = np.stack([angles, rates], axis=1)
-    size = chunk_size(len(starts), lanes_per_chunk, workers := cores(workers))
-    chunks = [starts[i : i + size] for i in range(0, len(starts), size)]
-    shaft = AtRest() if shaft is None else shaft
 
-    def run(chunk: np.ndarray, tick):
-        padded = np.concatenate([chunk, np.repeat(chunk[-1:], size - len(chunk), axis=0)])
-        out = _ends(scene, times, shaft, jnp.asarray(padded), plan)
-        tick(1)
-        return jax.tree.map(lambda leaf: np.asarray(leaf)[: len(chunk)], out)
 
-    with bar(progress, len(chunks), f"{len(starts)} starts", "starts", size) as tick:
-        parts = spread(run, chunks, workers, tick)
-    imbalance, radius, mean_rate, lag, good = map(np.concatenate, zip(*parts, strict=True))
-    capacity = sum(float(jnp.sum(race.masses) * race.race_radius) for race in races)
-    late = np.abs(lag) > slip * np.abs(mean_rate - lag)
-    outcome = np.where(imbalance < within * capacity, 0, 1)
-    outcome = np.where(late.any(axis=1), np.where(late.all(axis=1), 3, 2), outcome)
-    outcome = np.where(good, outcome, 4).astype(np.int8)
-    lane, both = ("lane",), ("lane", "ball")
-    flags = {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
-    return xr.Dataset(
-        {
-            "outcome": (lane, outcome, {"long_name": "where the start ended", **flags}),
-            "imbalance": (lane, imbalance, {"units": "kg m", "long_name": "rms imbalance"}),
-            "radius": (lane, radius, {"units": "m", "long_name": "largest displacement"}),
-            "mean_rate": (
-                both,
-                mean_rate,
-                {"units": "rad/s", "long_name": "mean rate of the ball"},
-            ),
-            "start": (both, angles, {"units": "rad", "long_name": "first angle from the shaft"}),
-        },
-        {"race": ("ball", np.repeat(np.arange(len(races)), [race.places for race in races]))},
-        {
-            "title": "jaxrotor basins of a ball balancer",
-            "scene": dumps(scene),
-            **assumed(scene),
-            "duration": float(duration),
-            "window": float(window),
-            "within": float(within),
-            "slip": float(slip),
-            "solver": solver_name(chosen),
-            "controller": eqx.tree_pformat(steps),
-            "versions": versions(),
-        },
-    )
+# === the runs
 
 
 @eqx.filter_jit
-def _ends(scene: Scene, times: Array, shaft: AbstractStart, starts: Float[Array, "l 2 b"], plan):
-    """Of every start: rms imbalance, largest radius, mean rate and lag of the balls, success."""
+def _ends(
+    scene: Scene,
+    times: Array,
+    shaft: AbstractStart,
+    starts: Float[Array, "l 2 b"],
+    plan: Integration,
+) -> End:
+    """The end of the run from every start."""
     races = scene.of(AbstractBodies)
 
     def one(start):
@@ -191,8 +217,43 @@ def _ends(scene: Scene, times: Array, shaft: AbstractStart, starts: Float[Array,
         total = imbalance_of(scene, instants.bodies)
         span = times[-1] - times[0]
         lag = (instants.bodies[-1] - instants.bodies[0]) / span
-        turned = (instants.turning.angle[-1] - instants.turning.angle[0]) / span
+        speed = (instants.turning.angle[-1] - instants.turning.angle[0]) / span
         rms = jnp.sqrt(jnp.mean(jnp.abs(total) ** 2))
-        return rms, jnp.max(jnp.abs(displacement)), turned + lag, lag, good
+        return End(rms, jnp.max(jnp.abs(displacement)), speed + lag, lag, good)
 
     return jax.vmap(one)(starts)
+
+
+def _outcomes(scene: Scene, ends: End, within: float, slip: float) -> np.ndarray:
+    """Number in `OUTCOMES` of every lane."""
+    races = scene.of(AbstractBodies)
+    capacity = sum(float(jnp.sum(race.masses) * race.race_radius) for race in races)
+    late = np.abs(ends.lag) > slip * np.abs(ends.mean_rate - ends.lag)
+    outcome = np.where(ends.imbalance < within * capacity, 0, 1)
+    outcome = np.where(late.any(axis=1), np.where(late.all(axis=1), 3, 2), outcome)
+    return np.where(ends.good, outcome, 4).astype(np.int8)
+
+
+def _dataset(
+    scene: Scene, angles: np.ndarray, ends: End, outcome: np.ndarray, settings: dict[str, Any]
+) -> xr.Dataset:
+    """Labelled outcomes of all starts."""
+    races = scene.of(AbstractBodies)
+    lane, both = ("lane",), ("lane", "ball")
+    return xr.Dataset(
+        {
+            "outcome": (lane, outcome, flags("where the start ended", OUTCOMES)),
+            "imbalance": (lane, ends.imbalance, about("kg m", "rms imbalance")),
+            "radius": (lane, ends.radius, about("m", "largest displacement")),
+            "mean_rate": (both, ends.mean_rate, about("rad/s", "mean rate of the ball")),
+            "start": (both, angles, about("rad", "first angle from the shaft")),
+        },
+        {"race": ("ball", np.repeat(np.arange(len(races)), [race.places for race in races]))},
+        {
+            "title": "jaxrotor basins of a ball balancer",
+            "scene": dumps(scene),
+            **assumed(scene),
+            **settings,
+            "versions": versions(),
+        },
+    )

@@ -1,7 +1,8 @@
-"""Cluster: chunks of a sweep as tasks of Dask workers, which write what they find themselves.
+"""Cluster: chunks of a sweep as tasks of Dask workers, which write their results themselves.
 
-The scheduler knows of a chunk its place in the grid, and hears the revolutions done; what to do with
-chunks goes to every worker once. What a worker that dies had not yet written others do again.
+For a chunk, the scheduler is given its place in the grid, and the task returns the revolutions done;
+the program for chunks is sent to every worker once. Chunks that a worker had not yet written when it
+died are run by other workers.
 """
 
 import asyncio
@@ -26,23 +27,23 @@ import jax.numpy as jnp
 from ..core.checks import check_counts
 from ..core.parallel import Threads, cores
 from ..results.provenance import versions
-from .store import Store, plainly
+from .store import Store, explained_errors
 
 
-AHEAD = 1000  # chunks that the scheduler knows of at once, more where there are more workers
-QUIET = (  # Ctrl-C is for who began the workers, and how they end then no news
+MOST_QUEUED = 1000  # chunks given to the scheduler at once; more if there are more workers
+QUIET = (  # Ctrl-C is for the process that started the workers, which then end without messages
     "import logging, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "logging.getLogger('distributed.worker.state_machine').setLevel(logging.ERROR)"
 )
-MOST = 1024  # processes started here
-PATIENCE = 5  # seconds after which a cluster that does not answer counts as none
+MOST_PROCESSES = 1024  # that may be started here
+CONNECTION_TIME = 5  # seconds in which a scheduler must answer
 
-_alone = threading.Lock()  # among the threads of a worker
+_lock = threading.Lock()  # for the threads of a worker
 
 
 @contextlib.contextmanager
-def crew(cluster: Any, workers: int | None) -> Iterator["Threads | Workers"]:
-    """What runs chunks: threads of this process, or the workers of a Dask `cluster`."""
+def executor(cluster: Any, workers: int | None) -> Iterator["Threads | Workers"]:
+    """The executor of chunks: threads of this process, or the workers of a Dask `cluster`."""
     if cluster is None:
         yield Threads(cores(workers))
         return
@@ -63,77 +64,79 @@ def crew(cluster: Any, workers: int | None) -> Iterator["Threads | Workers"]:
 
 @dataclasses.dataclass(frozen=True)
 class Workers:
-    """Chunks run by the workers of a Dask cluster, each its own process."""
+    """Chunks run by the workers of a Dask cluster, each a process of its own."""
 
     client: Any
 
     @property
     def count(self) -> int:
-        """Chunks run at once by the workers there are now."""
+        """Number of chunks that the present workers run at once."""
         return max(sum(self.client.nthreads().values()), 1)
 
     def each(self, call: Callable, chunks: list, tick: Callable[[int], None], sink: Any = None):
-        """`call(chunk, tick)` of every chunk, in order; what goes into a `sink` is not returned."""
+        """Results of `call(chunk, tick)` for every chunk, in order; None for what went into a `sink`."""
         import cloudpickle
         from distributed import KilledWorker, as_completed
 
-        found: list[Any] = [None] * len(chunks)
+        results: list[Any] = [None] * len(chunks)
         name, numbers = f"chunk-{uuid.uuid4().hex}", iter(range(len(chunks)))
-        with _seen(sink) as place:
-            what = cloudpickle.dumps((call, place, _installed()))
-            packed = self.client.submit(bytes, what, pure=False)
-            begin = lambda number: self.client.submit(
+        with _shared_folder(sink) as folder:
+            task = cloudpickle.dumps((call, folder, _installed()))
+            packed = self.client.submit(bytes, task, pure=False)
+            submit = lambda number: self.client.submit(
                 _work, packed, chunks[number], key=(name, number)
             )
-            first = itertools.islice(numbers, max(AHEAD, 4 * self.count))
-            running = as_completed(map(begin, first), loop=self.client.loop)
+            first = itertools.islice(numbers, max(MOST_QUEUED, 4 * self.count))
+            running = as_completed(map(submit, first), loop=self.client.loop)
             try:
                 for done in running:
                     revolutions, part = done.result()
                     number = done.key[1]
                     if sink is None:
-                        found[number] = part
+                        results[number] = part
                     elif part is not None:
                         sink.put(chunks[number], part)
                     tick(revolutions)
-                    running.update(map(begin, itertools.islice(numbers, 1)))
+                    running.update(map(submit, itertools.islice(numbers, 1)))
             except KilledWorker as error:
                 raise RuntimeError(
                     f"{error.allowed_failures + 1} worker processes died over the same chunk of lanes, "
-                    f"the last at {error.last_worker.address}; their logs may say why, and if it was for "
-                    "want of memory fewer `lanes_per_chunk` help."
+                    f"the last at {error.last_worker.address}; see their logs, and if memory ran out, "
+                    "take fewer `lanes_per_chunk`."
                 ) from None
             except concurrent.futures.CancelledError:
                 raise RuntimeError(
-                    "The cluster has gone, or was told to forget this sweep; what is in a store is kept."
+                    "The cluster has gone, or has cancelled this sweep; what is in a store is kept."
                 ) from None
             finally:
                 if self.client.status == "running":
                     self.client.cancel(list(running.futures))
-        return found
+        return results
 
 
 @contextlib.contextmanager
 def _processes(count: int) -> Iterator[Any]:
-    """Workers of this machine, as long as they are needed."""
+    """A client of worker processes that are started on this machine, and ended with it."""
     from distributed import Client, LocalCluster
 
     check_counts(cluster=count)
-    if count > MOST:
-        raise ValueError(f"`cluster` may start up to {MOST} processes here, but is {count}.")
+    if count > MOST_PROCESSES:
+        raise ValueError(
+            f"`cluster` may start up to {MOST_PROCESSES} processes here, but is {count}."
+        )
     if count > 1 and jax.default_backend() != "cpu":
         raise ValueError(
             f"{count} processes would share one {jax.default_backend()}, whose memory the first takes; "
             "leave `cluster` out, or start one worker for each by `dask cuda worker`."
         )
     config: Any = jax.config
-    kept = config.jax_compilation_cache_dir
+    cache = config.jax_compilation_cache_dir
     environment = {"JAX_ENABLE_X64": str(int(config.jax_enable_x64))}
-    environment |= {"JAX_COMPILATION_CACHE_DIR": kept} if kept else {}
-    how = {"threads_per_worker": 1, "dashboard_address": ":0", "env": environment}
-    how["memory_limit"] = 0  # Dask's own pauses a worker without a word
+    environment |= {"JAX_COMPILATION_CACHE_DIR": cache} if cache else {}
+    options = {"threads_per_worker": 1, "dashboard_address": ":0", "env": environment}
+    options["memory_limit"] = 0  # that of Dask pauses a worker without a message
     try:
-        cluster = LocalCluster(n_workers=count, preload=[QUIET], **how)
+        cluster = LocalCluster(n_workers=count, preload=[QUIET], **options)
     except RuntimeError as error:
         raise RuntimeError(
             f"{count} worker processes could not be started ({error}); they import the script that starts "
@@ -146,27 +149,26 @@ def _processes(count: int) -> Iterator[Any]:
             try:
                 yield client
             finally:
-                log.setLevel(logging.ERROR)  # a worker in the midst of a chunk is killed, as it may
+                log.setLevel(logging.ERROR)  # a worker may be killed while it runs a chunk
     finally:
         log.setLevel(level)
 
 
 @contextlib.contextmanager
 def _connected(cluster: Any) -> Iterator[Any]:
-    """A cluster that is there already."""
+    """A client of a cluster that runs already."""
     from distributed import Client, Security, connect
 
-    async def knock() -> None:  # a client that has failed to connect takes its time to go
-        how = Security().get_connection_args("client")
-        await (await connect(cluster, timeout=PATIENCE, **how)).close()
+    async def try_connection() -> None:  # a client that fails to connect takes long to end
+        options = Security().get_connection_args("client")
+        await (await connect(cluster, timeout=CONNECTION_TIME, **options)).close()
 
     if isinstance(cluster, str):
         try:
-            with concurrent.futures.ThreadPoolExecutor(
-                1
-            ) as alone:  # a notebook has a loop of its own
-                alone.submit(lambda: asyncio.run(knock())).result()
-        # A MemoryError comes from what is no scheduler, the others from protocols without set-up.
+            # In a thread, because a notebook runs an event loop in its own.
+            with concurrent.futures.ThreadPoolExecutor(1) as thread:
+                thread.submit(lambda: asyncio.run(try_connection())).result()
+        # MemoryError: another server answers. Others: protocols that are not set up.
         except (OSError, ValueError, MemoryError, TypeError, ImportError) as error:
             raise ValueError(
                 f"No Dask scheduler answers at {cluster!r} ({error}); give the address that one prints "
@@ -178,15 +180,15 @@ def _connected(cluster: Any) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def _seen(sink: Any) -> Iterator[tuple[Store, Path] | None]:
-    """A store, and a file beside it by which workers know that they see the same folder."""
+def _shared_folder(sink: Any) -> Iterator[tuple[Store, Path] | None]:
+    """A store, and a file beside it from which workers know that they have access to its folder."""
     if not isinstance(sink, Store):
         yield None
         return
-    with plainly(sink.path):
+    with explained_errors(sink.path):
         parent = sink.path.absolute().parent
         parent.mkdir(parents=True, exist_ok=True)
-        handle, mark = tempfile.mkstemp(prefix=".seen-", dir=parent)
+        handle, mark = tempfile.mkstemp(prefix=".shared-", dir=parent)
         os.close(handle)
     try:
         yield sink, Path(mark)
@@ -195,31 +197,31 @@ def _seen(sink: Any) -> Iterator[tuple[Store, Path] | None]:
 
 
 def _installed() -> str:
-    """What must be the same in all processes of a sweep."""
+    """Versions and precision, which must be the same in all processes of a sweep."""
     return f"{versions()} {jnp.zeros(()).dtype}"
 
 
 @functools.lru_cache(maxsize=4)
 def _unpacked(packed: bytes) -> tuple[Callable, tuple[Store, Path] | None]:
-    """What to do with chunks: unpacked, and so compiled, once in a process."""
-    call, place, installed = pickle.loads(packed)
+    """The call for chunks and the shared folder: unpacked, and so compiled, once in a process."""
+    call, folder, installed = pickle.loads(packed)
     if installed != _installed():
         raise RuntimeError(
             f"A worker has {_installed()}, but this process {installed}; install the same there, and set "
-            "JAX_ENABLE_X64 alike."
+            "JAX_ENABLE_X64 to the same value."
         )
-    return call, place
+    return call, folder
 
 
 def _work(packed: bytes, chunk: Any) -> tuple[int, Any]:
-    """Run a chunk on a worker: revolutions done, and what is found if it could not be written."""
-    with _alone:
-        call, place = _unpacked(packed)
+    """Run a chunk on a worker: revolutions done, and the results, or None if they are in the store."""
+    with _lock:
+        call, folder = _unpacked(packed)
     revolutions: list[int] = []
     part = call(chunk, revolutions.append)
-    if place is not None:
-        store, mark = place
-        with _alone:
+    if folder is not None:
+        store, mark = folder
+        with _lock:
             if mark.exists():
                 store.put(chunk, part)
                 part = None

@@ -1,9 +1,10 @@
-"""Escapes: how long motions last before they change their whirl, from an ensemble of starts."""
+"""Escapes: the time motions last before their whirl reverses, from an ensemble of starts."""
 
 import numpy as np
 import xarray as xr
 from scipy import stats
 
+from ..core.attributes import about
 from ..core.outcome import failed
 
 
@@ -14,41 +15,38 @@ def escapes(
     after: int = 0,
     confidence: float = 0.95,
 ) -> xr.Dataset:
-    """Survival `S(t)`, the share of an ensemble still there, and the rate `lambda` of `S = e^(-lambda t)`.
+    """Survival `S(t)`, the share of an ensemble not escaped yet, and the rate of `S = e^(-lambda t)`.
 
-    Of `n` escapes in `T` revolutions lived through by all lanes together the rate is `n / T`, the most
-    likely one for lanes that a chaotic transient makes forget their start; its bounds are exact for
-    a Poisson count, `chi2(a/2, 2 n) / (2 T)` and `chi2(1 - a/2, 2 n + 2) / (2 T)`. Those of the survival
-    are exact for a binomial one. Lanes that have not escaped by the end count for what they lived.
+    For `n` escapes in the `T` revolutions that all lanes have survived in total, the rate `lambda` is
+    `n / T`, the most likely one for lanes that a chaotic transient makes forget their start. Its bounds
+    are exact for a Poisson count, `chi2(a/2, 2 n) / (2 T)` and `chi2(1 - a/2, 2 n + 2) / (2 T)`; those of
+    the survival are exact for a binomial one. Lanes that have not escaped by the end count with the
+    revolutions they survived.
 
     Args:
         dataset: sweep with `observe.Reversal`, settled for 0 revolutions.
-        over: dimensions that the ensemble is over, by default all that start with `start.`.
-        after: revolutions at which the rate begins to count, of lanes still there: a first transient
+        over: dimensions of the ensemble, by default all that start with `start.`.
+        after: revolutions from which on escapes count, of lanes not escaped by then: a first transient
             depends on the starts.
-        confidence: of the bounds.
+        confidence: level of the bounds.
 
     Returns:
         Dataset over the other dimensions: `rate` [1/revolution], `survival` over `revolution`, both with
         `_low` and `_high`, numbers of `lanes`, `escaped` and `failed`; not differentiable.
 
+    Raises:
+        ValueError: if the sweep has no `reversal` or settled unobserved, `confidence` is not between 0
+            and 1, `after` is not within the revolutions observed, or `over` names no dimensions of it.
+
     Source: Lai, Tel (2011), Transient Chaos, section 1.2; bounds: Garwood (1936), Biometrika 28, 437-442,
     Clopper, Pearson (1934), Biometrika 26, 404-413.
     """
-    if "reversal" not in dataset:
-        raise ValueError(
-            "The dataset has no `reversal`; run the sweep with `observe=[observe.Reversal()]`."
-        )
-    if dataset.attrs.get("settle"):
-        raise ValueError(
-            f"The sweep did not watch its first {dataset.attrs['settle']} revolutions; take `settle=0`."
-        )
+    observed = _revolutions_observed(dataset)
     if not 0 < confidence < 1:
         raise ValueError(f"`confidence` must be between 0 and 1, but is {confidence}.")
-    kept = int(dataset["reversal_watched"].max())  # a reversal takes some revolutions to be seen
-    if not 0 <= after < kept:
+    if not 0 <= after < observed:
         raise ValueError(
-            f"`after` must be at least 0 and below the {kept} revolutions in which a reversal may be "
+            f"`after` must be at least 0 and below the {observed} revolutions in which a reversal may be "
             f"seen, but is {after}."
         )
     times = dataset["reversal"]
@@ -63,27 +61,26 @@ def escapes(
     grid = times.stack(start=chosen).transpose(..., "start")
     good = good.stack(start=chosen).transpose(..., "start").values
     escape = np.where(np.isnan(grid.values), np.inf, grid.values)
-    revolution = np.arange(kept + 1)
+    revolution = np.arange(observed + 1)
     lanes = good.sum(axis=-1)
     alive = np.stack([((escape > t) & good).sum(axis=-1) for t in revolution], axis=-1)
     late = good & (escape > after)
     count = (late & np.isfinite(escape)).sum(axis=-1)
-    lived = np.sum(np.where(late, np.minimum(escape, kept) - after, 0.0), axis=-1)
+    survived = np.sum(np.where(late, np.minimum(escape, observed) - after, 0.0), axis=-1)
     dims = tuple(grid.dims[:-1])
-    rates = _poisson(count, lived, confidence)
+    rates = _poisson(count, survived, confidence)
     shares = _binomial(alive, lanes[..., None], confidence)
-    about = {"units": "1/revolution", "long_name": "rate of escape"}
-    alike = {"units": "1", "long_name": "share not escaped"}
+    of_rate, of_share = about("1/revolution", "rate of escape"), about("1", "share not escaped")
     ends = ("", "_low", "_high")
     return xr.Dataset(
-        {f"rate{end}": (dims, value, about) for end, value in zip(ends, rates, strict=True)}
+        {f"rate{end}": (dims, value, of_rate) for end, value in zip(ends, rates, strict=True)}
         | {
-            f"survival{end}": ((*dims, "revolution"), value, alike)
+            f"survival{end}": ((*dims, "revolution"), value, of_share)
             for end, value in zip(ends, shares, strict=True)
         }
         | {
             "lanes": (dims, lanes, {"units": "1"}),
-            "escaped": (dims, count, {"units": "1", "long_name": f"escapes after {after}"}),
+            "escaped": (dims, count, about("1", f"escapes after {after}")),
             "failed": (dims, (~good).sum(axis=-1), {"units": "1"}),
         },
         {"revolution": revolution, **{dim: dataset[dim] for dim in dims}},
@@ -91,17 +88,30 @@ def escapes(
     )
 
 
-def _poisson(count, lived, confidence):
-    """Rate of a count in what was lived, and its bounds."""
+def _revolutions_observed(dataset: xr.Dataset) -> int:
+    """Number of revolutions in which a reversal can be detected: it takes some to tell one."""
+    if "reversal" not in dataset:
+        raise ValueError(
+            "The dataset has no `reversal`; run the sweep with `observe=[observe.Reversal()]`."
+        )
+    if dataset.attrs.get("settle"):
+        raise ValueError(
+            f"The sweep did not watch its first {dataset.attrs['settle']} revolutions; take `settle=0`."
+        )
+    return int(dataset["reversal_watched"].max())
+
+
+def _poisson(count, survived, confidence):
+    """Rate of a count of escapes in so many survived revolutions, and its bounds."""
     tail = (1 - confidence) / 2
-    lived = np.where(lived > 0, lived, np.nan)
+    survived = np.where(survived > 0, survived, np.nan)
     low = np.where(count > 0, stats.chi2.ppf(tail, 2 * count) / 2, 0.0)
     high = stats.chi2.ppf(1 - tail, 2 * count + 2) / 2
-    return count / lived, low / lived, high / lived
+    return count / survived, low / survived, high / survived
 
 
 def _binomial(count, lanes, confidence):
-    """Share of a count in lanes, and its bounds."""
+    """Share of a count in a number of lanes, and its bounds."""
     tail = (1 - confidence) / 2
     low = np.where(count > 0, stats.beta.ppf(tail, count, lanes - count + 1), 0.0)
     high = np.where(count < lanes, stats.beta.ppf(1 - tail, count + 1, lanes - count), 1.0)

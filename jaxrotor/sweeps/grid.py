@@ -12,7 +12,10 @@ Block = dict[str, slice]
 
 
 def block_shape(shape: Sequence[int], most: int, workers: int) -> tuple[int, ...]:
-    """Even blocks of at most `most` lanes, of whole last axes, and enough of them to busy all workers."""
+    """Shape of even blocks of at most `most` lanes.
+
+    Blocks span the last axes whole, and there are enough of them to occupy all workers.
+    """
     block, room = [1] * len(shape), most
     for axis in reversed(range(len(shape))):
         block[axis] = math.ceil(shape[axis] / math.ceil(shape[axis] / room))
@@ -28,22 +31,22 @@ def block_shape(shape: Sequence[int], most: int, workers: int) -> tuple[int, ...
 
 
 def blocks(sizes: Mapping[str, int], block: Sequence[int]) -> list[Block]:
-    """All blocks of a grid, the last of an axis maybe shorter."""
+    """All blocks of a grid; the last along an axis may be shorter."""
     counts = [-(-n // b) for n, b in zip(sizes.values(), block, strict=True)]
-    found = []
+    parts = []
     for index in np.ndindex(*counts):
         ends = zip(sizes.items(), index, block, strict=True)
-        found.append({dim: slice(i * b, min((i + 1) * b, n)) for (dim, n), i, b in ends})
-    return found
+        parts.append({dim: slice(i * b, min((i + 1) * b, n)) for (dim, n), i, b in ends})
+    return parts
 
 
 def place_of(block: Block, dims: Iterable[Hashable]) -> tuple[slice, ...]:
-    """Where a block is in an array of these dimensions, whole along those that it does not cut."""
+    """Place of a block in an array of these dimensions, whole along those that the block does not cut."""
     return tuple(block.get(str(dim), slice(None)) for dim in dims)
 
 
 class Gathered:
-    """Blocks of a data set, gathered in memory; one thread at a time."""
+    """A data set in memory, put together from blocks by one thread at a time."""
 
     def __init__(
         self, coords: Mapping[str, Any], attrs: Mapping[str, Any], block: Mapping[str, int]
@@ -52,40 +55,40 @@ class Gathered:
         self.whole = xr.Dataset()
 
     def pending(self, blocks: list[Block]) -> list[Block]:
-        """Those that are still to be computed: all."""
+        """The blocks that are still to be computed: all of them."""
         return blocks
 
     def put(self, block: Block, part: xr.Dataset) -> None:
-        """Keep a block."""
+        """Copy a block to its place."""
         if not self.whole.data_vars:
             self.whole = whole_of(part, self.coords)
             self.whole.attrs = self.attrs
-        for name, one in part.data_vars.items():
-            self.whole[name].values[place_of(block, one.dims)] = one.values
+        for name, array in part.data_vars.items():
+            self.whole[name].values[place_of(block, array.dims)] = array.values
 
     def finished(self) -> xr.Dataset:
-        """All of it."""
+        """The whole data set."""
         return self.whole
 
     def add(self, more: xr.Dataset, attrs: Mapping[str, Mapping[str, Any]]) -> None:
-        """Variables found from all blocks, and attributes of those there are."""
+        """Add variables that were computed from all blocks, and attributes to those that exist."""
         self.whole = self.whole.assign(more.variables)
-        for name, about in attrs.items():
-            self.whole[name].attrs.update(about)
+        for name, own in attrs.items():
+            self.whole[name].attrs.update(own)
 
 
 def whole_of(part: xr.Dataset, coords: Mapping[str, Any], *, empty: bool = False) -> xr.Dataset:
-    """A data set as large as `coords` (dim: (dim, values, attributes)), made like one of its blocks.
+    """A data set over all of `coords` (dim: (dim, values, attributes)), with the variables of one block.
 
-    Values are any; `empty` ones are NaN, or 0 of whole numbers, and take no memory.
+    Values are arbitrary; with `empty` they are NaN, or 0 of whole numbers, and take no memory.
     """
     sizes = {dim: len(values) for dim, (_, values, _) in coords.items()}
     variables = {}
-    for name, one in part.data_vars.items():
-        shape = [sizes.get(str(dim), n) for dim, n in one.sizes.items()]
-        none = np.nan if one.dtype.kind == "f" else 0
+    for name, array in part.data_vars.items():
+        shape = [sizes.get(str(dim), n) for dim, n in array.sizes.items()]
+        none = np.nan if array.dtype.kind == "f" else 0
         make = np.broadcast_to if empty else lambda fill, shape: np.empty(shape, fill.dtype)
-        values = make(np.array(none, one.dtype), shape)
-        variables[name] = (one.dims, values, one.attrs)
-    own = {name: one for name, one in part.coords.items() if name not in coords}
+        values = make(np.array(none, array.dtype), shape)
+        variables[name] = (array.dims, values, array.attrs)
+    own = {name: array for name, array in part.coords.items() if name not in coords}
     return xr.Dataset(variables, {**coords, **own}, part.attrs)

@@ -1,4 +1,4 @@
-"""Lanes: trajectories of one chunk, stepped together and observed as they go."""
+"""Lanes: trajectories of one chunk, stepped as one program and observed as they are stepped."""
 
 import dataclasses
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from .observe import AbstractObservable, Turn
 
 
 class Context(eqx.Module):
-    """What all chunks of a sweep share."""
+    """The settings that all chunks of a sweep share."""
 
     scene: Scene
     start: AbstractStart
@@ -48,6 +48,7 @@ class Stages(NamedTuple):
 
     @staticmethod
     def fresh() -> "Stages":
+        """Programs that are yet to be compiled."""
         return Stages(*map(first_alone, (_prepare, _skip, _keep, _decode)))
 
     def __reduce__(self) -> tuple:  # another process compiles its own
@@ -55,12 +56,12 @@ class Stages(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """What comes of lanes, all with the lanes in front."""
+    """Results of lanes, all with the lanes in front."""
 
-    carries: tuple  # of the observables
-    stored: tuple  # by the observables of every kept revolution
+    carries: tuple  # the last carry of every observable
+    stored: tuple  # what every observable stored of every kept revolution
     outcome: Outcome
-    started: np.ndarray  # whether there is a state to start from
+    started: np.ndarray  # whether the starting state is finite
     contact_stiffness_ratio: np.ndarray  # (lanes, 2), see `March.contact_stiffness_ratio`
     end: tuple[np.ndarray, np.ndarray] | None  # coordinates and velocities, (lanes, n)
 
@@ -72,12 +73,12 @@ def run_chunk(
     size: int,
     tick: Callable[[int], None],
     begin: tuple[np.ndarray, np.ndarray] | None = None,
-    ends: bool = False,
+    keep_end: bool = False,
 ) -> Lanes:
-    """Observables of a chunk, padded to a `size`.
+    """Results of a chunk of lanes, in programs for `size` of them.
 
-    Lanes start where the context says, or each at its own of `begin`; with `ends` they tell where
-    they end, those that failed where they began.
+    Lanes start from the start of the context, or each from its own state in `begin`; with `keep_end`
+    the results have the states at the end, or those at the beginning of lanes that failed.
     """
     lanes = len(points)
     pad = lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], size - lanes, axis=0)])
@@ -85,15 +86,15 @@ def run_chunk(
     shared, own, y, ratio = stages.prepare(context, *padded)
     started = np.isfinite(y).reshape(size, -1).all(axis=1)
     decode = lambda y: jax.tree.map(np.asarray, stages.decode(shared, own, y))
-    began = decode(y) if ends else None
-    good = Outcome.good(size)
+    first = decode(y) if keep_end else None
+    outcome = Outcome.good(size)
     for revolutions in segments(context.settle):
         y, ok = stages.skip(shared, own, y, jnp.asarray(revolutions))
-        good = good & ok
+        outcome = outcome & ok
         tick(revolutions)
     contacts = sum(len(group) for group in context.plan.together)
     empty = tuple(one.start(contacts) for one in context.observe)
-    # By way of numpy: weak types, which a program does not return, would have it compiled twice.
+    # Through numpy, because weak types, which a program does not return, would compile it twice.
     lanes_of = lambda leaf: jax.device_put(np.broadcast_to(leaf, (size, *np.shape(leaf))))
     carry = jax.tree.map(lanes_of, empty)
     stored, number = [], 0
@@ -101,76 +102,75 @@ def run_chunk(
         (y, carry, ok), out = stages.keep(
             context.observe, shared, own, y, carry, jnp.asarray(number), context.keep, revolutions
         )
-        good = good & ok
+        outcome = outcome & ok
         number += revolutions
         stored.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], out))
         tick(revolutions)
     stored = jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *stored)
-    mine = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
-    end = mine(_going_on(good.ok, decode(y), began)) if ends else None
-    return Lanes(mine(carry), stored, mine(good), started[:lanes], ratio[:lanes], end)
+    unpad = lambda tree: jax.tree.map(lambda leaf: np.asarray(leaf)[:lanes], tree)
+    end = unpad(_end_or_first(outcome.ok, decode(y), first)) if keep_end else None
+    return Lanes(unpad(carry), stored, unpad(outcome), started[:lanes], ratio[:lanes], end)
 
 
 def run_rows(
     context: Context, stages: Stages, rows: np.ndarray, size: int, tick: Callable[[int], None]
 ) -> Lanes:
-    """Observables of lanes that go through a row of points each, (lanes, points, paths).
+    """Results of lanes that go through a row of points each, (lanes, points, paths).
 
-    A lane goes on at every point from the state it ended the one before with; after a point where it
-    failed, from that it came there with.
+    A lane starts at every point from the state it had at the end of the point before; after a point
+    where it failed, from the state it had at the beginning of that point.
     """
-    seen: list[Lanes] = []
+    results: list[Lanes] = []
     begin = None
     for points in rows.swapaxes(0, 1):
-        seen.append(run_chunk(context, stages, points, size, tick, begin, ends=True))
-        begin = seen[-1].end
-    whole = [lanes._replace(end=None) for lanes in seen]
-    return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *whole)
+        results.append(run_chunk(context, stages, points, size, tick, begin, keep_end=True))
+        begin = results[-1].end
+    observed = [lanes._replace(end=None) for lanes in results]
+    return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *observed)
 
 
-def _going_on(ok: Any, end: Any, began: Any) -> Any:
-    """States at the end, of lanes that failed those at the beginning.
+def _end_or_first(ok: Any, end: Any, first: Any) -> Any:
+    """States at the end; of lanes that failed, those at the beginning.
 
-    A state may be finite where what is observed of it has overflown.
+    A state may be finite where an observable of it has overflowed, so `ok` counts as well.
     """
     good = np.all([np.isfinite(part).all(axis=1) for part in end], axis=0) & np.asarray(ok)
-    return jax.tree.map(lambda here, before: np.where(good[:, None], here, before), end, began)
+    return jax.tree.map(lambda here, before: np.where(good[:, None], here, before), end, first)
 
 
 def _prepare(context: Context, points: np.ndarray, begin: Any):
-    """Marches of the lanes, split into what all share and what each has of its own; states, bounces.
+    """Marches of the lanes, as leaves that all share and leaves of each; states; stiffness ratios.
 
     Lanes are prepared one after the other, each in the same way whatever the size of its chunk.
-    Values tell what is shared.
+    A leaf is shared if its values are equal in all lanes.
     """
     plan = context.plan
     if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
-        march, *begun = _build_lanes(
-            context, _with_basis(plan, plan.solver, "modal"), points, begin
-        )
+        modal = _with_basis(plan, plan.solver, "modal")
+        march, y, ratio = _build_lanes(context, modal, points, begin)
         if isinstance(march.form, PortForm) and not well_conditioned(march.form.basis.vectors):
-            march, *begun = _build_lanes(
-                context, _with_basis(plan, plan.solver, "dense"), points, begin
-            )
+            dense = _with_basis(plan, plan.solver, "dense")
+            march, y, ratio = _build_lanes(context, dense, points, begin)
     else:
-        march, *begun = _build_lanes(context, plan, points, begin)
+        march, y, ratio = _build_lanes(context, plan, points, begin)
     arrays, constant = eqx.partition(march, eqx.is_array)
     equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
     shared = jax.tree.map(
         lambda leaf, same: jax.device_put(leaf[0]) if same else None, arrays, equal
     )
     own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
-    y, ratio = begun
     return eqx.combine(shared, constant), own, jax.device_put(y), ratio
 
 
 def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
+    """The plan with another basis of its exponential solver."""
     return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
 
 
 def _build_lanes(
     context: Context, plan: Plan, points: np.ndarray, begin: Any
 ) -> tuple[March, np.ndarray, np.ndarray]:
+    """Marches, states at the start and stiffness ratios of all lanes, on the processor."""
     cpu = jax.local_devices(backend="cpu")[0]
     parts = (context.scene, plan, context.start, context.station, context.period)
     with jax.default_device(cpu):  # small matrices, one lane after the other
@@ -181,7 +181,8 @@ def _build_lanes(
 
 
 def _build_lane_by_lane(scene, plan, start, station, period, paths, lanes):
-    constant = []  # what is no array and the same for every lane: known once a lane is traced
+    """`_build` of every lane: its arrays, with lanes in front, and all else, which lanes share."""
+    constant = []  # known once a lane is traced
 
     def one(lane):
         built = _build(scene, plan, start, station, period, paths, *lane)
@@ -192,14 +193,14 @@ def _build_lane_by_lane(scene, plan, start, station, period, paths, lanes):
     return jax.lax.map(one, lanes), constant[0]
 
 
-# Runs once for a chunk: to compile it well takes longer than all its runs.
+# Runs once for a chunk, so compiling it with optimisation would take longer than all its runs.
 _build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
 
 
 def _build(
     scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point, begin
 ) -> tuple[March, Array, Float[Array, "2"]]:
-    """A lane's march, its state at the start, and how hard its stops answer."""
+    """March of a lane, its state at the start, and its contact stiffness ratio."""
     values = dict(zip(paths, point, strict=True))
     scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
     for path in values:
@@ -213,17 +214,21 @@ def _build(
 
 @eqx.filter_jit
 def _skip(shared: March, own: March, y: Array, revolutions: Int[Array, ""]):
+    """States after some revolutions that are not observed, and how these went."""
     return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
 
 
 @eqx.filter_jit
 def _keep(observe, shared: March, own: March, y, carry, number, count: int, revolutions: int):
-    """Some kept revolutions from the `number`-th on, of `count` in all."""
+    """States, carries and stored arrays after some kept revolutions.
+
+    The first of them has the given `number`, of `count` that are kept in all.
+    """
 
     def lane(own: March, y, carry):
-        def update(state, orbit):
+        def update(state, samples):
             number, carries = state
-            turn = Turn.of(orbit, number, count)
+            turn = Turn.of(samples, number, count)
             pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
             return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
 

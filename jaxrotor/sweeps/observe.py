@@ -1,7 +1,7 @@
 """Observables: what a sweep keeps of a motion, one revolution at a time.
 
-An observable sees each kept revolution once and stores no trajectory. `update` runs inside the
-compiled sweep; `report` turns what came out, with lanes in front, into named variables.
+An observable receives each kept revolution once and stores no trajectory. `update` runs inside the
+compiled sweep; `report` turns its results, with lanes in front, into named variables.
 """
 
 import abc
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..motion.base import RevolutionSamples
 
@@ -27,53 +28,57 @@ class Variable(NamedTuple):
 
 
 class Turn(eqx.Module):
-    """One kept revolution at the observed station."""
+    """One kept revolution at the observed station, its first and last samples included."""
 
     z: Complex[Array, " T"]  # displacement [m], T = steps + 1
     velocity: Complex[Array, " T"]  # [m/s]
     contact_force: Complex[Array, "T k"] | None  # [N]
-    number: Array  # of this revolution, from 0
+    number: Array  # number of this revolution, from 0
     step: Scalar  # length of a step [s]
     s: Scalar  # sign of the spin
     count: int = eqx.field(static=True)  # revolutions kept
 
     @classmethod
-    def of(cls, orbit: RevolutionSamples, number: Array, count: int) -> "Turn":
-        """The revolution of an orbit at its first station."""
-        z = orbit.displacement[:, 0]
-        step = 2 * jnp.pi * orbit.seconds / (z.size - 1)
-        return cls(z, orbit.velocity[:, 0], orbit.contact_force, number, step, orbit.s, count)
+    def of(cls, samples: RevolutionSamples, number: Array, count: int) -> "Turn":
+        """The revolution at the first of the sampled stations."""
+        z = samples.displacement[:, 0]
+        step = 2 * jnp.pi * samples.seconds / (z.size - 1)
+        velocity = samples.velocity[:, 0]
+        return cls(z, velocity, samples.contact_force, number, step, samples.s, count)
 
     def in_centre(self) -> Bool[Array, " T"]:
-        """Samples at rest in the centre, or that pass it but for rounding."""
-        nothing = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
-        return jnp.abs(self.z) <= nothing * self.step * jnp.abs(self.velocity)
+        """Whether a sample is in the centre, or passes through it to within rounding."""
+        rounding = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
+        return jnp.abs(self.z) <= rounding * self.step * jnp.abs(self.velocity)
 
     def turned(self) -> Float[Array, " S"]:
-        """Angle the orbit turns through in every step [rad]."""
+        """Change of the polar angle `arg z` in every step [rad]."""
         return jnp.angle(self.z[1:] * jnp.conj(self.z[:-1]))
 
 
 class AbstractObservable(eqx.Module):
-    """What to keep of each revolution, and how to report it."""
+    """A quantity that is kept of each revolution, and how it is reported."""
 
     needs_contact: eqx.AbstractClassVar[bool]
 
     @abc.abstractmethod
     def check(self, steps: int, contacts: int) -> None:
-        """Refuse steps a revolution, or a number of contacts, that cannot be observed."""
+        """Raise `ValueError` unless so many steps a revolution and contacts can be observed."""
 
     @abc.abstractmethod
     def start(self, contacts: int) -> Any:
-        """Carry before the first revolution of a scene with so many contacts."""
+        """The carry before the first revolution of a scene with so many contacts."""
 
     @abc.abstractmethod
     def update(self, carry: Any, turn: Turn) -> tuple[Any, Any]:
-        """Carry after a revolution, and what is stored of it."""
+        """The carry after a revolution, and the arrays that are stored of this revolution."""
 
     @abc.abstractmethod
     def report(self, carry: Any, stored: Any, count: int) -> Mapping[str, Variable]:
-        """Variables from the last carry (lanes, ..) and the stored (lanes, revolutions, ..)."""
+        """Variables by name, from the last carry (lanes, ..) and what was stored.
+
+        Stored arrays are (lanes, revolutions, ..); `count` is the number of revolutions.
+        """
 
 
 class Section(AbstractObservable):
@@ -88,7 +93,7 @@ class Section(AbstractObservable):
         return None
 
     def update(self, carry, turn: Turn):
-        return carry, jnp.stack([turn.z[-1].real, turn.z[-1].imag])
+        return carry, plane(turn.z[-1])
 
     def report(self, carry, stored, count):
         section = Variable(("revolution", "axis"), stored, "m", "displacement once a revolution")
@@ -96,7 +101,7 @@ class Section(AbstractObservable):
 
 
 class Extrema(AbstractObservable):
-    """Local extrema of the x displacement, up to `most` in a revolution; located to O(step^4)."""
+    """Local extrema of the x displacement, up to `most` in a revolution, located to O(step^4)."""
 
     needs_contact: ClassVar[bool] = False
     most: int = eqx.field(default=12, static=True)
@@ -109,17 +114,17 @@ class Extrema(AbstractObservable):
 
     def update(self, carry, turn: Turn):
         x, v = turn.z.real, turn.velocity.real
-        found = (v[:-1] * v[1:] < 0) | (v[1:] == 0) & (v[:-1] != 0)
+        inside = (v[:-1] * v[1:] < 0) | (v[1:] == 0) & (v[:-1] != 0)  # the steps with an extremum
         fall = v[:-1] - v[1:]
-        u = jnp.clip(jnp.where(found, v[:-1] / jnp.where(found, fall, 1.0), 0.0), 0, 1)
+        u = jnp.clip(jnp.where(inside, v[:-1] / jnp.where(inside, fall, 1.0), 0.0), 0, 1)
         value = (
             (1 + 2 * u) * (1 - u) ** 2 * x[:-1]
             + u**2 * (3 - 2 * u) * x[1:]
             + turn.step * (u * (1 - u) ** 2 * v[:-1] + u**2 * (u - 1) * v[1:])
         )
-        (where,) = jnp.nonzero(found, size=self.most, fill_value=-1)
+        (where,) = jnp.nonzero(inside, size=self.most, fill_value=-1)
         kept = jnp.where(where < 0, jnp.nan, value[where])
-        return carry + jnp.maximum(jnp.sum(found) - self.most, 0), kept
+        return carry + jnp.maximum(jnp.sum(inside) - self.most, 0), kept
 
     def report(self, carry, stored, count):
         return {
@@ -135,34 +140,30 @@ class Extrema(AbstractObservable):
 class Precession(AbstractObservable):
     """Precession `Lambda = psi./Omega`: +1 forward synchronous, negative backward.
 
-    `index`: mean of Lambda over the samples. `winding`: turns of the orbit about the centre per
-    revolution. `whirl_rate`: mean with a bump weight that vanishes smoothly at both ends of the
-    window, which converges fast for periodic and quasi-periodic motion (Das, Saiki, Sander, Yorke,
-    Nonlinearity 30 (2017), eq. (2)). Undefined (NaN) for an orbit with a sample in the centre, and at
-    zero speed. Source: Azarov, Gouskov, Panovko (2023), "precession index".
+    `index` is the mean of Lambda over the samples, `winding` the number of turns of the orbit about the
+    centre per revolution. `whirl_rate` is a mean with a bump weight that vanishes smoothly at both ends
+    of the kept revolutions; it converges fast for periodic and quasi-periodic motion (Das, Saiki,
+    Sander, Yorke, Nonlinearity 30 (2017), eq. (2)). All are undefined (NaN) for an orbit with a sample
+    in the centre, and at zero speed. Source: Azarov, Gouskov, Panovko (2023), "precession index".
     """
 
     needs_contact: ClassVar[bool] = False
 
     def check(self, steps, contacts):
         del contacts
-        if steps < 8:
-            raise ValueError(
-                f"`steps_per_revolution` = {steps} is too few to see which way an orbit turns; take 8 "
-                "or more."
-            )
+        _check_direction_is_resolved(steps)
 
     def start(self, contacts):
         zero = jnp.array(0.0)
-        return {"index": zero, "winding": zero, "whirl": zero, "weight": zero, "still": zero}
+        return {"index": zero, "winding": zero, "whirl": zero, "weight": zero, "undefined": zero}
 
     def update(self, carry, turn: Turn):
         steps = turn.z.size - 1
         angle, square = turn.turned(), jnp.abs(turn.z[1:]) ** 2
-        still = turn.in_centre()[1:]
+        undefined = turn.in_centre()[1:]
         momentum = jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:])
         spin = jnp.where(turn.s == 0, jnp.nan, turn.s)
-        rate = turn.step * momentum / jnp.where(still, 1.0, square)
+        rate = turn.step * momentum / jnp.where(undefined, 1.0, square)
         t = (turn.number + (jnp.arange(steps) + 0.5) / steps) / turn.count
         bump = jnp.exp(-1 / (t * (1 - t)))
         add = {
@@ -170,12 +171,12 @@ class Precession(AbstractObservable):
             "winding": spin * jnp.sum(angle) / (2 * jnp.pi),
             "whirl": spin * jnp.sum(bump * angle) * steps / (2 * jnp.pi),
             "weight": jnp.sum(bump),
-            "still": jnp.sum(still.astype(float)),
+            "undefined": jnp.sum(undefined.astype(float)),
         }
         return {name: carry[name] + value for name, value in add.items()}, None
 
     def report(self, carry, stored, count):
-        defined = np.where(np.asarray(carry["still"]) == 0, 1.0, np.nan)
+        one_or_nan = np.where(np.asarray(carry["undefined"]) == 0, 1.0, np.nan)
         names = {
             "index": (carry["index"] / count, "mean of relative whirl speed"),
             "winding": (carry["winding"] / count, "turns of the orbit per revolution"),
@@ -185,7 +186,8 @@ class Precession(AbstractObservable):
             ),
         }
         return {
-            name: Variable((), defined * value, "1", long) for name, (value, long) in names.items()
+            name: Variable((), one_or_nan * value, "1", long_name)
+            for name, (value, long_name) in names.items()
         }
 
 
@@ -220,7 +222,7 @@ class Radius(AbstractObservable):
 
 
 class Contact(AbstractObservable):
-    """Of each contact: share of time under load, and largest resultant force."""
+    """Share of time under load and largest resultant force of each contact."""
 
     needs_contact: ClassVar[bool] = True
 
@@ -246,10 +248,10 @@ class Contact(AbstractObservable):
 
 
 class Reversal(AbstractObservable):
-    """When the whirl turns backward: the first of `window` revolutions in a row that all do.
+    """Reversal of the whirl to backward: the first of `window` backward revolutions in a row.
 
-    A revolution whirls by the sign of the area it sweeps, `Int Im(conj(z) z.) dt / 2`, along the spin or
-    against it. For `jaxrotor.escapes`, which takes starts for an ensemble.
+    A revolution is backward if the area it sweeps, `Int Im(conj(z) z.) dt / 2`, has the sign opposite to
+    the spin. `jaxrotor.escapes` takes the reversals of an ensemble of starts.
     """
 
     needs_contact: ClassVar[bool] = False
@@ -259,31 +261,27 @@ class Reversal(AbstractObservable):
         del contacts
         if self.window < 1:
             raise ValueError(f"`window` of Reversal must be at least 1, but is {self.window}.")
-        if steps < 8:
-            raise ValueError(
-                f"`steps_per_revolution` = {steps} is too few to see which way an orbit turns; take 8 "
-                "or more."
-            )
+        _check_direction_is_resolved(steps)
 
     def start(self, contacts):
         return jnp.array(0), jnp.array(-1)
 
     def update(self, carry, turn: Turn):
-        row, first = carry
+        in_a_row, first = carry
         area = turn.s * jnp.sum(jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:]))
-        row = jnp.where(area < 0, row + 1, 0)
-        first = jnp.where((first < 0) & (row == self.window), turn.number + 1 - self.window, first)
-        return (row, first), None
+        in_a_row = jnp.where(area < 0, in_a_row + 1, 0)
+        reversed_now = (first < 0) & (in_a_row == self.window)
+        first = jnp.where(reversed_now, turn.number + 1 - self.window, first)
+        return (in_a_row, first), None
 
     def report(self, carry, stored, count):
         _, first = carry
-        found = np.where(first < 0, np.nan, first)
-        long_name = "revolutions before the whirl turned backward"
-        watched = np.full(found.shape, max(count + 1 - self.window, 0))
+        reversal = np.where(first < 0, np.nan, first)
+        watched = np.full(reversal.shape, max(count + 1 - self.window, 0))
         return {
-            "reversal": Variable((), found, "1", long_name),
+            "reversal": Variable((), reversal, "1", "revolutions before the whirl turned backward"),
             "reversal_watched": Variable(
-                (), watched, "1", "revolutions in which it may be seen to"
+                (), watched, "1", "revolutions in which a reversal can be detected"
             ),
         }
 
@@ -291,8 +289,8 @@ class Reversal(AbstractObservable):
 class WhirlSpectrum(AbstractObservable):
     """Amplitude spectrum of Lambda(t): Hann window, mean removed, up to `samples`/2 cycles a revolution.
 
-    Each sample is the mean of Lambda over its share of the revolution; the spectrum is corrected
-    for that. Undefined (NaN) where the precession is. Source: Azarov, Gouskov, Panovko (2023),
+    Each sample is the mean of Lambda over its share of the revolution, for which the spectrum is
+    corrected. It is undefined (NaN) where the precession is. Source: Azarov, Gouskov, Panovko (2023),
     Figs. 5, 6.
     """
 
@@ -310,10 +308,10 @@ class WhirlSpectrum(AbstractObservable):
         return None
 
     def update(self, carry, turn: Turn):
-        still = jnp.any(turn.in_centre()) | (turn.s == 0)
-        share = turn.turned().reshape(self.samples, -1).sum(axis=1)
-        share = jnp.where(still, jnp.nan, share)
-        return carry, turn.s * share * self.samples / (2 * jnp.pi)
+        undefined = jnp.any(turn.in_centre()) | (turn.s == 0)
+        angle = turn.turned().reshape(self.samples, -1).sum(axis=1)
+        angle = jnp.where(undefined, jnp.nan, angle)
+        return carry, turn.s * angle * self.samples / (2 * jnp.pi)
 
     def report(self, carry, stored, count):
         signal = np.asarray(stored).reshape(*np.shape(stored)[:-2], -1)
@@ -323,7 +321,7 @@ class WhirlSpectrum(AbstractObservable):
         frequency = np.arange(amplitude.shape[-1]) / count
         amplitude = amplitude / np.sinc(frequency / self.samples)
         if signal.shape[-1] % 2 == 0:
-            amplitude[..., -1] /= 2  # the highest has no negative twin
+            amplitude[..., -1] /= 2  # the Nyquist frequency has no negative counterpart
         long_name = "amplitude of relative whirl speed"
         return {
             "spectrum": Variable(("frequency",), amplitude, "1", long_name),
@@ -332,5 +330,21 @@ class WhirlSpectrum(AbstractObservable):
 
 
 def everything(contacts: bool = False) -> tuple[AbstractObservable, ...]:
-    """All observables but the spectrum; with `contacts`, those of limiters too."""
+    """The default observables of a sweep: section, extrema, precession and radius.
+
+    Args:
+        contacts: whether `Contact`, which observes limiters, is among them.
+
+    Returns:
+        The observables, for `sweep(.., observe=..)`.
+    """
     return Section(), Extrema(), Precession(), Radius(), *[Contact()][:contacts]
+
+
+def _check_direction_is_resolved(steps: int) -> None:
+    """Raise unless so many steps a revolution tell in which direction an orbit turns."""
+    if steps < 8:
+        raise ValueError(
+            f"`steps_per_revolution` = {steps} is too few to tell which way an orbit turns; take 8 "
+            "or more."
+        )

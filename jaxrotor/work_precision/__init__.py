@@ -1,4 +1,4 @@
-"""What accuracy costs in time: numbers of a scene, computed by many methods, with their errors."""
+"""Accuracy and its cost in time: numbers of a scene, computed by many methods, with their errors."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Accuracy: what a number of a scene costs in time, by every method."""
+"""Accuracy: the error of a number of a scene, and its cost in time, by every method."""
 
 import dataclasses
 import math
@@ -10,6 +10,7 @@ import jax
 import numpy as np
 import xarray as xr
 
+from ..core.attributes import about, flags
 from ..core.checks import check_counts
 from ..core.progress import progress as bar
 from ..files.toml import dumps
@@ -23,7 +24,7 @@ STATUS = ("ok", "failed", "left_out")
 
 
 class Row(NamedTuple):
-    """One setting of one method, measured."""
+    """Measurements of one setting of one method."""
 
     value: complex | float
     compile_time: float  # [s]
@@ -50,21 +51,25 @@ def accuracy(
     Nothing is dropped: a setting that fails is flagged in `status`, with its `reason`.
 
     Args:
-        scene: what is computed.
-        measure: the number, `jaxrotor.measures.LongRun("whirl_rate")` or the like.
+        scene: the rotor.
+        measure: the number, such as `jaxrotor.measures.LongRun("whirl_rate")`.
         methods: see `jaxrotor.methods`; by default those of the measure.
         reference: a converged setting, by default that of the measure; its `finer()` is the reference.
-        lanes: equal trajectories timed as one program, for a `LongRun`.
-        repeats: runs after the first, the fastest of which counts.
-        limit: a method's finer settings are left out once a run took longer [s].
+        lanes: number of equal trajectories timed as one program, for a `LongRun`.
+        repeats: number of runs after the first, the fastest of which counts.
+        limit: time of a run [s] beyond which the finer settings of its method are left out.
         progress: whether to show a progress bar; by default on a terminal.
 
     Returns:
         Dataset along `run`, with `method`, `setting` and its parts as coordinates: `value`, `error`,
         `relative_error`; `compile_time`, by which the first run was longer than the fastest (zero
-        where an earlier one had compiled it; that to load it where jax keeps a cache of programs, see
-        the attribute `compilation_cache`), `run_time` of the public function [s], `memory` of the
-        largest program it compiled (NaN where none), `lane_rate` [1/s]. All on one thread of Python.
+        where an earlier one had compiled the program; the time to load it where jax keeps a cache of
+        programs, see the attribute `compilation_cache`), `run_time` of the public function [s],
+        `memory` of the largest program that was compiled (NaN where none), `lane_rate` [1/s]. All runs
+        are on one thread of Python.
+
+    Raises:
+        ValueError: if `measure` is none, `methods` are empty, or `lanes` or `repeats` are not admissible.
     """
     check_counts(lanes=lanes, repeats=repeats)
     if not isinstance(measure, AbstractMeasure):
@@ -84,21 +89,16 @@ def accuracy(
         if refines and hasattr(scene.shaft, "nodes"):
             reference = dataclasses.replace(reference, nodes=FINE_NODES, rule="spectral")
     pairs = [(method, setting) for method in methods for setting in method.settings]
-    rows: list[Row] = []
     with bar(progress, len(pairs) + 2, "accuracy", "runs") as tick:
         coarse, best = (
             _measured(scene, measure, one, 1, 0, tick) for one in (reference, reference.finer())
         )
-        for method in methods:
-            slow = 0.0
-            for setting in method.settings:
-                if limit is not None and slow > limit:
-                    rows.append(_left_out(slow, limit))
-                    tick(1)
-                    continue
-                rows.append(_measured(scene, measure, setting, lanes, repeats, tick))
-                slow = max(slow, rows[-1].run_time if rows[-1].run_time > 0 else 0.0)
-    about = {
+        rows = [
+            row
+            for method in methods
+            for row in _ladder(scene, measure, method, lanes, repeats, limit, tick)
+        ]
+    attributes = {
         "title": f"jaxrotor accuracy of {measure.about[1]}",
         "measure": str(measure),
         "lanes": lanes,
@@ -114,13 +114,29 @@ def accuracy(
         **assumed(scene),
         "versions": versions(),
     }
-    return _dataset(measure, pairs, rows, best.value, about)
+    return _dataset(measure, pairs, rows, best.value, attributes)
+
+
+def _ladder(
+    scene: Scene, measure: AbstractMeasure, method: Method, lanes, repeats, limit, tick
+) -> list[Row]:
+    """Measurements of the settings of a method, loose to tight, until a run takes too long."""
+    rows: list[Row] = []
+    slowest = 0.0
+    for setting in method.settings:
+        if limit is not None and slowest > limit:
+            rows.append(_left_out(slowest, limit))
+            tick(1)
+            continue
+        rows.append(_measured(scene, measure, setting, lanes, repeats, tick))
+        slowest = max(slowest, rows[-1].run_time if rows[-1].run_time > 0 else 0.0)
+    return rows
 
 
 def _measured(
     scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repeats, tick
 ) -> Row:
-    """Value and cost of one setting; whatever goes wrong is its reason."""
+    """Value and cost of one setting; where it fails, the reason."""
     try:
         with setting.computed():
             return _timed(setting.applied(scene), measure, setting, lanes, repeats)
@@ -134,6 +150,7 @@ def _measured(
 
 
 def _timed(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repeats) -> Row:
+    """Value and cost of one setting, from a first run and others after it."""
     programs, seconds, memory = _programs(), [], math.nan
     value: complex | float = math.nan
     for _ in range(1 + repeats):
@@ -149,13 +166,14 @@ def _timed(scene: Scene, measure: AbstractMeasure, setting: Setting, lanes, repe
     return Row(value, max(seconds[0] - best, 0.0), best, memory, "" if finite else "not finite")
 
 
-def _left_out(slow: float, limit: float | int) -> Row:
-    reason = f"left out: a coarser setting took {slow:.3g} s, above the limit of {limit:g} s"
+def _left_out(slowest: float, limit: float | int) -> Row:
+    """The row of a setting that is not tried."""
+    reason = f"left out: a coarser setting took {slowest:.3g} s, above the limit of {limit:g} s"
     return Row(math.nan, math.nan, math.nan, math.nan, reason)
 
 
 def _programs() -> list[Any]:
-    """All programs that are compiled now, where the backend lists them."""
+    """All compiled programs, where the backend lists them."""
     try:
         return jax.local_devices()[0].client.live_executables()
     except (AttributeError, RuntimeError):
@@ -163,7 +181,7 @@ def _programs() -> list[Any]:
 
 
 def _size(program: Any) -> float:
-    """Memory [B] of arguments, results and what is between."""
+    """Memory [B] of arguments, results and temporary arrays."""
     try:
         stats = program.get_compiled_memory_stats()
     except (AttributeError, RuntimeError):
@@ -173,63 +191,60 @@ def _size(program: Any) -> float:
     return float(total - stats.alias_size_in_bytes)
 
 
-def _dataset(measure, pairs, rows: list[Row], reference: complex | float, about) -> xr.Dataset:
+def _dataset(
+    measure: AbstractMeasure,
+    pairs: list[tuple[Method, Setting]],
+    rows: list[Row],
+    reference: complex | float,
+    attributes: dict[str, Any],
+) -> xr.Dataset:
+    """Labelled measurements of all settings."""
     units, long_name = measure.about
     values: Any = np.array([row.value for row in rows])
     error = np.abs(values - reference)
-    left = [row.reason.startswith("left out") for row in rows]
-    status = np.where(left, 2, [row.reason != "" for row in rows]).astype(np.int8)
     if np.isnan(reference):
         error[:] = np.nan
-    settings = [setting for _, setting in pairs]
     run = lambda name: np.array([getattr(row, name) for row in rows])
-    number = lambda name: np.array(
-        [np.nan if v is None else v for v in _each(settings, name)], float
-    )
-    text = lambda values: np.array(values, dtype=str)
-    flat = lambda values, units, long_name: ("run", values, _about(units, long_name))
-    time_of_run = run("run_time")
+    along = lambda values, units, long_name: ("run", values, about(units, long_name))
+    run_time = run("run_time")
+    left_out = [row.reason.startswith("left out") for row in rows]
+    status = np.where(left_out, 2, [row.reason != "" for row in rows]).astype(np.int8)
     variables = {
-        "value": flat(values.real, units, long_name),
-        "error": flat(error, units, f"error of the {long_name}"),
-        "relative_error": flat(error / (abs(reference) or np.nan), "1", "relative error"),
-        "compile_time": flat(run("compile_time"), "s", "time to compile"),
-        "run_time": flat(time_of_run, "s", "time of a run"),
-        "memory": flat(run("memory"), "B", "memory of the largest program"),
-        "lane_rate": flat(about["lanes"] / time_of_run, "1/s", "lanes per second"),
-        "status": (
-            "run",
-            status,
-            {
-                "long_name": "outcome",
-                "flag_values": list(range(len(STATUS))),
-                "flag_meanings": " ".join(STATUS),
-            },
-        ),
-        "reason": ("run", text([row.reason for row in rows])),
+        "value": along(values.real, units, long_name),
+        "error": along(error, units, f"error of the {long_name}"),
+        "relative_error": along(error / (abs(reference) or np.nan), "1", "relative error"),
+        "compile_time": along(run("compile_time"), "s", "time to compile"),
+        "run_time": along(run_time, "s", "time of a run"),
+        "memory": along(run("memory"), "B", "memory of the largest program"),
+        "lane_rate": along(attributes["lanes"] / run_time, "1/s", "lanes per second"),
+        "status": ("run", status, flags("outcome", STATUS)),
+        "reason": ("run", np.array([row.reason for row in rows], dtype=str)),
     }
     if np.iscomplexobj(values):
-        variables["value_imag"] = flat(values.imag, units, f"{long_name}, imaginary part")
+        variables["value_imag"] = along(values.imag, units, f"{long_name}, imaginary part")
     else:
-        about.pop("reference_imag")
-    solvers = ["" if one.solver is None else name_of(one.solver) for one in settings]
-    coords = {
-        "method": ("run", text([method.name for method, _ in pairs])),
-        "setting": ("run", text([str(setting) for setting in settings])),
-        "axis": ("run", text([method.axis for method, _ in pairs])),
-        "solver": ("run", text(solvers)),
-        "steps": flat(number("steps"), "1", "steps a revolution, or between samples"),
-        "tolerance": flat(number("tolerance"), "1", "relative tolerance"),
-        "nodes": flat(number("nodes"), "1", "nodes a span, or cells"),
-        "rule": ("run", text([one.rule or "" for one in settings])),
-        "precision": ("run", text(_each(settings, "precision"))),
+        attributes.pop("reference_imag")
+    return xr.Dataset(variables, _coordinates(pairs), attributes)
+
+
+def _coordinates(pairs: list[tuple[Method, Setting]]) -> dict[str, Any]:
+    """The method, the setting and its parts, along `run`."""
+    settings = [setting for _, setting in pairs]
+    each = lambda name: [getattr(setting, name) for setting in settings]
+    text = lambda values: ("run", np.array(values, dtype=str))
+
+    def number(name: str, long_name: str) -> tuple:
+        values = [np.nan if value is None else value for value in each(name)]
+        return "run", np.array(values, float), about("1", long_name)
+
+    return {
+        "method": text([method.name for method, _ in pairs]),
+        "setting": text([str(setting) for setting in settings]),
+        "axis": text([method.axis for method, _ in pairs]),
+        "solver": text(["" if one is None else name_of(one) for one in each("solver")]),
+        "steps": number("steps", "steps a revolution, or between samples"),
+        "tolerance": number("tolerance", "relative tolerance"),
+        "nodes": number("nodes", "nodes a span, or cells"),
+        "rule": text([one or "" for one in each("rule")]),
+        "precision": text(each("precision")),
     }
-    return xr.Dataset(variables, coords, about)
-
-
-def _each(settings: list[Setting], name: str) -> list[Any]:
-    return [getattr(setting, name) for setting in settings]
-
-
-def _about(units: str, long_name: str) -> dict[str, str]:
-    return {"units": units, "long_name": long_name}

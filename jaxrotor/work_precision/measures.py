@@ -1,4 +1,4 @@
-"""Measures: the one number a study of accuracy asks for, by any setting."""
+"""Measures: the number that a study of accuracy computes by every setting."""
 
 import abc
 from typing import Any, ClassVar, Literal
@@ -20,14 +20,14 @@ from ..sweeps.sweep import sweep
 from .methods import ATOL, Method, Setting, linear, of_motion, of_run_up
 
 
-FINE_NODES = 12  # of a reference
+FINE_NODES = 12  # nodes, steps and tolerance of a reference
 FINE_STEPS = 4096
 FINE_TOLERANCE = 1e-10
-SAMPLES = 256  # a revolution, of a solver that chooses its steps
+SAMPLES = 256  # samples a revolution of a solver that chooses its steps
 
 
 class AbstractMeasure(eqx.Module):
-    """A number of a scene, and by which methods it is usually computed."""
+    """A number of a scene, and the methods by which it is usually computed."""
 
     many: eqx.AbstractClassVar[bool]  # whether several lanes can be timed
 
@@ -38,19 +38,19 @@ class AbstractMeasure(eqx.Module):
 
     @abc.abstractmethod
     def value(self, scene: Scene, setting: Setting, lanes: int = 1) -> complex | float:
-        """The number; the scene has the nodes and precision of the setting already."""
+        """The number of a scene that has the nodes and the precision of the setting already."""
 
     @abc.abstractmethod
     def methods(self) -> tuple[Method, ...]:
-        """What to compare when nothing else is asked for."""
+        """The methods that are compared by default."""
 
     @abc.abstractmethod
     def reference(self, scene: Scene) -> Setting:
-        """A setting whose answer is converged."""
+        """A setting whose number is converged."""
 
 
 class AbstractLinear(AbstractMeasure):
-    """A number of the linear rotor: only its nodes matter."""
+    """A number of the linear rotor, which depends on the nodes alone."""
 
     many: ClassVar[bool] = False
 
@@ -64,7 +64,7 @@ class AbstractLinear(AbstractMeasure):
 
 
 class AbstractRunUp(AbstractMeasure):
-    """A number of a `run_up`, seen at `times`."""
+    """A number of a `run_up` that is sampled at `times`."""
 
     many: ClassVar[bool] = False
 
@@ -76,7 +76,7 @@ class AbstractRunUp(AbstractMeasure):
 
 
 class OnsetSpeed(AbstractLinear):
-    """Speed where the straight rotor turns unstable, see `jaxrotor.onset_speed`."""
+    """Speed at which the straight rotor becomes unstable, see `jaxrotor.onset_speed`."""
 
     within: tuple[Any, Any] | None = eqx.field(default=None, static=True)  # [rad/s]
 
@@ -89,7 +89,7 @@ class OnsetSpeed(AbstractLinear):
 
 
 class Root(AbstractLinear):
-    """One of `jaxrotor.roots`, the slowest first."""
+    """A root of `jaxrotor.roots` by its number, the slowest first."""
 
     number: int = eqx.field(default=0, static=True)
 
@@ -102,9 +102,9 @@ class Root(AbstractLinear):
 
 
 class LongRun(AbstractMeasure):
-    """A number of a long motion, as `jaxrotor.sweep` observes it; the largest of all contacts.
+    """A number of a long motion, as `jaxrotor.sweep` observes it; of several contacts the largest.
 
-    A solver that chooses its steps is observed `SAMPLES` times a revolution, others at every step:
+    A solver that chooses its steps is observed `SAMPLES` times a revolution, others at every step; the
     largest radius and force are those of the samples.
     """
 
@@ -130,7 +130,7 @@ class LongRun(AbstractMeasure):
         }[self.name]
 
     def value(self, scene, setting, lanes=1):
-        seen: observe.AbstractObservable = {
+        observable: observe.AbstractObservable = {
             "whirl_rate": observe.Precession,
             "index": observe.Precession,
             "radius_max": observe.Radius,
@@ -144,12 +144,12 @@ class LongRun(AbstractMeasure):
             start=setting.cast(self.start),
             settle=self.settle,
             keep=self.keep,
-            observe=[seen],
+            observe=[observable],
             steps_per_revolution=steps,
             at=self.at,
             solver=setting.solver,
             controller=setting.controller(),
-            workers=1,  # the precision is that of this thread
+            workers=1,  # because the precision is set for this thread
             lanes_per_chunk=lanes,
             progress=False,
             max_steps=max(4096, 2 * steps),
@@ -190,7 +190,7 @@ class Reaction(AbstractRunUp):
 
 
 class FinalState(AbstractRunUp):
-    """Where a `run_up` ends."""
+    """A number of the state in which a `run_up` ends."""
 
     times: Any  # (T,) [s]
     name: Literal["speed", "angle", "displacement", "imbalance"] = eqx.field(static=True)
@@ -211,15 +211,16 @@ class FinalState(AbstractRunUp):
 
 
 def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> RunUp:
+    """A run-up by the solver and the steps of a setting."""
     times = np.asarray(times, float)
     solver = suited(scene) if setting.solver is None else setting.solver
-    how: dict[str, Any] = {}
+    steps: dict[str, Any] = {}
     if setting.tolerance is not None:
         options = {"rtol": setting.tolerance, "atol": ATOL * setting.tolerance}
-        how["controller"] = control(solver, scene, **options)
+        steps["controller"] = control(solver, scene, **options)
     elif setting.steps is not None:
         share = np.arange(setting.steps) / setting.steps
         whole = times if times[0] == 0 else np.append(0.0, times)
         grid = np.append((whole[:-1, None] + np.diff(whole)[:, None] * share).ravel(), whole[-1])
-        how["controller"] = dfx.StepTo(ts=grid)
-    return run_up(scene, times, start=setting.cast(start), solver=solver, **how)
+        steps["controller"] = dfx.StepTo(ts=grid)
+    return run_up(scene, times, start=setting.cast(start), solver=solver, **steps)

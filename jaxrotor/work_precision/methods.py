@@ -1,4 +1,4 @@
-"""Methods: ways to compute the same answer, each a ladder of settings from loose to tight."""
+"""Methods: ways to compute the same number, each a ladder of settings from loose to tight."""
 
 import contextlib
 import dataclasses
@@ -16,7 +16,7 @@ from ..solvers.exponential import Exponential
 
 
 Solver = Exponential | dfx.AbstractSolver
-ATOL = 1e-3  # absolute [m], [rad] by relative tolerance
+ATOL = 1e-3  # absolute tolerance [m], [rad] over the relative one
 
 NODES = (4, 5, 6, 8, 10)
 CELLS = (5, 10, 20, 40)
@@ -25,15 +25,17 @@ TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
 
 class Setting(eqx.Module):
-    """How an answer is computed; None leaves it as the scene or the library has it.
+    """How a number is computed; None leaves a part as the scene or the library has it.
 
-    `steps` a revolution, or between two samples of a run-up: the steps of a solver, but only the
-    samples of one that has a `tolerance`.
+    `steps` are those a revolution, or between two samples of a run-up; for a solver with a `tolerance`
+    they are only its samples.
     """
 
     solver: Solver | None = None
     steps: int | None = eqx.field(default=None, static=True)
-    tolerance: float | None = eqx.field(default=None, static=True)  # relative; absolute: ATOL times
+    tolerance: float | None = eqx.field(
+        default=None, static=True
+    )  # relative; absolute: ATOL times it
     nodes: int | None = eqx.field(default=None, static=True)
     rule: Literal["spectral", "trapezoid"] | None = eqx.field(default=None, static=True)
     precision: Literal["float64", "float32"] = eqx.field(default="float64", static=True)
@@ -55,21 +57,21 @@ class Setting(eqx.Module):
         return isinstance(self.solver, dfx.AbstractAdaptiveSolver)
 
     def applied(self, scene: Scene) -> Scene:
-        """The scene with the precision, the nodes and the rule of the setting; within `computed()`."""
+        """The scene with the precision, nodes and rule of the setting; to be used in `computed()`."""
         scene = self.cast(scene)
         return scene if self.nodes is None else scene.with_nodes(self.nodes, self.rule)
 
     def cast(self, tree: Any) -> Any:
-        """A scene or a start with its numbers in the precision of the setting; within `computed()`."""
+        """A scene or a start in the precision of the setting; to be used in `computed()`."""
         change = lambda leaf: leaf.astype(jax.dtypes.canonicalize_dtype(leaf.dtype))
         return jax.tree.map(lambda leaf: change(leaf) if eqx.is_array(leaf) else leaf, tree)
 
     def computed(self) -> contextlib.AbstractContextManager:
-        """Within it, and in this thread alone, jax computes in the precision of the setting."""
+        """A context in which jax computes in the precision of the setting, in this thread alone."""
         return jax.enable_x64(self.precision == "float64")
 
     def controller(self) -> dfx.AbstractStepSizeController | None:
-        """Step control over a revolution; None is that of `simulate`."""
+        """Step control over a revolution; None stands for that of `simulate`."""
         if not self.adaptive or (self.steps is None and self.tolerance is None):
             return None
         if self.tolerance is None:
@@ -79,7 +81,7 @@ class Setting(eqx.Module):
         return step_control(self.solver, *tolerances)  # type: ignore[arg-type]
 
     def finer(self) -> "Setting":
-        """The next setting: twice the steps or cells, a tenth of the tolerance, two more nodes."""
+        """The next finer setting: twice the steps or cells, a tenth of the tolerance, two more nodes."""
         nodes = self.nodes
         if nodes is not None:
             nodes = 2 * nodes if self.rule == "trapezoid" else nodes + 2
@@ -92,7 +94,7 @@ class Setting(eqx.Module):
 
 
 class Method(eqx.Module):
-    """Settings of one name, along one `axis`, loose to tight: a line of a work-precision figure."""
+    """Settings along one `axis`, loose to tight: a line of a work-precision figure."""
 
     name: str = eqx.field(static=True)
     settings: tuple[Setting, ...]
@@ -100,7 +102,15 @@ class Method(eqx.Module):
 
 
 def by_nodes(spectral: Sequence[int] = NODES, cells: Sequence[int] = CELLS) -> tuple[Method, ...]:
-    """Both rules of a flexible shaft; no cells, no trapezoidal rule."""
+    """Both collocation rules of a flexible shaft, by their number of nodes.
+
+    Args:
+        spectral: nodes a span of the spectral rule.
+        cells: cells of the trapezoidal rule, which is left out if there are none.
+
+    Returns:
+        One method for each rule.
+    """
     lobatto = Method(
         "spectral", tuple(Setting(nodes=n, rule="spectral") for n in spectral), "nodes"
     )
@@ -109,7 +119,15 @@ def by_nodes(spectral: Sequence[int] = NODES, cells: Sequence[int] = CELLS) -> t
 
 
 def by_steps(solvers: Sequence[Solver], steps: Sequence[int] = STEPS) -> tuple[Method, ...]:
-    """Fixed steps, of solvers with an error estimate too."""
+    """Solvers with fixed steps, also those that have an error estimate.
+
+    Args:
+        solvers: `Exponential` or solvers of diffrax.
+        steps: steps a revolution, or between two samples of a run-up, ascending.
+
+    Returns:
+        One method for each solver.
+    """
     return tuple(
         Method(
             f"{name_of(one)}{', fixed' if isinstance(one, dfx.AbstractAdaptiveSolver) else ''}",
@@ -123,7 +141,15 @@ def by_steps(solvers: Sequence[Solver], steps: Sequence[int] = STEPS) -> tuple[M
 def by_tolerance(
     solvers: Sequence[dfx.AbstractAdaptiveSolver], tolerances: Sequence[float] = TOLERANCES
 ) -> tuple[Method, ...]:
-    """Steps that the error estimate of a solver chooses."""
+    """Solvers whose steps are chosen by their error estimate.
+
+    Args:
+        solvers: solvers of diffrax that have an error estimate.
+        tolerances: relative tolerances, descending; the absolute ones are `ATOL` times these.
+
+    Returns:
+        One method for each solver.
+    """
     return tuple(
         Method(name_of(one), tuple(Setting(one, tolerance=t) for t in tolerances), "tolerance")
         for one in solvers
@@ -131,7 +157,14 @@ def by_tolerance(
 
 
 def in_float32(methods: Sequence[Method]) -> tuple[Method, ...]:
-    """The same in single precision."""
+    """The same methods in single precision.
+
+    Args:
+        methods: methods in any precision.
+
+    Returns:
+        One method for each, with `float32` in its name.
+    """
     return tuple(
         Method(
             f"{method.name}, float32",
@@ -143,12 +176,20 @@ def in_float32(methods: Sequence[Method]) -> tuple[Method, ...]:
 
 
 def linear() -> tuple[Method, ...]:
-    """For answers without a motion in time: both rules, and single precision."""
+    """Methods for numbers without a motion in time.
+
+    Returns:
+        Both collocation rules, and the spectral rule in single precision.
+    """
     return (*by_nodes(), *in_float32(by_nodes(NODES[::2], ())))
 
 
 def of_motion() -> tuple[Method, ...]:
-    """For motions revolution by revolution."""
+    """Methods for motions that are computed revolution by revolution.
+
+    Returns:
+        Exponential solvers in both precisions, implicit Euler, and adaptive solvers of diffrax.
+    """
     ours = by_steps((Exponential(2), Exponential(4), Exponential(4, located=True)))
     explicit, implicit = (dfx.Tsit5(), dfx.Dopri8()), (dfx.Kvaerno3(), dfx.Kvaerno5())
     adaptive = by_tolerance((*explicit, *implicit, dfx.KenCarp4()))
@@ -156,7 +197,12 @@ def of_motion() -> tuple[Method, ...]:
 
 
 def of_run_up() -> tuple[Method, ...]:
-    """For runs at a speed that varies; `KenCarp4` wants the stiff part apart, which is not known there."""
+    """Methods for runs at a speed that varies.
+
+    Returns:
+        Implicit Euler and adaptive solvers of diffrax, without `KenCarp4`, which needs the stiff part of
+        the equations separately.
+    """
     solvers = (dfx.Tsit5(), dfx.Dopri8(), dfx.Kvaerno3(), dfx.Kvaerno5())
     adaptive = by_tolerance(solvers)
     steps = (1, 2, 4, 8, 16, 32)
@@ -164,7 +210,14 @@ def of_run_up() -> tuple[Method, ...]:
 
 
 def name_of(solver: Solver) -> str:
-    """Name with what differs from the default: `Exponential(4), basis dense`, `Kvaerno5`."""
+    """Name of a solver, with fields that differ from their default.
+
+    Args:
+        solver: `Exponential` or a solver of diffrax.
+
+    Returns:
+        A text such as `Exponential(4), basis dense` or `Kvaerno5`.
+    """
     if not isinstance(solver, Exponential):
         return type(solver).__name__
     parts = [f"Exponential({solver.order})"]

@@ -431,7 +431,7 @@ OVER = {"limiters.gap": [1e-3]}
             "has 3 coordinates",
         ),
         (lambda: jr.sweep(ROTOR, OVER, at=[0.1, 0.2]), "A sweep observes one station"),
-        (lambda: jr.sweep(ROTOR, OVER, steps_per_revolution=4), "= 4 is too few to see which way"),
+        (lambda: jr.sweep(ROTOR, OVER, steps_per_revolution=4), "= 4 is too few to tell which way"),
         (
             # Each alone keeps the order of the stations; together they do not.
             lambda: jr.sweep(

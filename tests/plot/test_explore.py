@@ -1,4 +1,4 @@
-"""Explorer of a sweep, without a window: what a click or a key shows is the lane simulated alone."""
+"""Explorer of a sweep, without a window: a click or a key shows the lane as simulated alone."""
 
 import importlib
 
@@ -96,7 +96,7 @@ def test_of_more_parameters_one_is_chosen(swept):
 
 @pytest.mark.slow
 def test_a_motion_without_whirl_is_said():
-    """At rest in the centre there is an orbit, a point, and no spectrum."""
+    """At rest in the centre the orbit is a point, and there is no spectrum."""
     over = {"limiters.gap": [7e-3, 8e-3]}
     rest = ROTOR.replace({"unbalance.eccentricity": 0.0})
     explorer = plot.explore(jr.sweep(rest, over, progress=False, **RUN))
@@ -108,7 +108,7 @@ def test_a_motion_without_whirl_is_said():
 
 @pytest.mark.slow
 def test_the_last_revolutions_are_shown(monkeypatch):
-    """Of more that were kept, those the diagram ends with."""
+    """If more were kept, the last ones are those of the diagram."""
     monkeypatch.setattr(importlib.import_module("jaxrotor.plot.explore"), "LONGEST", 2)
     over = {"unbalance.eccentricity": VALUES[:1]}
     start = jr.Whirl(7e-4, 75.0)
@@ -139,7 +139,8 @@ def test_refusals(swept):
         plot.explore(swept.drop_attrs())
     for about, words in (
         ({"start": "Continued(q=..)"}, "only one from AtRest or Whirl"),
-        ({"solver": "Kvaerno5"}, "only `Exponential`"),
+        ({"solver_settings": '{"class": "Kvaerno5"}'}, "only `Exponential`"),
+        ({"start": "AtRest()", "solver": "Kvaerno5"}, "only `Exponential`"),
     ):
         with pytest.raises(ValueError, match=words):
             plot.explore(swept.assign_attrs(about))

@@ -1,4 +1,4 @@
-"""Datasets: what a result holds, with units."""
+"""Datasets hold the numbers of a result, with units."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ def ramp(*effects, shaft=None):
 
 
 def balancer(*effects, places=2, **row):
-    """Tilts about a pivot; two balls of 20 g opposite each other at a radius of 50 mm."""
+    """A rotor that tilts about a pivot, with balls of 20 g at a radius of 50 mm."""
     return ramp(
         jr.Disc(0.1, 1.0, 0.05, 0.01),
         jr.BallBalancer(0.3, 0.02, 0.05, 0.0, places=places, **row),

@@ -19,7 +19,7 @@ SCENE = one_disc(mass=2.0, damping=3.0, stiffness=800.0, speed=15.0, eccentricit
 
 
 def read_csv(path, like):
-    """To the last digit, which pandas does by default since version 3 alone."""
+    """A table read to the last digit, which pandas does by default since version 3 only."""
     head, *rows = csv.reader(Path(path).read_text().splitlines())
     return pd.DataFrame(rows, columns=head).astype(dict(like.dtypes))
 
@@ -51,7 +51,7 @@ def test_table_of_a_motion(motion):
 
 
 def test_table_of_numbered_things(motion):
-    """Limiters and balls have a number, bearings a name."""
+    """Limiters are told by their number, bearings by their name."""
     data = jr.dataset(motion)[["displacement"]].isel(time=slice(2))
     force = ("time", "limiter", "axis"), np.arange(8.0).reshape(2, 2, 2), {"units": "N"}
     load = ("time", "bearing"), np.ones((2, 1)), {"units": "N"}
@@ -63,7 +63,7 @@ def test_table_of_numbered_things(motion):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_tables_come_back(motion, tmp_path, suffix):
-    """To the last bit, of text too."""
+    """They agree to the last bit, also as text."""
     path = tmp_path / f"orbit{suffix}"
     path.write_text("old")
     jr.export(motion, path)
@@ -83,7 +83,7 @@ def test_netcdf_of_a_motion(motion, tmp_path):
 
 
 def test_netcdf_of_a_sweep(swept, tmp_path):
-    """Every variable and attribute; those that NetCDF has no word for are JSON."""
+    """Every variable and attribute comes back; values that NetCDF cannot hold are JSON."""
     path = tmp_path / "sweep.nc"
     odd = swept.assign_attrs(flag=True, nothing=None, pair=(1, 2), about={"a": 1})
     odd = odd.assign(good=swept["status"] == 0)
@@ -100,11 +100,11 @@ def test_netcdf_of_a_sweep(swept, tmp_path):
         flags = found["status"].attrs["flag_values"]
         assert flags.tolist() == [0, 1, 2, 3, 4, 5, 6] and flags.dtype == found["status"].dtype
         assert found.attrs["scene"] == swept.attrs["scene"]
-    assert odd.attrs["flag"] is True  # the data in hand are as they were
+    assert odd.attrs["flag"] is True  # the data set itself is unchanged
 
 
 def test_table_of_a_sweep(swept, tmp_path):
-    """A row a lane, as xarray itself makes them of the numbers."""
+    """There is a row a lane, as xarray itself makes them from the numbers."""
     found = jr.table(swept)
     dims = list(swept["status"].dims)
     numbers = [n for n, one in swept.data_vars.items() if one.dims == swept["status"].dims]
@@ -115,7 +115,7 @@ def test_table_of_a_sweep(swept, tmp_path):
         np.testing.assert_array_equal(found[heads[name]], expected[name])
         assert swept[name].attrs["units"] in ("1", heads[name].partition(" [")[2].rstrip("]"))
     assert not any("section" in head for head in heads)
-    some = jr.table(swept.isel({"start.radius": 1}))  # what was chosen is still told
+    some = jr.table(swept.isel({"start.radius": 1}))  # the selected value is still a column
     rows = found[found["start.radius [m]"] == 1e-3].reset_index(drop=True)
     pd.testing.assert_frame_equal(some[found.columns], rows, check_exact=True)
     one = jr.table(swept.isel({"start.radius": 1, "unbalance.eccentricity": 0}))

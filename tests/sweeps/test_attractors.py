@@ -1,4 +1,4 @@
-"""Attractors: numbers that follow motions as parameters change; basins of two starting parameters."""
+"""Attractors: their numbers follow motions as parameters change; basins over two starting parameters."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ import jaxrotor.plot
 
 
 def made(features, **dims):
-    """A data set as of a sweep: one number a lane."""
+    """A data set like that of a sweep, with one number a lane."""
     shape = tuple(len(values) for values in dims.values())
     names = {name.replace("__", "."): values for name, values in dims.items()}
     variables = {name: (tuple(names), np.reshape(v, shape)) for name, v in features.items()}
@@ -18,7 +18,7 @@ def made(features, **dims):
 
 
 def test_numbers_follow_attractors_that_cross():
-    """Two branches of one feature that cross, told apart by the other; a third that begins late."""
+    """Two branches cross in one feature and differ in the other; a third begins late."""
     x = np.linspace(0.0, 1.0, 21)
     first, second, third = x, 1 - x, np.full_like(x, 3.0)
     rate = np.stack([first, second, np.where(x > 0.6, third, first)], axis=1)
@@ -57,7 +57,7 @@ def test_motions_of_different_whirl_are_never_one():
 
 
 def test_numbers_of_another_sweep_are_kept():
-    """The rare one of a first sweep is the commonest of the next, and a new one is added behind."""
+    """The rare attractor of a first sweep is the commonest of the next; a new one gets the next number."""
     first = made({"rate": [1.0, 1.0, 2.0]}, start__angle=np.arange(3.0))
     first = jr.attractors(first, ["rate"])
     then = made({"rate": [2.01, 0.5, 2.0, 2.02]}, start__angle=np.arange(4.0))
@@ -73,7 +73,7 @@ def test_numbers_of_another_sweep_are_kept():
         ({"features": ["colour"]}, "The dataset has no `colour`; choose `features` of rate"),
         ({"features": ["rate"], "within": 0.0}, "`within` must be above 0"),
         ({"features": ["rate"], "apart": 0.01}, "`apart` not below it"),
-        ({"features": ["rate"], "like": made({}, start__angle=[0.0])}, "`like` must be an answer"),
+        ({"features": ["rate"], "like": made({}, start__angle=[0.0])}, "`like` must be a result"),
     ],
 )
 def test_refusals(given, words):
@@ -112,7 +112,7 @@ def test_picture(starts):
 
 
 def test_diagram_is_coloured_by_attractor(starts):
-    """Over each other at one value: a start is no parameter."""
+    """Starts are drawn at the same value: a start is no parameter."""
     dataset = starts.rename({"start.rate": "limiters.stiffness"})
     upper, lower = jr.plot.bifurcation(
         jr.attractors(dataset, ["whirl_rate", "radius_max"], apart=2.0)

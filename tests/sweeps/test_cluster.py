@@ -1,4 +1,4 @@
-"""Sweeps on a cluster: the data of a sweep here, whatever becomes of its workers."""
+"""Sweeps on a cluster give the data of a sweep by threads, even if workers are lost."""
 
 import asyncio
 import contextlib
@@ -40,7 +40,7 @@ def files(store):
 
 @pytest.fixture(scope="module")
 def dask():
-    """Two worker processes, and a client of theirs."""
+    """A client of two worker processes."""
     how = {"threads_per_worker": 1, "dashboard_address": ":0"}
     with LocalCluster(n_workers=2, **how) as here, Client(here, set_as_default=False) as client:
         yield client
@@ -56,7 +56,7 @@ def alone(tmp_path_factory):
 
 @pytest.mark.slow
 def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
-    """Byte for byte, and written by the workers: this process puts nothing."""
+    """They agree byte for byte, and the workers write all: this process puts nothing."""
     monkeypatch.setattr(Store, "put", lambda *_: pytest.fail("put by the client"))
     monkeypatch.chdir(tmp_path)
     found = swept(cluster=dask, store="a.zarr")
@@ -66,7 +66,7 @@ def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_without_a_store_the_data_come_here(dask):
-    """Also to a client that has the address alone, and with errors by a second pass."""
+    """So they do for a client with the address alone, and with errors by a second pass."""
     found = swept(cluster=dask.scheduler.address, error_sample=2)
     xr.testing.assert_identical(found, swept(workers=2, error_sample=2))
 
@@ -77,7 +77,7 @@ def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp
     def unseen(sink):
         yield sink and (sink, tmp_path / "elsewhere")
 
-    monkeypatch.setattr(module, "_seen", unseen)
+    monkeypatch.setattr(module, "_shared_folder", unseen)
     swept(cluster=dask, store=tmp_path / "a.zarr")
     assert files(tmp_path / "a.zarr") == files(alone)
 
@@ -101,7 +101,7 @@ def test_what_is_installed_must_be_the_same(dask, monkeypatch):
 
 @pytest.mark.slow
 def test_processes_of_this_machine(alone):
-    """Started for a sweep, and gone after it."""
+    """They are started for a sweep, and have ended after it."""
     before = set(multiprocessing.active_children())
     xr.testing.assert_identical(swept(cluster=1), xr.open_zarr(alone, chunks=None).load())
     assert not set(multiprocessing.active_children()) - before
@@ -124,14 +124,14 @@ def test_command(dask, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://127.0.0.1:9", ""])
 def test_no_scheduler(address, monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 0.5)
+    monkeypatch.setattr(module, "CONNECTION_TIME", 0.5)
     with pytest.raises(ValueError, match="No Dask scheduler answers at .* give the address that"):
         swept(cluster=address)
 
 
 @pytest.mark.slow
 def test_an_address_in_a_notebook(dask):
-    """Where an event loop runs already."""
+    """There an event loop runs already."""
 
     async def cell():
         return swept(cluster=dask.scheduler.address)
@@ -160,7 +160,7 @@ def test_either_threads_or_a_cluster():
 
 
 def test_a_script_without_a_guard(monkeypatch):
-    """Worker processes import the script, which starts workers, which Python refuses."""
+    """Worker processes import the script, which would start workers again; Python refuses that."""
 
     def failing(**_):
         raise RuntimeError("Nanny failed to start.")
@@ -192,7 +192,7 @@ def test_two_processes_begin_one_store(tmp_path, alone):
 
 @pytest.mark.slow
 def test_a_worker_is_killed(dask, alone, tmp_path):
-    """`kill -9` of one of two workers amid its chunks: others do them, every byte is the same."""
+    """After `kill -9` of one of two workers others run its chunks; every byte is the same."""
     store = tmp_path / "a.zarr"
     before = dask.run(os.getpid)
     run = threading.Thread(target=swept, kwargs={"cluster": dask, "store": store})
@@ -211,7 +211,7 @@ def test_a_worker_is_killed(dask, alone, tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
-    """As a terminal does it, to every process at once: none is left, and the command goes on later."""
+    """Sent to every process, as a terminal does, it leaves none, and the command can resume later."""
     monkeypatch.chdir(tmp_path)
     over = ["--over", "unbalance.eccentricity=0:1mm:1280", "--steps", "64", "--keep", "8"]
     small = ["sweep", "limiter-rotor", *over, "--settle", "400", "--out", "run"]

@@ -1,4 +1,4 @@
-"""Several devices: chunks of a sweep on each, with the data of one. Two are feigned of the processor."""
+"""Several devices run chunks of a sweep, with the data of one. The processor is presented as two."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxrotor as jr
-from jaxrotor.chunks import spread
+from jaxrotor.core.parallel import spread
 
 assert jax.local_device_count() == 2
 both = threading.Barrier(2, timeout=60)

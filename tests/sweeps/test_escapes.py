@@ -39,7 +39,7 @@ def test_rate_and_survival_of_an_exponential_law():
 
 
 def test_bounds_hold_as_often_as_they_say():
-    """Of 4000 ensembles of 30 lanes; bounds of a count are a little wider, never narrower."""
+    """Coverage over 4000 ensembles of 30 lanes; exact bounds of a count may be wider, not narrower."""
     ensembles = drawn(0.01, 30, 60, 4000)
     for confidence in (0.95, 0.9):
         found = jr.escapes(ensembles, confidence=confidence)
@@ -58,7 +58,7 @@ def test_rate_after_a_first_transient():
 
 
 def test_no_escape_has_a_bound_all_the_same():
-    """Three over what was lived, about, at 95 % of one side."""
+    """The bound is about three over the survived revolutions, at 95 % of one side."""
     dataset = drawn(0.01, 100, 50)
     dataset["reversal"][:] = np.nan
     dataset["status"][0, :20] = 1  # not finite
@@ -70,7 +70,7 @@ def test_no_escape_has_a_bound_all_the_same():
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
 def test_reversal_of_a_known_whirl(s):
-    """Forward, a short relapse, then backward from revolution 7 on, as seen along the spin."""
+    """Along the spin the whirl is forward, briefly backward, and backward for good from revolution 7."""
     observable, count, steps = Reversal(window=3), 12, 16
     rates = s * np.array([1, 1, -1, -1, 1, 1, 1, -1, -1, -1, -1, -1.0])
     carry = observable.start(0)
@@ -85,7 +85,7 @@ def test_reversal_of_a_known_whirl(s):
 
 
 def test_reversals_that_could_not_be_seen_are_not_counted_as_survived():
-    """Signs of area with a known rate of reversal, seen by a window that is half of the run."""
+    """Areas change sign at a known rate; the window of the observable is half of the run."""
     observable, count, rate = Reversal(window=50), 100, 0.02
     times = np.random.default_rng(0).geometric(rate, 4000) - 1  # revolutions before
     carry = observable.start(0)
@@ -107,7 +107,7 @@ def test_reversals_that_could_not_be_seen_are_not_counted_as_survived():
     variables = {name: (dims, one.values.reshape(shape)) for name, one in report.items()}
     variables["status"] = (dims, np.zeros(shape, np.int8))
     found = jr.escapes(xr.Dataset(variables, attrs={"settle": 0, "keep": count}))
-    # of a geometric law the rate of n escapes in whole revolutions lived is its probability, nearly
+    # For a geometric law, escapes over survived revolutions are close to its probability.
     assert found["rate_low"] < -np.log(1 - rate) * 1.02 and found["rate_high"] > rate
     assert found["revolution"][-1] == 51
 

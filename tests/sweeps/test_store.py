@@ -1,4 +1,4 @@
-"""Stores: what was computed is kept whatever happens, and ends the same."""
+"""Stores keep what was computed, whatever happens, and end with the same data."""
 
 import errno
 import json
@@ -76,7 +76,7 @@ def test_carried_states_are_stored_alike(tmp_path):
 
 
 def test_stopped_sweep_goes_on(tmp_path, gathered, monkeypatch):
-    """Stopped by an error between blocks, or inside the writing of one; done blocks stay as they are."""
+    """An error stops it within the writing of a block; finished blocks stay as they are."""
     path = tmp_path / "a.zarr"
     put, count = Store.put, []
 
@@ -85,7 +85,7 @@ def test_stopped_sweep_goes_on(tmp_path, gathered, monkeypatch):
         if len(count) == 3:
             part = part[["index", "status"]].assign(
                 missing=part["index"]
-            )  # half of it, then an error
+            )  # half of the block, then an error
         put(self, block, part)
 
     monkeypatch.setattr(Store, "put", failing)
@@ -122,37 +122,52 @@ def test_another_sweep_is_refused(tmp_path, gathered, change, words):
 
 @pytest.mark.slow
 def test_every_setting_tells_a_sweep_from_another(tmp_path):
-    """What is stored is asked for again with one setting changed at a time, some in the last digit."""
+    """The same sweep is asked for with one setting changed at a time, some in the last digit."""
     scene = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
     solver, steps = dfx.Kvaerno5(), dfx.PIDController(rtol=1e-6, atol=1e-9)
     how = HOW | {"start": jr.Whirl(1.2345678901234567e-3), "period": 0.1, "lanes_per_chunk": 1}
-    how |= {"observe": [jr.observe.Radius()], "solver": solver, "controller": steps, "at": 0.7}
-    ask = lambda **more: jr.sweep(
+    how |= {"observe": [jr.observe.Extrema(3)], "solver": solver, "controller": steps, "at": 0.7}
+    how |= {"settle": 0, "keep": 1}
+    ask = lambda scene=scene, **more: jr.sweep(
         scene, {"limiters.gap": [7e-3]}, store=tmp_path / "a.zarr", **how | more
     )
     with np.printoptions(precision=3):
-        ask(settle=0, keep=1)
-    ask(settle=0, keep=1)  # the same, whatever the options of numpy
+        ask()
+    ask()  # the same, whatever the options of numpy
+    mass = float(scene.get("disc.mass"))
     others = {
-        "start": jr.Whirl(1.2345678901234569e-3),
-        "settle": 1,
-        "keep": 2,
-        "observe": [jr.observe.Section()],
-        "steps_per_revolution": 33,
-        "solver": dfx.Kvaerno5(scan_kind="bounded"),
-        "controller": dfx.PIDController(rtol=1e-6, atol=1.0000000001e-9),
-        "at": 0.69,
-        "period": 0.1 * (1 + 1e-15),
-        "max_steps": 4095,
+        "scene": [scene.replace({"disc.mass": np.nextafter(mass, np.inf)})],
+        "start": [
+            jr.Whirl(1.2345678901234569e-3),
+            jr.Whirl(1.2345678901234567e-3, rate=5e-324),
+            jr.Whirl(1.2345678901234567e-3, angle=1e-300),
+            jr.AtRest(),
+        ],
+        "settle": [1],
+        "keep": [2],
+        "observe": [[jr.observe.Section()], [jr.observe.Extrema(4)], jr.observe.everything(True)],
+        "steps_per_revolution": [33],
+        "solver": [dfx.Kvaerno5(scan_kind="bounded"), dfx.Kvaerno3(), jr.Exponential(4)],
+        "controller": [
+            dfx.PIDController(rtol=np.nextafter(1e-6, 1), atol=1e-9),
+            dfx.PIDController(rtol=1e-6, atol=np.nextafter(1e-9, 1)),
+            dfx.PIDController(rtol=1e-6, atol=1e-9, pcoeff=0.1),
+            None,
+        ],
+        "at": [0.69],
+        "period": [0.1 * (1 + 1e-15)],
+        "max_steps": [4095],
+        "nodes": [5],
     }
-    for name, other in others.items():
-        with pytest.raises(OtherSweepError):
-            ask(**{"settle": 0, "keep": 1, name: other})
+    for name, values in others.items():
+        for other in values:
+            with pytest.raises(OtherSweepError):
+                ask(**{name: other})
 
 
 @pytest.mark.slow
 def test_carried_states_are_another_sweep(tmp_path):
-    """Both ways, and the same paths in another order."""
+    """So is a sweep without them, or over the same paths in another order."""
     carried = {"carry": "unbalance.eccentricity"}
     swept(**carried, store=tmp_path / "a.zarr")
     swept(store=tmp_path / "b.zarr")
@@ -165,14 +180,14 @@ def test_carried_states_are_another_sweep(tmp_path):
 
 
 def begun(path, whole, size=2, **other):
-    """A store of the data, which none has begun."""
+    """A store for the data, which no process has begun yet."""
     coords = {dim: (dim, whole[dim].values, whole[dim].attrs) for dim in OVER}
     sizes = {"unbalance.eccentricity": size, "start.angle": 3}
     return Store(path, coords, whole.attrs | other, sizes)
 
 
 def test_begun_at_the_same_time(tmp_path, gathered):
-    """Of the same sweep they help one another; another one, or other blocks, are refused."""
+    """Processes of the same sweep share the store; another sweep, or other blocks, are refused."""
     path = tmp_path / "a.zarr"
     first, same, other, coarse = (
         begun(path, gathered, **how) for how in ({}, {}, {"settle": 4}, {"size": 4})
@@ -209,7 +224,7 @@ def test_gone_while_the_sweep_runs(tmp_path, gathered, monkeypatch):
 
 @pytest.mark.slow
 def test_killed_as_errors_are_written(tmp_path, gathered, monkeypatch):
-    """No reader sees errors that are not there, and the same sweep ends as if never stopped."""
+    """No reader sees errors that are incomplete, and the same sweep ends as if never stopped."""
     path = tmp_path / "a.zarr"
     swept(error_sample=3, store=path)
     for owner, name in ((xr.Dataset, "to_zarr"), (shutil, "rmtree")):
@@ -224,7 +239,7 @@ def test_killed_as_errors_are_written(tmp_path, gathered, monkeypatch):
 
 
 def test_errors_of_every_observable():
-    """Also of whole numbers."""
+    """Whole numbers have errors, too."""
     observe = [*jr.observe.everything(True), jr.observe.Reversal(), jr.observe.WhirlSpectrum()]
     found = swept(error_sample=2, observe=observe)
     assert np.isfinite(found["index_error"]).all() and "reversal_watched_error" not in found
@@ -251,7 +266,7 @@ print("done", flush=True)
 
 @pytest.mark.slow
 def test_killed_at_random_moments(tmp_path):
-    """`kill -9` again and again; in the end every byte of the data is that of a run left alone."""
+    """After `kill -9` again and again, every byte of the data is that of a run never killed."""
     random = np.random.default_rng(0)
     environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "cache")}
 
@@ -272,7 +287,7 @@ def test_killed_at_random_moments(tmp_path):
         assert process.stdout.readline() == "begun\n"
         store = tmp_path / "killed.zarr"
         before = done(store)
-        while process.poll() is None and done(store) <= before:  # until it is at work again
+        while process.poll() is None and done(store) <= before:  # until it computes again
             time.sleep(0.02)
         time.sleep(random.uniform(0, 0.1))
         if process.poll() is None:
@@ -304,7 +319,7 @@ def files_of(folder):
 
 
 def written_in_blocks(path, whole):
-    """What a sweep does to its store, from data that are known."""
+    """Write known data to a store as a sweep does."""
     store = begun(path, whole)
     for block in store.pending(blocks({dim: whole.sizes[dim] for dim in OVER}, (2, 3))):
         store.put(block, whole[NAMES].isel(block))
@@ -314,8 +329,8 @@ def written_in_blocks(path, whole):
 
 @pytest.mark.slow
 def test_disk_that_is_full_at_any_file(tmp_path, gathered, monkeypatch):
-    """Whichever file no longer finds room: a store is whole or absent, done blocks are right, and the
-    next call ends with the bytes of one that always had room."""
+    """The disk may be full at any file: a store is whole or absent, finished blocks are right, and the
+    next call ends with the bytes of a store that always had room."""
     opened, room = Path.open, [math.inf]
 
     def open_(self, mode="r", *args, **options):
@@ -374,7 +389,7 @@ import numpy as np, xarray as xr
 from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor.cli import app
-from jaxrotor.store import StoreError
+from jaxrotor.sweeps.store import StoreError
 
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 4), "start.angle": [0.0, 1.0, 2.0]}
 how = dict(settle=3, keep=2, steps_per_revolution=32, lanes_per_chunk=3, workers=1, error_sample=2)
@@ -417,7 +432,7 @@ print(json.dumps(said))
 
 @pytest.mark.slow
 def test_small_disk(tmp_path, gathered):
-    """On a file system of its own, that is full, then read-only, and then has room."""
+    """The store is on a file system that is full, then read-only, and then has room."""
     (tmp_path / "disk").mkdir()
     mount = ["unshare", "-rm", "sh", "-c", 'mount -t tmpfs -o size=300k tmpfs disk && "$@"', "-"]
     try:

@@ -1,4 +1,4 @@
-"""Sweeps against loops of single runs, observables against what they should see."""
+"""Sweeps against loops of single runs, observables against known motions."""
 
 import contextlib
 import io
@@ -33,7 +33,7 @@ def whirl_rate(z: np.ndarray, steps: int) -> float:
 
 
 def test_lengths_are_tried_together():
-    """Each is valid alone, not all pairs are."""
+    """Each value is valid alone, but not all pairs are."""
     shaft = jr.FlexibleShaft(length=0.7, diameter=0.03, inner_diameter=0.01)
     scene = jr.Scene(shaft, jr.Disc(0.7, 2.0), jr.Disc(0.4, 1.0), spin=jr.ConstantSpeed(100.0))
     over = {"shaft.diameter": [0.02, 0.03], "shaft.inner_diameter": [0.01, 0.025]}
@@ -146,7 +146,7 @@ def test_provenance_brings_the_scene_back():
 
 
 def observed(one, path, count: int, steps: int, speed: float = 1.0, force=None):
-    """What an observable reports of `path(t)`, its own derivative by differences."""
+    """Variables that an observable reports of `path(t)`, whose velocity is found by differences."""
     carry = one.start(0 if force is None else force(np.zeros(1)).shape[1])
     stored = []
     for number in range(count):
@@ -241,7 +241,7 @@ def test_spectrum_of_a_known_whirl():
 
 
 def test_spectrum_of_the_highest_frequency_and_of_rest():
-    """Lambda alternates from sample to sample: its amplitude, once; none at the centre."""
+    """The amplitude of a Lambda that alternates is counted once; at the centre there is none."""
     samples = jr.observe.WhirlSpectrum().samples
     sign = lambda t: 1 - 2 * (np.floor(t * samples / (2 * np.pi) - 1e-9) % 2)
     rises = lambda t: np.concatenate([[0.0], np.cumsum(0.2 * sign(t[1:]) * np.diff(t))])
@@ -264,7 +264,7 @@ def test_spectrum_needs_steps_that_divide():
 
 
 def test_spectrum_of_the_rub_peaks_at_three_whirls():
-    """Three stops a turn of the orbit: a peak at 3 |Lambda| cycles a revolution."""
+    """The orbit meets three stops a turn, which gives a peak at 3 |Lambda| cycles a revolution."""
     ds = jr.sweep(
         ROTOR,
         {"unbalance.eccentricity": [0.0]},
@@ -296,7 +296,7 @@ def test_forward_at_small_and_backward_at_large_eccentricity():
 
 @pytest.mark.slow
 def test_large_eccentricity_escapes_to_the_rub_from_rest():
-    """A chaotic transient: 3000 revolutions let almost every lane escape."""
+    """The transient is chaotic: in 3000 revolutions almost every lane escapes."""
     over = {"unbalance.eccentricity": np.linspace(1.2e-3, 1.4e-3, 8) * LENGTH}
     ds = jr.sweep(ROTOR, over, start=jr.Whirl(1e-3 * LENGTH), settle=3000, keep=300)
     assert np.count_nonzero(ds.winding < -0.4) >= 6
@@ -304,7 +304,7 @@ def test_large_eccentricity_escapes_to_the_rub_from_rest():
 
 @pytest.mark.slow
 def test_states_are_carried_up_and_down():
-    """As by a loop of simulations, each from the end of the one before."""
+    """The sweep is a loop of simulations, each from the end of the one before."""
     values = np.array([1e-4, 5e-4, 1e-3])
     over = {"start.angle": [0.0, 1.0], "unbalance.eccentricity": values}
     start = jr.Whirl(7e-3, rate=75.0)
@@ -326,9 +326,9 @@ def test_states_are_carried_up_and_down():
 
 
 def test_a_lane_that_fails_goes_on_from_where_it_came():
-    """Far above its onset speed a rotor without stops leaves all bounds; below, it is as if it had not.
+    """Far above its onset speed a rotor without stops diverges; the lanes below are not affected.
 
-    After some of the revolutions its state is finite and the square of it is not.
+    After some of the revolutions its state is finite, but the square of the state is not.
     """
     scene = ROTOR.without("limiters")
     speeds = np.array([0.5, 0.6, 30.0]) * SPEED
@@ -359,7 +359,7 @@ def test_refusals_of_carry(carry, more, words):
 
 
 def test_a_straight_oscillation_through_the_centre_has_no_whirl():
-    """Free, at half the speed, from rest off the centre: every 16th sample is there but for rounding."""
+    """At half the spin speed every 16th sample is in the centre to within rounding."""
     scene = jr.Scene(
         jr.MasslessShaft(1.0, 0.5, 1e4), jr.Disc(0.5, 1.0), spin=jr.ConstantSpeed(200.0)
     )

@@ -134,7 +134,7 @@ def test_whirl_rate_of_the_backward_rub(rub):
 
 @pytest.mark.slow
 def test_reaction_and_final_speed_of_the_turbine():
-    """The spin is a Riccati equation, its closed solution an oracle of every integrator."""
+    """The spin follows a Riccati equation, whose closed solution is an oracle for every integrator."""
     scene, times = jr.load("turbine-run-up"), np.linspace(0.0, 0.48, 25)
     spin, polar = scene.spin, 2.2354  # sheet 4: I_z
     a, b, c = (float(v) for v in (spin.torque, spin.slope, spin.drag))
@@ -182,7 +182,7 @@ def test_refinement_stops_where_two_answers_agree():
 
 @pytest.mark.slow
 def test_auto_steps_reach_their_tolerance(rub):
-    """Against many steps of the other order, from the same state."""
+    """They are compared with many steps of the other order, from the same state."""
     run = {"start": rub, "keep": 5}
     found = jr.simulate(SCENE, 5, "auto", tolerance=1e-2, **run)
     (pilot,) = found.pilots
@@ -190,7 +190,8 @@ def test_auto_steps_reach_their_tolerance(rub):
     fine = jr.simulate(SCENE, 5, 2048, solver=jr.Exponential(4), **run)
     share = 2048 // pilot.setting
     off = np.abs(np.asarray(found.displacement) - np.asarray(fine.displacement)[::share])
-    assert off.max() < 2 * 1e-2 * np.abs(fine.displacement).max()  # first order: as much remains
+    # The steps converge to first order, so the error that remains may be as large as the tolerance.
+    assert off.max() < 2 * 1e-2 * np.abs(fine.displacement).max()
     assert str(pilot.setting) in jr.dataset(found).attrs["chosen"]
 
 
@@ -208,7 +209,7 @@ def test_auto_nodes():
     (pilot,) = found.pilots
     assert pilot.what == "nodes" and pilot.converged and pilot.setting > 4
     assert found.scene.shaft.nodes == pilot.setting
-    slow = np.asarray(jr.roots(found.scene, 6))  # of the pilot's count; sheet 3.2, N = 15
+    slow = np.asarray(jr.roots(found.scene, 6))  # by the nodes of the pilot; sheet 3.2, N = 15
     off = np.abs(slow[:2] * TIME - np.array([-0.23335496 - 1.45302933j, 0.00912266 + 1.74308955j]))
     assert off.max() < 1e-2 * np.abs(slow).max() * TIME
 
@@ -240,5 +241,5 @@ def test_sweep_takes_auto_steps():
     scene = SCENE.without("limiters")
     over = {"unbalance.eccentricity": [1e-4, 2e-4]}
     found = jr.sweep(scene, over, steps_per_revolution="auto", settle=2, keep=2, progress=False)
-    assert found.attrs["steps_per_revolution"] == 128  # exact at any: the first that is confirmed
+    assert found.attrs["steps_per_revolution"] == 128  # exact by any number; the first confirmed
     assert found.attrs["chosen"].startswith("128 steps a revolution")

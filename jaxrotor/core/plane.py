@@ -1,0 +1,12 @@
+"""Plane: complex numbers `z = x + i y` as pairs of real ones."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+
+def plane(z: Any, axis: int = 0) -> Any:
+    """`x` and `y` of complex numbers, stacked along a new `axis`; an array of numpy remains one."""
+    stack = np.stack if isinstance(z, np.ndarray) else jnp.stack
+    return stack([z.real, z.imag], axis=axis)

@@ -1,0 +1,118 @@
+"""Axes: the values that a sweep takes, each along the path of its parameter."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..equations.start import AbstractStart
+from ..equations.system import port_groups
+from ..motion.revolutions import revolution_rate
+from ..scene import Scene, check_fixed_nodes
+
+
+MOST_LANES = 1_000_000_000  # in one sweep, because lists of what is to be computed take memory
+
+
+def checked_axes(
+    scene: Scene, start: AbstractStart, over: Mapping[str, Any], period: float | None
+) -> dict[str, np.ndarray]:
+    """Values by path, each path tried on the scene.
+
+    Admissible values form an interval, so the least and the largest suffice, and zero, which is
+    special for a speed.
+    """
+    if not over:
+        raise ValueError(
+            "`over` must name at least one parameter, such as {'spin.speed': speeds}; one trajectory "
+            "is a job for `simulate`."
+        )
+    axes = {}
+    for path, values in over.items():
+        values = np.atleast_1d(np.asarray(values, float))
+        if values.ndim != 1 or not values.size:
+            raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
+        for value in {values.min(), values.max(), *values[values == 0]}:
+            changed, _ = at_point(scene, start, {path: value})
+            if path == "spin.speed":
+                revolution_rate(changed, period)
+        axes[path] = values
+    check_lanes(axes)
+    return axes
+
+
+def check_lanes(axes: Mapping[str, Sequence[float] | np.ndarray]) -> None:
+    """Raise if a grid has more lanes than one sweep can hold."""
+    lanes = math.prod(map(len, axes.values()))
+    if lanes > MOST_LANES:
+        raise ValueError(
+            f"A sweep of {lanes:.3g} lanes is more than one can hold ({MOST_LANES:.0e}); cut it along an "
+            "axis, a sweep and a store each."
+        )
+
+
+def with_carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -> dict[str, Any]:
+    """The swept paths, first the one along which states are carried."""
+    if carry not in over:
+        raise ValueError(
+            f"`carry` must be one of the paths of `over`, {', '.join(over)}, but is {carry!r}."
+        )
+    if carry.startswith("start."):
+        raise ValueError(f"`carry` keeps the state of a lane, so it cannot be {carry!r}.")
+    values = np.atleast_1d(np.asarray(over[carry], float))
+    if values.size < 2 or not np.all(np.diff(values) > 0):
+        raise ValueError(
+            f"`over['{carry}']`, along which states are carried, must be two or more ascending numbers, "
+            f"but is {values.tolist()}."
+        )
+    if error_sample:
+        raise ValueError(
+            "`error_sample` runs single lanes again, which `carry` does not have; repeat the sweep with "
+            "twice the `steps_per_revolution`."
+        )
+    return {carry: over[carry], **over}
+
+
+def at_point(
+    scene: Scene, start: AbstractStart, values: Mapping[str, Any]
+) -> tuple[Scene, AbstractStart]:
+    """Scene and start with values by path; paths that begin with `start.` go to the start."""
+    own = {path: value for path, value in values.items() if not path.startswith("start.")}
+    for path in values.keys() - own.keys():
+        name = path.removeprefix("start.")
+        names = [f for f in start.__dataclass_fields__ if f in ("radius", "rate", "angle")]
+        if name not in names:
+            raise ValueError(
+                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(names) or '-'}. "
+                "A start=jaxrotor.Whirl(..) has radius, rate and angle."
+            )
+        fields = {n: getattr(start, n) for n in names}
+        start = type(start)(**(fields | {name: values[path]}))
+    return scene.replace(own), start
+
+
+def shared_ports(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:
+    """Groups of contacts that share a port at every point of the grid.
+
+    Raises where a combination of swept lengths makes no valid scene, or changes the order of stations.
+    """
+    for path in axes:
+        check_fixed_nodes(scene, path)
+    lengths = {
+        path: values
+        for path, values in axes.items()
+        if path.endswith(".at") or (path.startswith("shaft.") and scene.unit(path) == "m")
+    }
+    groups = set()
+    for point in itertools.product(*lengths.values()):
+        changed = scene.replace(dict(zip(lengths, point, strict=True)))
+        if changed.spans != scene.spans:
+            raise ValueError(
+                "The sweep moves a station past another; sweep each order of stations apart."
+            )
+        groups.add(port_groups(changed))
+    if len(groups) == 1:
+        return groups.pop()
+    return tuple((i,) for group in port_groups(scene) for i in group)
