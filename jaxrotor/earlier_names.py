@@ -25,6 +25,7 @@ EARLIER = {  # earlier name -> where its names live now, the first that has one 
     "methods": ("work_precision.methods",),
     "objectives": ("design.objectives",),
     "observe": ("sweeps.observe",),
+    "orbits.curve": ("orbits.problem",),
     "outcome": ("core.outcome",),
     "pencil": ("equations.pencil",),
     "pilot": ("core.pilot",),
@@ -47,6 +48,7 @@ EARLIER = {  # earlier name -> where its names live now, the first that has one 
 
 
 RENAMED = {  # classes that had another name there
+    "Curve": "ContinuationProblem",
     "Instant": "Kinematics",
     "Orbit": "RevolutionSamples",
     "Posture": "RotatingState",
