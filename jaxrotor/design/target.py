@@ -33,7 +33,7 @@ class Evaluation(NamedTuple):
 
 
 def evaluator(
-    loss_and_constraints: Callable[[Float[Array, " n"]], Float[Array, " k"]], reverse: bool
+    function: Callable[[Float[Array, " n"]], Float[Array, " k"]], reverse: bool
 ) -> Callable[[Float[Array, " n"]], Evaluation]:
     """`u -> Evaluation`, all derivatives in one pass, forward or reverse.
 
@@ -43,7 +43,7 @@ def evaluator(
 
     @jax.jit  # solvers evaluate a target several times before they step: it is traced once
     def evaluate(u: Float[Array, " n"]) -> Evaluation:
-        twice = lambda u: (loss_and_constraints(u),) * 2
+        twice = lambda u: (function(u),) * 2
         slopes, values = (jax.jacrev if reverse else jax.jacfwd)(twice, has_aux=True)(u)
         return Evaluation(values, slopes)
 

@@ -18,7 +18,7 @@ from ..scene import Scene
 from .bounds import Bounds, bounds
 from .descent import AbstractDescent, descent
 from .iterates import FLAT, Iterates
-from .target import Constraints, Evaluation, augmented, evaluator, shape_of, loss_and_constraints
+from .target import Constraints, Evaluation, augmented, evaluator, loss_and_constraints, shape_of
 
 
 class History(eqx.Module):
