@@ -151,8 +151,8 @@ def harmonic_balance(
     found = find(scene, system, scene.stations(at), first, sizes, finder, tolerance, max_iterations)
     if throw and known(found.converged) and not bool(found.converged):
         raise RuntimeError(
-            f"No orbit was found near the guess: after {int(found.iterations)} iterations the balance "
-            f"still misses {float(found.residual):.1e} of the motion. Take a nearer guess, a settled "
+            f"No orbit was found near the guess: after {int(found.iterations)} iterations the residual "
+            f"is still {float(found.residual):.1e} of the motion. Take a nearer guess, a settled "
             "response or the orbit of fewer harmonics, or look at `jaxrotor.roots` for a resonance."
         )
     return found

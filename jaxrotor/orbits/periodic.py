@@ -122,7 +122,7 @@ def periodic(
         failed = known(found.converged) and not bool(found.converged)
     if throw and failed:
         residual = float(found.residual)
-        still = f"a period still misses {residual:.1e} of the state"
+        still = f"the residual is still {residual:.1e} of the state"
         raise RuntimeError(
             f"No orbit was found near the guess: after {int(found.iterations)} iterations "
             f"{still if math.isfinite(residual) else 'the state diverged'}. Take a guess that "

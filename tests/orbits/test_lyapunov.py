@@ -19,7 +19,7 @@ from jaxrotor.orbits.lyapunov import (
 
 
 def lorenz(y):
-    """Half a time unit by the classical Runge-Kutta method; outcome of nothing."""
+    """State after half a time unit by the classical Runge-Kutta method, and an empty outcome."""
 
     def field(y):
         x, y, z = y
