@@ -25,6 +25,7 @@ EARLIER = {  # earlier name -> modules that define its names now, searched in th
     "methods": ("work_precision.methods",),
     "objectives": ("design.objectives",),
     "observe": ("sweeps.observe",),
+    "orbits.curve": ("orbits.problem",),
     "outcome": ("core.outcome",),
     "pencil": ("equations.pencil",),
     "pilot": ("core.pilot",),
@@ -47,6 +48,7 @@ EARLIER = {  # earlier name -> modules that define its names now, searched in th
 
 
 RENAMED = {  # earlier name of a class -> its name now
+    "Curve": "ContinuationProblem",
     "Instant": "Kinematics",
     "Orbit": "RevolutionSamples",
     "Posture": "RotatingState",

@@ -1,4 +1,4 @@
-"""Bounds: parameters of a scene as free numbers, by smooth transforms."""
+"""Bounds: parameters of a scene within bounds, as free numbers by smooth transforms."""
 
 import itertools
 from collections.abc import Mapping
@@ -15,20 +15,20 @@ from scipy.stats import qmc
 from ..scene import Scene, check_fixed_nodes
 
 
-DECADE = 10.0  # positive bounds further apart than this are bounds of the logarithm
+DECADE = 10.0  # ratio of positive bounds above which they are bounds of the logarithm
 
 
 class Bounds(eqx.Module):
     """`x = a + b s(u)` or, logarithmic, `log x = a + b s(u)`, with `s(u) = 1 / (1 + exp(-u))`.
 
-    `u` are the free numbers that an optimiser moves, one a path; a parameter without bounds is
-    `x = a + b u`. `n` parameters, as many as paths.
+    `u` are the `n` free numbers that an optimiser moves, one for each path; a parameter without bounds is
+    `x = a + b u`.
     """
 
     origin: Float[np.ndarray, " n"]  # a
     span: Float[np.ndarray, " n"]  # b
-    free: np.ndarray  # (n,) whether there are no bounds
-    logarithmic: np.ndarray  # (n,) whether the logarithm has them
+    free: np.ndarray  # (n,) where there are no bounds
+    logarithmic: np.ndarray  # (n,) where the bounds are of the logarithm
     paths: tuple[str, ...] = eqx.field(static=True)
     units: tuple[str, ...] = eqx.field(static=True)
 
@@ -49,7 +49,7 @@ class Bounds(eqx.Module):
         return scene.put(dict(zip(self.paths, self.values(u), strict=True)))
 
     def drawn(self, count: int, seed: int) -> Float[np.ndarray, "count n"]:
-        """Free numbers of a Latin hypercube, even in `x` or its logarithm.
+        """Free numbers of a Latin hypercube, uniform in `x` or its logarithm.
 
         A parameter without bounds is drawn between zero and twice its own value.
         """
@@ -58,7 +58,7 @@ class Bounds(eqx.Module):
 
 
 def bounds(scene: Scene, where: Mapping[str, Any]) -> Bounds:
-    """Bounds of parameters by their paths: `(low, high)`, or None for none."""
+    """Bounds of parameters by their paths: `(low, high)`, or None where there are none."""
     if not where:
         raise ValueError(
             "`where` must name at least one parameter, such as {'limiters.stiffness': (1e5, 1e8)}."
@@ -78,16 +78,16 @@ def bounds(scene: Scene, where: Mapping[str, Any]) -> Bounds:
     low, high = np.array(list(ends.values())).T
     free = ~np.isfinite(low)
     logarithmic = ~free & (low > 0) & (high > DECADE * low)
-    map_ = lambda x: np.where(logarithmic, np.log(np.where(logarithmic, x, 1.0)), x)
+    raw = lambda x: np.where(logarithmic, np.log(np.where(logarithmic, x, 1.0)), x)
     values = np.array(list(own.values()))
-    origin = np.where(free, values, map_(low))
-    span = np.where(free, np.where(values == 0, 1.0, np.abs(values)), map_(high) - map_(low))
+    origin = np.where(free, values, raw(low))
+    span = np.where(free, np.where(values == 0, 1.0, np.abs(values)), raw(high) - raw(low))
     units = tuple(scene.unit(path) for path in where)
     return Bounds(origin, span, free, logarithmic, tuple(where), units)
 
 
 def own_value(scene: Scene, path: str) -> float:
-    """Value of a parameter that the scene has, one number."""
+    """The scene's own value of a parameter; raise unless it is a single number."""
     head, _, rest = path.partition(".")
     own = {"shaft": [scene.shaft], "spin": [scene.spin]}
     parts = own.get(head, [e for e in scene.effects if head in (e.kind, e.plural)])
@@ -97,12 +97,15 @@ def own_value(scene: Scene, path: str) -> float:
     option = getattr(parts[0], name, None) if parts else None
     if isinstance(option, bool | int | str):
         raise ValueError(
-            f"`{path}` = {option!r} is a whole number or a choice, which no gradient tunes; compare "
-            "scenes instead."
+            f"`{path}` = {option!r} is a whole number or a choice, which has no gradient to tune by; "
+            "compare scenes instead."
         )
     value = np.asarray(scene.get(path))
     if value.ndim > (len(parts) > 1 and not index):
-        raise ValueError(f"`{path}` is a table of numbers; only single numbers can be tuned.")
+        raise ValueError(
+            f"`{path}` is a table of numbers, but only single numbers can be tuned; name a parameter "
+            "that is one number."
+        )
     if np.ptp(value):
         listed = ", ".join(f"{one:g}" for one in value)
         raise ValueError(
@@ -113,7 +116,7 @@ def own_value(scene: Scene, path: str) -> float:
 
 
 def _ends(path: str, pair: Any) -> tuple[float, float]:
-    """Low and high; infinite for none."""
+    """Low and high bounds, infinite where there are none."""
     if pair is None:
         return -np.inf, np.inf
     try:
@@ -128,7 +131,7 @@ def _ends(path: str, pair: Any) -> tuple[float, float]:
 
 
 def _check_ends(scene: Scene, path: str, low: float, high: float) -> None:
-    """Refuse bounds that the parameter may not have."""
+    """Raise unless both bounds are values that the parameter may have."""
     check_fixed_nodes(scene, path)
     for end in (low, high):
         try:
@@ -140,11 +143,11 @@ def _check_ends(scene: Scene, path: str, low: float, high: float) -> None:
 
 
 def _check_order(scene: Scene, ends: Mapping[str, tuple[float, float]]) -> None:
-    """Refuse bounds within which a station passes another."""
+    """Raise where a station passes another between the bounds."""
     lengths = {p: pair for p, pair in ends.items() if p.endswith(".at") or p.startswith("shaft.")}
     for corner in itertools.product(*lengths.values()):
         if scene.replace(dict(zip(lengths, corner, strict=True))).spans != scene.spans:
             raise ValueError(
-                "The bounds let a station pass another, which no gradient crosses; give each order of "
+                "The bounds let a station pass another, where no loss is smooth; give each order of "
                 "stations bounds of its own."
             )

@@ -14,24 +14,24 @@ from jaxtyping import Array, Float
 from ..core.quantities import Scalar
 
 
-Target = Callable[[Array], tuple[Array, Any]]  # `u -> (what is minimised, what else is seen there)`
+Target = Callable[[Array], tuple[Array, Any]]  # `u -> (minimised number or residuals, evaluation)`
 
 
 class Step(NamedTuple):
-    """What a step comes to."""
+    """The iterate of one step of an optimiser, and where it goes next."""
 
-    at: Float[Array, " n"]  # where the loss was looked at last and found good
-    seen: Any  # of the target there
-    next: Float[Array, " n"]  # to step on from
+    at: Float[Array, " n"]  # last accepted iterate
+    evaluation: Any  # of the target there
+    next: Float[Array, " n"]  # to continue from
     state: Any
-    ahead: Scalar  # largest change of a free number that the optimiser wants next
+    change: Scalar  # largest change of a free number in the next step
 
 
 class AbstractDescent(eqx.Module):
-    """An optimiser that looks at a target, with derivatives, once a step."""
+    """An optimiser that evaluates a target, with derivatives, once a step."""
 
-    residuals: eqx.AbstractVar[bool]  # whether the target is a vector, its squares to be summed
-    restarts: eqx.AbstractClassVar[bool]  # whether a target that changed calls for a new state
+    residuals: eqx.AbstractVar[bool]  # whether the target is a vector whose squares are summed
+    restarts: eqx.AbstractClassVar[bool]  # whether a changed target calls for a new state
 
     @property
     @abc.abstractmethod
@@ -39,10 +39,11 @@ class AbstractDescent(eqx.Module):
 
     @abc.abstractmethod
     def begin(self, target: Target, u: Float[Array, " n"]) -> Any:
-        """State, of arrays alone."""
+        """The first state, of arrays alone."""
 
     @abc.abstractmethod
-    def step(self, target: Target, u: Float[Array, " n"], state: Any) -> Step: ...
+    def step(self, target: Target, u: Float[Array, " n"], state: Any) -> Step:
+        """One step from `u`."""
 
 
 class FirstOrder(AbstractDescent):
@@ -55,19 +56,19 @@ class FirstOrder(AbstractDescent):
 
     @property
     def name(self) -> str:
-        return f"optax {self.transformation.update.__qualname__.partition('.')[0]}"  # what made it
+        return f"optax {self.transformation.update.__qualname__.partition('.')[0]}"  # its maker
 
     def begin(self, target: Target, u: Float[Array, " n"]) -> Any:
         del target
         return self.transformation.init(u)
 
     def step(self, target: Target, u: Float[Array, " n"], state: Any) -> Step:
-        (value, seen), gradient = jax.value_and_grad(target, has_aux=True)(u)
-        line = {"value": value, "grad": gradient, "value_fn": lambda u: target(u)[0]}
+        (value, evaluation), gradient = jax.value_and_grad(target, has_aux=True)(u)
+        search = {"value": value, "grad": gradient, "value_fn": lambda u: target(u)[0]}
         update = optax.with_extra_args_support(self.transformation).update
         change: Any
-        change, state = update(gradient, state, u, **line)
-        return Step(u, seen, u + change, state, jnp.max(jnp.abs(change)))
+        change, state = update(gradient, state, u, **search)
+        return Step(u, evaluation, u + change, state, jnp.max(jnp.abs(change)))
 
 
 class Iterative(AbstractDescent):
@@ -83,20 +84,20 @@ class Iterative(AbstractDescent):
         return f"optimistix {type(self.solver).__name__}"
 
     def begin(self, target: Target, u: Float[Array, " n"]) -> Any:
-        return eqx.filter(self._fresh(target, u), eqx.is_array)
+        return eqx.filter(self._first_state(target, u), eqx.is_array)
 
     def step(self, target: Target, u: Float[Array, " n"], state: Any) -> Step:
-        constant = eqx.filter(self._fresh(target, u), eqx.is_array, inverse=True)
+        constant = eqx.filter(self._first_state(target, u), eqx.is_array, inverse=True)
         whole = eqx.combine(state, constant)
-        look = lambda u, args: target(u)
-        u, whole, _ = self.solver.step(look, u, None, OPTIONS, whole, frozenset())
-        ahead = jnp.max(jnp.abs(whole.y_eval - u))
-        return Step(u, whole.aux, u, eqx.filter(whole, eqx.is_array), ahead)
+        function = lambda u, args: target(u)
+        u, whole, _ = self.solver.step(function, u, None, OPTIONS, whole, frozenset())
+        change = jnp.max(jnp.abs(whole.y_eval - u))
+        return Step(u, whole.aux, u, eqx.filter(whole, eqx.is_array), change)
 
-    def _fresh(self, target: Target, u: Float[Array, " n"]) -> Any:
+    def _first_state(self, target: Target, u: Float[Array, " n"]) -> Any:
         shapes = jax.eval_shape(target, u)
-        look = lambda u, args: target(u)
-        return self.solver.init(look, u, None, OPTIONS, *shapes, frozenset())
+        function = lambda u, args: target(u)
+        return self.solver.init(function, u, None, OPTIONS, *shapes, frozenset())
 
 
 BY_GRADIENTS = (
@@ -106,11 +107,11 @@ BY_GRADIENTS = (
     optx.AbstractLBFGS,
     optx.AbstractGaussNewton,
 )
-OPTIONS = {"autodiff_mode": "fwd", "jac": "fwd"}  # a target brings its own derivative
+OPTIONS = {"autodiff_mode": "fwd", "jac": "fwd"}  # a target has a derivative of its own
 
 
 def descent(optimiser: Any, residuals: bool, tolerance: float | int) -> AbstractDescent:
-    """The optimiser asked for, or the one that suits: LevenbergMarquardt for residuals, else BFGS."""
+    """The optimiser given, or by default LevenbergMarquardt for residuals and BFGS for a loss."""
     if optimiser is None:
         kind = optx.LevenbergMarquardt if residuals else optx.BFGS
         solver = kind(rtol=tolerance, atol=tolerance)

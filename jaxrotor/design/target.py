@@ -1,4 +1,4 @@
-"""Target: what is minimised, a loss with its constraints by the augmented Lagrangian."""
+"""Target: the loss with its constraints as one number, by the augmented Lagrangian."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -18,46 +18,46 @@ Constraints = tuple[tuple[str, Callable[[Scene], Any]], ...]
 
 
 class Weights(NamedTuple):
-    """What turns loss and constraints into one number; `c` constraints."""
+    """Scale, multipliers and penalties that combine loss and `c` constraints into one number."""
 
     scale: Scalar  # of the whole, so that the first step of a solver is of order 1
     multipliers: Float[Array, " c"]
     penalties: Float[Array, " c"]
 
 
-class Look(NamedTuple):
-    """Loss (or `m` residuals) and constraints, one below the other, and their derivatives."""
+class Evaluation(NamedTuple):
+    """Loss (or `m` residuals), then constraints, and their derivatives."""
 
     values: Float[Array, " k"]
     slopes: Float[Array, "k n"]
 
 
-def lookout(
-    pieces: Callable[[Float[Array, " n"]], Float[Array, " k"]], reverse: bool
-) -> Callable[[Float[Array, " n"]], Look]:
-    """`u -> Look`, all derivatives in one pass, forward or reverse.
+def evaluator(
+    function: Callable[[Float[Array, " n"]], Float[Array, " k"]], reverse: bool
+) -> Callable[[Float[Array, " n"]], Evaluation]:
+    """`u -> Evaluation`, all derivatives in one pass, forward or reverse.
 
-    Its own derivative is what it has seen. So an optimiser may go forward or backward through it, and
-    keeps a matrix of `k` by `n` where it would keep what a whole motion leaves behind.
+    Its own derivative is the one it has computed. So an optimiser may differentiate it in either mode,
+    and keeps a matrix of `k` by `n` instead of all that a motion stores.
     """
 
-    @jax.jit  # solvers look at a target several times before they step: traced once
-    def look(u: Float[Array, " n"]) -> Look:
-        twice = lambda u: (pieces(u),) * 2
+    @jax.jit  # solvers evaluate a target several times before they step: it is traced once
+    def evaluate(u: Float[Array, " n"]) -> Evaluation:
+        twice = lambda u: (function(u),) * 2
         slopes, values = (jax.jacrev if reverse else jax.jacfwd)(twice, has_aux=True)(u)
-        return Look(values, slopes)
+        return Evaluation(values, slopes)
 
-    known = jax.custom_jvp(look)
+    with_derivative = jax.custom_jvp(evaluate)
 
-    @known.defjvp
+    @with_derivative.defjvp
     def _(primals, tangents):
-        seen = look(*primals)
-        return seen, Look(seen.slopes @ tangents[0], jnp.zeros_like(seen.slopes))
+        found = evaluate(*primals)
+        return found, Evaluation(found.slopes @ tangents[0], jnp.zeros_like(found.slopes))
 
-    return known
+    return with_derivative
 
 
-def pieces(
+def loss_and_constraints(
     loss: Callable[[Scene], Any], constraints: Constraints, scene: Scene, bounds: Bounds
 ) -> Callable[[Float[Array, " n"]], Float[Array, " k"]]:
     """Loss or residuals, then constraints, as a function of the free numbers."""
@@ -70,40 +70,40 @@ def pieces(
     return of
 
 
-def augmented(look: Look, weights: Weights, squares: bool, residuals: bool) -> Array:
+def augmented(evaluation: Evaluation, weights: Weights, squares: bool, residuals: bool) -> Array:
     """`f + sum rho / 2 max(0, c + lambda / rho)^2`, `f` a loss or, if `squares`, a sum of them.
 
-    `residuals`: the vector whose squares these are. What is not finite is infinite, so that solvers
-    step back from it.
+    With `residuals` it is the vector of which these are the squares. Infinite where a value or a
+    derivative is not finite, so that solvers step back from there.
     """
-    count = weights.multipliers.size
-    own = look.values[: look.values.size - count]
-    excess = look.values[look.values.size - count :] + weights.multipliers / weights.penalties
+    values, slopes = evaluation
+    own = values[: values.size - weights.multipliers.size]
+    excess = values[own.size :] + weights.multipliers / weights.penalties
     penalty = jnp.sqrt(weights.penalties / 2) * larger(excess, 0.0)
-    good = jnp.all(jnp.isfinite(look.values)) & jnp.all(jnp.isfinite(look.slopes))
+    finite = jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))
     if residuals:
-        return jnp.where(good, jnp.sqrt(weights.scale) * jnp.concatenate([own, penalty]), jnp.inf)
+        return jnp.where(finite, jnp.sqrt(weights.scale) * jnp.concatenate([own, penalty]), jnp.inf)
     total = (jnp.sum(own**2) if squares else own[0]) + jnp.sum(penalty**2)
-    return jnp.where(good, weights.scale * total, jnp.inf)
+    return jnp.where(finite, weights.scale * total, jnp.inf)
 
 
 def shape_of(
-    loss: Callable[[Scene], Any], what: str, scene: Scene, bounds: Bounds
+    loss: Callable[[Scene], Any], name: str, scene: Scene, bounds: Bounds
 ) -> tuple[int, ...]:
-    """Shape of a loss or constraint; refuses what is no number or vector of numbers."""
+    """Shape of a loss or constraint; raise unless it is a number, or a vector of residuals."""
     found = eqx.filter_eval_shape(
-        lambda u: _number(loss(bounds.placed(scene, u)), what), jnp.zeros(len(bounds.paths))
+        lambda u: _number(loss(bounds.placed(scene, u)), name), jnp.zeros(len(bounds.paths))
     )
     shape = found.shape
-    wanted = "a number, or a vector of residuals," if what == "`loss`" else "a number"
-    if len(shape) > (what == "`loss`") or 0 in shape:
-        raise ValueError(f"{what} must return {wanted} but returns an array of shape {shape}.")
+    wanted = "a number, or a vector of residuals," if name == "`loss`" else "a number"
+    if len(shape) > (name == "`loss`") or 0 in shape:
+        raise ValueError(f"{name} must return {wanted} but returns an array of shape {shape}.")
     return shape
 
 
-def _number(found: Any, what: str) -> Array:
+def _number(found: Any, name: str) -> Array:
     real = eqx.is_inexact_array(found) and not jnp.iscomplexobj(found)
     if not real and not isinstance(found, int | float):
         about = f"{found.dtype} values" if eqx.is_array(found) else repr(found)
-        raise ValueError(f"{what} must return real numbers, but returns {about}.")
+        raise ValueError(f"{name} must return real numbers, but returns {about}.")
     return jnp.asarray(found)

@@ -1,4 +1,4 @@
-"""Tune: parameters of a scene by gradients of a loss."""
+"""Tune: parameters of a scene that minimise a loss, by its gradients."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -16,13 +16,13 @@ from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene
 from .bounds import Bounds, bounds
-from .course import FLAT, Course
 from .descent import AbstractDescent, descent
-from .target import Constraints, Look, augmented, lookout, pieces, shape_of
+from .iterates import FLAT, Iterates
+from .target import Constraints, Evaluation, augmented, evaluator, loss_and_constraints, shape_of
 
 
 class History(eqx.Module):
-    """What each of `s` starts has seen at up to `k` steps; NaN after it stopped."""
+    """The iterates of each of `s` starts at up to `k` steps; NaN after it stopped."""
 
     loss: Float[np.ndarray, "s k"]
     values: dict[str, Float[np.ndarray, "s k"]]  # of the parameters, SI
@@ -31,15 +31,15 @@ class History(eqx.Module):
 
 
 class Tuned(eqx.Module):
-    """The best that was found, and how; `s` starts."""
+    """The best parameters found, and how `s` starts led to them."""
 
     scene: Scene
     values: dict[str, Scalar]  # of the parameters, SI
     loss: Scalar  # a sum of squares where the loss returns residuals
-    excess: dict[str, Scalar]  # of the constraints, above zero violated
-    multipliers: dict[str, Scalar]  # what a unit of each constraint costs in loss
+    excess: dict[str, Scalar]  # of the constraints, violated above zero
+    multipliers: dict[str, Scalar]  # increase of the loss by a unit of each constraint
     history: History
-    start: int = eqx.field(static=True)  # that the best came from
+    start: int = eqx.field(static=True)  # that led to the best
     reasons: tuple[str, ...] = eqx.field(static=True)  # why each start stopped
     optimiser: str = eqx.field(static=True)
     seed: int = eqx.field(static=True)
@@ -51,7 +51,7 @@ class Tuned(eqx.Module):
 
     @property
     def steps(self) -> int:
-        """Steps that the best start took."""
+        """Number of steps of the best start."""
         return int(np.isfinite(self.history.loss[self.start]).sum())
 
     def _repr_html_(self) -> str:
@@ -101,33 +101,38 @@ def tune(
 
     Constraints are met by this augmented Lagrangian, bounds by `x = low + (high - low) s(u)` with a
     sigmoid `s`, of `log x` where both are positive and more than a decade apart. An optimum on a bound
-    is approached, not reached. Every start keeps the best it has seen, since losses with a kink chatter
+    is approached, not reached. Every start keeps its best iterate, since losses with a kink chatter
     about it.
 
     Args:
-        loss: of a scene, a number, or residuals whose squares are summed. It is traced: see
-            `jaxrotor.objectives`, which say where they are smooth.
-        scene: the rotor, and start 0.
+        loss: function of a scene that returns a number, or residuals whose squares are summed. It is
+            traced; `jaxrotor.objectives` say where they are smooth.
+        scene: the rotor, whose own values are start 0.
         where: bounds by parameter path, `{"limiters.stiffness": (1e5, 1e8)}`; None for none.
-        optimiser: an optax transformation, or a solver of optimistix that goes by gradients. By default
+        optimiser: an optax transformation, or a solver of optimistix that uses gradients. By default
             `LevenbergMarquardt` for residuals, else `BFGS`: on a smooth loss of few parameters that
             takes a tenth of the steps of `optax.adam`, which in turn is safer where a loss is noisy.
-            Solvers of optimistix see the loss over the norm of its gradient at the start, and stop as
-            `tolerance` says.
-        steps: at most, each one look at loss and derivatives.
-        starts: the scene's own values, and more by a Latin hypercube in the bounds. On a CPU each start
-            runs in a thread, one a core, which is as fast as all at once. On an accelerator all are
-            one program.
+            For solvers of optimistix the loss is divided by the norm of its gradient at the start, and
+            they stop as `tolerance` says.
+        steps: greatest number of steps, each one evaluation of loss and derivatives.
+        starts: number of starts: the scene's own values, and more by a Latin hypercube within the
+            bounds. On a CPU each start runs in a thread, one a core, which is as fast as all at once. On
+            an accelerator all are one program.
         seed: of these starts.
         constraints: pairs of a name and a function of a scene that must not be above zero.
         tolerance: of a step in the free numbers `u`, and of the gradient over its largest. A loss that
-            is not zero at its least has no digits for steps below 1e-8; residuals have.
+            is not zero at its minimum has no digits for steps below 1e-8; residuals have.
         mode: of derivatives; "forward" costs one motion a parameter, "reverse" suits many parameters
             and losses that run backward (of a motion, with a diffrax `adjoint` that does).
         progress: whether to show a progress bar; by default on a terminal.
 
     Returns:
         A `Tuned`, of the start with the least loss among those that meet the constraints.
+
+    Raises:
+        ValueError: if an argument is out of its range, a path is not a single number within its bounds,
+            loss or constraints return anything but real numbers or are not finite at the first start, or
+            the loss depends on no parameter at any start.
 
     Source: Nocedal, Wright (2006), Numerical Optimization, sections 6.1, 10.3, 17.4.
     """
@@ -144,25 +149,28 @@ def tune(
     how = descent(optimiser, squares, tolerance)
     own = limits.numbers([np.ravel(scene.get(path))[0] for path in where])
     numbers = np.concatenate([own[None], limits.drawn(starts - 1, seed)])
-    courses = [Course(u, len(pairs), squares, tolerance, how.restarts) for u in numbers]
-    run = _Run(lookout(pieces(loss, pairs, scene, limits), mode == "reverse"), how, squares)
+    all_starts = [Iterates(u, len(pairs), squares, tolerance, how.restarts) for u in numbers]
+    evaluate = evaluator(loss_and_constraints(loss, pairs, scene, limits), mode == "reverse")
+    run = _Run(evaluate, how, squares)
     workers = cores(None)
     size = 1 if jax.default_backend() == "cpu" else starts
-    chunks = [courses[i : i + size] for i in range(0, starts, size)]
+    chunks = [all_starts[i : i + size] for i in range(0, starts, size)]
     with bar(progress, starts * steps, "tuning", "steps") as tick:
-        _check_first([look for chunk in chunks for look in run.measure(chunk)], limits, pairs)
+        _check_first([one for chunk in chunks for one in run.scale(chunk)], limits, pairs)
         spread(lambda chunk, tick: run(chunk, steps, tick), chunks, workers, tick)
-    return _tuned(scene, limits, pairs, courses, how.name, seed)
+    return _tuned(scene, limits, pairs, all_starts, how.name, seed)
 
 
 class _Run:
-    """The compiled step of some starts, and their way."""
+    """The compiled step of some starts, and the loop over it."""
 
-    def __init__(self, look: Callable[[Array], Look], how: AbstractDescent, squares: bool):
+    def __init__(
+        self, evaluate: Callable[[Array], Evaluation], how: AbstractDescent, squares: bool
+    ):
         def target(weights):
             def of(u):
-                seen = look(u)
-                return augmented(seen, weights, squares, how.residuals), seen
+                evaluation = evaluate(u)
+                return augmented(evaluation, weights, squares, how.residuals), evaluation
 
             return of
 
@@ -171,57 +179,58 @@ class _Run:
             return _strong(how.begin(target(weights), u))
 
         def step(case):
-            u, state, weights, fresh = case
+            u, state, weights, changed = case
             if how.restarts:
-                again = how.begin(target(weights), u)
-                state = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), again, state)
+                first = how.begin(target(weights), u)
+                state = jax.tree.map(lambda new, old: jnp.where(changed, new, old), first, state)
             return _strong(how.step(target(weights), u, state))
 
         each = jax.vmap if jax.default_backend() != "cpu" else _alone
         self.begin, self.step = jax.jit(each(begin)), jax.jit(each(step))
 
-    def measure(self, chunk: list[Course]) -> list[Look]:
-        """What is seen at the start of every course."""
+    def scale(self, chunk: list[Iterates]) -> list[Evaluation]:
+        """Set the scales of all starts from their first evaluations, which are returned."""
         u, state = self._begun(chunk)
-        seen = self._stepped(chunk, u, state).seen
-        looks: Any = [Look(*pair) for pair in zip(*jax.device_get(seen), strict=True)]
-        for course, look in zip(chunk, looks, strict=True):
-            course.measure(*look)
-        return looks
+        found: Any = jax.device_get(self._stepped(chunk, u, state).evaluation)
+        evaluations: Any = [Evaluation(*pair) for pair in zip(*found, strict=True)]
+        for iterates, evaluation in zip(chunk, evaluations, strict=True):
+            iterates.scale_by(evaluation)
+        return evaluations
 
-    def __call__(self, chunk: list[Course], steps: int, tick: Callable[[int], None]) -> None:
-        """Steps until all starts have a reason to stop."""
+    def __call__(self, chunk: list[Iterates], steps: int, tick: Callable[[int], None]) -> None:
+        """Step until all starts have a reason to stop."""
         u, state = self._begun(chunk)
         for _ in range(steps):
             done = self._stepped(chunk, u, state)
             u, state = done.next, done.state
-            seen: Any = jax.device_get((done.at, *done.seen, done.ahead))
-            for course, *found in zip(chunk, *seen, strict=True):
-                if not course.reason:
-                    course.look(*found)
+            found: Any = jax.device_get((done.at, *done.evaluation, done.change))
+            for iterates, *one in zip(chunk, *found, strict=True):
+                if not iterates.reason:
+                    iterates.add(*one)
             tick(len(chunk))
-            if all(course.reason for course in chunk):
+            if all(iterates.reason for iterates in chunk):
                 break
-        for course in chunk:
-            course.reason = course.reason or "steps used up"
+        for iterates in chunk:
+            iterates.reason = iterates.reason or "steps used up"
 
-    def _begun(self, chunk: list[Course]) -> tuple[Array, Any]:
-        u = jnp.asarray(np.stack([course.first for course in chunk]))
-        return u, self.begin((u, _stacked([course.weights for course in chunk])))
+    def _begun(self, chunk: list[Iterates]) -> tuple[Array, Any]:
+        u = jnp.asarray(np.stack([iterates.first for iterates in chunk]))
+        return u, self.begin((u, _stacked([iterates.weights for iterates in chunk])))
 
-    def _stepped(self, chunk: list[Course], u: Array, state: Any) -> Any:
-        weights = _stacked([course.weights for course in chunk])
-        return self.step((u, state, weights, jnp.asarray([course.fresh for course in chunk])))
+    def _stepped(self, chunk: list[Iterates], u: Array, state: Any) -> Any:
+        weights = _stacked([iterates.weights for iterates in chunk])
+        changed = jnp.asarray([iterates.changed for iterates in chunk])
+        return self.step((u, state, weights, changed))
 
 
 def _alone(call: Callable) -> Callable:
-    """`jax.vmap` for one lane, less its batching."""
+    """`jax.vmap` for one lane, without its batching."""
     lane = lambda case: call(jax.tree.map(lambda leaf: leaf[0], case))
     return lambda case: jax.tree.map(lambda leaf: leaf[None], lane(case))
 
 
 def _strong(tree: Any) -> Any:
-    """Arrays less their weak types, for which a program would be compiled again."""
+    """Arrays without weak types, for which a program would be compiled again."""
     return jax.tree.map(lambda leaf: leaf.astype(leaf.dtype), tree)
 
 
@@ -230,7 +239,7 @@ def _stacked(trees: list) -> Any:
 
 
 def _checked(constraints: Sequence[Any]) -> Constraints:
-    """Pairs of names, each its own, and functions."""
+    """Constraints as pairs of a name and a function; raise unless they are, and the names differ."""
     for pair in constraints:
         good = isinstance(pair, tuple | list) and len(pair) == 2
         if not good or not isinstance(pair[0], str) or not callable(pair[1]):
@@ -246,11 +255,11 @@ def _checked(constraints: Sequence[Any]) -> Constraints:
     return tuple((name, excess) for name, excess in constraints)
 
 
-def _check_first(looks: list[Look], limits: Bounds, constraints: Constraints) -> None:
-    """Refuse what cannot be tuned from the scene's own values."""
-    count = len(looks[0].values) - len(constraints)
+def _check_first(first: list[Evaluation], limits: Bounds, constraints: Constraints) -> None:
+    """Raise unless the first start is finite, and the loss depends on a parameter at some start."""
+    count = len(first[0].values) - len(constraints)
     names = ["The loss"] * count + [f"Constraint {name!r}" for name, _ in constraints]
-    for name, value, slope in zip(names, *looks[0], strict=True):
+    for name, value, slope in zip(names, *first[0], strict=True):
         if not np.isfinite(value):
             raise ValueError(
                 f"{name} is {value} at the scene's own values, the first start; begin where it is finite."
@@ -261,7 +270,7 @@ def _check_first(looks: list[Look], limits: Bounds, constraints: Constraints) ->
                 f"{name} has no derivative by `{path}` at the scene's own values, the first start; begin "
                 "elsewhere, or take a loss that is smooth there."
             )
-    own = ((look.values[:count, None], look.slopes[:count]) for look in looks)
+    own = ((one.values[:count, None], one.slopes[:count]) for one in first)
     if not any(np.any(np.abs(slopes) > FLAT * np.abs(values)) for values, slopes in own):
         where = " or ".join(f"`{path}`" for path in limits.paths)
         raise ValueError(
@@ -274,23 +283,23 @@ def _tuned(
     scene: Scene,
     limits: Bounds,
     constraints: Constraints,
-    courses: list[Course],
+    all_starts: list[Iterates],
     optimiser: str,
     seed: int,
 ) -> Tuned:
-    start = min(range(len(courses)), key=lambda i: courses[i].merit)
-    best = courses[start]
+    start = min(range(len(all_starts)), key=lambda i: all_starts[i].merit)
+    best = all_starts[start]
     u, loss, excess = best.best
     values = dict(zip(limits.paths, limits.values(jnp.asarray(u)), strict=True))
     names = [name for name, _ in constraints]
-    rows = lambda seen, width: np.reshape(seen, (len(seen), width))
+    rows = lambda found, width: np.reshape(found, (len(found), width))
     parameters: Any = jax.vmap(limits.values)
-    numbers = [np.asarray(parameters(rows(one.numbers, len(u)))) for one in courses]
-    over = [rows(one.excess, len(names)) for one in courses]
+    numbers = [np.asarray(parameters(rows(one.numbers, len(u)))) for one in all_starts]
+    over = [rows(one.excess, len(names)) for one in all_starts]
     history = History(
-        _padded([one.losses for one in courses]),
+        _padded([one.losses for one in all_starts]),
         {path: _padded([x[:, i] for x in numbers]) for i, path in enumerate(limits.paths)},
-        _padded([one.gradients for one in courses]),
+        _padded([one.gradients for one in all_starts]),
         {name: _padded([x[:, i] for x in over]) for i, name in enumerate(names)},
     )
     return Tuned(
@@ -301,7 +310,7 @@ def _tuned(
         multipliers=dict(zip(names, map(jnp.asarray, best.multipliers), strict=True)),
         history=history,
         start=start,
-        reasons=tuple(one.reason for one in courses),
+        reasons=tuple(one.reason for one in all_starts),
         optimiser=optimiser,
         seed=seed,
     )

@@ -1,4 +1,4 @@
-"""Uncertainty: how well residuals settle the parameters that were fitted by them."""
+"""Uncertainty: how well residuals determine the parameters that were fitted to them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from .bounds import own_value
 
 
 class Uncertainty(eqx.Module):
-    """Covariance of `n` fitted parameters, in the order of `values`."""
+    """`C = sigma^2 (J^T J)^-1`, covariance of `n` fitted parameters in the order of `values`."""
 
     values: Mapping[str, Scalar]  # SI
     deviations: Mapping[str, Scalar]  # standard, SI
@@ -23,7 +23,14 @@ class Uncertainty(eqx.Module):
     noise: Scalar  # standard deviation of a residual
 
     def distance(self, values: Mapping[str, Any]) -> Scalar:
-        """`(x - x')^T C^-1 (x - x')` [1]: of true parameters `x'` it is distributed as chi-square of n."""
+        """`(x - x')^T C^-1 (x - x')` [1]; of the true parameters `x'` it is a chi-square of `n` degrees.
+
+        Args:
+            values: parameters `x'` by path, SI.
+
+        Returns:
+            The squared distance [1].
+        """
         given = jnp.stack([jnp.asarray(values[path], float) for path in self.values])
         scale = jnp.stack(list(self.deviations.values()))
         off = (given - jnp.stack(list(self.values.values()))) / scale
@@ -42,17 +49,25 @@ def uncertainty(
     paths: Sequence[str],
     noise: float | None = None,
 ) -> Uncertainty:
-    """`C = sigma^2 (J^T J)^-1`, `J = d residuals / d parameters` at what a fit has found.
+    """`C = sigma^2 (J^T J)^-1`, `J = d residuals / d parameters` at the result of a fit.
 
-    Right to first order in the noise, for residuals that scatter independently and alike. The fit must
+    Correct to first order in the noise, for residuals that scatter independently and alike. The fit must
     not have ended on a bound.
 
     Args:
-        residuals: of a scene, at least as many as parameters; those that were fitted.
-        scene: where they are least, such as `tuned.scene`.
-        paths: of the parameters, such as `tuned.values`.
-        noise: standard deviation sigma of a residual; by default that of what the fit has left,
-            `sqrt(sum r^2 / (m - n))` of `m` residuals.
+        residuals: function of a scene that returns the `m` residuals that were fitted, more than there
+            are parameters.
+        scene: the scene where they are least, such as `tuned.scene`.
+        paths: of the `n` parameters, such as `tuned.values`.
+        noise: standard deviation sigma of a residual; by default that of the residuals left by the fit,
+            `sqrt(sum r^2 / (m - n))`.
+
+    Returns:
+        An `Uncertainty`.
+
+    Raises:
+        ValueError: if a path is not a single number, the residuals are complex or too few, or they do
+            not determine the parameters.
 
     Source: Nocedal, Wright (2006), Numerical Optimization, section 10.2; Bard (1974), section 7.5.
     """
@@ -61,10 +76,12 @@ def uncertainty(
     at = lambda x: jnp.ravel(residuals(scene.put(dict(zip(values, x, strict=True)))))
     left, slopes = jax.jit(lambda x: (at(x), jax.jacfwd(at)(x)))(own)
     if jnp.iscomplexobj(left):
-        raise ValueError("Residuals must be real, but are complex; give real and imaginary parts.")
+        raise ValueError(
+            "Residuals must be real, but are complex; return real and imaginary parts."
+        )
     if left.size <= own.size:
         raise ValueError(
-            f"{left.size} residuals do not settle {own.size} parameters and their noise; take more."
+            f"{left.size} residuals do not determine {own.size} parameters and their noise; take more."
         )
     units = np.linalg.norm(slopes, axis=0)
     if not np.all(np.isfinite(slopes)) or not np.all(units > 0):

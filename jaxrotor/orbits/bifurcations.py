@@ -1,4 +1,4 @@
-"""Bifurcations: what happens to an orbit on its branch, and where.
+"""Bifurcations: special points of a branch, found by test functions that change sign there.
 
     fold             dp/ds = 0                     of the parameter p along the branch
     flip             det(M + 1) = 0                multiplier -1
@@ -6,8 +6,8 @@
     branching        det(J; tangent) = 0           another branch crosses
     grazing          min clearance = 0             a contact begins or ends to be touched
 
-Each is a number that changes its sign between two points of the branch; its root is found on the
-branch in between.
+Where a test function changes sign between two points of the branch, its root on the branch in between
+is computed.
 
 Source: Kuznetsov (2004), Elements of Applied Bifurcation Theory, sections 10.2, 10.3.
 """
@@ -19,111 +19,111 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
-from .corrector import Corrector, LostError, Point, recentred
-from .curve import Curve, Look
+from .corrector import Corrector, Point, StepError, jacobian_at_own_phase
+from .problem import ContinuationProblem, Evaluation
 
 
 KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
-SAME = 1e-2  # of the range of the radius: where two motions meet they are known to less
-NEAR = 1e-5  # of the unit circle or of -1: a multiplier further off has not crossed, but jumped
-
-
+SAME = (
+    1e-2  # of the range of the radius: accuracy to which an orbit is known where two of them meet
+)
+NEAR = 1e-5  # from the unit circle or from -1: a multiplier further away has jumped, not crossed
 ALIKE = 1e-6  # of a clearance: contacts that are touched in the same way
-Test = Callable[[Any], float]  # of a `Point`
+
+TestFunction = Callable[[Any], float]  # of a `Point`
 
 
-class Found(NamedTuple):
-    """What was found between two points of a branch."""
+class Bifurcation(NamedTuple):
+    """A special point located between two points of a branch."""
 
     kind: str
-    contact: int | None  # that is grazed
-    share: float  # of the way from the one to the other
+    contact: int | None  # the one that is grazed
+    fraction: float  # of the way from the first point to the second
     point: Point
 
 
-def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Found], list[str]]:
-    """All between two neighbours, in their order, and the kinds of those that were not located."""
+def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Bifurcation], list[str]]:
+    """Bifurcations between two neighbours, in order, and the kinds that could not be located."""
     found, lost = [], []
-    for kind, contact, test in _changed(a, b):
+    for kind, contact, test in _sign_changes(a, b):
         try:
-            share, point = _located(corrector, a, b, test)
-        except LostError:
+            fraction, point = _root(corrector, a, b, test)
+        except StepError:
             lost.append(kind)
             continue
-        if _is_one(kind, point):
-            found.append(Found(kind, contact, share, point))
+        if _is_genuine(kind, point):
+            found.append(Bifurcation(kind, contact, fraction, point))
         elif _stable(a) != _stable(b):  # multipliers jumped, as where contact begins
             lost.append(kind)
-    return sorted(found, key=lambda one: one.share), lost
+    return sorted(found, key=lambda one: one.fraction), lost
 
 
 def _stable(point: Point) -> bool:
-    return bool(np.all(np.abs(point.look.multipliers) < 1))
+    return bool(np.all(np.abs(point.evaluation.multipliers) < 1))
 
 
-def _changed(a: Point, b: Point) -> Iterator[tuple[str, int | None, Test]]:
-    """The tests that differ in sign."""
-    border = np.linalg.slogdet(_bordered(a))[1]
-    tests: dict[str, Test] = {
+def _sign_changes(a: Point, b: Point) -> Iterator[tuple[str, int | None, TestFunction]]:
+    """The test functions of different sign at two points, with their kinds and contacts."""
+    scale = np.linalg.slogdet(_bordered(a))[1]
+    tests: dict[str, TestFunction] = {
         "fold": lambda point: point.tangent[-1],
-        "flip": lambda point: np.prod(1 + point.look.multipliers).real,
-        "neimark-sacker": _pairs,
-        "branching": lambda point: _determinant(_bordered(point), border),
+        "flip": lambda point: np.prod(1 + point.evaluation.multipliers).real,
+        "neimark-sacker": _pair_products,
+        "branching": lambda point: _determinant(_bordered(point), scale),
     }
     for kind, test in tests.items():
         if np.sign(test(a)) * np.sign(test(b)) < 0:
             yield kind, None, test
-    before, after = touches(a.look), touches(b.look)
+    before, after = touches(a.evaluation), touches(b.evaluation)
     changed = [k for k in before if before[k][0] != after[k][0]]
-    seen: list[np.ndarray] = []
-    for k in changed:  # contacts that a symmetry takes to each other are touched alike
+    done: list[np.ndarray] = []
+    for k in changed:  # contacts that a symmetry maps to each other graze together
         margins = np.array([before[k][1], after[k][1]])
-        if not any(np.allclose(margins, one, rtol=ALIKE, atol=0.0) for one in seen):
-            seen.append(margins)
+        if not any(np.allclose(margins, one, rtol=ALIKE, atol=0.0) for one in done):
+            done.append(margins)
             yield "grazing", k, _grazing(k, before[k][0])
 
 
-def _grazing(k: int, touched: int) -> Test:
-    """Clearance nearest to zero, above it while a contact is touched so often."""
+def _grazing(k: int, count: int) -> TestFunction:
+    """Size of the extremum of clearance nearest to zero, positive while `k` is touched `count` times."""
 
     def test(point: Point) -> float:
-        count, margin = touches(point.look)[k]
-        return abs(margin) if count == touched else -abs(margin)
+        touched, margin = touches(point.evaluation)[k]
+        return abs(margin) if touched == count else -abs(margin)
 
     return test
 
 
-def _located(corrector: Corrector, a: Point, b: Point, test: Test) -> tuple[float, Point]:
-    """The root of a test, in planes across the chord of two points."""
+def _root(corrector: Corrector, a: Point, b: Point, test: TestFunction) -> tuple[float, Point]:
+    """The root of a test function, in planes across the chord of two points."""
     chord = b.u - a.u
     length = float(np.linalg.norm(chord))
-    row, gauge = chord / length, a.gauge(corrector.curve)
-    known = {0.0: a, 1.0: b}
+    normal, known = chord / length, {0.0: a, 1.0: b}
 
-    def value(share: float) -> float:
-        if share not in known:
-            guess = _between(a, b, length, share)
-            known[share] = corrector.point(guess, row, gauge, row)
-        return test(known[share])
+    def value(fraction: float) -> float:
+        if fraction not in known:
+            guess = _interpolated(a, b, length, fraction)
+            known[fraction] = corrector.point(guess, normal, a.phase_condition, normal)
+        return test(known[fraction])
 
     find: Any = brentq
-    share, how = find(value, 0.0, 1.0, xtol=1e-12, rtol=1e-14, full_output=True, disp=False)
-    if not how.converged:
-        raise LostError("the root of a test was not found")
-    value(share)
-    return share, known[share]
+    fraction, report = find(value, 0.0, 1.0, xtol=1e-12, rtol=1e-14, full_output=True, disp=False)
+    if not report.converged:
+        raise StepError("the root of a test function was not found")
+    value(fraction)
+    return fraction, known[fraction]
 
 
-def _between(a: Point, b: Point, length: float, share: float) -> np.ndarray:
-    """Cubic by two points and the tangents there."""
-    ease = share**2 * (3 - 2 * share)
-    first, last = share * (1 - share) ** 2, -(share**2) * (1 - share)
+def _interpolated(a: Point, b: Point, length: float, fraction: float) -> np.ndarray:
+    """Unknowns by the cubic through two points with their tangents."""
+    ease = fraction**2 * (3 - 2 * fraction)
+    first, last = fraction * (1 - fraction) ** 2, -(fraction**2) * (1 - fraction)
     return a.u + ease * (b.u - a.u) + length * (first * a.tangent + last * b.tangent)
 
 
-def _is_one(kind: str, point: Point) -> bool:
-    """Whether it is what its test says: multipliers may jump, and real ones have products of 1."""
-    multipliers: Any = np.asarray(point.look.multipliers)
+def _is_genuine(kind: str, point: Point) -> bool:
+    """Whether a root is a bifurcation: multipliers may jump, and two real ones have a product of 1."""
+    multipliers: Any = np.asarray(point.evaluation.multipliers)
     if kind == "flip":
         return bool(np.abs(multipliers + 1).min() < NEAR)
     if kind == "neimark-sacker":
@@ -132,71 +132,76 @@ def _is_one(kind: str, point: Point) -> bool:
     return True
 
 
-def _pairs(point: Point) -> float:
-    multipliers = np.asarray(point.look.multipliers)
+def _pair_products(point: Point) -> float:
+    """Test function of a Neimark-Sacker point."""
+    multipliers = np.asarray(point.evaluation.multipliers)
     first, second = np.triu_indices(multipliers.size, 1)
     return float(np.prod(multipliers[first] * multipliers[second] - 1).real)
 
 
 def _bordered(point: Point) -> np.ndarray:
-    return np.vstack([recentred(point.look), point.tangent])
+    """The Jacobian with the tangent as its last row."""
+    return np.vstack([jacobian_at_own_phase(point.evaluation), point.tangent])
 
 
 def _determinant(matrix: np.ndarray, scale: float) -> float:
+    """Determinant over `exp(scale)`, within the range of a number."""
     sign, size = np.linalg.slogdet(matrix)
     return sign * np.exp(np.clip(size - scale, -600.0, 600.0))
 
 
-def halved(curve: Curve, point: Point) -> bool:
-    """Whether an orbit is one of half the period, taken twice."""
-    z = point.look.seen.displacement[:, 0]
+def is_doubled(problem: ContinuationProblem, point: Point) -> bool:
+    """Whether an orbit is one of half the period, run through twice."""
+    z = point.evaluation.samples.displacement[:, 0]
     half, odd = divmod(z.size - 1, 2)
-    if odd or (curve.revolutions or 2) % 2:
+    if odd or (problem.revolutions or 2) % 2:
         return False
-    turns = float(curve.turn) / 2 + np.pi * np.arange(2 if curve.revolutions is None else 1)
-    back = [np.abs(z[half:] - np.exp(1j * turn) * z[: half + 1]).max() for turn in turns]
-    allowed = np.abs(np.exp(1j * curve.order * turns) - 1) < SAME  # leaves the scene as it is
-    return bool(np.min(back, where=allowed, initial=np.inf) < SAME * np.ptp(np.abs(z)))
+    halves = 2 if problem.revolutions is None else 1
+    turns = float(problem.turn) / 2 + np.pi * np.arange(halves)
+    apart = [np.abs(z[half:] - np.exp(1j * turn) * z[: half + 1]).max() for turn in turns]
+    symmetric = np.abs(np.exp(1j * problem.order * turns) - 1) < SAME  # the scene stays as it is
+    return bool(np.min(apart, where=symmetric, initial=np.inf) < SAME * np.ptp(np.abs(z)))
 
 
-def touches(look: Look) -> dict[int, tuple[int, float]]:
-    """Of contacts that may be free: how often each is touched, and its clearance nearest to zero [m].
+def touches(evaluation: Evaluation) -> dict[int, tuple[int, float]]:
+    """How often each contact is touched, and its extremum of clearance in time nearest to zero [m].
 
-    That is an extremum in time.
+    Contacts that always act are left out.
     """
     found = {}
-    for k in range(look.clearance.shape[-1]):
-        if np.isfinite(look.clearance[..., k]).all():
-            extrema = _extrema(look, k)
+    for k in range(evaluation.clearance.shape[-1]):
+        if np.isfinite(evaluation.clearance[..., k]).all():
+            extrema = _extrema(evaluation, k)
             inside = extrema < 0
             count = int(np.sum(inside != np.roll(inside, 1))) // 2
             found[k] = count, float(extrema[np.argmin(np.abs(extrema))])
     return found
 
 
-def least(look: Look) -> Float[np.ndarray, " k"]:
+def least_clearance(evaluation: Evaluation) -> Float[np.ndarray, " k"]:
     """Least clearance of every contact [m], -inf of one that always acts."""
-    clearance = np.asarray(look.clearance)
-    free = [k for k in range(clearance.shape[-1]) if np.isfinite(clearance[..., k]).all()]
+    clearance = np.asarray(evaluation.clearance)
+    finite = [k for k in range(clearance.shape[-1]) if np.isfinite(clearance[..., k]).all()]
     found = np.full(clearance.shape[-1], -np.inf)
-    for k in free:
-        found[k] = min(_extrema(look, k).min(), clearance[..., k].min())
+    for k in finite:
+        found[k] = min(_extrema(evaluation, k).min(), clearance[..., k].min())
     return found
 
 
-def _extrema(look: Look, k: int) -> Float[np.ndarray, " e"]:
-    """Extrema of a clearance [m] in the order of time, by cubics between samples."""
-    clearance, parting = (np.asarray(part[..., k]).T for part in (look.clearance, look.parting))
-    h = float(look.period) / (clearance.shape[1] - 1)
+def _extrema(evaluation: Evaluation, k: int) -> Float[np.ndarray, " e"]:
+    """Extrema of a clearance [m] in order of time, by cubics between samples."""
+    parts = evaluation.clearance, evaluation.clearance_rate
+    clearance, rate = (np.asarray(part[..., k]).T for part in parts)
+    h = float(evaluation.period) / (clearance.shape[1] - 1)
     c0, c1 = clearance[:, :-1].ravel(), clearance[:, 1:].ravel()
-    r0, r1 = h * parting[:, :-1].ravel(), h * parting[:, 1:].ravel()
-    turns = (r0 * r1 < 0) | (r0 == 0)
-    if not turns.any():
+    r0, r1 = h * rate[:, :-1].ravel(), h * rate[:, 1:].ravel()
+    stationary = (r0 * r1 < 0) | (r0 == 0)
+    if not stationary.any():
         return c0[:1]
-    c0, c1, r0, r1 = (part[turns] for part in (c0, c1, r0, r1))
+    c0, c1, r0, r1 = (part[stationary] for part in (c0, c1, r0, r1))
     square, cube = 3 * (c1 - c0) - 2 * r0 - r1, 2 * (c0 - c1) + r0 + r1
     at = r0 / np.where(r0 == r1, 1.0, r0 - r1)
     for _ in range(4):
-        slope, curve = r0 + at * (2 * square + 3 * cube * at), 2 * square + 6 * cube * at
-        at = np.clip(at - slope / np.where(curve == 0, np.inf, curve), 0.0, 1.0)
+        slope, bend = r0 + at * (2 * square + 3 * cube * at), 2 * square + 6 * cube * at
+        at = np.clip(at - slope / np.where(bend == 0, np.inf, bend), 0.0, 1.0)
     return c0 + at * (r0 + at * (square + at * cube))

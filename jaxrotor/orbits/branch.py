@@ -1,4 +1,4 @@
-"""Branch: orbits that follow each other as a parameter changes, and what happens on the way."""
+"""Branch: orbits along one parameter of a scene, with the bifurcations between them."""
 
 import dataclasses
 import math
@@ -10,13 +10,19 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ..core.tables import notebook_table
 from ..scene import Scene
-from .bifurcations import KINDS, Found, least
-from .corrector import Corrector, LostError, Point, Unknowns
-from .curve import Curve, Gauge, Look
-from .periodic import PeriodicOrbit
+from .bifurcations import KINDS, Bifurcation, least_clearance
+from .corrector import Corrector, Point, StepError, Unknowns
+from .orbit import PeriodicOrbit
+from .problem import ContinuationProblem, Evaluation, PhaseCondition
 
 
-OFFSETS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # of the state: how far off a flip its branch is sought
+OFFSETS = (
+    3e-3,
+    1e-3,
+    3e-4,
+    1e-4,
+    3e-5,
+)  # of the state: distances from a flip to seek its branch at
 
 
 class BranchPoint(eqx.Module):
@@ -24,23 +30,23 @@ class BranchPoint(eqx.Module):
 
     kind: str = eqx.field(static=True)
     value: float = eqx.field(static=True)  # of the parameter
-    contact: int | None = eqx.field(static=True)  # of the scene, that is grazed
-    place: float = eqx.field(static=True)  # among the points of the branch
+    contact: int | None = eqx.field(static=True)  # of the scene, the one that is grazed
+    place: float = eqx.field(static=True)  # between which points: 2.3 is after point 2
     whirl_rate: float = eqx.field(static=True)  # [1]
     radius_min: Float[np.ndarray, " s"]  # [m]
     radius_max: Float[np.ndarray, " s"]  # [m]
     multipliers: Complex[np.ndarray, " r"]  # largest first
-    unknowns: Float[np.ndarray, " b"]  # by which its branch knows it
+    unknowns: Float[np.ndarray, " b"]  # of the problem of its branch
 
     @property
     def angle(self) -> float:
-        """Of the multiplier nearest to the unit circle [rad], from 0 to pi."""
+        """Angle of the multiplier nearest to the unit circle [rad], from 0 to pi."""
         nearest = np.argmin(np.abs(np.abs(self.multipliers) - 1))
         return abs(float(np.angle(self.multipliers[nearest])))
 
 
 class Branch(eqx.Module):
-    """Orbits along `N` points of a branch, at `s` stations, and the bifurcations between them."""
+    """`N` orbits along a branch, at `s` stations, and the bifurcations between them."""
 
     values: Float[np.ndarray, " N"]  # of the parameter, SI
     period: Float[np.ndarray, " N"]  # [s]
@@ -48,29 +54,28 @@ class Branch(eqx.Module):
     whirl_rate: Float[np.ndarray, " N"]  # turn / (period Omega) [1]
     radius_min: Float[np.ndarray, "N s"]  # [m] at the samples
     radius_max: Float[np.ndarray, "N s"]
-    clearance: Float[np.ndarray, "N k"]  # least of every contact [m]; -inf if it always acts
+    clearance: Float[np.ndarray, "N k"]  # least of every contact [m]; -inf where it always acts
     multipliers: Complex[np.ndarray, "N r"]  # largest first
     trivial: Float[np.ndarray, " N"] | None  # multiplier along a motion without unbalance
     unresolved: Int[np.ndarray, " N"]  # steps whose changes of contact were not located
     iterations: Int[np.ndarray, " N"]  # of the corrector
     points: tuple[BranchPoint, ...]
-    unlocated: tuple[tuple[int, str], ...] = eqx.field(
-        static=True
-    )  # after which point, of which kind
+    # Bifurcations that were detected but not located: after which point, of which kind.
+    unlocated: tuple[tuple[int, str], ...] = eqx.field(static=True)
     reasons: tuple[str, str] = eqx.field(static=True)  # why it ends, at its first and last point
     unknowns: Float[np.ndarray, "N b"]
-    curve: Curve
+    curve: ContinuationProblem
     tolerance: float = eqx.field(static=True)
     max_iterations: int = eqx.field(static=True)
 
     @property
     def path(self) -> str:
-        """Of the parameter."""
+        """Path of the parameter."""
         return self.curve.path
 
     @property
     def scene(self) -> Scene:
-        """Of the orbit that the branch was begun with."""
+        """The scene of the orbit that the branch was begun with."""
         return self.curve.scene
 
     @property
@@ -88,37 +93,47 @@ class Branch(eqx.Module):
         """The orbit at a point of the branch, by its number, or at a bifurcation."""
         return self.curve.orbit(self._at(where), self.look(where))
 
-    def look(self, where: "int | BranchPoint") -> Look:
-        """All that is known of the orbit there, with the Jacobian."""
+    def look(self, where: "int | BranchPoint") -> Evaluation:
+        """The residual at a point or a bifurcation, with its Jacobian and samples of the motion."""
         u = self._at(where)
-        return self._corrector.look(u, _gauge(self.curve, u))
+        return self._corrector.evaluate(u, _any_phase(self.curve, u))
 
     def doubled(self, flip: BranchPoint) -> PeriodicOrbit:
         """An orbit of twice the period on the branch that begins at a flip, near it.
 
             x = x* + h v,   M v = -v
 
-        Its derivative by the parameter is zero at the flip, so that is sought near by instead. What is
-        found can be continued like any other.
+        The derivative of that branch by the parameter is zero at the flip, so its first orbit is sought
+        at a distance. The orbit can be continued like any other.
+
+        Args:
+            flip: one of `Branch.of("flip")`.
+
+        Returns:
+            A `PeriodicOrbit` of twice the period.
+
+        Raises:
+            ValueError: if `flip` is not a point of the kind "flip".
+            RuntimeError: if no orbit of twice the period is found near it.
         """
         kind = flip.kind if isinstance(flip, BranchPoint) else type(flip).__name__
         if kind != "flip":
             raise ValueError(f"`flip` must be a point of the kind 'flip', but is a {kind}.")
-        u, seen = flip.unknowns, self.look(flip)
-        m = seen.direction.size
-        along = np.linalg.svd(seen.jacobian[:m, :m] + 2 * np.eye(m))[2][-1]
-        row = np.append(along, np.zeros(u.size - m))
-        twice = self._corrector._replace(curve=_twice(self.curve))
-        gauge = Gauge(u[:m], seen.direction)
+        u, evaluation = flip.unknowns, self.look(flip)
+        m = evaluation.direction.size
+        along = np.linalg.svd(evaluation.jacobian[:m, :m] + 2 * np.eye(m))[2][-1]
+        normal = np.append(along, np.zeros(u.size - m))
+        corrector = self._corrector._replace(problem=_with_twice_the_period(self.curve))
+        condition = PhaseCondition(u[:m], evaluation.direction)
         for offset in OFFSETS:
-            off = offset * float(np.linalg.norm(u[:m]))
-            guess = u + off * row
+            distance = offset * float(np.linalg.norm(u[:m]))
+            guess = u + distance * normal
             try:
-                point = twice.point(guess, row, gauge, row)
-            except LostError:
+                point = corrector.point(guess, normal, condition, normal)
+            except StepError:
                 continue
-            if np.linalg.norm(point.u - guess) < 0.3 * off:
-                return twice.curve.orbit(point.u, point.look, point.iterations)
+            if np.linalg.norm(point.u - guess) < 0.3 * distance:
+                return corrector.problem.orbit(point.u, point.evaluation, point.iterations)
         raise RuntimeError(
             f"No orbit of twice the period was found near the flip at {self.path} = {flip.value:.9g}; "
             "continue with more steps, or a smaller `tolerance`."
@@ -133,19 +148,19 @@ class Branch(eqx.Module):
 
     def _repr_html_(self) -> str:
         first, *rest = str(self).split("\n")
-        told = [line.strip() for line in rest[len(self.points) :]]
+        texts = [line.strip() for line in rest[len(self.points) :]]
         rows = [(p.kind, p.value, p.whirl_rate, p.radius_max.max(), p.contact) for p in self.points]
         heads = ("point", self.path, "whirl rate", "largest radius [m]", "contact")
-        return notebook_table("\n".join([first, *told]), heads, rows)
+        return notebook_table("\n".join([first, *texts]), heads, rows)
 
     def __str__(self) -> str:
-        values, turns = self.values, np.flatnonzero(np.diff(np.sign(np.diff(self.values)))) + 1
-        way = " to ".join(f"{values[k]:.6g}" for k in (0, *turns, values.size - 1))
+        values, folds = self.values, np.flatnonzero(np.diff(np.sign(np.diff(self.values)))) + 1
+        way = " to ".join(f"{values[k]:.6g}" for k in (0, *folds, values.size - 1))
         lines = [
             f"Branch of {values.size} orbits, {self.path} from {way} [{self.scene.unit(self.path)}], "
             f"{int(self.stable.sum())} stable"
         ]
-        lines += [f"  {self._told(point)}" for point in self.points]
+        lines += [f"  {_described(point)}" for point in self.points]
         lines += [
             f"  {kind} not located between {self.values[k]:.6g} and {self.values[k + 1]:.6g}"
             for k, kind in self.unlocated
@@ -153,88 +168,89 @@ class Branch(eqx.Module):
         lines += [f"  begins: {self.reasons[0]}", f"  ends: {self.reasons[1]}"]
         return "\n".join(lines)
 
-    def _told(self, point: BranchPoint) -> str:
-        found = f"{point.kind} at {point.value:.9g}"
-        if point.contact is not None:
-            found += f", contact {point.contact}"
-        if point.kind == "neimark-sacker":
-            found += f", at {math.degrees(point.angle):.6g} degrees"
-        return found
+
+def _described(point: BranchPoint) -> str:
+    """A line on a bifurcation."""
+    text = f"{point.kind} at {point.value:.9g}"
+    if point.contact is not None:
+        text += f", contact {point.contact}"
+    if point.kind == "neimark-sacker":
+        text += f", at {math.degrees(point.angle):.6g} degrees"
+    return text
 
 
 def branch_of(
     corrector: Corrector,
     points: Sequence[Point],
-    found: Sequence[tuple[int, Found]],
+    found: Sequence[tuple[int, Bifurcation]],
     lost: Sequence[tuple[int, str]],
     reasons: tuple[str, str],
 ) -> Branch:
-    """The branch of points in their order, with what was found after the first of each pair."""
-    curve, looks = corrector.curve, [point.look for point in points]
-    each = lambda name: np.array([getattr(look, name) for look in looks])
+    """The branch of points in their order, with bifurcations by the point that each comes after."""
+    problem, evaluations = corrector.problem, [point.evaluation for point in points]
+    each = lambda name: np.array([getattr(evaluation, name) for evaluation in evaluations])
     whirl = each("turn") / (each("period") * each("speed"))
-    radius = [_radius(curve, look) for look in looks]
+    radius = [_radius(problem, evaluation) for evaluation in evaluations]
     unknowns = np.stack([point.u for point in points])
     return Branch(
-        values=np.array([_value(curve, u) for u in unknowns]),
+        values=np.array([_value(problem, u) for u in unknowns]),
         period=each("period"),
         turn=each("turn"),
         whirl_rate=whirl,
         radius_min=np.stack([low for low, _ in radius]),
         radius_max=np.stack([high for _, high in radius]),
-        clearance=np.stack([least(look) for look in looks]),
+        clearance=np.stack([least_clearance(evaluation) for evaluation in evaluations]),
         multipliers=each("multipliers"),
-        trivial=None if looks[0].trivial is None else each("trivial"),
-        unresolved=np.array([int(look.outcome.unresolved) for look in looks]),
+        trivial=None if evaluations[0].trivial is None else each("trivial"),
+        unresolved=np.array([int(evaluation.outcome.unresolved) for evaluation in evaluations]),
         iterations=np.array([point.iterations for point in points]),
-        points=tuple(_branch_point(curve, after, one) for after, one in found),
+        points=tuple(_branch_point(problem, after, one) for after, one in found),
         unlocated=tuple(lost),
         reasons=reasons,
         unknowns=unknowns,
-        curve=curve,
+        curve=problem,
         tolerance=corrector.tolerance,
         max_iterations=corrector.max_iterations,
     )
 
 
-def _branch_point(curve: Curve, after: int, found: Found) -> BranchPoint:
-    look = found.point.look
-    low, high = _radius(curve, look)
+def _branch_point(problem: ContinuationProblem, after: int, found: Bifurcation) -> BranchPoint:
+    evaluation = found.point.evaluation
+    low, high = _radius(problem, evaluation)
     return BranchPoint(
         found.kind,
-        _value(curve, found.point.u),
+        _value(problem, found.point.u),
         found.contact,
-        after + found.share,
-        float(look.turn / (look.period * look.speed)),
+        after + found.fraction,
+        float(evaluation.turn / (evaluation.period * evaluation.speed)),
         low,
         high,
-        np.asarray(look.multipliers),
+        np.asarray(evaluation.multipliers),
         found.point.u,
     )
 
 
-def _value(curve: Curve, u: Unknowns) -> float:
-    return float(curve.value(u[-1]))
+def _value(problem: ContinuationProblem, u: Unknowns) -> float:
+    return float(problem.value(u[-1]))
 
 
-def _radius(curve: Curve, look) -> tuple[np.ndarray, np.ndarray]:
-    radius = np.abs(look.seen.displacement[:, : curve.stations.size])
+def _radius(problem: ContinuationProblem, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest radius at the stations [m]."""
+    radius = np.abs(evaluation.samples.displacement[:, : problem.stations.size])
     return radius.min(axis=0), radius.max(axis=0)
 
 
-def _gauge(curve: Curve, u: Unknowns) -> Gauge:
-    """Any, of a state that is an orbit's already."""
-    m = u.size - (2 if curve.revolutions is None else 1)
-    return Gauge(u[:m], np.zeros(m))
+def _any_phase(problem: ContinuationProblem, u: Unknowns) -> PhaseCondition:
+    """A phase condition that every state meets, for one that is on its orbit already."""
+    m = u.size - (2 if problem.revolutions is None else 1)
+    return PhaseCondition(u[:m], np.zeros(m))
 
 
-def _twice(curve: Curve) -> Curve:
-    """The same with twice the period."""
-    if curve.revolutions is not None:
-        return dataclasses.replace(curve, revolutions=2 * curve.revolutions)
-    plan = dataclasses.replace(
-        curve.plan, steps=2 * curve.plan.steps, max_steps=2 * curve.plan.steps
-    )
-    images = 1 if curve.images == 1 else curve.images // math.gcd(curve.images, 2)
-    turn = 2 * curve.turn
-    return dataclasses.replace(curve, plan=plan, span=2 * curve.span, turn=turn, images=images)
+def _with_twice_the_period(problem: ContinuationProblem) -> ContinuationProblem:
+    if problem.revolutions is not None:
+        return dataclasses.replace(problem, revolutions=2 * problem.revolutions)
+    steps = 2 * problem.plan.steps
+    plan = dataclasses.replace(problem.plan, steps=steps, max_steps=steps)
+    images = 1 if problem.images == 1 else problem.images // math.gcd(problem.images, 2)
+    turn = 2 * problem.turn
+    return dataclasses.replace(problem, plan=plan, span=2 * problem.span, turn=turn, images=images)

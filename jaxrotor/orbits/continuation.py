@@ -1,8 +1,8 @@
-"""Continuation: a branch of orbits, around its folds, by steps of its own length.
+"""Continuation: a branch of orbits, followed around its folds by pseudo-arclength.
 
-    missed(u) = 0,   t . (u - u_k - h t) = 0,   u = (x, s)
+    residual(u) = 0,   t . (u - u_k - h t) = 0,   u = (x, s)
 
-`t` is the tangent in the last point `u_k`, `s` the share of the parameter's range.
+`t` is the tangent in the last point `u_k`, `s` the place of the parameter in its range.
 """
 
 from collections.abc import Sequence
@@ -13,20 +13,17 @@ import numpy as np
 from ..core.checks import check_counts
 from ..core.progress import progress as bar
 from ..solvers.exponential import Exponential
-from .bifurcations import Found, bifurcations, halved
+from .bifurcations import Bifurcation, bifurcations, is_doubled
 from .branch import Branch, branch_of
-from .corrector import Corrector, LostError, Point, tangent
-from .curve import Gauge, curve_of
-from .periodic import PeriodicOrbit
+from .corrector import Corrector, Point, StepError, tangent
+from .orbit import PeriodicOrbit
+from .predictor import LEAST, SHARP, Predictor
+from .problem import PhaseCondition, problem_of
 
 
-END = 1e-12  # of the range: as near as an orbit at its end is to it
-LEAST = 1e-7  # step, of a state or of the range
-SHARP = 0.9  # cosine of the angle between tangents of neighbours that is taken for a smooth turn
-ASIDE = 0.3  # of a step: what the corrector may add to it
-KINK = 1e-3  # step below which a tangent may turn by more: where a contact begins
-FAR = 10  # of such a step: what is further is not the other side of a kink
-EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shrink
+END = 1e-12  # of the range: a point nearer to an end is at it
+CLOSED = "the branch closes: it is back at the orbit that was given"
+HALVED = "it meets the branch of orbits of half the period, at their flip at"
 
 
 def continue_(
@@ -46,30 +43,38 @@ def continue_(
 ) -> Branch:
     """The orbits near an orbit as one parameter of its scene changes, through folds, stable or not.
 
-        missed(x, p) = 0   by pseudo-arclength
+        residual(x, p) = 0   by pseudo-arclength
 
     On the way folds, flips (period doublings), Neimark-Sacker points, crossings of branches and grazing
     of contacts are detected and located. Where contact begins a branch has a kink, which it passes in
     small steps. See `Branch.doubled` for the branch that begins at a flip.
 
     Args:
-        orbit: of `periodic`; its steps and, if it has no unbalance, its turn are kept.
-        path: of the parameter, "limiters.stiffness"; several of one kind must be equal and stay so.
-        between: range of the parameter, in SI, with the orbit's own value in it. A range of positive
-            values over more than a decade is measured by its logarithm.
-        direction: from the orbit "up" or "down" to begin with, or "both".
-        step: first step, of the range or the size of the state, whichever changes more.
-        max_step: longest; how far apart neighbours may be.
-        max_points: in each direction.
+        orbit: result of `periodic`; its steps are kept, and its turn if the scene has no unbalance.
+        path: path of the parameter, such as "limiters.stiffness"; where it stands for several values
+            they must be equal, and stay so.
+        between: range of the parameter, in SI, which must hold the orbit's own value. A range of
+            positive values over more than a decade is measured by its logarithm.
+        direction: how the branch leaves the orbit: with the parameter "up", "down", or "both" ways.
+        step: length of the first step, in units of the range or of the size of the state, whichever
+            changes more.
+        max_step: greatest length of a step, which is the distance of neighbours.
+        max_points: greatest number of points in each direction.
         solver: as in `periodic`.
-        tolerance: of what a period misses, of the size of the state.
-        max_iterations: of Newton's method at a point; where they do not do, the step is halved.
-        locate: whether to look for bifurcations; each takes some ten orbits.
+        tolerance: largest residual of a period, in units of the size of the state.
+        max_iterations: of Newton's method at a point; where it does not converge, the step is halved.
+        locate: whether to look for bifurcations; each takes about ten orbits.
         progress: whether to show a progress bar; by default on a terminal.
 
     Returns:
-        A `Branch`; `reasons` say why it ends. Not differentiable; its orbits, found again by `periodic`,
-        are.
+        A `Branch`, whose `reasons` say why it ends. It is not differentiable; its orbits, computed again
+        by `periodic`, are.
+
+    Raises:
+        ValueError: if an argument is out of its range, the rotor does not rotate, the range has no scene
+            of the same layout at its ends, the parameter has several values, or it breaks the symmetry of
+            an orbit without unbalance.
+        RuntimeError: if the corrector does not converge at the orbit itself.
 
     Source: Allgower, Georg (2003), Introduction to Numerical Continuation Methods, chapters 2, 6.
     """
@@ -81,158 +86,111 @@ def continue_(
             f"`step` must be above {LEAST:g} and at most `max_step`, but they are {step!r} and "
             f"{max_step!r}."
         )
-    curve, first = curve_of(orbit, path, between, solver)
-    corrector = Corrector(curve, tolerance, max_iterations)
-    start = _start(corrector, first, path)
-    trip = _Trip(corrector, step, max_step, max_points, locate)
-    ways = {"both": (1, -1), "up": (1,), "down": (-1,)}[direction]
-    with bar(progress, len(ways) * max_points, f"continuing in {path}", "points") as tick:
-        trails = {}
-        for way in ways:
-            trails[way] = trip.go(start, way, tick)
-            if trails[way].reason == CLOSED:
+    problem, first = problem_of(orbit, path, between, solver)
+    corrector = Corrector(problem, tolerance, max_iterations)
+    start = _first_point(corrector, first, path)
+    tracer = _Tracer(corrector, Predictor(corrector, max_step), step, max_points, locate)
+    signs = {"both": (1, -1), "up": (1,), "down": (-1,)}[direction]
+    with bar(progress, len(signs) * max_points, f"continuing in {path}", "points") as tick:
+        halves = {}
+        for sign in signs:
+            halves[sign] = tracer.half_branch(start, sign, tick)
+            if halves[sign].reason == CLOSED:
                 break
-    alone = "the orbit that was given"
+    alone = _HalfBranch([start], [], "the orbit that was given", [])
     if direction == "down":
-        way = trails[-1]
-        return branch_of(corrector, way.points, way.found, way.lost, (alone, way.reason))
-    up, down = (trails.get(way, _Trail([start], [], alone, [])) for way in (1, -1))
+        down = halves[-1]
+        reasons = alone.reason, down.reason
+        return branch_of(corrector, down.points, down.found, down.lost, reasons)
+    return _joined(corrector, halves.get(-1, alone), halves.get(1, alone))
+
+
+def _joined(corrector: Corrector, down: "_HalfBranch", up: "_HalfBranch") -> Branch:
+    """One branch of the two halves that begin at the same orbit."""
     back = len(down.points) - 1
-    found = [(back - 1 - after, one._replace(share=1 - one.share)) for after, one in down.found]
-    found = found[::-1] + [(back + after, one) for after, one in up.found]
-    points = down.points[:0:-1] + up.points
+    turned = [
+        (back - 1 - after, one._replace(fraction=1 - one.fraction)) for after, one in down.found
+    ]
+    found = turned[::-1] + [(back + after, one) for after, one in up.found]
     lost = [(back - 1 - after, kind) for after, kind in down.lost]
     lost = lost[::-1] + [(back + after, kind) for after, kind in up.lost]
+    points = down.points[:0:-1] + up.points
     return branch_of(corrector, points, found, lost, (down.reason, up.reason))
 
 
-CLOSED = "the branch closes: it is back at the orbit that was given"
-HALVED = "orbits of half the period, on both sides of their flip, are met at"
-
-
-class _Trail(NamedTuple):
-    """Points of a branch on one way, what was found after which of them, and why it ends."""
+class _HalfBranch(NamedTuple):
+    """The points of a branch from an orbit in one direction, and its bifurcations."""
 
     points: list[Point]
-    found: list[tuple[int, Found]]
-    reason: str
-    lost: list[tuple[int, str]]  # kinds that were detected, not located
+    found: list[tuple[int, Bifurcation]]  # after which point
+    reason: str  # why it ends
+    lost: list[tuple[int, str]]  # kinds that were detected but not located, after which point
 
 
-class _Trip(NamedTuple):
-    """How a branch is followed."""
+class _Tracer(NamedTuple):
+    """Follows a branch point by point and looks for bifurcations on the way."""
 
     corrector: Corrector
+    predictor: Predictor
     step: float
-    max_step: float
     max_points: int
     locate: bool
 
-    def go(self, start: Point, way: int, tick: Any) -> _Trail:
-        """From a point on, first with `way` the parameter up or down."""
-        onward = np.append(np.zeros(start.u.size - 1), float(way))
-        start = start._replace(tangent=tangent(start.look, onward))
-        trail, h = _Trail([start], [], "", []), self.step
-        while len(trail.points) <= self.max_points:
-            last = trail.points[-1]
+    def half_branch(self, start: Point, sign: int, tick: Any) -> _HalfBranch:
+        """The branch from a point, first with the parameter up (`sign` 1) or down (-1)."""
+        forward = np.append(np.zeros(start.u.size - 1), float(sign))
+        start = start._replace(tangent=tangent(start.evaluation, forward))
+        half, h = _HalfBranch([start], [], "", []), self.step
+        while len(half.points) <= self.max_points:
+            last = half.points[-1]
             if abs(last.u[-1] - (last.tangent[-1] > 0)) < END:
-                return trail._replace(reason=f"{self._at(last)} is the end of the range")
+                return half._replace(reason=f"{self._at(last)} is the end of the range")
             try:
-                point, h, ended = self._next(last, h)
-            except LostError as error:
-                return trail._replace(reason=self._lost(last, error))
-            after = len(trail.points) - 1
+                point, h, ended = self.predictor.next(last, h)
+            except StepError as error:
+                reason = f"no progress from {self._at(last)}, by steps down to {LEAST:g}: {error}"
+                return half._replace(reason=reason)
+            after = len(half.points) - 1
             found, lost = bifurcations(self.corrector, last, point) if self.locate else ([], [])
-            trail.lost.extend((after, kind) for kind in lost)
+            half.lost.extend((after, kind) for kind in lost)
             for one in found:
-                if one.kind in ("fold", "branching") and halved(self.corrector.curve, one.point):
-                    trail.points.append(one.point)
-                    return trail._replace(reason=f"{HALVED} {self._at(one.point)}")
-                trail.found.append((after, one))
-            trail.points.append(point)
+                meets = one.kind in ("fold", "branching")
+                if meets and is_doubled(self.corrector.problem, one.point):
+                    half.points.append(one.point)
+                    return half._replace(reason=f"{HALVED} {self._at(one.point)}")
+                half.found.append((after, one))
+            half.points.append(point)
             tick(1)
             if not ended and _closes(start, last, point):
-                return trail._replace(reason=CLOSED)
-        return trail._replace(
-            reason=f"`max_points` = {self.max_points} are taken, to {self._at(trail.points[-1])}"
+                return half._replace(reason=CLOSED)
+        return half._replace(
+            reason=f"`max_points` = {self.max_points} are taken, to {self._at(half.points[-1])}"
         )
 
-    def _next(self, last: Point, h: float) -> tuple[Point, float, bool]:
-        """The next point, the step to try after it, and whether it ends the range."""
-        gauge = last.gauge(self.corrector.curve)
-        while True:
-            guess = last.u + h * last.tangent
-            try:
-                point, ended = self._reached(last, guess, gauge)
-                _check_way(last, point, guess, h, ended)
-            except LostError:
-                h /= 2
-                if h < LEAST:
-                    raise
-                continue
-            h *= 1.5 if point.iterations <= EASY else 0.5 if point.iterations >= HARD else 1.0
-            return point, min(h, self.max_step * self._largest(point)), ended
-
-    def _reached(self, last: Point, guess: np.ndarray, gauge: Gauge) -> tuple[Point, bool]:
-        """The point near a guess, or the end of the range before it."""
-        if 0 <= guess[-1] <= 1:
-            point = self.corrector.point(guess, last.tangent, gauge, last.tangent)
-            if 0 <= point.u[-1] <= 1:
-                return point, False
-            guess = point.u
-        return self._end(last, guess, gauge), True
-
-    def _largest(self, point: Point) -> float:
-        """Of the state and the range."""
-        return max(1.0, float(np.linalg.norm(point.u[: point.look.direction.size])))
-
-    def _end(self, last: Point, guess: np.ndarray, gauge: Gauge) -> Point:
-        """The point at the end of the range, before a guess beyond it."""
-        bound = 1.0 if guess[-1] > 1 else 0.0
-        ahead = guess[-1] - last.u[-1]
-        share = (bound - last.u[-1]) / ahead if ahead else 1.0
-        row = np.append(np.zeros(guess.size - 1), 1.0)
-        at = last.u + share * (guess - last.u)
-        at[-1] = bound
-        return self.corrector.point(at, row, gauge, last.tangent)
-
     def _at(self, point: Point) -> str:
-        curve = self.corrector.curve
-        return f"{curve.path} = {float(curve.value(point.u[-1])):.9g}"
-
-    def _lost(self, last: Point, error: LostError) -> str:
-        return f"no progress from {self._at(last)}, by steps down to {LEAST:g}: {error}"
-
-
-def _check_way(last: Point, point: Point, guess: np.ndarray, h: float, ended: bool) -> None:
-    """Refuse what may be on another branch; small steps may pass a kink."""
-    small = h < KINK
-    if not small and last.tangent @ point.tangent < SHARP:
-        raise LostError("the branch turns too sharply")
-    far = np.linalg.norm(point.u - last.u) > (FAR if small else 2) * h
-    aside = not ended and not small and np.linalg.norm(point.u - guess) > ASIDE * h
-    if far or aside:
-        raise LostError("the corrector leads elsewhere")
+        problem = self.corrector.problem
+        return f"{problem.path} = {float(problem.value(point.u[-1])):.9g}"
 
 
 def _closes(start: Point, last: Point, point: Point) -> bool:
     """Whether the start is between two neighbours."""
     chord = point.u - last.u
     length = np.linalg.norm(chord)
-    share = (start.u - last.u) @ chord / length**2
-    off = np.linalg.norm(start.u - last.u - share * chord)
-    return bool(0 < share <= 1 and off < 0.1 * length and start.tangent @ chord > SHARP * length)
+    fraction = (start.u - last.u) @ chord / length**2
+    off = np.linalg.norm(start.u - last.u - fraction * chord)
+    along = start.tangent @ chord > SHARP * length
+    return bool(0 < fraction <= 1 and off < 0.1 * length and along)
 
 
-def _start(corrector: Corrector, first: np.ndarray, path: str) -> Point:
+def _first_point(corrector: Corrector, first: np.ndarray, path: str) -> Point:
     """The point of the orbit itself."""
-    m = first.size - (2 if corrector.curve.revolutions is None else 1)
-    direction = corrector.look(first, Gauge(first[:m], np.zeros(m))).direction
-    row = np.append(np.zeros(first.size - 1), 1.0)
+    m = first.size - (2 if corrector.problem.revolutions is None else 1)
+    direction = corrector.evaluate(first, PhaseCondition(first[:m], np.zeros(m))).direction
+    normal = np.append(np.zeros(first.size - 1), 1.0)
     try:
-        return corrector.point(first, row, Gauge(first[:m], direction), row)
-    except LostError as error:
+        return corrector.point(first, normal, PhaseCondition(first[:m], direction), normal)
+    except StepError as error:
         raise RuntimeError(
-            f"The orbit cannot be continued in `{path}`: {error}; find it by `periodic` with the steps "
+            f"The orbit cannot be continued in `{path}`: {error}; compute it by `periodic` with the steps "
             "and the `solver` that it is to be continued with."
         ) from None

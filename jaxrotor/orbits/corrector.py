@@ -1,6 +1,6 @@
-"""Corrector: from a guess of an orbit and its parameter to the curve of orbits, by Newton's method.
+"""Corrector: Newton's method from a predicted point to the branch.
 
-    missed(u) = 0,   row . (u - guess) = 0,   u = (x, s)
+    residual(u) = 0,   normal . (u - guess) = 0,   u = (x, s)
 
 Source: Allgower, Georg (2003), Introduction to Numerical Continuation Methods, chapters 2, 6.
 """
@@ -12,86 +12,89 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .curve import Curve, Gauge, Look, look
+from .problem import ContinuationProblem, Evaluation, PhaseCondition, evaluate
 
 
 Unknowns = Float[np.ndarray, " b"]
 
 
-class LostError(Exception):
-    """The curve was not reached; says why."""
+class StepError(Exception):
+    """A step failed: the corrector did not converge, or its result was rejected; the text says why."""
 
 
 class Point(NamedTuple):
-    """A point of the curve."""
+    """A point of a branch."""
 
     u: Unknowns
-    tangent: Unknowns  # of unit length, onward
-    look: Look
+    tangent: Unknowns  # of unit length, in the direction of travel
+    evaluation: Evaluation
     iterations: int
 
-    def gauge(self, curve: Curve) -> Gauge:
-        """The state itself, of those that its motion goes through."""
-        m = self.look.direction.size
-        return Gauge(self.u[:m], self.look.direction)
+    @property
+    def phase_condition(self) -> PhaseCondition:
+        """The one that picks this state from those of its orbit."""
+        m = self.evaluation.direction.size
+        return PhaseCondition(self.u[:m], self.evaluation.direction)
 
 
 class Corrector(NamedTuple):
-    """Newton's method on a curve; derivatives are those of every trial."""
+    """Newton's method for `residual(u) = 0`, with the Jacobian of every trial."""
 
-    curve: Curve
+    problem: ContinuationProblem
     tolerance: float
     max_iterations: int
 
-    def look(self, u: Unknowns, gauge: Gauge) -> Look:
-        """A trial."""
-        seen = look(self.curve, jnp.asarray(u), Gauge(*map(jnp.asarray, gauge)))
-        return jax.tree.map(np.asarray, seen)
+    def evaluate(self, u: Unknowns, condition: PhaseCondition) -> Evaluation:
+        """The residual of a trial and all that comes with it, as arrays of numpy."""
+        traced = PhaseCondition(*map(jnp.asarray, condition))
+        return jax.tree.map(np.asarray, evaluate(self.problem, jnp.asarray(u), traced))
 
-    def point(self, guess: Unknowns, row: Unknowns, gauge: Gauge, onward: Unknowns) -> Point:
-        """The point of the curve in the plane across `row` through a guess."""
+    def point(
+        self, guess: Unknowns, normal: Unknowns, condition: PhaseCondition, forward: Unknowns
+    ) -> Point:
+        """The point of the branch in the plane through a guess; its tangent points along `forward`."""
         u = np.array(guess, float)
-        count, seen = 0, self.look(u, gauge)
+        count, trial = 0, self.evaluate(u, condition)
         while True:
-            if not (np.isfinite(seen.missed).all() and np.isfinite(seen.jacobian).all()):
-                raise LostError("the motion, or its derivative, did not stay finite")
-            if np.abs(seen.missed).max() < self.tolerance:
-                return Point(u, tangent(seen, onward), seen, count)
+            if not (np.isfinite(trial.residual).all() and np.isfinite(trial.jacobian).all()):
+                raise StepError("the motion, or its derivative, did not stay finite")
+            if np.abs(trial.residual).max() < self.tolerance:
+                return Point(u, tangent(trial, forward), trial, count)
             if count == self.max_iterations:
-                raise LostError(_unfinished(count, seen))
-            matrix = np.vstack([seen.jacobian, row])
+                raise StepError(_unfinished(count, trial))
+            matrix = np.vstack([trial.jacobian, normal])
             try:
-                u = u - np.linalg.solve(matrix, np.append(seen.missed, row @ (u - guess)))
+                u = u - np.linalg.solve(matrix, np.append(trial.residual, normal @ (u - guess)))
             except np.linalg.LinAlgError:
-                raise LostError("the equations of the corrector became singular") from None
-            count, seen = count + 1, self.look(u, gauge)
+                raise StepError("the equations of the corrector became singular") from None
+            count, trial = count + 1, self.evaluate(u, condition)
 
 
-def _unfinished(iterations: int, seen: Look) -> str:
-    """Why Newton's method did not arrive."""
-    left = np.abs(seen.missed).max()
-    reason = f"after {iterations} iterations a period still missed {left:.1e} of the state"
-    if seen.outcome.unresolved:
+def _unfinished(iterations: int, trial: Evaluation) -> str:
+    """Why Newton's method did not converge."""
+    left = np.abs(trial.residual).max()
+    reason = f"after {iterations} iterations the residual was still {left:.1e} of the state"
+    if trial.outcome.unresolved:
         reason += (
-            f", and in {int(seen.outcome.unresolved)} of its steps contact changed without end, as where "
+            f", and in {int(trial.outcome.unresolved)} of its steps contact changed without end, as where "
             "a rim sticks to its stop; friction smoothed by `slip` can be followed further"
         )
     return reason
 
 
-def tangent(seen: Look, onward: Unknowns) -> Unknowns:
-    """Of the curve, of states across the motion, of unit length."""
-    jacobian = recentred(seen)
+def tangent(evaluation: Evaluation, forward: Unknowns) -> Unknowns:
+    """Unit tangent of the branch along `forward`, its states moving across the motion."""
+    jacobian = jacobian_at_own_phase(evaluation)
     if not np.isfinite(jacobian).all():
-        raise LostError("the motion came to rest")
+        raise StepError("the motion came to rest")
     along = np.linalg.svd(jacobian)[2][-1]
-    return along if along @ onward >= 0 else -along
+    return along if along @ forward >= 0 else -along
 
 
-def recentred(seen: Look) -> Float[np.ndarray, "a b"]:
-    """The Jacobian with the state itself as the one that is meant."""
-    jacobian, m = np.array(seen.jacobian), seen.direction.size
+def jacobian_at_own_phase(evaluation: Evaluation) -> Float[np.ndarray, "a b"]:
+    """The Jacobian with the phase condition of the state itself."""
+    jacobian, m = np.array(evaluation.jacobian), evaluation.direction.size
     if len(jacobian) > m:
         jacobian[m] = 0.0
-        jacobian[m, :m] = seen.direction
+        jacobian[m, :m] = evaluation.direction
     return jacobian

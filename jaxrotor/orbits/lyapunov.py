@@ -1,4 +1,4 @@
-"""Lyapunov: how fast neighbouring motions part."""
+"""Lyapunov: the rates at which neighbouring motions diverge."""
 
 from collections.abc import Callable
 from typing import Any
@@ -21,21 +21,21 @@ from ..motion.simulate import check_steps
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
-from .periodic import start_of
+from .guess import start_of
 from .shooting import differentiable
 
 
-BLOCKS = 10  # of the run, whose means tell the error
+BLOCKS = 10  # parts of the run, whose means give the error
 
 
 class Lyapunov(eqx.Module):
-    """Mean exponential rates at which `e` independent small disturbances grow."""
+    """`lim ln |dz(t)| / t`, mean exponential growth of `e` independent small disturbances."""
 
     exponents: Float[Array | np.ndarray, " e"]  # [1/s], largest first
     error: Float[Array | np.ndarray, " e"]  # standard error, see `lyapunov` [1/s]
     growth: Float[Array | np.ndarray, "R e"]  # in every revolution [1/s]
     unresolved: Int[Array, ""]  # steps whose changes of contact were not located
-    end: AbstractStart  # state to go on from
+    end: AbstractStart  # state to continue from
     period: float = eqx.field(static=True)  # of a revolution [s]
     scene: Scene
     steps: int = eqx.field(static=True)  # in a revolution
@@ -43,7 +43,7 @@ class Lyapunov(eqx.Module):
 
     @property
     def running(self) -> Float[np.ndarray, "R e"]:
-        """Mean growth from the first revolution to every other [1/s]."""
+        """Mean growth from the first revolution to each later one [1/s]."""
         growth = np.asarray(self.growth)
         return np.cumsum(growth, axis=0) / np.arange(1, len(growth) + 1)[:, None]
 
@@ -72,28 +72,34 @@ def lyapunov(
     """Largest Lyapunov exponents `lim ln |dz(t)| / t` of a motion, and of its volumes.
 
     Small disturbances follow the derivative of every step, jumps at changes of contact included, and
-    are made orthonormal after every revolution; the exponents are the mean logarithms of what
-    that takes. Positive: chaos. Zero: a motion along itself, of a scene without unbalance or a motion
-    of two periods. Of a scene without contact they are the real parts of the roots.
+    are made orthonormal after every revolution; the exponents are the means of the logarithms of their
+    growth. A positive exponent means chaos. Zero belongs to a motion along itself, of a scene without
+    unbalance, or to a motion of two periods. Of a scene without contact they are the real parts of the
+    roots.
 
     Args:
-        scene: what moves, at constant speed. Runs of other values of the same scene reuse the program.
-        start: state to begin with, end of a `Response` or an orbit; by default `AtRest()`.
+        scene: the rotor, at constant speed. Runs of other values of the same scene reuse the program.
+        start: state to begin with, end of a `Response`, or an orbit; by default `AtRest()`.
         revolutions: over which the growth is averaged.
-        count: of exponents, up to four a coordinate.
-        settle: revolutions before, the last half of which turns the disturbances into their directions.
+        count: number of exponents, up to four a coordinate.
+        settle: revolutions before the average; in the last half of them the disturbances already turn
+            into their directions.
         steps_per_revolution: of the shaft.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
-        period: length [s] of a "revolution" at zero speed.
+        period: length of a "revolution" at zero speed [s].
         seed: of the first disturbances.
         progress: whether to show a progress bar; by default on a terminal.
 
     Returns:
-        A `Lyapunov`, not differentiable. Means have a smooth weight, so those of periodic and
-        quasi-periodic motion converge fast; `error` is the standard deviation of the means of 10 blocks
-        over the root of 10, right for chaos where a block forgets the one before.
+        A `Lyapunov`, not differentiable. The means have a smooth weight, so they converge fast for
+        periodic and quasi-periodic motion. `error` is the standard deviation of the means of 10 blocks
+        over the root of 10, which is right for chaos where a block is independent of the one before.
+        An exponent is -inf, without an error, where a disturbance shrinks in a revolution to rounding
+        beside the fastest.
 
-    Beside the fastest, what shrinks in a revolution to the rounding of a number is -inf, without an error.
+    Raises:
+        ValueError: if an argument is out of its range or of another type, or the speed is not constant.
+        RuntimeError: if the motion does not stay finite, or a stop is too stiff for the steps.
 
     Source: Benettin, Galgani, Giorgilli, Strelcyn (1980), Meccanica 15, 9-30; jumps: Mueller (1995),
     Chaos, Solitons and Fractals 5, 1671-1681; weights: Das, Saiki, Sander, Yorke (2017), Nonlinearity
@@ -104,7 +110,7 @@ def lyapunov(
     check_counts(0, settle=settle)
     if revolutions < 2 * BLOCKS:
         raise ValueError(
-            f"`revolutions` must be at least {2 * BLOCKS} to tell an error, but is {revolutions}."
+            f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."
         )
     check_constant(scene, "`lyapunov`")
     start = AtRest() if start is None else start_of(start, "start")
@@ -116,17 +122,9 @@ def lyapunov(
         )
     rate = revolution_rate(scene, period)
     chosen: Any = choose(differentiable(solver, system), scene, rate, start)
-    plan = Plan(
-        chosen,
-        None,
-        dfx.ForwardMode(),
-        steps_per_revolution,
-        steps_per_revolution,
-        slopes=False,
-        contacts=False,
-        coordinates=False,
-        together=together,
-    )
+    options = {"slopes": False, "contacts": False, "coordinates": False, "together": together}
+    steps = steps_per_revolution
+    plan = Plan(chosen, None, dfx.ForwardMode(), steps, steps, **options)
     station = scene.stations(None)
     march = eqx.filter_jit(March.of)(system, plan, rate, station[:1])
     y = march.begin(start, station[0])
@@ -134,22 +132,22 @@ def lyapunov(
     with bar(progress, settle + revolutions, f"{count} exponents", "revolutions") as tick:
         y, good = _skip(march, y, jnp.asarray(settle - aligned))
         tick(settle - aligned)
-        frame = random_frame(y.size, count, seed)
+        disturbances = random_disturbances(y.size, count, seed)
         growths = []
-        for turns in segments(aligned) + segments(revolutions):
-            y, frame, growth, ok = _follow(march, y, frame, turns)
+        for segment in segments(aligned) + segments(revolutions):
+            y, disturbances, growth, ok = _follow(march, y, disturbances, segment)
             good = good & ok
             growths.append(np.asarray(growth))
-            tick(turns)
+            tick(segment)
     if not bool(good.ok):
         raise RuntimeError(
             "The motion did not stay finite: take more `steps_per_revolution`, or look at "
             "`jaxrotor.roots` for growth."
         )
-    check_steps(good, march.contact_stiffness_ratio, chosen.order, steps_per_revolution)
+    check_steps(good, march.contact_stiffness_ratio, chosen.order, steps)
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
-    exponents, error = ordered(*mean_and_error(growth), length)
+    exponents, error = largest_first(*mean_and_error(growth), length)
     return Lyapunov(
         exponents,
         error,
@@ -158,36 +156,36 @@ def lyapunov(
         Continued(*march.form.decode(y)),
         length,
         scene,
-        steps_per_revolution,
+        steps,
         solver_name(chosen),
     )
 
 
-def random_frame(size: int, count: int, seed: int) -> Float[Array, "m e"]:
+def random_disturbances(size: int, count: int, seed: int) -> Float[Array, "m e"]:
     """Orthonormal disturbances of a state of `size` numbers."""
     drawn = np.random.default_rng(seed).standard_normal((size, count))
     return jnp.asarray(np.linalg.qr(drawn)[0])
 
 
-def parted(
-    turn: Callable[[Array], tuple[Array, Any]], y: Array, frame: Float[Array, "m e"]
+def advance_disturbed(
+    advance: Callable[[Array], tuple[Array, Any]], y: Array, disturbances: Float[Array, "m e"]
 ) -> tuple[Array, Float[Array, "m e"], Float[Array, " e"], Any]:
-    """State after a turn of any map, its disturbances made orthonormal, their growth, and the rest."""
-    push = lambda tangent: jax.jvp(turn, (y,), (tangent.reshape(y.shape),), has_aux=True)
-    y, moved, more = jax.vmap(push, in_axes=-1, out_axes=(None, -1, None))(frame)
-    moved = moved.reshape(frame.shape)
-    if frame.shape[1] == 1:
+    """Next state of a map, orthonormal disturbances, their growth, and what else the map returns."""
+    push = lambda tangent: jax.jvp(advance, (y,), (tangent.reshape(y.shape),), has_aux=True)
+    y, moved, outcome = jax.vmap(push, in_axes=-1, out_axes=(None, -1, None))(disturbances)
+    moved = moved.reshape(disturbances.shape)
+    if disturbances.shape[1] == 1:
         size = jnp.linalg.norm(moved, axis=0)
-        return y, moved / size, jnp.log(size), more
-    frame, triangle = jnp.linalg.qr(moved)
-    return y, frame, jnp.log(jnp.abs(jnp.diagonal(triangle))), more
+        return y, moved / size, jnp.log(size), outcome
+    disturbances, triangle = jnp.linalg.qr(moved)
+    return y, disturbances, jnp.log(jnp.abs(jnp.diagonal(triangle))), outcome
 
 
 def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean over turns, and its standard error by the means of blocks.
+    """Mean over revolutions, and its standard error by the means of blocks.
 
-    The weight of a turn rises and falls smoothly over the first and the last quarter: what comes and
-    goes with the phase of a periodic motion then cancels, and not by 1 / turns alone.
+    The weight rises and falls smoothly over the first and the last quarter, so that what oscillates with
+    the phase of a periodic motion cancels faster than by 1 / revolutions.
     """
     length = len(growth) // BLOCKS
     blocks = growth[len(growth) - BLOCKS * length :].reshape(BLOCKS, length, -1)
@@ -195,8 +193,8 @@ def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.nda
     return _taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
 
 
-def ordered(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Largest first; those that are but rounding beside the largest are lost."""
+def largest_first(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exponents in order; -inf, without an error, where they are but rounding beside the largest."""
     floor = exponents.max() + 0.9 * np.log(np.finfo(float).eps) / length
     lost = exponents < floor
     exponents, error = np.where(lost, -np.inf, exponents), np.where(lost, np.nan, error)
@@ -205,7 +203,7 @@ def ordered(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _taper(length: int) -> Float[np.ndarray, " R"]:
-    """Weights that rise from 0 and fall to it with all derivatives, of sum 1."""
+    """Weights of sum 1 that rise from 0 and fall to 0 with all derivatives."""
     t = (np.arange(length) + 0.5) / length
     ramp = np.minimum(1.0, 4 * np.minimum(t, 1 - t))
     falls = np.divide(1.0, 1 - ramp, out=np.full(length, np.inf), where=ramp < 1)
@@ -219,16 +217,16 @@ def _skip(march: March, y: Array, revolutions: Int[Array, ""]):
 
 
 @eqx.filter_jit
-def _follow(march: March, y: Array, frame: Float[Array, "m e"], revolutions: int):
-    """Some revolutions with their disturbances."""
-    turn = lambda y: march.skip(y, 1)
+def _follow(march: March, y: Array, disturbances: Float[Array, "m e"], revolutions: int):
+    """State, disturbances, growth and outcome after some revolutions."""
+    advance = lambda y: march.skip(y, 1)
 
     def one(carry, _):
-        y, frame, good = carry
-        y, frame, growth, ok = parted(turn, y, frame)
-        return (y, frame, good & ok), growth
+        y, disturbances, good = carry
+        y, disturbances, growth, ok = advance_disturbed(advance, y, disturbances)
+        return (y, disturbances, good & ok), growth
 
-    (y, frame, good), growth = jax.lax.scan(
-        one, (y, frame, Outcome.good()), None, length=revolutions
+    (y, disturbances, good), growth = jax.lax.scan(
+        one, (y, disturbances, Outcome.good()), None, length=revolutions
     )
-    return y, frame, growth, good
+    return y, disturbances, growth, good

@@ -1,6 +1,8 @@
-"""Symmetry: the turns that leave a scene as it is, and the motions that know of no instant.
+"""Symmetry: the rotations that leave a scene as it is.
 
-scene turned by phi = scene:  k_i = k_j, .., angle_i + phi = angle_j for contacts i, j
+scene rotated by phi = scene:  k_i = k_j, .., angle_i + phi = angle_j for contacts i, j
+
+A scene without unbalance is also unchanged by a shift in time.
 """
 
 import equinox as eqx
@@ -14,23 +16,23 @@ from ..equations.system import System
 from ..scene import Scene
 
 
-SAME = 1e-9  # relative difference of parts that are taken for equal
+SAME = 1e-9  # relative difference of parts that count as equal
 
 
-def changes(scene: Scene, system: System, turn: Scalar) -> Float[Array, " d"]:
-    """What a turn and a shift in time change of a scene, relative; zeros where it stays as it is.
+def symmetry_defects(scene: Scene, system: System, turn: Scalar) -> Float[Array, " d"]:
+    """Relative changes of a scene by a rotation and a shift in time; zeros where it stays as it is.
 
-    Differentiable: a parameter that breaks the symmetry has a derivative here that is not zero.
+    Differentiable: a parameter that breaks the symmetry has a nonzero derivative here.
     """
     load, parts = system.load, [jnp.zeros(1)]
     if load.unbalance is not None:
         parts.append(_relative(jnp.abs(load.unbalance)))
     if load.constant is not None:
         parts.append(_relative(jnp.abs((jnp.exp(1j * turn) - 1) * load.constant), load.constant))
-    stacks: dict = {}
+    groups: dict = {}
     for contact in scene.of(AbstractContact):
-        stacks.setdefault(jax.tree.structure(contact), []).append(contact)
-    for alike in stacks.values():
+        groups.setdefault(jax.tree.structure(contact), []).append(contact)
+    for alike in groups.values():
         angle = jnp.stack([contact.angle for contact in alike])
         facing = [eqx.tree_at(lambda c: c.angle, contact, jnp.zeros(())) for contact in alike]
         tables = [jnp.stack(leaves) for leaves in zip(*map(jax.tree.leaves, facing), strict=True)]
@@ -49,21 +51,22 @@ def _relative(part: Array, whole: Array | None = None) -> Array:
     return part / jnp.where(scale > 0, scale, 1.0)
 
 
-def order(scene: Scene, system: System) -> int:
-    """The `N` of the smallest turn, `2 pi / N`, that leaves a scene of known values as it is."""
+def symmetry_order(scene: Scene, system: System) -> int:
+    """The largest `N` such that a rotation by `2 pi / N` leaves a scene of known values as it is."""
     for count in range(len(scene.of(AbstractContact)), 1, -1):
-        if float(jnp.max(jnp.abs(changes(scene, system, jnp.asarray(2 * jnp.pi / count))))) < SAME:
+        defects = symmetry_defects(scene, system, jnp.asarray(2 * jnp.pi / count))
+        if float(jnp.max(jnp.abs(defects))) < SAME:
             return count
     return 1
 
 
 @jax.custom_jvp
-def nan_unless_symmetric(turn: Scalar, changes: Float[Array, " d"]) -> Scalar:
-    """The turn, not a number where it changes the scene; so its derivative by what would."""
-    return jnp.where(jnp.max(jnp.abs(changes)) < SAME, turn, jnp.nan)
+def nan_unless_symmetric(turn: Scalar, defects: Float[Array, " d"]) -> Scalar:
+    """The turn; not a number where it changes the scene, as is its derivative by what would."""
+    return jnp.where(jnp.max(jnp.abs(defects)) < SAME, turn, jnp.nan)
 
 
 @nan_unless_symmetric.defjvp
-def _kept_jvp(primals, tangents):
+def _nan_unless_symmetric_jvp(primals, tangents):
     turn, by = tangents
     return nan_unless_symmetric(*primals), jnp.where(jnp.all(by == 0), turn, jnp.nan)

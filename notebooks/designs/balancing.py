@@ -3,21 +3,22 @@
 The rotor of the scene `two-discs`, its bearings damped, runs at 110 rad/s, above its first critical
 speed, and rubs on three stops at the second disc. The unbalance `u_1, u_2` [kg m] of the discs is unknown;
 only the orbits at both are measured, over one settled revolution, with noise of 1 um. Correction masses
-`c_1, c_2` are to go into the planes of the discs.
+`c_1, c_2` are sought for the planes of the discs.
 
-*Influence coefficients*: the vibration `v` once a revolution at both discs, in a run as it is and two with
-trial masses; `A_j = (v_j - v) / t_j`, `v + A c = 0`. They take for granted that vibration is proportional
-to unbalance. Through a stop it is not, so the coefficients, and with them the corrections, are wrong. What
-they leave may be free of the stops, and then a second balancing, of two or three more runs, is right.
+*Influence coefficients*: the vibration `v` once a revolution is measured at both discs, in a run as the
+machine is and in two with trial masses; `A_j = (v_j - v) / t_j`, `v + A c = 0`. The method assumes that
+vibration is proportional to unbalance. Through a stop it is not, so the coefficients, and with them the
+corrections, are wrong. The remaining vibration may be clear of the stops, and then a second balancing, of
+two or three more runs, is right.
 
 *By gradient*: the four numbers of `u` are fitted to the measured orbits by Levenberg-Marquardt, through
 the contact,
 
     minimise  sum |z_i(u) - z_i|^2 / sigma^2,     then  c = -u.
 
-One run serves, without trial masses, if the machine and its stops are known. The first guess is what the
-measured orbit would mean of a rotor that touches nothing. Without contact the rotor is linear, so what a
-correction leaves is known exactly: `unbalance_response`.
+One run is enough, without trial masses, if the machine and its stops are known. The first guess is the
+unbalance that would give the measured orbit without contact. Without contact the rotor is linear, so the
+vibration that a correction leaves is known exactly: `unbalance_response`.
 
     python notebooks/designs/balancing.py [--quick]
 """
@@ -35,7 +36,7 @@ from jaxrotor.plot import colours, page
 
 
 SPEED, PLANES, SIGMA = 110.0, (0.5, 1.0), 1e-6  # [rad/s], [m], [m]
-SETTLE, STEPS = 60, 128  # revolutions until the rub repeats itself; a revolution
+SETTLE, STEPS = 60, 128  # revolutions until the rub repeats itself; steps a revolution
 HIDDEN = np.array([32.6 * 60e-6 * np.exp(0.5j), 51.5 * 80e-6 * np.exp(2.0j)])  # u [kg m]
 GAP = 85e-6  # of the stops [m]
 WHERE = {
@@ -67,7 +68,7 @@ def settled(scene: jr.Scene) -> jax.Array:
 
 
 def once(orbits) -> np.ndarray:
-    """Vibration once a revolution [m], complex in the axes of the rotor."""
+    """Harmonic of the vibration at once a revolution [m], complex in the axes of the rotor."""
     turn = np.exp(-2j * np.pi * np.arange(STEPS) / STEPS)
     return np.mean(np.asarray(orbits) * turn[:, None], axis=0)
 
@@ -79,7 +80,7 @@ def measured(unbalance, generator) -> np.ndarray:
 
 
 def coefficients() -> np.ndarray:
-    """Influence coefficients [m / (kg m)] of the rotor that touches nothing, (discs, planes)."""
+    """Influence coefficients [m / (kg m)] of the rotor without contact, (discs, planes)."""
     unit = 1e-3
     sides = [rotor(unit * np.eye(2)[plane], rubbing=False) for plane in range(2)]
     seen = [jr.unbalance_response(side, SPEED, at=PLANES).forward for side in sides]
@@ -87,7 +88,7 @@ def coefficients() -> np.ndarray:
 
 
 def left(corrections) -> float:
-    """Largest vibration [m] that corrections leave where nothing is touched, exactly."""
+    """Largest vibration [m] that corrections leave without contact, exactly."""
     return float(np.max(np.abs(coefficients() @ (HIDDEN + np.asarray(corrections)))))
 
 
@@ -113,7 +114,7 @@ def by_gradient(orbits) -> tuple[np.ndarray, jr.Tuned]:
 
 
 def draw(solution: "Solution") -> tuple[Axes, Axes]:
-    """Orbits of the second disc before and after, and the corrections in both planes."""
+    """Picture of the orbits of the second disc before and after, and of the corrections."""
     first, second = page.pair(None, 170, 105, beside=True)
     added = {"as it is": np.zeros(2)} | solution.corrections
     tints = (colours.DARK, colours.RED, colours.BLUE)
@@ -144,14 +145,14 @@ def draw(solution: "Solution") -> tuple[Axes, Axes]:
 
 
 class Solution(NamedTuple):
-    """Corrections [kg m] by either way, and the fit."""
+    """Corrections [kg m] by both methods, and the fit."""
 
     corrections: dict[str, np.ndarray]
     tuned: jr.Tuned
 
 
 def solve(quick: bool = False) -> Solution:
-    """Both ways, from the same machine; nothing in it takes long."""
+    """Both methods on the same machine; `quick` changes nothing, since none takes long."""
     del quick
     generator = np.random.default_rng(0)
     orbits = measured(HIDDEN, generator)

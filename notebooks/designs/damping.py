@@ -11,10 +11,10 @@ By hand, for the whirl `exp(i w t)` on the boundary: shaft and bearings in serie
 
     D = m w^2 - i c_d w,   B = 2 k_b + 2 i c_b w,   D B / (B - D) = k + i h (w - Omega*),
 
-whose real part gives `w` and then the imaginary part `Omega*`. A bearing too strongly damped is a rigid
-one, so `Omega*` rises with `c_b` and falls again; the disc's damper always helps, but is dear.
+whose real part gives `w` and then the imaginary part `Omega*`. A bearing too strongly damped acts as a
+rigid one, so `Omega*` rises with `c_b` and falls again; a damper at the disc always helps, but costs more.
 
-A second, smaller one: the least damping by the medium that makes a given speed the onset speed of the
+A second, smaller design: the least damping by the medium that makes a given speed the onset speed of the
 scene `limiter-rotor`.
 
     python notebooks/designs/damping.py [--quick]
@@ -58,12 +58,12 @@ def onset(scene: jr.Scene) -> jax.Array:
 
 
 def cost(scene: jr.Scene) -> jax.Array:
-    """Of the dampers."""
+    """Cost of the dampers [1]."""
     return sum(price * jnp.ravel(scene.get(path))[0] for path, price in PRICES.items()) / 1000
 
 
 def dampers(required: float = REQUIRED, quick: bool = False) -> jr.Tuned:
-    """The cheapest dampers for an onset speed."""
+    """The cheapest dampers for a required onset speed [rad/s]."""
     return jr.tune(
         cost,
         rotor(),
@@ -92,7 +92,7 @@ def medium(number: float = 15.0, quick: bool = False) -> jr.Tuned:
 
 
 def draw(tuned: jr.Tuned, quick: bool = False) -> Axes:
-    """Onset speed over both dampers, lines of equal cost, and the way of the tuning."""
+    """Picture of the onset speed over both dampers, lines of equal cost, and the iterates."""
     disc, bearing = (
         np.linspace(1, 300, 9 if quick else 25),
         np.linspace(1, 1200, 9 if quick else 33),
@@ -137,7 +137,7 @@ class Solution(NamedTuple):
 
 
 def solve(quick: bool = False) -> Solution:
-    """Both."""
+    """Both designs."""
     return Solution(dampers(quick=quick), medium(quick=quick))
 
 

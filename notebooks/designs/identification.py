@@ -8,12 +8,12 @@ numbers `p` that all stops share:
     minimise  sum |z_i(p) - z_i|^2 / sigma^2     by Levenberg-Marquardt,
     C = (J^T J)^-1,   J = d (z_i(p) / sigma) / d p,
 
-`C` being the covariance of what is found, to first order in the noise. If it is right,
+`C` being the covariance of the result, to first order in the noise. If it is right,
 `(p - p_true)^T C^-1 (p - p_true)` is distributed as chi-square with three degrees of freedom: 99 % below
 11.34.
 
-The record comes of located steps of fourth order, four times as many as the plain ones of second order
-that fit it, so the model is not given its own errors as data.
+The record is computed by located steps of fourth order, four times as many as the plain ones of second
+order that fit it, so that the data do not contain the errors of the model.
 
     python notebooks/designs/identification.py [--quick]
 """
@@ -33,7 +33,7 @@ from jaxrotor.plot import colours, page
 
 TRUE = jr.load("limiter-rotor")
 PLUCK = jr.Whirl(12e-3)  # towards the corner between two stops
-REVOLUTIONS, STEPS, EVERY = 20, 256, 4  # of the fit; every so many samples are recorded
+REVOLUTIONS, STEPS, EVERY = 20, 256, 4  # of the fit; every fourth sample is recorded
 SIGMA = 50e-6  # [m]
 WHERE = {
     "limiters.stiffness": (5e5, 2e7),
@@ -46,7 +46,7 @@ QUANTILE = 11.345  # of chi-square with 3 degrees of freedom, 99 %
 
 
 def records(count: int) -> np.ndarray:
-    """What is recorded of the disc [m], complex, alike but for the noise: (count, samples)."""
+    """Records of the disc [m], complex, alike but for the noise: (count, samples)."""
     fine = jr.Exponential(4, located=True)
     run = jr.simulate(TRUE, REVOLUTIONS, 4 * STEPS, start=PLUCK, solver=fine)
     clean = np.asarray(run.displacement[:: 4 * EVERY, 0])
@@ -55,25 +55,25 @@ def records(count: int) -> np.ndarray:
 
 
 def model(scene: jr.Scene) -> jax.Array:
-    """What would be recorded without noise."""
+    """The record without noise [m]."""
     return jr.simulate(scene, REVOLUTIONS, STEPS, start=PLUCK).displacement[::EVERY, 0]
 
 
 def residuals(scene: jr.Scene, recorded: np.ndarray) -> jax.Array:
-    """Real numbers of unit noise."""
+    """Differences from the record in units of the noise, real."""
     off = (model(scene) - recorded) / SIGMA
     return jnp.concatenate([off.real, off.imag])
 
 
 def identify(recorded: np.ndarray) -> tuple[jr.Tuned, jr.Uncertainty]:
-    """The limiter of a record, and how well it is known."""
+    """The limiter fitted to a record, and the uncertainty of the fit."""
     of = lambda scene: residuals(scene, recorded)
     tuned = jr.tune(of, TRUE.replace(GUESS), WHERE, steps=40, tolerance=1e-8, progress=False)
     return tuned, jr.uncertainty(of, tuned.scene, list(WHERE), noise=1.0)
 
 
 def scatter(recorded: np.ndarray) -> np.ndarray:
-    """What every record gives, fitted from the truth on: (count, 3), in one program."""
+    """Fits to every record, each begun at the truth: (count, 3), in one program."""
     own = jnp.asarray(list(TRUTH.values()))
 
     def fit(one):
@@ -85,7 +85,7 @@ def scatter(recorded: np.ndarray) -> np.ndarray:
 
 
 def draw(solution: "Solution") -> tuple[Axes, Axes]:
-    """The record and what was fitted to it; what was found from every record, and the covariance."""
+    """Picture of the record and its fit, and of the fits to every record with the covariance."""
     recorded, tuned, known, others = solution
     first, second = page.pair(None, 170, 95, beside=True)
     dots = 1e3 * recorded
@@ -117,13 +117,13 @@ def draw(solution: "Solution") -> tuple[Axes, Axes]:
 
 
 def distances(known: jr.Uncertainty, others: np.ndarray) -> np.ndarray:
-    """Of what every record gives from the truth, each chi-square of 3 if the covariance is right."""
+    """Squared distances of the fits from the truth, each chi-square of 3 if the covariance is right."""
     off = (others - np.array(list(TRUTH.values()))).T
     return np.sum(off * np.linalg.solve(np.asarray(known.covariance), off), axis=0)
 
 
 class Solution(NamedTuple):
-    """Of the first record, and what every one gives."""
+    """The fit to the first record, and those to all."""
 
     recorded: np.ndarray
     tuned: jr.Tuned
@@ -132,7 +132,7 @@ class Solution(NamedTuple):
 
 
 def solve(quick: bool = False) -> Solution:
-    """One limiter from a record, and from 16 (`quick`: 4) alike but for their noise."""
+    """The limiter from one record, and from 16 (`quick`: 4) alike but for their noise."""
     recorded = records(4 if quick else 16)
     tuned, known = identify(recorded[0])
     return Solution(recorded[0], tuned, known, scatter(recorded))

@@ -1,37 +1,37 @@
 """Limiters between which no backward whirl survives.
 
-A stop that rubs drives the rotor backward. In a deep backward whirl of rate `w` and radius `r` friction
-feeds it, and the stop's damper takes (a flat stop, pressed half of the time)
+A stop that rubs drives the rotor backward. In a deep backward whirl of rate `w` and radius `r`, friction
+feeds power into the motion and the damper of the stop takes power out (a flat stop, pressed half of the
+time):
 
     P_friction = f k w r^2 / 4,    P_damper = c w^2 r^2 / 4,    so it dies out where  c w > f k,
 
-and a backward rub that bounces among `n` hard flat stops comes back the same if their restitution is
+and a backward rub that bounces among `n` hard flat stops repeats itself if their restitution is
 
     e* = (tan(pi / n) - f) / (tan(pi / n) + f),
 
-less than which it dies: 0.89 for three stops, 0.70 for six (f = 0.1, no loss in flight). Both are
-estimates: the rotor bends, is unbalanced, and is damped by other things too. The design goes by the
-motion itself:
+and dies out below: 0.89 for three stops, 0.70 for six (f = 0.1, no loss in flight). Both are estimates:
+the rotor bends, is unbalanced, and has other damping too. The design uses the motion itself:
 
     minimise  c / (100 N s/m) - gap / (1 mm)      over stiffness k, damping c and gap of the stops
     such that W = Int h(t) Re(conj(z.) F) dt <= -0.6 E     released into the violent whip,
               W <= -0.4 E                                  released into the backward rub,
               radius <= 10 mm                              touching in forward whirl, most unbalanced.
 
-`W` is the work of the stops on the rotor over four revolutions after the release, weighed by
-`h = cos^2(pi t / 2 T)`, mean over angles and eccentricities; `E` is the kinetic energy of the disc at
-release. The work of a short window is smooth where its end state is not: a bounce that comes a little
-later has done almost the same work, but leaves in another direction.
+`W` is the work of the stops on the rotor over four revolutions after the release, weighted by
+`h = cos^2(pi t / 2 T)` and averaged over angles and eccentricities; `E` is the kinetic energy of the disc
+at release. The work over a short window is smooth where the state at its end is not: a bounce that comes a
+little later does almost the same work, but leaves in another direction.
 
-Friction is given. Turning all stops together changes nothing without weight (it shifts the phase of the
-unbalance, over which all is averaged), and their number is no gradient's business: it is compared. What
-is designed is verified by an ensemble of long motions, which the design has never seen, and by releases
-from all over the plane of radius and whirl rate (`anywhere`: none of 1728 ends backward).
+Friction is given. Rotating all stops by the same angle changes nothing without weight (it shifts the phase
+of the unbalance, over which all is averaged). The number of stops has no gradient, so designs of different
+numbers are compared. The design is verified by an ensemble of long motions that it was not fitted to, and
+by releases from the whole plane of radius and whirl rate (`anywhere`: none of 1728 ends backward).
 
-What fails: the whirl index at the end of a long run. Where the rub survives it is nearly the same at any
-damping, and its derivative is noise (see `slopes`); then it jumps. Descent from the published stops
-fails too: stops as hard as that scatter the motion, so it is led to a corner of the bounds where nothing
-changes any more. It starts from a guess by hand, ten times softer, with more damping than `f k / w`.
+Two things fail. The whirl index at the end of a long run is nearly the same at any damping where the rub
+survives, and its derivative is noise (see `slopes`); then it jumps. Descent from the published stops ends
+in a corner of the bounds where nothing changes any more, since such hard stops scatter the motion. So it
+starts from a guess by hand, ten times softer, with more damping than `f k / w`.
 
     python notebooks/designs/limiters.py [--quick]
 """
@@ -53,7 +53,7 @@ from jaxrotor.plot import colours
 PUBLISHED = jr.load("limiter-rotor")
 LENGTH, TIME = 0.7, 0.0226465597  # l [m] and T* [s] of its source
 MOST = 0.00143 * LENGTH  # eccentricity [m]
-STARTS = {  # radius [m] and rate [rad/s] of release; named by what comes of it between published stops
+STARTS = {  # radius [m] and rate [rad/s] of release; named by its motion between published stops
     "at rest": (1e-3 * LENGTH, 0.0),
     "backward rub": (0.012 * LENGTH, -10.0 / TIME),
     "violent whip": (0.1 * LENGTH, -18.0 / TIME),
@@ -69,7 +69,7 @@ WHERE = {
 
 
 def rotor(number: int = 3, blend: float | None = None) -> jr.Scene:
-    """The rotor between so many equal stops; `blend` [m] smooths their onset for the design."""
+    """The rotor between `number` equal stops; `blend` [m] smooths their onset for the design."""
     first = PUBLISHED.of(jr.Limiter)[0]
     others = [effect for effect in PUBLISHED.effects if not isinstance(effect, jr.Limiter)]
     names = ("at", "gap", "stiffness", "damping", "friction", "rim_radius")
@@ -83,12 +83,12 @@ def rotor(number: int = 3, blend: float | None = None) -> jr.Scene:
 
 
 def restitution(number: int, friction: float = 0.1) -> float:
-    """That of hard stops below which a backward rub dies out, without loss in flight."""
+    """Restitution of hard stops below which a backward rub dies out, without loss in flight."""
     side = np.tan(np.pi / number)
     return (side - friction) / (side + friction)
 
 
-# === what the design goes by
+# === objective and constraints of the design
 
 
 def work(scene: jr.Scene, name: str, revolutions: int = 4) -> jax.Array:
@@ -128,13 +128,13 @@ CONSTRAINTS = (
 
 
 def cost(scene: jr.Scene) -> jax.Array:
-    """Dampers cost, clearance is worth something."""
+    """Cost of the dampers less the value of the clearance."""
     damping, gap = (scene.get(f"limiters.{name}")[0] for name in ("damping", "gap"))
     return damping / 100.0 - gap / 1e-3
 
 
 def design(number: int = 3, quick: bool = False) -> jr.Tuned:
-    """Stops by gradient."""
+    """The stops of least cost, by gradient."""
     return jr.tune(
         cost,
         rotor(number, blend=2e-4).replace(GUESS),
@@ -147,7 +147,7 @@ def design(number: int = 3, quick: bool = False) -> jr.Tuned:
 
 
 def index(scene: jr.Scene, revolutions: int = 200) -> jax.Array:
-    """What fails: `Int Im(conj(z) z.) dt / Omega Int |z|^2 dt` at the end of a long run."""
+    """`Int Im(conj(z) z.) dt / Omega Int |z|^2 dt` at the end of a long run, an objective that fails."""
     moved = scene.put({"unbalance.eccentricity": jnp.asarray(0.7 * MOST)})
     start = jr.Whirl(*STARTS["backward rub"])
     run = jr.simulate(moved, revolutions, STEPS, start=start, keep=20)
@@ -156,14 +156,14 @@ def index(scene: jr.Scene, revolutions: int = 200) -> jax.Array:
 
 
 def slopes(dampings=(100.0, 101.0)) -> list[tuple[float, float]]:
-    """The index at the published stops, but for their damping, and its derivative [1 / (N s/m)]."""
+    """The index at the published stops with other damping, and its derivative [1 / (N s/m)]."""
     scene = rotor(3, blend=2e-4)
     of = lambda c: index(scene.put({"limiters.damping": c}))
     both = jax.jit(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))
     return [tuple(map(float, both(jnp.asarray(c)))) for c in dampings]
 
 
-# === what verifies it
+# === verification
 
 
 def ensemble(scene: jr.Scene, eccentricities: int = 84, angles: int = 8, settle: int = 1000):
@@ -192,7 +192,7 @@ def anywhere(scene: jr.Scene) -> xr.Dataset:
 
 
 def summary(ends: xr.Dataset) -> dict[str, float]:
-    """Share of motions that end backward, by start and in all, and the largest radius [mm]."""
+    """Fraction of motions that end backward, by start and in all, and the largest radius [mm]."""
     backward = (ends["winding"] < 0) | (ends["status"] != 0)
     shares = {name: float(backward.sel(start=name).mean()) for name in STARTS}
     return shares | {
@@ -203,7 +203,7 @@ def summary(ends: xr.Dataset) -> dict[str, float]:
 
 
 class Solution(NamedTuple):
-    """Stops, by their number, and the ensembles before and after with three."""
+    """Designs by the number of stops, and the ensembles with three before and after."""
 
     designs: dict[int, jr.Tuned]
     before: xr.Dataset
@@ -217,7 +217,7 @@ def stops(tuned: jr.Tuned, number: int) -> jr.Scene:
 
 
 def solve(quick: bool = False) -> Solution:
-    """Design and verification; `quick` with few motions and three stops alone."""
+    """Design and verification; `quick` takes few motions, and three stops only."""
     numbers = (3,) if quick else (3, 4, 6)
     few = {"eccentricities": 8, "angles": 3, "settle": 200}
     some = few if quick else {"eccentricities": 12, "angles": 6}
@@ -265,7 +265,7 @@ def draw(solution: Solution) -> np.ndarray:
 
 
 def draw_objectives(quick: bool = False) -> np.ndarray:
-    """The work of a window, and the index at the end of a long run, against damping."""
+    """Pictures of the work over a window and of the index after a long run, against damping."""
     dampings = np.geomspace(5.0, 1000.0, 25 if quick else 121)
     scene = rotor(3, blend=2e-4)
     at = lambda of: jax.jit(

@@ -35,7 +35,7 @@ def rotating(friction):
 
 
 def found(goal, alpha, nu, friction, **options):
-    """What tuning comes to from a start."""
+    """Anisotropy of the supports that tuning reaches from a start."""
     scene = rotating(friction)
     scene = scene.replace({NU: nu, "supports.stiffness": float(scene.shaft.k11) / alpha})
     loss = GOALS.get(goal, goal)

@@ -17,7 +17,7 @@ from designs import balancing, damping, identification, limiters  # noqa: E402
 
 @pytest.mark.parametrize("number", [3, 4, 6, 8])
 def test_restitution_of_a_rub_among_hard_stops(number):
-    """A point that flies straight from stop to stop, rebounds and rubs, keeps its speed at just that."""
+    """At it a point that flies straight from stop to stop, rebounds and rubs, keeps its speed."""
     friction, turn = 0.1, 2 * np.pi / number
 
     def growth(restitution):
@@ -79,7 +79,7 @@ def test_cheapest_dampers_against_scipy():
     assert float(tuned.loss) == pytest.approx(expected.fun, rel=1e-5)
     assert values == pytest.approx(expected.x, rel=5e-3)
     assert onset_by_hand(*values) == pytest.approx(300.0, abs=1e-2)
-    # what 100 rad/s more would cost, from the closed form
+    # price of another 100 rad/s, from the closed form
     more = constraint | {"fun": lambda x: (onset_by_hand(*x) - 301.0) / 100}
     dearer = minimize(
         price, expected.x, constraints=[more], method="SLSQP", options={"ftol": 1e-14}
@@ -101,7 +101,7 @@ def test_medium_of_the_limiter_rotor():
 
 @pytest.mark.slow
 def test_balanced_through_a_rub():
-    """What corrections leave is that of the linear rotor, which the fit has never seen."""
+    """Corrections are judged by the linear rotor, which the fit has never seen."""
     solution = balancing.solve(quick=True)
     wrong, right = (balancing.left(c) for c in solution.corrections.values())
     assert right < 1e-6 < 1e-5 < wrong < balancing.GAP < balancing.left(np.zeros(2))

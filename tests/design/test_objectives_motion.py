@@ -95,8 +95,8 @@ FORCES = jnp.array([[0.0, 3.0 + 4.0j], [-1.0j, 0.0]])  # [N]
 
 def test_forces_of_a_window(monkeypatch):
     seen = types.SimpleNamespace(contact_force=FORCES, of=lambda name: FORCES[:, int(name[-1])])
-    monkeypatch.setattr(objectives, "simulate", lambda *_, **__: seen)
-    monkeypatch.setattr(objectives, "reactions", lambda response: response)
+    monkeypatch.setattr(objectives.motion, "simulate", lambda *_, **__: seen)
+    monkeypatch.setattr(objectives.motion, "reactions", lambda response: response)
     scene = rubbing()
     assert float(objectives.contact_peak(scene, 1)) == 5.0
     mean = ((5.0**4 + 1.0) / 4) ** 0.25
@@ -113,7 +113,7 @@ def test_work_of_a_window(monkeypatch):
     velocity = jnp.exp(3j * time)[:, None]
     force = power * velocity * jnp.array([[0.25 + 2j, 0.75 - 2j]])  # their cross parts do no work
     seen = types.SimpleNamespace(time=time, velocity=velocity, contact_force=force)
-    monkeypatch.setattr(objectives, "simulate", lambda *_, **__: seen)
+    monkeypatch.setattr(objectives.motion, "simulate", lambda *_, **__: seen)
     assert float(objectives.contact_work(rubbing(), 1)) == pytest.approx(power * 3.0 / 2, rel=1e-12)
     free, apart = limiter_rotor(contact=False), rubbing().replace({"limiters.0.at": 0.35})
     with pytest.raises(ValueError, match="no contacts"):
@@ -127,7 +127,7 @@ def test_numbers_of_a_rub(monkeypatch):
     orbit = types.SimpleNamespace(
         whirl_rate=jnp.array(-0.5), displacement=jnp.array([[1.0], [2j], [-3.0], [1.0]])
     )
-    monkeypatch.setattr(objectives, "periodic", lambda *_, **__: orbit)
+    monkeypatch.setattr(objectives.motion, "periodic", lambda *_, **__: orbit)
     seen = objectives.rub(rubbing(), orbit)
     assert float(seen.whirl_rate) == -0.5
     assert float(seen.radius) == pytest.approx((14 / 3) ** 0.5, rel=1e-14)
@@ -138,7 +138,7 @@ def test_times_of_balls(monkeypatch):
     """An imbalance like `exp(-t / T)` takes the time T; what is left at the end by the capacity."""
     times = np.linspace(0.0, 30.0, 3001)
     fake = lambda *_, **__: types.SimpleNamespace(imbalance=1j * 1e-3 * jnp.exp(-times / 2.0))
-    monkeypatch.setattr(objectives, "run_up", fake)
+    monkeypatch.setattr(objectives.balls, "run_up", fake)
     scene = balls()
     assert float(objectives.balancing_time(scene, times)) == pytest.approx(2.0, rel=1e-5)
     capacity = 0.06 * (2 * 0.025 + 3 * 0.020)

@@ -38,7 +38,7 @@ def test_of_a_straight_line():
 
 
 def test_refusals():
-    with pytest.raises(ValueError, match="2 residuals do not settle 2 parameters"):
+    with pytest.raises(ValueError, match="2 residuals do not determine 2 parameters"):
         jr.uncertainty(lambda s: line(s)[:2], SCENE, PATHS)
     with pytest.raises(ValueError, match="do not depend on `disc.polar`"):
         jr.uncertainty(line, SCENE, (*PATHS, "disc.polar"))

@@ -49,14 +49,14 @@ class Duffing:
     def critical(self, start, value, multiplier, revolutions=1, speed=None):
         """Parameter at which an orbit has a real multiplier: eccentricity, or speed at a given one."""
 
-        def missed(unknown):
+        def residual(unknown):
             *state, p = unknown
             which = (p, 1.0) if speed is None else (speed, p)
             end, derivative = self.back(state, *which, revolutions)
             return [*(end - state), np.linalg.det(derivative - multiplier * np.eye(2))]
 
-        found, _, success, message = fsolve(missed, [*start, value], xtol=1e-13, full_output=True)
-        assert success == 1 or np.abs(missed(found)).max() < 1e-10, message
+        found, _, success, message = fsolve(residual, [*start, value], xtol=1e-13, full_output=True)
+        assert success == 1 or np.abs(residual(found)).max() < 1e-10, message
         return found[2]
 
 
@@ -70,7 +70,7 @@ def along_x(orbit):
 
 @pytest.fixture(scope="module")
 def resonance():
-    """The hardening resonance, taken in speed through both folds."""
+    """The hardening resonance, continued in speed through both folds."""
     scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0))
     orbit = jr.periodic(scene, jr.AtRest(), revolutions=1)
     return jr.continue_(orbit, "spin.speed", (0.5, 2.5))
@@ -101,7 +101,7 @@ def test_folds_of_the_hardening_resonance(resonance):
 
 @pytest.mark.slow
 def test_multipliers_on_the_branch(resonance):
-    """Of every tenth orbit along x by scipy; across, of the linear oscillator in closed form."""
+    """Every tenth orbit: along x by scipy; across, of the linear oscillator in closed form."""
     for number in range(0, resonance.values.size, 10):
         orbit, speed = resonance.orbit(number), resonance.values[number]
         end, derivative = Duffing(0.1, 1.0, 0.0).back(along_x(orbit), 0.08, speed)
@@ -165,15 +165,15 @@ def test_branchings_where_the_orbit_loses_its_symmetry():
     assert [point.kind for point in branch.points] == ["branching", "branching"]
     duffing = Duffing(0.2, 0.1, 0.0)
 
-    def missed(unknown):
+    def residual(unknown):
         *start, eccentricity = unknown
         end, derivative = duffing.back(start, eccentricity, 0.5, 0.5)
         return [*(end + start), np.linalg.det(derivative - np.eye(2))]
 
     for point in branch.points:
         start = along_x(branch.orbit(point))
-        exact = fsolve(missed, [*start, point.value], xtol=1e-13)
-        assert np.abs(missed(exact)).max() < 1e-9
+        exact = fsolve(residual, [*start, point.value], xtol=1e-13)
+        assert np.abs(residual(exact)).max() < 1e-9
         assert point.value == pytest.approx(exact[2], rel=1e-7)
     first, second = (point.place for point in branch.points)
     place = np.arange(branch.values.size)
@@ -185,7 +185,7 @@ def test_branchings_where_the_orbit_loses_its_symmetry():
 
 @pytest.fixture(scope="module")
 def oscillator():
-    """A mass that meets a stop along x, without damping of its own, taken in eccentricity."""
+    """A mass that meets an undamped stop along x, continued in eccentricity."""
     scene = one_disc(speed=1.3, eccentricity=0.12)
     orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=400)
     stop = jr.Limiter(0.5, 0.0, gap=0.3, stiffness=20.0)
@@ -228,7 +228,7 @@ def test_multipliers_of_impacts_are_those_of_direct_integration(oscillator):
 
 @pytest.mark.slow
 def test_synchronous_whirl_loses_its_stability_at_the_onset_speed():
-    """Of a linear rotor in closed form: a pair of multipliers leaves by `omega / Omega` turns."""
+    """A linear rotor in closed form: a pair of multipliers leaves at an angle of `omega / Omega` turns."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, damping=0.05)
     parts = jr.Disc(0.5, 1.0), jr.DiscDamping(0.5, 0.1), jr.Unbalance(0.5, 1.0, 0.01)
     scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(2.5))
@@ -251,7 +251,7 @@ def test_synchronous_whirl_loses_its_stability_at_the_onset_speed():
     "path", ["limiters.stiffness", "spin.speed", "internal_damping.voigt_time"]
 )
 def test_modal_basis_has_the_derivative_of_the_dense_one(path):
-    """That of eigenvectors, which a branch is followed by, against matrix exponentials."""
+    """Derivative by eigenvectors, which continuation uses, against that of matrix exponentials."""
     scene = limiter_rotor(nodes=4, eps=1e-3)
     value = jnp.ravel(scene.get(path))[0]
 
@@ -277,7 +277,7 @@ def rub():
 
 
 def direct(orbit):
-    """Multipliers of an orbit by scipy from event to event; that it comes back."""
+    """Multipliers of an orbit by scipy from event to event, after a check that it closes."""
     speed = float(orbit.scene.spin.speed)
     w = np.concatenate([orbit.start.q, orbit.start.velocity / speed])
     y = np.concatenate([w.real, w.imag])
@@ -290,7 +290,7 @@ def direct(orbit):
 
 @pytest.mark.slow
 def test_backward_rub_ends_at_a_fold(rub):
-    """Taken in friction it turns back before friction is gone; the same by `periodic` at a point of it."""
+    """Continued in friction it turns back before friction is zero; `periodic` finds an orbit of it too."""
     branch = jr.continue_(rub, "limiters.friction", (0.05, 0.15), direction="down")
     (fold,) = branch.of("fold")
     assert abs(fold.multipliers[0] - 1) < 1e-5

@@ -48,7 +48,7 @@ def onset(u):
 
 
 def force(z, v, speed):
-    """The law of the stop, written again for numbers."""
+    """The force of the stop by its law, for plain numbers."""
     turned = np.exp(-1j * STOP["angle"])
     depth, rate = (z * turned).real - STOP["gap"], (v * turned).real
     if depth <= 0:
@@ -117,7 +117,7 @@ def halved():
 
 @pytest.mark.slow
 def test_subharmonic_motion_is_that_of_scipy(halved):
-    """And the error falls with the number of harmonics."""
+    """The error against scipy falls with the number of harmonics."""
     scene, response, orbit = halved
     path, velocity = integrated(orbit, HALVED)
     size = np.abs(path).max()
@@ -252,7 +252,7 @@ def test_what_is_not_found_is_said(halved):
     how = {"harmonics": 128, "revolutions": 2, "max_iterations": 2}
     how["finder"] = optx.Newton(1e-10, 1e-10)
     far = eqx.tree_at(lambda orbit: orbit.ports, orbit, 30 * orbit.ports)
-    with pytest.raises(RuntimeError, match="after 2 iterations the balance still misses"):
+    with pytest.raises(RuntimeError, match="after 2 iterations the residual is still"):
         jr.harmonic_balance(scene, far, **how)
     lost = jr.harmonic_balance(scene, far, throw=False, **how)
     assert not lost.converged and np.isnan(lost.displacement).all() and np.isfinite(lost.residual)

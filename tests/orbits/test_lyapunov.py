@@ -10,11 +10,16 @@ from systems import LENGTH, TIME, limiter_rotor, one_disc
 
 import jaxrotor as jr
 import jaxrotor.plot
-from jaxrotor.orbits.lyapunov import mean_and_error, ordered, parted, random_frame
+from jaxrotor.orbits.lyapunov import (
+    advance_disturbed,
+    largest_first,
+    mean_and_error,
+    random_disturbances,
+)
 
 
 def lorenz(y):
-    """Half a time unit by the classical Runge-Kutta method; outcome of nothing."""
+    """State after half a time unit by the classical Runge-Kutta method, and an empty outcome."""
 
     def field(y):
         x, y, z = y
@@ -35,14 +40,14 @@ def test_lorenz():
     """Sprott (2003), Chaos and Time-Series Analysis: 0.9056, 0, -14.5723; their sum is exact."""
 
     @jax.jit
-    def run(y, frame):
+    def run(y, disturbances):
         def one(carry, _):
-            y, frame, growth, _ = parted(lorenz, *carry)
-            return (y, frame), growth
+            y, disturbances, growth, _ = advance_disturbed(lorenz, *carry)
+            return (y, disturbances), growth
 
-        return jax.lax.scan(one, (y, frame), None, length=20000)[1]
+        return jax.lax.scan(one, (y, disturbances), None, length=20000)[1]
 
-    growth = np.asarray(run(jnp.array([1.0, 2.0, 20.0]), random_frame(3, 3, 0))) * 2
+    growth = np.asarray(run(jnp.array([1.0, 2.0, 20.0]), random_disturbances(3, 3, 0))) * 2
     exponents, error = mean_and_error(growth[200:])
     assert error[0] < 3e-3
     assert abs(exponents[0] - 0.9056) < 3 * error[0] + 5e-5
@@ -64,7 +69,7 @@ def test_linear_rotor_parts_by_its_roots():
 def test_what_is_rounding_beside_the_fastest_is_lost():
     """In 10 ms a rate of -3600 /s leaves 2e-16, the precision of a number; the largest comes first."""
     given = np.array([-50.0, 1.0, -5000.0]), np.array([2.0, 0.1, 3.0])
-    exponents, error = ordered(*given, 0.01)
+    exponents, error = largest_first(*given, 0.01)
     assert exponents.tolist() == [1.0, -50.0, -np.inf]
     assert error[:2].tolist() == [0.1, 2.0] and np.isnan(error[2])
 
@@ -118,7 +123,7 @@ def test_picture():
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"revolutions": 10}, "`revolutions` must be at least 20 to tell an error, but is 10"),
+        ({"revolutions": 10}, "`revolutions` must be at least 20 to estimate an error, but is 10"),
         ({"count": 1000}, "`count` must be at most 16, four a coordinate, but is 1000"),
         ({"count": 0}, "`count` must be a whole number of at least 1, but is 0"),
         ({"settle": -1}, "`settle` must be a whole number of at least 0, but is -1"),

@@ -15,7 +15,7 @@ from systems import LENGTH, TIME, limiter_rotor
 import jaxrotor as jr
 from jaxrotor import objectives
 from jaxrotor.orbits.recurrence import recurrence
-from jaxrotor.orbits.symmetry import changes, kept, order
+from jaxrotor.orbits.symmetry import nan_unless_symmetric, symmetry_defects, symmetry_order
 
 
 RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)  # leads to the backward rub
@@ -77,7 +77,7 @@ def test_backward_rub_of_the_sheet():
 
 @pytest.mark.slow
 def test_multipliers_are_those_of_direct_integration(rub):
-    """Of the orbit integrated by scipy from event to event, with jumps of the derivative there."""
+    """Multipliers by scipy, which integrates the orbit and its derivative from event to event."""
     scene, orbit = rub
     y, period = state(scene, orbit), float(orbit.period * scene.spin.speed) / TURN
     end, changes, derivative = Switched(scene).followed(y, period)
@@ -124,7 +124,7 @@ def test_locked_orbit_is_a_subharmonic():
 
 @pytest.mark.slow
 def test_numbers_to_tune_by(rub):
-    """Those of the orbit, found again; derivatives: see below."""
+    """Whirl rate and radius of the orbit found again; their derivatives are tested below."""
     scene, orbit = rub
     seen = objectives.rub(scene, orbit, steps_per_revolution=512)
     assert float(seen.whirl_rate) == pytest.approx(float(orbit.whirl_rate), abs=1e-9)
@@ -154,7 +154,7 @@ NAMES = ("limiters.stiffness", "limiters.friction", "spin.speed")
 
 @pytest.mark.slow
 def test_derivatives_against_differences(rub):
-    """Of whirl rate, rms radius and largest multiplier, by the implicit function theorem.
+    """Derivatives of whirl rate, rms radius and largest multiplier, by the implicit function theorem.
 
     Single samples, and their largest, depend on where on the orbit it begins, which is free.
     """
@@ -183,9 +183,8 @@ def test_derivatives_against_differences(rub):
 @pytest.mark.slow
 def test_derivative_that_breaks_the_symmetry_is_not_a_number(rub):
     scene, orbit = rub
-    turned = lambda k: kept(
-        orbit.turn, changes(scene.put(k), jr.assemble(scene.put(k)), orbit.turn)
-    )
+    defects = lambda changed: symmetry_defects(changed, jr.assemble(changed), orbit.turn)
+    turned = lambda k: nan_unless_symmetric(orbit.turn, defects(scene.put(k)))
     stiffness = scene.get("limiters.0.stiffness")
     for names, broken in (("limiters", False), ("limiters.0", True)):
         at = lambda x, names=names: turned({f"{names}.stiffness": x})
@@ -205,9 +204,9 @@ def test_symmetry_is_seen():
         ({"limiters.1.angle": 3.2}, 1),
     ):
         scene = limiter_rotor(nodes=4).replace(changed)
-        assert order(scene, jr.assemble(scene)) == expected
+        assert symmetry_order(scene, jr.assemble(scene)) == expected
     heavy = limiter_rotor(nodes=4, gravity=True)
-    assert order(heavy, jr.assemble(heavy)) == 1
+    assert symmetry_order(heavy, jr.assemble(heavy)) == 1
 
 
 def response(z, step=0.01):
@@ -218,7 +217,7 @@ def response(z, step=0.01):
 
 
 def test_recurrence():
-    """Of `e^(i a t) (1 + b cos w t)`: after 2 pi / w it is turned by `2 pi a / w`."""
+    """`e^(i a t) (1 + b cos w t)` is rotated by `2 pi a / w` after 2 pi / w."""
     t, third = 0.01 * np.arange(4001), THIRD
     turns = [0.0, third, 2 * third]
     whirl = -third / 1.7  # turns by a third backward in a period of 1.7
@@ -238,7 +237,7 @@ def test_recurrence():
 
 
 def test_recurrence_by_chance_is_refused():
-    """Of `e^(i t)` and `e^(i w t) / 2`: after 2 pi n for `w = m / n`, and never where w is irrational."""
+    """`e^(i t)` and `e^(i w t) / 2` return after 2 pi n for `w = m / n`, and never for irrational w."""
     t = np.arange(0, 700, 0.02)
 
     def shown(w, t=t):
@@ -299,7 +298,7 @@ def test_what_is_not_found_is_said(rub):
     far = jr.Continued(3 * orbit.start.q, 3 * orbit.start.velocity)
     how = {"turn": orbit.turn, "period": orbit.period, "steps_per_revolution": 512}
     how |= {"max_iterations": 2}
-    with pytest.raises(RuntimeError, match="after 2 iterations a period still misses .* settled"):
+    with pytest.raises(RuntimeError, match="after 2 iterations the residual is still .* settled"):
         jr.periodic(scene, far, **how)
     lost = jr.periodic(scene, far, throw=False, **how)
     assert not lost.converged and np.isnan(lost.whirl_rate) and np.isnan(lost.multipliers).all()

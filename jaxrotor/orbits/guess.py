@@ -1,0 +1,155 @@
+"""Guess: the state, period and rotation from which an orbit is sought."""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Complex, Float
+
+from ..core.quantities import Scalar, known
+from ..equations.start import AbstractStart
+from ..equations.system import System
+from ..motion.simulate import Response, simulate
+from ..scene import Scene
+from ..solvers.exponential import Exponential
+from .orbit import PeriodicOrbit
+from .recurrence import recurrence
+from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order
+
+
+LEAST = 16  # steps in a period
+SEARCH = 8  # revolutions from a start in which a period is sought
+
+
+class OrbitGuess(eqx.Module):
+    """Start, period and rotation of an orbit, before Newton's method."""
+
+    start: tuple[Complex[Array, " n"], Complex[Array, " n"]]
+    rate: Scalar  # [rad/s]
+    span: Scalar  # of the period [rad]; of a revolution where the period is given
+    turn: Scalar  # [rad]
+    revolutions: int | None = eqx.field(static=True)  # None: the period is unknown
+    steps: int = eqx.field(static=True)
+
+
+def start_of(guess: Any, name: str = "guess") -> AbstractStart:
+    """The start that an argument stands for: a guess, or one of another name."""
+    if isinstance(guess, Response):
+        return guess.end
+    if isinstance(guess, PeriodicOrbit):
+        return guess.start
+    if isinstance(guess, AbstractStart):
+        return guess
+    raise ValueError(
+        f"`{name}` must be a response of jaxrotor.simulate, an orbit or a start such as AtRest(), but is "
+        f"{guess!r}."
+    )
+
+
+def revolutions_of(scene: Scene, system: System, guess: Any) -> int | None:
+    """Revolutions in a period, None where the rotation does not determine it."""
+    if isinstance(guess, PeriodicOrbit):
+        return guess.revolutions
+    unbalance, speed = system.load.unbalance, scene.spin.speed
+    if not system.ports:
+        return 1
+    if unbalance is None or (known(speed) and not float(speed)):
+        return None
+    return 1 if not known(unbalance) or bool(jnp.any(unbalance != 0)) else None
+
+
+def autonomous_guess(
+    scene: Scene,
+    system: System,
+    guess: Any,
+    turn: ArrayLike | None,
+    period: ArrayLike | None,
+    steps_per_revolution: int,
+    solver: Exponential,
+    stations: Float[Array, " s"],
+) -> OrbitGuess:
+    """The guess of an orbit of unknown period; raise where the scene or the guess shows none."""
+    if not system.ports:
+        raise ValueError(
+            "A scene without contact is linear, so it has no period of its own to be found; look at "
+            "`jaxrotor.roots`."
+        )
+    if isinstance(guess, PeriodicOrbit):
+        turn = guess.turn if turn is None else turn
+        period = guess.period if period is None else period
+    elif period is None:
+        period, turn = _recurrence(
+            scene, system, guess, turn, steps_per_revolution, solver, stations
+        )
+    turn = jnp.asarray(0.0 if turn is None else turn, float)
+    defects = symmetry_defects(scene, system, turn)
+    if known(defects) and float(jnp.max(jnp.abs(defects))) > SAME:
+        raise ValueError(_asymmetry(scene, system, turn))
+    rate = _rate(scene, period)
+    known_before = isinstance(guess, PeriodicOrbit)
+    counted = (guess.scene, guess.period) if known_before else (scene, period)
+    revolutions = _revolutions_in(*counted)
+    steps = max(LEAST, math.ceil(steps_per_revolution * revolutions * (1 - 1e-9)))
+    start = start_of(guess).state(system, stations[0])
+    span, turn = rate * jnp.asarray(period), nan_unless_symmetric(turn, defects)
+    return OrbitGuess(start, rate, span, turn, None, steps)
+
+
+def _recurrence(
+    scene: Scene,
+    system: System,
+    guess: Any,
+    turn: ArrayLike | None,
+    steps_per_revolution: int,
+    solver: Exponential,
+    stations: Float[Array, " s"],
+) -> tuple[float, float]:
+    """Period [s] and turn [rad] after which a response, or a run from a start, returns."""
+    if not isinstance(guess, Response):
+        options = {"solver": solver, "start": start_of(guess), "at": stations}
+        guess = simulate(scene, SEARCH, steps_per_revolution, **options)
+    if not all(map(known, jax.tree.leaves((system, guess)))):
+        raise ValueError(
+            "A period is sought by values, so not inside jax.jit or a derivative; give an orbit that "
+            "`periodic` found before as the guess, or `period` and `turn`."
+        )
+    count = symmetry_order(scene, system)
+    given = [float(jnp.asarray(turn))] if turn is not None else None
+    allowed = given or [2 * math.pi * k / count for k in range(count)]
+    return recurrence(guess, float(_rate(scene, 1.0)), allowed)
+
+
+def _rate(scene: Scene, period: Any) -> Scalar:
+    """`|Omega|`, or at zero speed 2 pi over a period."""
+    speed = scene.spin.speed
+    at_rest = known(speed) and not float(speed)
+    return jnp.asarray(2 * jnp.pi / period) if at_rest else jnp.abs(speed)
+
+
+def _revolutions_in(scene: Scene, period: Any) -> float:
+    """Revolutions in a period, 1 at zero speed; raise where the values are traced."""
+    speed = scene.spin.speed
+    if not (known(speed) and known(period)):
+        raise ValueError(
+            "Steps are counted by the period of the guess, which is being traced here; give an orbit of "
+            "known values as the guess."
+        )
+    return abs(float(speed)) * float(period) / (2 * math.pi) or 1.0
+
+
+def _asymmetry(scene: Scene, system: System, turn: Scalar) -> str:
+    """Why a rotation does not leave the scene as it is."""
+    unbalance, degrees = system.load.unbalance, math.degrees(float(turn))
+    if unbalance is not None and bool(jnp.any(unbalance != 0)):
+        return (
+            "A scene with unbalance repeats itself after whole revolutions, so it takes `revolutions` "
+            "and no `turn` or `period`; or set the eccentricity to 0."
+        )
+    count = symmetry_order(scene, system)
+    same = f"a turn of {360 / count:g} degrees" if count > 1 else "whole turns alone"
+    return (
+        f"`turn` must leave the scene as it is, but one of {degrees:g} degrees does not: stops that are "
+        f"equal but for their angles, and weight, allow {same}."
+    )
