@@ -244,7 +244,7 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
     """Speed and growth rate at the extremum of the rate among three speeds, by golden section."""
     sign = -jnp.sign(growth)
 
-    # `optimistix.GoldenSearch` takes 0.1 to 0.5 s more to compile (of 1.5 to 3 s) and runs no faster.
+    # `optimistix.GoldenSearch` compiles about 0.3 s longer (of 1.5 to 3 s) and runs no faster.
     def narrow(_, state):
         low, best, high, top = state
         right = high - best > best - low
@@ -288,7 +288,7 @@ def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
     ends = jax.lax.map(_growth(system), low + jnp.asarray(EDGES) * (high - low))
     lost, marginal = ends[-1] > 0, undamped_side(ends)
 
-    # `optimistix.Bisection` takes 0.1 to 0.4 s more to compile (of 1.5 to 3 s) and runs no faster.
+    # `optimistix.Bisection` compiles about 0.2 s longer (of 1.5 to 3 s) and runs no faster.
     def halve(_, ends):
         middle = (ends[0] + ends[1]) / 2
         values = _roots_at(system, middle)

@@ -830,7 +830,7 @@ def test_balance_with_balls(place):
     assert abs(2.4 + 1.5 * one + 1.2 * two) < 1e-8
     just = answered("balance", "balls.toml", "--speed", "112.5")["balancer"]
     assert just["above"] and not just["stable"]
-    assert "promises stability" in just["cautions"][0]
+    assert "predicts stability" in just["cautions"][0]
     heavy = ["--set", "unbalance.eccentricity=7mm"]
     text = call("balance", "balls.toml", *heavy).stdout
     assert "No position balances" in " ".join(text.split()) and "stable, largest" not in text
