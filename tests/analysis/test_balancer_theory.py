@@ -172,7 +172,7 @@ def test_balance_exists_up_to_the_capacity_and_no_largest_alone():
         ValueError, match="Two balls of row 1 sum to 2 at most, but must sum to 2.6"
     ):
         balancer.balanced_positions(put(R, imbalance=2.9), [0.3], [[], [0.4]])
-    with pytest.raises(ValueError, match="`angles` must give all balls but two"):
+    with pytest.raises(ValueError, match="`angles` must have all balls but two"):
         balancer.balanced_positions(R, [0.3], [[], [0.4, 0.2]])
 
 

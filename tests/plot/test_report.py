@@ -104,7 +104,7 @@ def test_refusals(tmp_path):
         jr.report(tmp_path / "report.pdf", SCENE)
     with pytest.raises(ValueError, match="needs a result"):
         jr.report(tmp_path / "report.html")
-    with pytest.raises(ValueError, match="A picture ends in"):
+    with pytest.raises(ValueError, match="A picture must end in"):
         jr.report(tmp_path / "report.html", figures=["a.txt"])
     with pytest.raises(ValueError, match="cannot be read"):
         jr.report(tmp_path / "report.html", figures=["none.png"])

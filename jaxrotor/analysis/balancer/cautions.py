@@ -69,7 +69,10 @@ def cautions(
         for row, (gap, least) in enumerate(
             zip(gaps, np.broadcast_to(pitch, gaps.shape), strict=True)
         ):
-            sentence = f"Balls of row {row + 1} overlap: two are {gap:g} rad apart, but the pitch is {least:g}."
+            sentence = (
+                f"Balls of row {row + 1} overlap: two are {gap:g} rad apart, but the pitch is "
+                f"{least:g}."
+            )
             found.append((gap < least, sentence))
     if scales is not None and delta is not None:
         tilt = float(scales.tilt) * float(np.max(np.abs(delta)))
