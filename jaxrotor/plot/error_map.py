@@ -46,7 +46,7 @@ def error_map(
     positive = error[np.isfinite(error) & (error > 0)]
     if not positive.size:
         raise ValueError(
-            "`error` must have a value above zero to draw a map, but all are zero or undefined."
+            "An error map needs an error above zero, but all are zero or undefined; check `error`."
         )
     low, high = np.floor(np.log10(positive.min())), np.ceil(np.log10(positive.max()))
     levels = 10.0 ** np.arange(max(low, high - 6), max(high, low + 1) + 1)
