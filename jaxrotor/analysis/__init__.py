@@ -1,6 +1,6 @@
 """Analyses of the linear rotor: by its roots, or over a revolution where coefficients are periodic.
 
-What there is stands in `__init__.pyi`; each is loaded when it is first asked for.
+`__init__.pyi` lists them; each is loaded on first use.
 """
 
 import lazy_loader

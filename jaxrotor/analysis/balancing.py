@@ -1,4 +1,4 @@
-"""Balancing: corrections in given planes, and what the standard permits to remain."""
+"""Balancing: corrections in given planes, and the residual unbalance that the standard permits."""
 
 from typing import NamedTuple
 
@@ -18,31 +18,40 @@ from ..shafts.virtual import VirtualLine
 
 
 GRADES = (0.4, 1.0, 2.5, 6.3, 16.0, 40.0, 100.0, 250.0, 630.0, 1600.0, 4000.0)  # [mm/s]
-_SAME = 1e-10  # relative difference below which two planes act alike
+_SAME = 1e-10  # relative difference below which two planes are taken to have the same effect
 
 
 class FirstMoments(NamedTuple):
-    """What of a rigid rotor its bearings feel: `F_B = (J / z_B) (i Omega. - Omega^2)` and the like."""
+    """`F_B = (J / z_B) (i Omega. - Omega^2)`: the moments that set a rigid rotor's bearing forces.
+
+    `F_B` is the dynamic force at a bearing B, z_B from the bearing at z = 0, in the axes of the rotor.
+    """
 
     unbalance: Complex[Array, ""]  # u = Sum m (x + i y) [kg m]
     product: Complex[Array, ""]  # J = Sum m (x + i y) z = I_xz + i I_yz [kg m^2]
 
 
 class Grade(NamedTuple):
-    """Quality of balance."""
+    """Balance quality grade `G = |U| Omega / m`."""
 
     value: Scalar  # G [mm/s]
-    standard: Scalar  # next grade G of the standard [mm/s], infinite above the last
+    standard: Scalar  # smallest standard grade not below it [mm/s], infinite above the last
 
 
 # === rigid rotors
 
 
 def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
-    """`u = Sum m e exp(i phase)`, `J = Sum m e exp(i phase) z` and the couples of tilted discs.
+    """`u = Sum m e exp(i phase)`, `J = Sum m e exp(i phase) z` plus the couples of tilted discs.
 
-    Of all that is fixed to the shaft, `about` a station [m], in the axes of the rotor. A shaft counts
-    as straight. Differentiable.
+    The sums include everything fixed to the shaft; the shaft itself is taken as straight.
+
+    Args:
+        scene: the rotor.
+        about: station z [m] that J refers to.
+
+    Returns:
+        `FirstMoments` u [kg m] and J [kg m^2] in the axes of the rotor. Differentiable.
 
     Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
@@ -52,20 +61,41 @@ def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
 
 
 def total_mass(scene: Scene) -> Scalar:
-    """Mass [kg] of shaft, discs and balls together."""
+    """Total mass [kg] of shaft, discs and balls.
+
+    Args:
+        scene: the rotor.
+
+    Returns:
+        Mass [kg]. Differentiable.
+    """
     return _weights(scene)[0]
 
 
 def centre_of_mass(scene: Scene) -> Scalar:
-    """`Int z dm / m` [m] of shaft, discs and balls together."""
+    """`Int z dm / m`: station of the centre of mass of shaft, discs and balls.
+
+    Args:
+        scene: the rotor.
+
+    Returns:
+        Station [m]. Differentiable.
+    """
     mass, moment = _weights(scene)
     return moment / mass
 
 
 def bearing_stations(scene: Scene) -> Float[Array, " b"]:
-    """Stations [m] where a constraint or support holds the displacement, each once, ascending."""
+    """Stations where a constraint or support holds the displacement.
+
+    Args:
+        scene: the rotor, not traced.
+
+    Returns:
+        Stations [m], ascending, without repeats.
+    """
     shaft = scene.shaft
-    if isinstance(shaft, MasslessShaft):  # its supports, if it has any, are there too
+    if isinstance(shaft, MasslessShaft):  # any supports are at its ends
         held = [0.0, shaft.length]
     else:
         own = shaft.constraints if isinstance(shaft, FlexibleShaft | RigidShaft) else ()
@@ -90,10 +120,13 @@ def rigid_correction(
     Args:
         unbalance: u [kg m], complex in the axes of the rotor.
         product: J [kg m^2], complex product of inertia about the plane z = 0.
-        planes: z1, z2 [m], any two but not the same.
+        planes: z1, z2 [m], two different stations.
 
     Returns:
         Corrections `m r exp(i angle)` [kg m] to add. Differentiable.
+
+    Raises:
+        ValueError: `planes` are not two stations, or are equal.
 
     Source: course project "Dynamic reactions in the bearings of a rotor", eq. (8).
     """
@@ -109,7 +142,17 @@ def rigid_correction(
 def rigid_residual(
     unbalance: ArrayLike, product: ArrayLike, planes: ArrayLike, corrections: ArrayLike
 ) -> FirstMoments:
-    """`u + Sum c`, `J + Sum c z`: what `p` corrections [kg m] in planes [m] leave of both."""
+    """`u + Sum c`, `J + Sum c z`: first moments that remain after `p` corrections.
+
+    Args:
+        unbalance: u [kg m], complex in the axes of the rotor.
+        product: J [kg m^2], complex product of inertia about the plane z = 0.
+        planes: z [m], (p,).
+        corrections: c [kg m], complex, (p,).
+
+    Returns:
+        `FirstMoments` of the corrected rotor. Differentiable.
+    """
     u, j, c = (jnp.asarray(part, complex) for part in (unbalance, product, corrections))
     return FirstMoments(u + jnp.sum(c), j + jnp.sum(c * jnp.asarray(planes, float)))
 
@@ -120,7 +163,7 @@ def rigid_residual(
 def influence_coefficients(
     base: ArrayLike, trials: ArrayLike, trial_runs: ArrayLike
 ) -> Complex[Array, "*readings p"]:
-    """`A_j = (v_j - v) / t_j`: vibration by unit unbalance in each of `p` planes.
+    """`A_j = (v_j - v) / t_j`: vibration due to a unit unbalance in each of `p` planes.
 
     Args:
         base: v, complex amplitudes without a trial mass, of any shape, such as (speeds, sensors).
@@ -128,19 +171,22 @@ def influence_coefficients(
         trial_runs: v_j, amplitudes with that trial mass alone, (p, *readings).
 
     Returns:
-        Influence coefficients, the planes last. Differentiable.
+        Influence coefficients, planes on the last axis. Differentiable.
+
+    Raises:
+        ValueError: the shapes do not fit, or a trial mass is zero.
 
     Source: Goodman (1964), least-squares method for computing balance corrections.
     """
     v, t, runs = (jnp.asarray(part, complex) for part in (base, trials, trial_runs))
     if t.ndim != 1 or runs.shape != (*t.shape, *v.shape):
         raise ValueError(
-            f"`trial_runs` must be one run of the shape of `base` for each trial, {(*t.shape, *v.shape)}, "
+            f"`trial_runs` must hold one run of the shape of `base` per trial, {(*t.shape, *v.shape)}, "
             f"but has shape {runs.shape}."
         )
     if known(t) and np.any(np.asarray(t) == 0):
         raise ValueError(
-            "`trials [kg m]` must not be zero: a run without a trial mass tells nothing."
+            "`trials [kg m]` must not be zero: a run without a trial mass determines no coefficient."
         )
     return jnp.moveaxis((runs - v) / t.reshape(-1, *[1] * v.ndim), 0, -1)
 
@@ -148,42 +194,48 @@ def influence_coefficients(
 def correction_masses(
     influence: ArrayLike, vibration: ArrayLike, weights: ArrayLike | None = None
 ) -> Complex[Array, " p"]:
-    """Corrections `c` of least `Sum weight |v + A c|^2`, over all sensors and speeds at once.
+    """Corrections `c` that minimise `Sum weight |v + A c|^2` over all sensors and speeds.
 
     Args:
         influence: A, (*readings, p), see `influence_coefficients`.
         vibration: v, (*readings), without trial masses; at least as many readings as planes.
-        weights: of each reading, (*readings), zero or more; by default all alike.
+        weights: non-negative weight of each reading, (*readings); by default all are equal.
 
     Returns:
-        `m r exp(i angle)` [kg m] to add in each plane; `v + A c` remains. Differentiable.
+        `m r exp(i angle)` [kg m] to add in each plane; the vibration `v + A c` remains. Differentiable.
+
+    Raises:
+        ValueError: the shapes do not fit, there are fewer readings than planes, a weight is negative, or
+            the readings do not distinguish the planes.
 
     Source: Goodman (1964), least-squares method for computing balance corrections.
     """
     a, v = jnp.asarray(influence, complex), jnp.asarray(vibration, complex)
     if a.shape[:-1] != v.shape:
         raise ValueError(
-            f"`influence` must be of the shape of `vibration`, {v.shape}, and planes last, but has "
-            f"shape {a.shape}."
+            f"`influence` must have the shape of `vibration`, {v.shape}, and then an axis of planes, but "
+            f"has shape {a.shape}."
         )
     planes = a.shape[-1]
     if v.size < planes:
         raise ValueError(
-            f"{v.size} readings do not settle {planes} planes; add sensors or speeds, or leave out "
+            f"{v.size} readings do not determine {planes} planes; add sensors or speeds, or leave out "
             "planes."
         )
     a, v = a.reshape(-1, planes), v.ravel()
     if weights is not None:
         share = jnp.asarray(weights, float)
         if known(share) and np.any(np.asarray(share) < 0):
-            raise ValueError(f"`weights` must not be negative, but the least is {share.min():g}.")
+            raise ValueError(
+                f"`weights` must not be negative, but the smallest is {share.min():g}."
+            )
         root = jnp.sqrt(jnp.broadcast_to(share, jnp.shape(vibration))).ravel()
         a, v = root[:, None] * a, root * v
     if known(a):
         sizes = np.linalg.svd(np.asarray(a), compute_uv=False)
         if sizes[-1] <= _SAME * sizes[0]:
             raise ValueError(
-                "The readings do not tell the planes apart; leave out a plane, or add sensors or "
+                "The readings do not distinguish the planes; leave out a plane, or add sensors or "
                 "speeds."
             )
     q, r = jnp.linalg.qr(a)
@@ -198,8 +250,14 @@ def permissible_unbalance(grade: ArrayLike, mass: ArrayLike, speed: ArrayLike) -
 
     Args:
         grade: G [mm/s], as in G 6.3.
-        mass: of the rotor [kg].
-        speed: highest speed of service [rad/s].
+        mass: mass of the rotor [kg].
+        speed: highest service speed [rad/s].
+
+    Returns:
+        Permissible residual unbalance [kg m]. Differentiable.
+
+    Raises:
+        ValueError: grade or mass is not positive, or the speed is zero.
 
     Source: ISO 21940-11:2016, eq. (7).
     """
@@ -212,17 +270,20 @@ def permissible_unbalance(grade: ArrayLike, mass: ArrayLike, speed: ArrayLike) -
 def allocated_unbalance(
     permissible: ArrayLike, centre: ArrayLike, bearings: ArrayLike
 ) -> Float[Array, "2"]:
-    """`U_A = U_per L_B / L`, `U_B = U_per L_A / L`, within the limits of the standard.
+    """`U_A = U_per L_B / L`, `U_B = U_per L_A / L`, clipped to the limits of the standard.
 
-    Between the bearings each gets 0.3 to 0.7 of U_per; with the centre of mass outside, 0.3 to 1.3.
+    With the centre of mass between the bearings each gets 0.3 to 0.7 of U_per, else 0.3 to 1.3.
 
     Args:
         permissible: U_per [kg m].
         centre: station of the centre of mass [m].
-        bearings: stations of the bearings A, B [m], not the same.
+        bearings: stations of the bearings A, B [m], different.
 
     Returns:
-        Permissible residual unbalance [kg m] in the planes of A and B.
+        Permissible residual unbalance [kg m] in the planes of A and B. Differentiable.
+
+    Raises:
+        ValueError: both bearings are at one station.
 
     Source: ISO 21940-11:2016, clause 7 (ISO 1940-1:2003, 7.2).
     """
@@ -236,12 +297,18 @@ def allocated_unbalance(
 
 
 def balance_grade(unbalance: ArrayLike, mass: ArrayLike, speed: ArrayLike) -> Grade:
-    """`G = |U| Omega / m`, and the next grade of the standard that it meets.
+    """`G = |U| Omega / m`, and the smallest grade of the standard that it meets.
 
     Args:
         unbalance: U [kg m], a magnitude or complex.
-        mass: of the rotor [kg].
-        speed: highest speed of service [rad/s].
+        mass: mass of the rotor [kg].
+        speed: highest service speed [rad/s].
+
+    Returns:
+        `Grade` [mm/s]. Its `value` is differentiable.
+
+    Raises:
+        ValueError: the mass is not positive.
 
     Source: ISO 21940-11:2016, Table 1.
     """
@@ -261,16 +328,22 @@ def bearing_grade(
 ) -> Grade:
     """`G = max |U_k| Omega / (m share_k)` of static and couple unbalance, in the planes of the bearings.
 
-    `share_k = U_k,per / U_per` of `allocated_unbalance`: both bearings keep what grade G allots them.
-    Whatever planes it is corrected in, a rotor has one such grade.
+    `share_k = U_k,per / U_per` is that of `allocated_unbalance`: at grade G neither bearing exceeds its
+    share. The grade does not depend on the planes in which the rotor is corrected.
 
     Args:
         unbalance: u [kg m], complex.
         product: J [kg m^2], complex, about the plane z = 0.
-        mass: of the rotor [kg].
+        mass: mass of the rotor [kg].
         centre: station of the centre of mass [m].
-        bearings: stations of the bearings A, B [m], not the same.
-        speed: highest speed of service [rad/s].
+        bearings: stations of the bearings A, B [m], different.
+        speed: highest service speed [rad/s].
+
+    Returns:
+        `Grade` [mm/s]. Its `value` is differentiable.
+
+    Raises:
+        ValueError: both bearings are at one station, or the mass is not positive.
 
     Source: ISO 21940-11:2016, clause 7 and Table 1.
     """

@@ -1,4 +1,4 @@
-"""Campbell diagram: roots against the speed of rotation, each branch followed."""
+"""Campbell diagram: roots as continuous branches over the speed of rotation."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -17,50 +17,60 @@ from ..scene import Scene
 from .modal import moving_roots, sense_of_whirl, slowest_first
 
 
-CHOICE = 0.2  # how far off a root may be, relative to the next best, to be told for sure
-NARROWEST = 2.0**-12  # of an interval, down to which lines that pass each other are looked at
-# Damping ratio above which a speed is not critical: it amplifies less than 2.5 times, so no peak is left.
+CHOICE = 0.2  # largest error of a sure match, relative to that of the next best match
+NARROWEST = (
+    2.0**-12
+)  # fraction of an interval below which lines that pass each other are not refined
+# Damping ratio above which a speed is not critical: amplification is below 2.5, so there is no peak.
 OVERDAMPED = 0.2
-MIDPOINTS = 128  # speeds looked at between two given ones, at most
+MIDPOINTS = 128  # largest number of speeds inserted between two given ones
 
 
 class Campbell(eqx.Module):
-    """Branches of roots over `w` speeds, `m` of them, slowest first at the first speed."""
+    """Roots `lambda(Omega)` on `m` branches over `w` speeds, slowest first at the first speed."""
 
     speeds: Float[Array, " w"]  # [rad/s]
     values: Complex[Array, "w m"]  # lambda [rad/s]
     frame: Frame = eqx.field(static=True)
-    circular: bool = eqx.field(static=True)  # whether whirl is, so that a frequency has a direction
+    circular: bool = eqx.field(
+        static=True
+    )  # whether orbits are circles, so frequencies have a sign
 
     @property
     def frequencies(self) -> Float[Array, "w m"]:
-        """Whirl frequency [rad/s], positive from x to y; of unequal axes, either sign of a pair."""
+        """Whirl frequency [rad/s], positive from x to y; of either sign where axes are unequal."""
         return self.values.imag
 
     @property
     def forward(self) -> Float[Array, "w m"] | None:
-        """+1 for whirl with the spin, -1 against it, 0 for none; None of unequal axes.
+        """+1 for whirl with the spin, -1 against it, 0 for none; None where axes are unequal.
 
-        There the sense is that of the shape; see `Modes.forward`.
+        Where axes are unequal the sense depends on the mode shape, see `Modes.forward`.
         """
         return sense_of_whirl(self.values, self.speeds[:, None]) if self.circular else None
 
     @property
     def growth(self) -> Float[Array, "w m"]:
-        """Growth rate [1/s], negative stable."""
+        """Growth rate [1/s]; a branch is stable where it is negative."""
         return self.values.real
 
     def crossings(self, order: float | int = 1) -> "Crossings":
-        """Where the frequency of a branch is `order` times the speed, by linear interpolation.
+        """Crossings of the branches with the line `|Im lambda| = order |Omega|`.
 
-        Of `order` 1 and little damping these are the critical speeds; `critical_speeds` has those of
-        the rotor without damping, which damping moves and, past `OVERDAMPED`, hides.
+        At order 1 and with little damping they are the critical speeds. `critical_speeds` gives those of
+        the undamped rotor; damping shifts them and, above `OVERDAMPED`, removes their peak.
+
+        Args:
+            order: oscillations per revolution.
+
+        Returns:
+            `Crossings` by linear interpolation between the speeds of the diagram.
         """
         speeds: Any = np.asarray(self.speeds)
         values: Any = np.asarray(self.values)
         above = np.abs(values.imag) - order * np.abs(speeds)[:, None]
         k, branch = np.nonzero((above[:-1] < 0) != (above[1:] < 0))
-        if self.circular:  # a branch that turns round has no frequency on the way
+        if self.circular:  # a branch that changes its whirl direction is not oscillating in between
             ways = np.asarray(self.forward)
             whole = ways[k, branch] == ways[k + 1, branch]
             k, branch = k[whole], branch[whole]
@@ -74,30 +84,33 @@ class Campbell(eqx.Module):
 
 
 class Crossings(NamedTuple):
-    """Where branches cross a line of so many oscillations a revolution, in the order of speeds."""
+    """Crossings of branches with a line of given order, by ascending speed."""
 
     speeds: Float[np.ndarray, " c"]  # [rad/s]
     frequencies: Float[np.ndarray, " c"]  # [rad/s]
     damping_ratio: Float[np.ndarray, " c"]
-    forward: Float[np.ndarray, " c"]  # +1 with the spin, -1 against it, 0 of unequal axes
+    forward: Float[np.ndarray, " c"]  # +1 with the spin, -1 against it, 0 where axes are unequal
 
 
 def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
-    """Roots `lambda(Omega)` as continuous branches: they keep their identity where they cross.
+    """Roots `lambda(Omega)` as continuous branches that keep their identity where they cross.
 
-    From speed to speed each root is sought where its derivative `d lambda / d Omega` says. So lines
-    cross where modes do not feel each other, and bend away where they do. Where that leaves a choice,
-    which is on coarse speeds and where lines pass each other, speeds between are looked at: lines that
-    bend away within less than `NARROWEST` of an interval are taken to cross.
+    From speed to speed each root is predicted by its derivative `d lambda / d Omega`. So lines of
+    uncoupled modes cross, and those of coupled modes veer. Where the match is ambiguous, on coarse speeds
+    or where lines pass each other, speeds are inserted between; lines that veer within less than
+    `NARROWEST` of an interval are taken to cross.
 
     Args:
         scene: the rotor; its own speed does not matter.
         speeds: [rad/s], ascending, two or more.
-        count: how many branches to keep, the slowest at the first speed. Of unequal axes, one of
-            each conjugate pair, but both where they part into real roots.
+        count: number of branches to keep, the slowest at the first speed. Where axes are unequal one of
+            each conjugate pair is kept, but both where a pair splits into real roots.
 
     Returns:
-        Branches; not differentiable and not to be traced, `roots` is.
+        `Campbell` diagram. Neither differentiable nor traceable; use `roots` for that.
+
+    Raises:
+        ValueError: the speeds are not two or more in ascending order, or the scene is traced.
 
     Source: Brysin, Nikiforov (2019), Figs. 3, 4.
     """
@@ -135,14 +148,14 @@ class _Sample(NamedTuple):
     slopes: np.ndarray
 
     def same(self, step: float) -> np.ndarray:
-        """Which roots (m, m) are equal and stay so over a step: either may be the other."""
+        """Pairs of roots (m, m) that are equal and stay so over a step, so they are interchangeable."""
         here, there = self.values, self.values + step * self.slopes
         apart = np.abs(here[:, None] - here) + np.abs(there[:, None] - there)
         return is_rounding(apart, here)
 
 
 def _follow(left: _Sample, right: _Sample, wanted: slice, sample: Callable) -> _Sample:
-    """`right` in the order of `left`, by way of as many samples between as leave no choice."""
+    """`right` in the order of `left`, with samples inserted between until every match is sure."""
     ahead, looked, narrow = [right], 0, NARROWEST * (right.speed - left.speed)
     while ahead:
         matched, sure = _matched(left, ahead[-1])
@@ -156,17 +169,18 @@ def _follow(left: _Sample, right: _Sample, wanted: slice, sample: Callable) -> _
 
 
 def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
-    """`right` in the order of `left`, and which roots (m,) have no other choice and pass none.
+    """`right` in the order of `left`, and for each root (m,) whether its match is sure.
 
-    From afar lines that cross look like those that bend away.
+    A match is sure if no other is nearly as good and the root passes no other root: over a long step
+    lines that cross cannot be distinguished from lines that veer.
     """
     from scipy.optimize import linear_sum_assignment  # half a second
 
     step = right.speed - left.speed
     ahead, back = left.values + step * left.slopes, right.values - step * right.slopes
     cost = np.abs(ahead[:, None] - right.values) + np.abs(left.values[:, None] - back)
-    # Roots of its square: else, on a line, one long jump costs no more than a chain of short ones,
-    # and where the slowest roots are cut from all there is always one that has lost its partner.
+    # The square root of the cost favours one long jump over a chain of short ones. Such a jump is real:
+    # of the slowest roots that are kept, one may have lost its partner to those left out.
     order = linear_sum_assignment(np.sqrt(cost))[1]
     cost, right = cost[:, order], _Sample(right.speed, right.values[order], right.slopes[order])
     twins = right.same(step)
@@ -174,16 +188,16 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
     sure = np.diagonal(cost) <= CHOICE * np.minimum(others.min(axis=0), others.min(axis=1))
     before, after = (one.values[:, None] - one.values for one in (left, right))
     sure &= np.all(np.real(np.conj(before) * after) >= 0, axis=1)
-    # Where lines meet, the slope of each is the mean of both; it is told by where it came from.
+    # Where lines meet, both slopes are the mean of the two; the secant from the last speed replaces it.
     slopes = np.where(twins.sum(axis=1) > 1, (right.values - left.values) / step, right.slopes)
     return right._replace(slopes=slopes), sure
 
 
 @compiled_quickly
 def _values_and_slopes(system: System, speed: Scalar, count: int):
-    """The slowest roots, some more than `count` of (pairs of) them, and their derivatives."""
+    """The slowest roots, somewhat more than `count` (pairs), and their derivatives."""
     values, slopes = moving_roots(system, speed)
-    # No mass, no motion: a root beyond all others.
+    # Massless coordinates have infinite roots; they are placed beyond all others.
     values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
     chosen = slowest_first(values)[: 4 * count + 8]
     return values[chosen], _finite(slopes[chosen])
@@ -194,7 +208,7 @@ def _finite(values: Array) -> Array:
 
 
 def _less_conjugates(branches: Any) -> np.ndarray:
-    """Of branches that stay conjugate one, that of positive frequency."""
+    """The branches without those that are conjugate to another everywhere; positive frequency stays."""
     kept: list[np.ndarray] = []
     for branch in branches[:, np.argsort(branches.imag.mean(axis=0) < 0, kind="stable")].T:
         if not any(is_rounding(branch.conj() - other, branch).all() for other in kept):

@@ -1,4 +1,4 @@
-"""Critical speeds: where the spin meets a whirl of the undamped rotor."""
+"""Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor."""
 
 import functools
 from collections.abc import Callable
@@ -28,19 +28,19 @@ from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 
 
 class CriticalSpeeds(eqx.Module):
-    """Speeds of rotation that equal the frequency of a whirl, `c` of them, and how each whirls.
+    """`c` speeds of rotation that equal a whirl frequency, and the kind of each whirl.
 
     The orbit of a whirl is `f exp(i Omega t) + b exp(-i Omega t)` at every station, a circle where the
-    rotor is the same along every axis, else an ellipse. `forward_share` is the part `f' M f / (f' M f +
-    b' M b)` of its kinetic energy. A whirl is called mixed where neither part has 60 % of it: there
-    orbits are nearly straight lines.
+    rotor is the same along every axis, else an ellipse. `forward_share` is the share `f' M f / (f' M f +
+    b' M b)` of the kinetic energy. A whirl is mixed where neither part has 60 % of it: its orbits are
+    nearly straight lines.
     """
 
-    speeds: Float[Array, " c"]  # [rad/s], ascending; infinite for none, where traced
+    speeds: Float[Array, " c"]  # [rad/s], ascending; where traced, infinite ones fill up
     forward_share: Float[Array, " c"]  # from 0 to 1
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle
-    count: int | None = eqx.field(static=True)  # how many of each kind were asked for
+    count: int | None = eqx.field(static=True)  # largest number of each kind
 
     def _repr_html_(self) -> str:
         columns = self.speeds.tolist(), self.kinds, self.forward_share.tolist()
@@ -54,26 +54,26 @@ class CriticalSpeeds(eqx.Module):
 
     @property
     def forward(self) -> Float[Array, " f"]:
-        """Those that whirl with the spin [rad/s], ascending."""
+        """Critical speeds [rad/s] of whirl with the spin, ascending."""
         return self._only(self._sense >= STRAIGHT)
 
     @property
     def backward(self) -> Float[Array, " b"]:
-        """Those that whirl against the spin [rad/s], ascending."""
+        """Critical speeds [rad/s] of whirl against the spin, ascending."""
         return self._only(self._sense <= -STRAIGHT)
 
     @property
     def mixed(self) -> Float[Array, " m"]:
-        """Those that do neither [rad/s], ascending."""
+        """Critical speeds [rad/s] of mixed whirl, ascending."""
         return self._only(jnp.abs(self._sense) < STRAIGHT)
 
     @property
     def kinds(self) -> list[str]:
-        """Of every speed: "forward", "backward" or "mixed"."""
+        """Kind of whirl at every speed: "forward", "backward" or "mixed"."""
         return [kind_of_whirl(sense) for sense in self._sense.tolist()]
 
     def where(self, chosen: Bool[np.ndarray, " c"]) -> "CriticalSpeeds":
-        """Some of them, of known speeds."""
+        """The chosen critical speeds; none may be traced."""
         own = lambda whirls: (whirls.speeds, whirls.forward_share, whirls.senses)
         return eqx.tree_at(own, self, tuple(part[chosen] for part in own(self)))
 
@@ -89,7 +89,7 @@ class CriticalSpeeds(eqx.Module):
 
 
 class AxisSpeeds(NamedTuple):
-    """Critical speeds [rad/s] of an unequal rotor along its axis and across it, each ascending."""
+    """Critical speeds [rad/s] of an unequal rotor, along its principal axis and across, ascending."""
 
     along: Float[Array, " a"]
     across: Float[Array, " b"]
@@ -98,36 +98,39 @@ class AxisSpeeds(NamedTuple):
 def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -> CriticalSpeeds:
     """Undamped synchronous whirl: `det( K - Omega^2 (M - G) ) = 0` forward, `M + G` backward.
 
-    Of axes that are equal or, on unequal supports, with the pair `(q, q*)`; there whirl is elliptic
-    and called by the kinetic energy of its parts. An unequal shaft has no backward ones: it is critical
-    where it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` of the pair in these. Solved
-    for `Omega^2` at once, not by scanning.
+    These hold for equal axes. On unequal supports the pair `(q, q*)` replaces `q`; whirl is elliptic
+    and is classified by the kinetic energy of its parts. An unequal shaft has no backward critical
+    speeds: it is critical where it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` for the
+    pair in these axes. The eigenvalue problem for `Omega^2` gives all speeds; nothing is scanned.
 
     Args:
-        scene: the rotor; its own speed does not matter, nor do damping, hysteresis and cross-coupled
-            stiffness (of supports that push across), which are left out.
-        count: how many of each kind to return, by default all.
-        points: how many stations along the shaft to tell the sense of the whirl at.
+        scene: the rotor; its own speed does not matter. Damping, hysteresis and cross-coupled stiffness
+            are left out.
+        count: largest number of each kind to return, by default all.
+        points: number of stations along the shaft at which the sense of the whirl is evaluated.
 
     Returns:
-        Speeds [rad/s], ascending, and how they whirl; those that do not exist are left out (infinite
-        where traced). Differentiable; equal ones by the mean of theirs. Shares and senses are held.
+        `CriticalSpeeds` [rad/s], ascending (where traced, infinite ones fill up). The speeds are
+        differentiable, equal ones by the mean of their derivatives; shares and senses are held constant.
+
+    Raises:
+        ValueError: nothing can move or has mass, or some unequal axes stand still and others turn.
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
     found = _synchronous(scene, count, points)
     if not known(found.speeds):
         return found
-    there = np.isfinite(found.speeds)
-    kept, kinds = np.zeros(there.shape, bool), np.array(found.kinds, object)
+    finite = np.isfinite(found.speeds)
+    chosen, kinds = np.zeros(finite.shape, bool), np.array(found.kinds, object)
     for kind in ("forward", "backward", "mixed"):
-        kept[np.flatnonzero(there & (kinds == kind))[:count]] = True
-    return found.where(kept)
+        chosen[np.flatnonzero(finite & (kinds == kind))[:count]] = True
+    return found.where(chosen)
 
 
 @compiled_quickly
 def _synchronous(scene: Scene, count: int | None, points: int) -> CriticalSpeeds:
-    """Critical speeds, ascending, infinite for none."""
+    """Critical speeds, ascending; infinite ones fill up."""
     system = assemble(scene)
     check_moves(system)
     stations = scene.shaft.seen(points)
@@ -138,7 +141,7 @@ def _synchronous(scene: Scene, count: int | None, points: int) -> CriticalSpeeds
 
 
 def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array, Array]:
-    """Critical speeds, forward shares and senses, in no order."""
+    """Critical speeds, forward shares and senses, unordered."""
     blocks, zero, part = system.blocks, _zero(system), _filled(system)
     stiffness, inertia = part(blocks.stiffness), part(blocks.inertia)
     ahead, behind = (inertia + sense * part(blocks.gyroscopic) for sense in (-1, 1))
@@ -150,11 +153,11 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
     axes = frame(blocks)
     check_axes(
         system,
-        "There are no critical speeds, but bands of them,",
-        "look at `jaxrotor.floquet_multipliers`",
+        "There are no single critical speeds, but bands of instability,",
+        "use `jaxrotor.floquet_multipliers`",
     )
     unequal = part(getattr(blocks, f"{axes}_stiffness"))
-    if axes == "rotating":  # seen from the shaft, both parts of a synchronous whirl stand still
+    if axes == "rotating":  # in the shaft's axes both parts of a synchronous whirl stand still
         behind = ahead
     stiffness = jnp.block([[stiffness, unequal], [unequal.conj(), stiffness.conj()]])
     inertia = jnp.block([[ahead, zero], [zero, behind]])
@@ -162,7 +165,8 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
     if axes == "rotating":
         return speeds, jnp.ones(speeds.size), jnp.ones((speeds.size, stations.size))
     assert vectors is not None
-    halves = vectors.reshape(-1, 2, system.n)  # of `exp(i Omega t)`, conjugate of `exp(-i Omega t)`
+    # Amplitude of `exp(i Omega t)`, and conjugate amplitude of `exp(-i Omega t)`.
+    halves = vectors.reshape(-1, 2, system.n)
     share = inertia_shares(scene, system, halves)[:, 0]
     ahead, behind = jnp.moveaxis(jnp.abs(halves @ jax.vmap(system.line.row)(stations).T) ** 2, 1, 0)
     total = ahead + behind
@@ -173,24 +177,28 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
 def axis_speeds(scene: Scene) -> AxisSpeeds:
     """`det( K + U - Omega^2 (M - G) ) = 0` along the axis of angle 0, `det( K - U - .. ) = 0` across it.
 
-    `U` is what makes stiffness unequal, in axes that turn with the shaft. The speeds are those of
-    `critical_speeds`, but each keeps its axis where they cross, so they are smooth there.
+    `U` is the unequal part of the stiffness in axes that turn with the shaft. The speeds are those of
+    `critical_speeds`, but each stays with its axis where they cross, so they are smooth there.
 
     Args:
         scene: a rotor whose unequal parts turn with the shaft, their axes at angle 0; its own speed
             does not matter.
 
     Returns:
-        Ascending speeds [rad/s] along and across, infinite for none; not a number where an axis is not
-        at angle 0. Differentiable.
+        `AxisSpeeds` [rad/s], ascending; infinite ones fill up, and where traced all are NaN if an axis
+        is not at angle 0. Differentiable.
+
+    Raises:
+        ValueError: nothing can move or has mass, no unequal part turns with the shaft alone, or an
+            axis is not at angle 0.
 
     Source: Klochkov, eqs. (16), (17).
     """
     speeds = _axis_speeds(scene)
     if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):
         raise ValueError(
-            "Critical speeds along and across are those of one pair of axes, but an unequal part of this "
-            "rotor has its axis at another angle than 0."
+            "Critical speeds along and across refer to axes at angle 0, but an unequal part of this rotor "
+            "has its axis at another angle; set it to 0, or use `jaxrotor.critical_speeds`."
         )
     return AxisSpeeds(*speeds)
 
@@ -202,8 +210,8 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
     blocks = system.blocks
     if frame(blocks) != "rotating":
         raise ValueError(
-            "Only axes that turn with the shaft part its critical speeds in two, but no part of this "
-            "rotor alone does; look at `jaxrotor.critical_speeds`."
+            "Critical speeds along and across exist only where all unequal axes turn with the shaft, but "
+            "this rotor has none, or others that stand still; use `jaxrotor.critical_speeds`."
         )
     part = _filled(system)
     inertia = part(blocks.inertia) - part(blocks.gyroscopic)
@@ -219,7 +227,7 @@ def _zero(system: System) -> Complex[Array, "n n"]:
 
 
 def _filled(system: System) -> Callable[[Array | None], Array]:
-    """Blocks as complex matrices, those that nothing draws as zeros."""
+    """A function that gives a block as a complex matrix, zero if the block is absent."""
     zero = _zero(system)
     return lambda block: zero if block is None else block + 0j
 
@@ -227,9 +235,9 @@ def _filled(system: System) -> Callable[[Array | None], Array]:
 def _synchronous_of(
     stiffness: Array, inertia: Array, vectors: bool = False
 ) -> tuple[Float[Array, " c"], Complex[Array, "c m"] | None]:
-    """Every real `Omega > 0` with `(K - Omega^2 M) q = 0`, else infinite; and `q`, if asked for.
+    """Every real `Omega > 0` with `(K - Omega^2 M) q = 0`, else infinite; `q` too if `vectors`.
 
-    `Omega = 0` of a free shaft is none; rounding leaves about 1e-15 of the scale in its square.
+    `Omega = 0` of a free shaft does not count; rounding leaves about 1e-15 of the scale in its square.
     """
     squares, shapes = _squares(vectors, stiffness, inertia)
     scale = _scale(stiffness, inertia)
@@ -239,13 +247,13 @@ def _synchronous_of(
 
 
 def _scale(stiffness: Array, inertia: Array) -> Scalar:
-    """Of the order of the square of the first critical speed."""
+    """Scale [rad^2/s^2] of the order of the square of the first critical speed."""
     return Pencil(inertia, inertia, stiffness).rate ** 2
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _squares(vectors: bool, stiffness: Array, inertia: Array):
-    """Every `s` with `(K - s M) q = 0`, infinite for coordinates without inertia; and `q`, one a row."""
+    """Every `s` with `(K - s M) q = 0`, infinite for massless coordinates; and `q`, one per row."""
     shift, shapes = _scale(stiffness, inertia), None
     matrix = jnp.linalg.solve(stiffness + shift * inertia, inertia)
     if vectors:
@@ -253,13 +261,13 @@ def _squares(vectors: bool, stiffness: Array, inertia: Array):
         shapes = columns.T
     else:
         inverses = jnp.linalg.eigvals(matrix)
-    there = jnp.abs(inverses) * shift > 1e-10
-    return jnp.where(there, 1 / jnp.where(there, inverses, 1.0) - shift, jnp.inf), shapes
+    finite = jnp.abs(inverses) * shift > 1e-10
+    return jnp.where(finite, 1 / jnp.where(finite, inverses, 1.0) - shift, jnp.inf), shapes
 
 
 @_squares.defjvp
 def _squares_jvp(vectors, primals, tangents):
-    """Like the derivatives of roots; of two that are equal the mean. Vectors are held."""
+    """Derivatives like those of roots, equal ones by their mean; vectors are held constant."""
     values, shapes = _squares(vectors, *primals)
     linear = lambda stiffness, inertia: Pencil(jnp.zeros_like(inertia), -inertia, stiffness)
     moved = root_changes(values, linear(*primals), linear(*tangents))

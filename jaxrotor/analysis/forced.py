@@ -1,4 +1,4 @@
-"""Steady response of a linear rotor to its unbalance, its weight and a given harmonic force."""
+"""Steady response of a linear rotor to unbalance, weight and a given harmonic force."""
 
 from typing import Literal
 
@@ -17,14 +17,14 @@ from ..equations.system import System, assemble, structure
 from ..scene import Scene
 
 
-CRITICAL = 1e-9  # relative distance from resonance at which a response has no digits
+CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
 
 
 class HarmonicForce(eqx.Module):
     """`F(t) = amplitude exp(i angle)` times `cos phi`, `exp(i phi)` or `exp(-i phi)`, phi = w t + phase.
 
-    `whirl="none"`: along the axis at `angle`; "forward" and "backward": turning, at `angle` when
-    phi = 0.
+    `whirl="none"` is a force along the axis at `angle`; "forward" and "backward" are rotating forces,
+    at `angle` when phi = 0.
     """
 
     at: Scalar = nonnegative("at [m]")
@@ -54,7 +54,7 @@ class HarmonicResponse(eqx.Module):
     """`z(x, t) = forward exp(i w t) + backward exp(-i w t)`; `k` cases, `s` stations.
 
     A shaft of two stiffnesses adds `sidebands[0] exp(i (2 Omega - w) t) + sidebands[1] exp(i (2 Omega
-    + w) t)`: what the parts are in its turning axes, mirrored. Of unbalance they are none.
+    + w) t)`, the mirror images of both parts in its rotating axes. Unbalance causes none.
     """
 
     speeds: Float[Array, " k"]  # Omega [rad/s]
@@ -69,12 +69,12 @@ class HarmonicResponse(eqx.Module):
 
     @property
     def major(self) -> Float[Array, "k s"]:
-        """Larger half axis [m] of the ellipse of the first two parts."""
+        """Major half axis [m] of the ellipse of the forward and backward parts."""
         return jnp.abs(self.forward) + jnp.abs(self.backward)
 
     @property
     def minor(self) -> Float[Array, "k s"]:
-        """Smaller half axis [m] of that ellipse, negative where it is passed backward."""
+        """Minor half axis [m] of that ellipse, negative where it is passed backward."""
         return jnp.abs(self.forward) - jnp.abs(self.backward)
 
 
@@ -92,7 +92,7 @@ class WeightResponse(eqx.Module):
 
 
 def _peaks(what: str, speeds: Array, frequencies: Array, stations: Array, parts: Array) -> str:
-    """For a notebook: the largest displacement at every station, and where it is."""
+    """Table for a notebook: the largest displacement at every station and the case it occurs in."""
     sizes, rows = np.abs(parts), []
     for at, size in zip(np.asarray(stations), sizes.T, strict=True):
         k = int(np.argmax(size))
@@ -111,13 +111,16 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
     Args:
         scene: a rotor without contact (`scene.without("limiters")` removes it).
-        speeds: [rad/s], one or many, none of them an undamped critical speed.
+        speeds: one or more speeds [rad/s], none of them an undamped critical speed.
         at: station(s) [m], by default the observed station of `simulate`.
 
     Returns:
-        Complex amplitudes with `w = Omega`: the angle of `forward` is its lead over the rotation
-        angle. They exist where the rotor is unstable too; look at `growth_rate` beside them.
-        Differentiable.
+        `HarmonicResponse` with `w = Omega`: the angle of `forward` is its lead over the rotation angle.
+        The amplitudes exist where the rotor is unstable too; check `growth_rate`. Differentiable.
+
+    Raises:
+        ValueError: the scene has contact, some unequal axes stand still and others turn, a station is
+            off the shaft, or a speed is an undamped critical speed.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) with Pi = eps N^2 exp(i N tau).
     """
@@ -127,24 +130,29 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
 
 def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
-    """Static deflection under the scene's Gravity, and the twice-per-revolution response.
+    """`z = a + b exp(2 i Omega t)`: deflection under the weight, and twice-per-revolution response.
 
-    In the axes of a shaft of two stiffnesses weight turns backward, `W exp(-i Omega t)`; its answer
-    there, `a exp(-i Omega t) + b exp(i Omega t)`, is `a + b exp(2 i Omega t)` in the fixed frame.
+    In the axes of a shaft of two stiffnesses the weight rotates backward, `W exp(-i Omega t)`. The
+    response there, `a exp(-i Omega t) + b exp(i Omega t)`, is `a + b exp(2 i Omega t)` in the fixed
+    frame.
 
     Args:
         scene: a rotor without contact that has Gravity.
-        speeds: [rad/s], one or many, none of them resonant and undamped.
+        speeds: one or more speeds [rad/s], none of them an undamped resonance.
         at: station(s) [m], by default the observed station of `simulate`.
 
     Returns:
-        Complex amplitudes; differentiable.
+        `WeightResponse`. Differentiable.
+
+    Raises:
+        ValueError: the scene has contact, some unequal axes stand still and others turn, a station is
+            off the shaft, or a speed is an undamped resonance.
 
     Source: Klochkov, eqs. (4), (8).
     """
     speeds, stations = _cases(scene, speeds, at)
-    still = jnp.zeros_like(speeds)
-    forward, backward, twice, _ = _respond(scene, speeds, still, stations, _of_weight)
+    frequencies = jnp.zeros_like(speeds)
+    forward, backward, twice, _ = _respond(scene, speeds, frequencies, stations, _of_weight)
     return WeightResponse(speeds, stations, forward + backward, twice)  # both at frequency zero
 
 
@@ -152,31 +160,36 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
     """`( K + i w C - w^2 M ) q = F`: response to a given harmonic force at the rotor's own speed.
 
     Args:
-        scene: a rotor without contact; its unbalance and weight do not count.
-        frequencies: w [rad/s], one or many, none of them resonant and undamped.
-        force: where and how it acts. The line of a flexible shaft has a kink there, so a span ends
-            there, unless a station is traced; then let a Disc of no mass end it.
+        scene: a rotor without contact; its unbalance and weight are left out.
+        frequencies: one or more frequencies w [rad/s], none of them an undamped resonance.
+        force: station, amplitude and direction of the force. The deflection of a flexible shaft has a
+            kink there, so a span is made to end there; if a station is traced, end the span by a
+            Disc of zero mass instead.
         at: station(s) [m] to observe, by default that of the force.
 
     Returns:
-        Complex amplitudes, of that force alone. Hysteresis takes its sign from each part's whirl, `w`
-        or `-w`, less the speed. Differentiable.
+        `HarmonicResponse` to the force alone. The sign of hysteretic damping follows each part's whirl,
+        `w` or `-w`, relative to the speed. Differentiable.
+
+    Raises:
+        ValueError: the scene has contact, some unequal axes stand still and others turn, a station is
+            off the shaft, or a frequency is an undamped resonance.
     """
     scene = ending_span(scene, scene.stations(force.at)[0])
     frequencies, stations = _cases(scene, frequencies, force.at if at is None else at)
     speeds = jnp.broadcast_to(scene.spin.speed, frequencies.shape)
-    load = eqx.Partial(_of_force, force)
-    forward, backward, *mirrored = _respond(scene, speeds, frequencies, stations, load)
-    turning = frame(structure(scene).blocks) == "rotating"
-    sidebands = jnp.stack(mirrored) if turning else None
+    forces = eqx.Partial(_of_force, force)
+    forward, backward, *mirrored = _respond(scene, speeds, frequencies, stations, forces)
+    rotating = frame(structure(scene).blocks) == "rotating"
+    sidebands = jnp.stack(mirrored) if rotating else None
     return HarmonicResponse(speeds, frequencies, stations, forward, backward, sidebands)
 
 
 def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
-    """`q, q.` at angle zero of the steady motion under unbalance and weight, without time stepping.
+    """`q, q.` of the steady motion under unbalance and weight at rotation angle zero.
 
     A run that starts there, `run_up(scene, times, start=Continued(*steady_state(scene)))`, is steady
-    from the first sample on, stable or not.
+    from the first sample on, stable or not. No time stepping is needed.
 
     Args:
         scene: a rotor without contact or balls, at constant speed.
@@ -184,11 +197,15 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
     Returns:
         Coordinates and their rates. Differentiable.
 
+    Raises:
+        ValueError: the scene has contact or balls, some unequal axes stand still and others turn, or the
+            speed is an undamped critical speed or resonance.
+
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); Klochkov, eqs. (4), (8).
     """
     _cases(scene, 0.0, None)
     if scene.of(AbstractBodies):
-        raise ValueError("Balls have many steady positions; let `run_up` find one.")
+        raise ValueError("Balls have many steady positions; use `run_up` to find one.")
     q, velocity, distance = _steady(scene)
     if known(distance) and distance < CRITICAL:
         raise ValueError(
@@ -205,9 +222,9 @@ def _steady(scene: Scene):
     if not system.n:
         return jnp.zeros(0, complex), jnp.zeros(0, complex), jnp.ones(())
     ahead, back, mirrored, _, near = _parts(system, speed, *_of_unbalance(system))
-    still, same, twice, _, far = _parts(system, jnp.zeros(()), *_of_weight(system))
+    static, same, twice, _, far = _parts(system, jnp.zeros(()), *_of_weight(system))
     velocity = 1j * speed * (ahead + mirrored - back + 2 * twice)
-    return ahead + back + mirrored + still + same + twice, velocity, jnp.minimum(near, far)
+    return ahead + back + mirrored + static + same + twice, velocity, jnp.minimum(near, far)
 
 
 def _of_unbalance(system: System):
@@ -230,7 +247,7 @@ def _times(factor, vector: Array | None) -> Array | None:
 
 
 def ending_span(scene: Scene, at: Scalar) -> Scene:
-    """The scene with a span that ends at a station, where all that decides the spans is known."""
+    """The scene with a span that ends at a station, if all values that determine the spans are known."""
     placed = [getattr(effect, "at", at) for effect in scene.effects]
     decides = scene.shaft if getattr(scene.shaft, "nodes", None) == "auto" else scene.shaft.stations
     if all(map(known, (at, scene.shaft.length, *jax.tree.leaves(decides), *placed))):
@@ -239,7 +256,7 @@ def ending_span(scene: Scene, at: Scalar) -> Scene:
 
 
 def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " s"]]:
-    """Speeds or frequencies, and stations, of a rotor that has a closed-form response."""
+    """Speeds or frequencies (k,), and stations (s,); raises unless there is a closed-form response."""
     system = structure(scene)
     if system.ports:
         kinds = sorted({effect.plural for effect in scene.of(AbstractContact)})
@@ -250,18 +267,18 @@ def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " 
         )
     check_axes(
         system,
-        "A harmonic load is answered by a whole series of frequencies, not in closed form,",
-        "use `jaxrotor.run_up`, or make either of them equal",
+        "The response to a harmonic load is an infinite series of frequencies, not a closed form,",
+        "use `jaxrotor.run_up`, or make one kind of axes equal",
     )
     return jnp.atleast_1d(jnp.asarray(cases, float)), scene.stations(at)
 
 
-def _respond(scene: Scene, speeds, frequencies, stations, load):
-    """Parts at `w`, `-w` and, mirrored in turning axes, `2 Omega - w`, `2 Omega + w`; (k, s) each.
+def _respond(scene: Scene, speeds, frequencies, stations, forces):
+    """Parts at `w`, `-w` and, mirrored in rotating axes, at `2 Omega - w`, `2 Omega + w`; (k, s) each.
 
-    `load(system)`: the forces `f, b` of `f exp(i w t) + b exp(-i w t)`, None for none.
+    `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none.
     """
-    *parts, distance = _parts_of_all(scene, speeds, frequencies, stations, load)
+    *parts, distance = _parts_of_all(scene, speeds, frequencies, stations, forces)
     if known(distance) and np.any(distance < CRITICAL):
         bad = int(np.argmin(distance))
         raise ValueError(
@@ -272,13 +289,13 @@ def _respond(scene: Scene, speeds, frequencies, stations, load):
 
 
 @compiled_quickly
-def _parts_of_all(scene: Scene, speeds, frequencies, stations, load):
+def _parts_of_all(scene: Scene, speeds, frequencies, stations, forces):
     rotor = assemble(scene)
 
     def one(case):
         speed, frequency = case
         system = rotor.at_speed(speed)
-        *parts, distance = _parts(system, frequency, *load(system))
+        *parts, distance = _parts(system, frequency, *forces(system))
         rows = jax.vmap(system.line.row)(stations)
         return *(rows @ part for part in parts), distance
 
@@ -286,10 +303,10 @@ def _parts_of_all(scene: Scene, speeds, frequencies, stations, load):
 
 
 def _parts(system: System, frequency: Scalar, forward: Array | None, backward: Array | None):
-    """The four parts of `q` (see `_respond`), and the least distance from resonance."""
+    """The four parts of `q` (see `_respond`), and the smallest distance from resonance."""
     n, speed, axes = system.n, system.spin.speed, frame(system.blocks)
     none = jnp.zeros(n, complex)
-    ask = lambda force: none if force is None else force
+    filled = lambda force: none if force is None else force
 
     def solve(pencil, at, force):
         return pencil.response(at, force), _from_resonance(pencil.dynamic(at))
@@ -299,8 +316,8 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
             return none, 1.0
         return solve(Pencil.of(system, jnp.sign(at - speed)), at, force)
 
-    def turning(at, force):
-        """In the axes of the shaft: as asked for, and mirrored."""
+    def rotating(at, force):
+        """Response in the axes of the shaft, and its mirror image there."""
         if force is None:
             return none, none, 1.0
         q, distance = solve(Pencil.of(system), at - speed, jnp.concatenate([force, none]))
@@ -310,20 +327,20 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
         (q, near), (p, far) = circular(frequency, forward), circular(-frequency, backward)
         return q, p, none, none, jnp.minimum(near, far)
     if axes == "rotating":
-        q, q_mirrored, near = turning(frequency, forward)
-        p, p_mirrored, far = turning(-frequency, backward)
+        q, q_mirrored, near = rotating(frequency, forward)
+        p, p_mirrored, far = rotating(-frequency, backward)
         return q, p, q_mirrored, p_mirrored, jnp.minimum(near, far)
     if forward is None and backward is None:
         return none, none, none, none, jnp.ones(())
-    pair = jnp.concatenate([ask(forward), ask(backward).conj()])
+    pair = jnp.concatenate([filled(forward), filled(backward).conj()])
     q, distance = solve(Pencil.of(system), frequency, pair)
     return q[:n], q[n:].conj(), none, none, distance
 
 
 def _from_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
-    """About the relative distance of a frequency from a resonance, whatever the units of rows.
+    """`1 / max diag( |D^-1| |D| )`: about the relative distance of a frequency from a resonance.
 
-    `1 / max diag( |D^-1| |D| )`: what relative errors of `D` are magnified by.
+    Its inverse is the factor by which relative errors of `D` are magnified; units of rows cancel.
     """
     dynamic = jax.lax.stop_gradient(dynamic)
     magnified = jnp.einsum("ij,ji->i", jnp.abs(jnp.linalg.inv(dynamic)), jnp.abs(dynamic))

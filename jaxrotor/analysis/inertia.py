@@ -1,4 +1,4 @@
-"""Mass properties of a rigid rotor: mass, centre, inertia tensor, and what puts it out of balance."""
+"""Mass properties of a rigid rotor: mass, centre of mass, inertia tensor, first moments of unbalance."""
 
 from typing import NamedTuple
 
@@ -13,11 +13,11 @@ from .balancing import first_moments
 
 
 class MassProperties(NamedTuple):
-    """Of a rigid rotor, in its own axes; the third is that of rotation."""
+    """Mass properties of a rigid rotor in its own axes; the third is the axis of rotation."""
 
     mass: Scalar  # [kg]
-    centre: Float[Array, "3"]  # of mass, x, y and station [m]
-    tensor: Float[Array, "3 3"]  # off-diagonal minus the products of inertia [kg m^2]
+    centre: Float[Array, "3"]  # x, y and station of the centre of mass [m]
+    tensor: Float[Array, "3 3"]  # [kg m^2], off-diagonal: products of inertia with minus sign
     unbalance: Complex[Array, ""]  # u = Sum m (x + i y) [kg m]
     product: Complex[Array, ""]  # J = I_xz + i I_yz [kg m^2]
 
@@ -25,15 +25,18 @@ class MassProperties(NamedTuple):
 def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
     """`T = Sum R I_0 R^T + m (r^2 E - r r^T)`, `u = Sum m (x + i y)`, `J = -(T_xz + i T_yz)`.
 
-    Of all discs, each exact or to first order as it says: then `sin(tilt) ~ tilt`, and its offset adds
-    no inertia about the axis. `Unbalance` counts in u and J, and so in the centre of mass.
+    The sums run over all discs. A disc with `exact` false counts to first order: `sin(tilt) ~ tilt`, and
+    its offset adds no inertia about the axis. `Unbalance` enters u, J and the centre of mass.
 
     Args:
         scene: a rotor whose shaft has no mass of its own.
-        about: station [m] of the point the tensor and J are about, on the axis.
+        about: station [m] of the point on the axis that the tensor and J refer to.
 
     Returns:
-        `MassProperties`. Dynamic reactions are zero where u and J are. Differentiable.
+        `MassProperties`. Dynamic reactions vanish where u and J do. Differentiable.
+
+    Raises:
+        ValueError: the shaft is flexible, or there is no disc.
 
     Source: course project of `turbine-run-up`, eqs. (3)-(7), with its errata 6 to 10 and 15.
     """
@@ -43,7 +46,7 @@ def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
         )
     discs = scene.of(Disc)
     if not discs:
-        raise ValueError("A rigid shaft is massless; put a disc on it.")
+        raise ValueError("A rigid shaft has no mass; put a disc on it.")
     u, j = first_moments(scene, about)
     mass = sum((disc.mass for disc in discs), jnp.zeros(()))
     moment = sum((disc.mass * disc.at for disc in discs), jnp.zeros(()))
@@ -52,7 +55,7 @@ def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
 
 
 def _tensor(disc: Disc, about: ArrayLike) -> Float[Array, "3 3"]:
-    """Inertia tensor of a disc about a point of the axis."""
+    """Inertia tensor of a disc about a point on the axis."""
     z, one = jnp.array([0.0, 0.0, 1.0]), jnp.eye(3)
     axis = jnp.outer(z, z)
     if disc.tilt is not None:

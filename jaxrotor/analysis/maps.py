@@ -1,4 +1,4 @@
-"""Stability maps: growth over two parameters, and the curves on which it is zero."""
+"""Stability maps: growth rate over two parameters, and the curves on which it is zero."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -17,33 +17,37 @@ from ..scene import Scene, check_fixed_nodes
 from .stability import EDGES, STEPS, growth_of, undamped_side
 
 
-CHUNK = 64  # points a call of the compiled program
+CHUNK = 64  # points per call of the compiled program
 
 
 class StabilityMap(eqx.Module):
     """Growth rate over a grid of two parameters, `a` by `b` values, and its boundaries."""
 
-    x: Float[np.ndarray, " a"]  # of the first parameter, SI
-    y: Float[np.ndarray, " b"]  # of the second
-    growth: Float[np.ndarray, "a b"]  # `growth_rate` [1/s], above zero unstable, NaN unknown
+    x: Float[np.ndarray, " a"]  # values of the first parameter, SI
+    y: Float[np.ndarray, " b"]  # values of the second parameter, SI
+    growth: Float[np.ndarray, "a b"]  # `growth_rate` [1/s], unstable above zero, NaN where unknown
     boundaries: tuple[Float[np.ndarray, "_ 2"], ...]  # curves (x, y) between stable and unstable
     paths: tuple[str, str] = eqx.field(static=True)
     units: tuple[str, str] = eqx.field(static=True)
 
 
 def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
-    """`max Re lambda` over two parameters, and the curves where the rotor turns unstable.
+    """`max Re lambda` over two parameters, and the curves where stability changes.
 
-    A curve is found by its crossings of the grid's lines, each refined to 1e-10 of a cell by root
+    A curve is found from its crossings with the grid lines, each refined to 1e-10 of a cell by root
     finding; an island smaller than a cell is missed. Growth within rounding is zero and stable, so an
-    undamped rotor has boundaries too. Where `growth_rate` is not a number, no curve is drawn.
+    undamped rotor has boundaries too. Where `growth_rate` is NaN, no curve is drawn.
 
     Args:
         scene: the rotor.
         over: two parameter paths, and ascending values of each: `{"spin.speed": .., ..}`.
 
     Returns:
-        Growth on the grid and boundaries; not differentiable, `stability_crossings` is.
+        `StabilityMap`. Not differentiable; `stability_crossings` is.
+
+    Raises:
+        ValueError: `over` does not name two parameters, values are not two or more in ascending order,
+            one moves a station past another, or nodes that are "auto" depend on the parameter.
 
     Source: Klochkov, Figs. 2-9.
     """
@@ -59,16 +63,16 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
 def traced(
     evaluate: Callable, x: Float[np.ndarray, " a"], y: Float[np.ndarray, " b"]
 ) -> tuple[Float[np.ndarray, "a b"], tuple[Float[np.ndarray, "_ 2"], ...]]:
-    """Growth over a grid and its curves of zero; `evaluate(x, y)` of points (k,) as `_growth`."""
+    """Growth over a grid and its curves of zero; `evaluate(x, y)` of points (k,) is like `_growth`."""
     grid = np.meshgrid(x, y, indexing="ij")
     growth = evaluate(*(part.ravel() for part in grid))[0].reshape(grid[0].shape)
-    # Between signs alone, so that every crossing is in the middle of an edge of a cell.
+    # Contours of the sign alone cross every edge of a cell at its middle.
     signs = np.ma.array(np.where(growth > 0, 1.0, -1.0), mask=np.isnan(growth)).T
     lines: Any = contourpy.contour_generator(z=signs, corner_mask=False).lines(0.0)
     if not lines:
         return growth, ()
     middle = np.concatenate(lines)  # in steps of the grid
-    low, high = (turn(middle).astype(int) for turn in (np.floor, np.ceil))
+    low, high = (rounded(middle).astype(int) for rounded in (np.floor, np.ceil))
     corners = (np.stack([x[ij[:, 0]], y[ij[:, 1]]]) for ij in (low, high))
     curve = _crossing(evaluate, *corners).T
     parts = np.split(curve, np.cumsum([len(line) for line in lines])[:-1])
@@ -77,25 +81,26 @@ def traced(
 
 
 class Boundary(NamedTuple):
-    """Values of a parameter where stability changes, ascending."""
+    """Values of a parameter at which stability changes, ascending."""
 
     values: Float[np.ndarray, " k"]  # SI
-    lost: Bool[np.ndarray, " k"]  # whether the rotor is unstable above, or stable again
+    lost: Bool[np.ndarray, " k"]  # True where the rotor is unstable above, False where stable
 
 
 def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
-    """Where `max Re lambda` changes its sign along one parameter, to 1e-10 of an interval.
+    """Values of one parameter where `max Re lambda` changes sign, to 1e-10 of an interval.
 
     Args:
         scene: the rotor.
-        path: the parameter.
-        values: ascending, between which changes are sought; two in one interval are missed.
+        path: path of the parameter.
+        values: ascending values between which changes are sought; two changes in one interval are missed.
 
     Returns:
-        The changes; not differentiable (along the speed `stability_crossings` is).
+        `Boundary`. Not differentiable; along the speed `stability_crossings` is.
 
     Raises:
-        ValueError: among others, at values where `growth_rate` is not a number.
+        ValueError: the values are not two or more in ascending order, one moves a station past another,
+            nodes that are "auto" depend on the parameter, or `growth_rate` is NaN at a value.
     """
     values = _axis(scene, path, values)
     evaluate = functools.partial(_growth, scene, (path,))
@@ -113,9 +118,9 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
 def _refuse_unknown(path: str, values: np.ndarray, found: np.ndarray) -> None:
     if np.isnan(found).any():
         raise ValueError(
-            f"Floquet multipliers do not follow the first mode from `{path}` = "
-            f"{values[np.isnan(found)][0]:g} on, where the rotor turns too slowly for it; leave such "
-            "values out."
+            f"Floquet multipliers do not resolve the first mode from `{path}` = "
+            f"{values[np.isnan(found)][0]:g} on, where the rotor turns too slowly; leave such values "
+            "out."
         )
 
 
@@ -123,18 +128,20 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
     values = np.atleast_1d(np.asarray(values, float))
     if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0):
         ends = f"{values.size} from {values[0]:g} to {values[-1]:g}" if values.ndim == 1 else values
-        raise ValueError(f"`over['{path}']` must be two or more ascending values, but has {ends}.")
+        raise ValueError(f"`over['{path}']` must be two or more ascending values, but is {ends}.")
     check_fixed_nodes(scene, path)
     for value in values:
         if scene.replace({path: value}).spans != scene.spans:
-            raise ValueError(f"`over['{path}']` moves a station past another at {value:g}.")
+            raise ValueError(
+                f"`over['{path}']` moves a station past another at {value:g}; leave such values out."
+            )
     return values
 
 
 def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.ndarray:
-    """Growth rates at points (k,): (2, k), see `growth_of`; for any k by one compiled program.
+    """Growth rates (2, k) at points (k,), see `growth_of`, by one compiled program for any k.
 
-    Another for the points where a slow rotor needs more steps.
+    Points where a slow rotor needs more steps take another program.
     """
     points = np.stack(values)  # (parameters, k)
     found = np.full((2, points.shape[1]), np.nan)

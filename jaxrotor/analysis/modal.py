@@ -1,4 +1,4 @@
-"""Roots and modes of a rotor about its straight line."""
+"""Roots and modes of a rotor about its straight position."""
 
 import equinox as eqx
 import jax
@@ -25,20 +25,23 @@ from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 
 
-KINDS = ("forward", "backward", "mixed")  # of whirl
-STRAIGHT = 0.2  # sense of an ellipse with half axes of 1 to 10: a flatter one is neither way
+KINDS = ("forward", "backward", "mixed")  # kinds of whirl
+STRAIGHT = (
+    0.2  # sense of an ellipse with half axes 1 : 10; flatter ones are neither forward nor backward
+)
 
 
 class Modes(eqx.Module):
     """Natural motions `z(x, t) = shape(x) exp(lambda t) + conj(counter(x) exp(lambda t))`.
 
-    `m` of them at `x` stations; `z` is in axes that turn with the shaft where `frame` says so.
+    There are `m` modes at `x` stations. `z` is in fixed axes, or, if `frame` is "rotating", in axes
+    that turn with the shaft.
     """
 
     values: Complex[Array, " m"]  # lambda [rad/s]
     shapes: Complex[Array, "m x"]  # largest component 1
-    counter: Complex[Array, "m x"] | None  # None where every orbit is a circle
-    shares: Float[Array, "m 2"]  # of shape and counter shape in `Int |z|^2 dm`, together 1
+    counter: Complex[Array, "m x"] | None  # counter shape; None where every orbit is a circle
+    shares: Float[Array, "m 2"]  # of shape and counter shape in `Int |z|^2 dm`; they sum to 1
     stations: Float[Array, " x"]  # [m]
     speed: Scalar  # Omega [rad/s]
     frame: Frame = eqx.field(static=True)
@@ -57,10 +60,10 @@ class Modes(eqx.Module):
 
     @property
     def fixed_values(self) -> Complex[Array, " m"]:
-        """`lambda` [rad/s] as seen from fixed axes: growth and frequency of the larger part.
+        """`lambda` [rad/s] in fixed axes: growth rate and frequency of the larger part.
 
-        In turning axes `s + i w` moves at `Omega + w` by its shape and at `Omega - w` by its counter
-        shape. Where both are equally large, as on a straight line, that of the shape.
+        The root `s + i w` in turning axes gives the frequency `Omega + w` by its shape and `Omega - w`
+        by its counter shape. Where both are equally large, as on a straight line, the shape counts.
         """
         by_shape, by_counter = self._frequencies
         larger = by_shape
@@ -71,31 +74,34 @@ class Modes(eqx.Module):
 
     @property
     def senses(self) -> Float[Array, "m x"]:
-        """At each station the part of the motion that whirls with the spin less that against it.
+        """Forward less backward share of the squared amplitudes at each station, in fixed axes.
 
-        By squares of amplitudes in fixed axes: +1 a circle passed with the spin (of a rotor at rest,
-        from x to y), -1 one against it, 0 a straight line or no whirl.
+        +1 is a circle passed with the spin (at rest: from x to y), -1 a circle passed against it, 0 a
+        straight line or no whirl.
         """
         return self._sense(*self._sizes)
 
     @property
     def forward(self) -> Float[Array, " m"]:
-        """The same of the whole rotor, by its inertia: on fixed axes shares of the kinetic energy."""
+        """Forward less backward share of the whole rotor, weighted by its inertia.
+
+        Where `frame` is "fixed" these are shares of the kinetic energy.
+        """
         return self._sense(*jnp.split(self.shares, 2, axis=1))[:, 0]
 
     @property
     def damping_ratio(self) -> Float[Array, " m"]:
-        """`-Re lambda / |lambda|` as seen from fixed axes."""
+        """`-Re lambda / |lambda|` in fixed axes."""
         return -self.values.real / jnp.abs(self.fixed_values)
 
     @property
     def log_decrement(self) -> Float[Array, " m"]:
-        """`-2 pi Re lambda / |Im lambda|` from fixed axes: log of the amplitude lost in one turn."""
+        """`-2 pi Re lambda / |Im lambda|` in fixed axes: logarithmic decrement."""
         return -2 * jnp.pi * self.values.real / jnp.abs(self.fixed_values.imag)
 
     @property
     def _frequencies(self) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """Of shape and counter shape in fixed axes [rad/s]."""
+        """Frequencies [rad/s] of shape and counter shape in fixed axes."""
         turning = self.speed if self.frame == "rotating" else 0.0
         return turning + self.values.imag, turning - self.values.imag
 
@@ -116,14 +122,14 @@ class Modes(eqx.Module):
 
 
 def kind_of_whirl(sense: float) -> str:
-    """Name of a sense of `Modes.forward`: "mixed" where orbits are nearly straight lines."""
+    """Kind of whirl for a value of `Modes.forward`: "mixed" where orbits are nearly straight lines."""
     return "mixed" if abs(sense) < STRAIGHT else "forward" if sense > 0 else "backward"
 
 
 def sense_of_whirl(values: Complex[Array, "..."], speed: Scalar | Array) -> Float[Array, "..."]:
-    """+1 where circular whirl is with the spin (at rest, from x to y), -1 against it, 0 for none.
+    """+1 where circular whirl is with the spin (at rest: from x to y), -1 against it, 0 for none.
 
-    `values` are `lambda` [rad/s] as seen from fixed axes.
+    `values` are `lambda` [rad/s] in fixed axes.
     """
     way = jnp.where(is_rounding(values.imag, values), 0.0, jnp.sign(values.imag))
     return way * jnp.where(speed < 0, -1.0, 1.0)
@@ -132,19 +138,20 @@ def sense_of_whirl(values: Complex[Array, "..."], speed: Scalar | Array) -> Floa
 def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     """Complex eigenvalues: `det( lambda^2 M + lambda (C - i Omega G) + K - i Omega H ) = 0`.
 
-    Of `x + i y`, so a positive imaginary part is forward whirl; real part negative is stable. A rotor
-    that is not the same along every axis has conjugate pairs instead: in the fixed frame, or of
-    motions in the axes of the shaft where only the shaft (or what turns with it) is unequal.
-    Contact is absent: the straight rotor touches nothing.
+    They belong to `x + i y`: a positive imaginary part is forward whirl, a negative real part stable. A
+    rotor with unequal axes has conjugate pairs instead, in the fixed frame or, where only the shaft
+    (or what turns with it) is unequal, in the axes of the shaft. Contact is left out: the straight
+    rotor touches nothing.
 
     Args:
         scene: the rotor.
-        count: how many of the slowest to return, by default all.
+        count: number of the slowest roots to return, by default all.
 
     Returns:
         Roots [rad/s] by rising magnitude; of a pair, forward first. Coordinates without mass have
-        none (infinite ones where traced). Of a rotor without loss and drive a real part within
-        rounding (1e-9 of its root) is set to zero. Differentiable; equal roots by the mean of theirs.
+        none (infinite ones where traced). For a rotor without loss and drive a real part within
+        rounding (1e-9 of its root) is set to zero. Differentiable; the derivative of equal roots is the
+        mean of theirs.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
@@ -162,10 +169,16 @@ def _roots(scene: Scene) -> Complex[Array, " m"]:
 
 
 def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
-    """Roots with their mode shapes at `points` stations along the shaft; see `roots`.
+    """Roots with their mode shapes at stations along the shaft; see `roots`.
 
-    Differentiable, shapes too: with their largest component held at 1, and those of equal roots held
-    altogether, as they may be chosen freely.
+    Args:
+        scene: the rotor.
+        count: number of the slowest modes to return, by default all.
+        points: number of stations.
+
+    Returns:
+        `Modes`. Differentiable, shapes too, with their largest component held at 1; the shapes of equal
+        roots are held constant, as any combination of them is a shape.
     """
     found = _modes(scene, count, points)
     if not known(found.values):
@@ -206,9 +219,10 @@ def _modes(scene: Scene, count: int | None, points: int) -> Modes:
 def inertia_shares(
     scene: Scene, system: System, halves: Complex[Array, "m h n"]
 ) -> Float[Array, "m 2"]:
-    """Of shape and counter shape in `q' M q`, tilting included; in fixed axes, in kinetic energy.
+    """Shares of shape and counter shape in `q' M q`, tilting included.
 
-    `halves` are the coordinates of both, or of the shape alone where every orbit is a circle.
+    In fixed axes they are shares of the kinetic energy. `halves` are the coordinates of both, or of
+    the shape alone where every orbit is a circle.
     """
     if halves.shape[1] == 1:
         return jnp.stack([jnp.ones(len(halves)), jnp.zeros(len(halves))], axis=1)
@@ -219,7 +233,7 @@ def inertia_shares(
 
 
 def natural_roots(system: System) -> Complex[Array, " m"]:
-    """All eigenvalues [rad/s] of a system, in no order, infinite where there is no mass."""
+    """All eigenvalues [rad/s] of a system, unordered, infinite for coordinates without mass."""
     if system.blocks.hysteretic is None:
         return less_rounding(eigenvalues(Pencil.of(system)), system.blocks)
     pairs = [(values, values) for w in (1, -1) for values in [eigenvalues(Pencil.of(system, w))]]
@@ -229,7 +243,7 @@ def natural_roots(system: System) -> Complex[Array, " m"]:
 def moving_roots(
     system: System, speed: Scalar
 ) -> tuple[Complex[Array, " m"], Complex[Array, " m"]]:
-    """`natural_roots` at a speed and their derivatives by it; see `moving_eigenvalues`."""
+    """`natural_roots` at a speed and their derivatives by the speed; see `moving_eigenvalues`."""
 
     def at_whirl(whirl: int):
         pencil = lambda speed: Pencil.of(system.at_speed(speed), whirl)
@@ -242,9 +256,9 @@ def moving_roots(
 
 
 def _by_whirl(speed, faster, slower) -> tuple[Array, Array]:
-    """Of two sets of roots, those that whirl faster and those that whirl slower than the shaft.
+    """The roots of `faster` that whirl faster than the shaft, and those of `slower` that whirl slower.
 
-    The sign of the loss hardly moves a frequency, so both sets have one order by frequency.
+    The sign of the loss hardly changes a frequency, so both sets have the same order by frequency.
     """
     faster, slower = (
         tuple(part[jnp.argsort(values.imag)] for part in (values, vectors))
@@ -257,7 +271,7 @@ def _by_whirl(speed, faster, slower) -> tuple[Array, Array]:
 
 
 def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:
-    """A rotor without loss and drive whirls for ever: what rounding adds to fast modes is dropped."""
+    """Roots with real parts within rounding set to zero, for a rotor without loss and drive."""
     drives = ("damping", "circulatory", "skew_stiffness", "fixed_damping")
     lasting = all(getattr(blocks, name) is None for name in drives)
     if frame(blocks) != "fixed" or not lasting:
@@ -267,5 +281,5 @@ def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array
 
 
 def slowest_first(values: Complex[Array, " m"]) -> Array:
-    """Order of roots by magnitude, of a pair forward first."""
+    """Order of roots by magnitude; the forward one of a pair comes first."""
     return jnp.argsort(jnp.abs(values) * (1 + ROUNDING * (values.imag < 0)))

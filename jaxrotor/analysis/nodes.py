@@ -1,4 +1,4 @@
-"""Nodes: how many a flexible shaft needs."""
+"""Number of nodes that a flexible shaft needs."""
 
 import numpy as np
 
@@ -12,17 +12,23 @@ CELLS = (5, 10, 20, 40, 80)
 
 
 def chosen_nodes(scene: Scene, tolerance: float | int = 1e-6, count: int = 6) -> Pilot:
-    """Nodes a span at which the next fewer give the same slowest `count` roots.
+    """Nodes per span at which the slowest `count` roots have converged.
 
-        |lambda_k(nodes) - lambda_k(fewer)| <= tolerance max_j |lambda_j|
+        |lambda_k(nodes) - lambda_k(next fewer nodes)| <= tolerance max_j |lambda_j|
 
-    `scene.with_nodes(chosen_nodes(scene).setting)` has them. A motion in contact stirs higher modes and
-    asks for a smaller tolerance, or for more roots.
+    `scene.with_nodes(chosen_nodes(scene).setting)` uses them. Contact excites higher modes: choose a
+    smaller tolerance or more roots there.
 
     Args:
         scene: a rotor with a FlexibleShaft, at its own speed.
-        tolerance: relative.
-        count: how many roots.
+        tolerance: relative difference allowed.
+        count: number of roots compared.
+
+    Returns:
+        `Pilot` with the number of nodes as its setting.
+
+    Raises:
+        ValueError: the tolerance is not positive.
     """
     rule = getattr(scene.shaft, "rule", "spectral")
 

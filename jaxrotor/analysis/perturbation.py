@@ -1,4 +1,4 @@
-"""First-order formulas for the whirl of a gyroscopic rotor, beside its exact `roots`."""
+"""First-order formulas for the whirl of a gyroscopic rotor, as approximations of its `roots`."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,19 +11,17 @@ from ..scene import Scene
 from ..shafts import MasslessShaft
 
 
-LARGEST_SHIFT = (
-    0.1  # relative gyroscopic change of a frequency beyond which the formula is no answer
-)
-LEAST_SLOPE = 0.3  # of the denominator, relative to its value at rest
+LARGEST_SHIFT = 0.1  # relative gyroscopic change of a frequency beyond which the formula fails
+LEAST_SLOPE = 0.3  # least denominator of `e_w`, relative to its value at rest
 
 
 class Perturbation(eqx.Module):
-    """Approximate roots: forward slow and fast, backward slow and fast."""
+    """Approximate roots in the order forward slow, forward fast, backward slow, backward fast."""
 
     values: Complex[Array, " 4"]  # lambda [rad/s]
     at_rest: Float[Array, " 4"]  # whirl frequency without rotation and loss, signed [rad/s]
     undamped: Float[Array, " 4"]  # whirl frequency without loss [rad/s]
-    valid: Bool[Array, " 4"]  # whether the first order may be trusted
+    valid: Bool[Array, " 4"]  # whether the first-order formula holds
 
 
 @compiled_quickly
@@ -40,8 +38,11 @@ def perturbed_roots(scene: Scene) -> Perturbation:
             not matter.
 
     Returns:
-        Approximate roots. `valid` is false where the gyroscopic shift exceeds a tenth or nears the
-        pole of `e_w` (its denominator below 0.3 of that at rest): there only `roots` answers.
+        Approximate roots. `valid` is false where the gyroscopic shift exceeds a tenth or is close to
+        the pole of `e_w` (denominator below 0.3 of that at rest): use `roots` there.
+
+    Raises:
+        ValueError: the scene has parts that the formulas do not describe.
 
     Source: Brysin, Nikiforov (2019), eqs. (4)-(6).
     """
@@ -55,28 +56,28 @@ def perturbed_roots(scene: Scene) -> Perturbation:
     (k11, k12), (_, k22) = part(blocks.stiffness)
     eta = part(blocks.hysteretic)[0, 0] / k11
     total, det = m * k22 + inertia * k11, k11 * k22 - k12**2
-    turn = polar * w
+    momentum = polar * w  # angular momentum I_0 w [kg m^2/s]
 
-    def denominator(x, turn):
+    def denominator(x, momentum):
         slow = 4 * m * inertia * x**4 - 2 * total * x**2
-        return slow - 3 * m * turn * x**3 + k11 * turn * x
+        return slow - 3 * m * momentum * x**3 + k11 * momentum * x
 
     middle, spread = total, jnp.sqrt(total**2 - 4 * m * inertia * det)
     slow = jnp.sqrt(2 * det / (middle + spread))  # no cancellation
     fast = jnp.sqrt((middle + spread) / (2 * m * inertia))
     at_rest = jnp.array([slow, fast, -slow, -fast])
-    below = denominator(at_rest, turn)
-    shift = turn * at_rest * (m * at_rest**2 - k11) / below
+    below = denominator(at_rest, momentum)
+    shift = momentum * at_rest * (m * at_rest**2 - k11) / below
     undamped = at_rest * (1 + shift)
     loss = jnp.where(undamped > w, eta, -eta)
-    top = total * undamped**2 - k11 * turn * undamped - 2 * det
-    values = undamped * (1j - loss * top / denominator(undamped, turn))
+    top = total * undamped**2 - k11 * momentum * undamped - 2 * det
+    values = undamped * (1j - loss * top / denominator(undamped, momentum))
     near_pole = below / denominator(at_rest, 0.0) < LEAST_SLOPE
     return Perturbation(values, at_rest, undamped, (jnp.abs(shift) <= LARGEST_SHIFT) & ~near_pole)
 
 
 def _check_described(scene: Scene) -> None:
-    """Refuse what the formulas do not know of."""
+    """Raise unless the formulas describe every part of the scene."""
     shaft = scene.shaft
     plain = (
         isinstance(shaft, MasslessShaft)
@@ -85,10 +86,10 @@ def _check_described(scene: Scene) -> None:
         and shaft.damping is None
         and shaft.ends == "rigid"
     )
-    known = (Disc, HystereticDamping, AbstractLoad)
-    if not (plain and scene.of(Disc) and all(isinstance(one, known) for one in scene.effects)):
+    described = (Disc, HystereticDamping, AbstractLoad)
+    if not (plain and scene.of(Disc) and all(isinstance(one, described) for one in scene.effects)):
         raise ValueError(
             "The first-order formulas are for a round MasslessShaft with k12 and k22, without damping "
-            "and on rigid ends, that carries discs and at most HystereticDamping; `roots` takes any "
-            "rotor."
+            "and on rigid ends, that carries discs and at most HystereticDamping; use `roots` for any "
+            "other rotor."
         )

@@ -1,4 +1,4 @@
-"""Reduction of a real rotor to one station of a massless shaft."""
+"""Static reduction of a rotor to one station of a massless shaft."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,26 +16,30 @@ class Reduction(eqx.Module):
     """Stiffness, mass and inertia of a rotor at one station, from its static deflections."""
 
     shaft: MasslessShaft
-    mass: Scalar  # [kg], kinetic energy of the deflection under a force there, of unit displacement
-    condensed: Float[Array, "2 2"]  # static condensation to displacement [m] and slope [rad]
+    mass: Scalar  # [kg], equal kinetic energy of the deflection under a force at the station
+    condensed: Float[Array, "2 2"]  # mass matrix condensed to displacement [m] and slope [rad]
 
 
 def reduction(scene: Scene, at) -> Reduction:
     """Static reduction to displacement and slope at one station: `k = F^-1`, `m = Int m(s) x(s)^2 ds`.
 
-    `F` is the flexibility there, by force and couple; `x` the deflection under a force at the station
-    over that at the station itself. Mass and inertia of everything in the scene count, its discs
-    too. `mass` keeps the first frequency to some per cent. `condensed` keeps kinetic energy of both
-    deflections; its second frequency is far too high (twice, say): find the transverse inertia of a
-    second coordinate with `inertia_from_frequency`.
+    `F` is the flexibility under force and couple at the station; `x` is the deflection under a force
+    there, divided by its value there. Mass and inertia of shaft and discs count. `mass` keeps the first
+    frequency to some per cent. `condensed` keeps the kinetic energy of both deflections, but its second
+    frequency is far too high (about twice): for a second coordinate take the transverse inertia
+    from `inertia_from_frequency`.
 
     Args:
-        scene: a rotor that its supports or constraints hold, the same along every axis; its speed and
+        scene: a rotor held by supports or constraints, the same along every axis; its speed and
             damping do not matter.
-        at: station [m]; exact where an effect sits there, so that the line may have a kink.
+        at: station [m]; exact where an effect is located there, so that the line may have a kink.
+
+    Returns:
+        `Reduction`: equivalent massless shaft, mass and condensed mass matrix. Differentiable.
 
     Raises:
-        ValueError: two stiffnesses, or a station that cannot move or a rotor that nothing holds.
+        ValueError: the axes are unequal, the station cannot move or has no slope, or nothing holds
+            the rotor.
 
     Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
     """
@@ -59,10 +63,10 @@ def reduction(scene: Scene, at) -> Reduction:
 
 @compiled_quickly
 def _static(scene: Scene, at: Scalar) -> tuple[Array, Array, Scalar]:
-    """Flexibility by force and couple, `Int m x_i x_j ds` of both deflections, condition number.
+    """Flexibility under force and couple, `Int m x_i x_j ds` of both deflections, condition number.
 
-    A deflection is loaded by its own inertia: the flexibility is symmetric, so what that moves at
-    the station is the integral.
+    The integral is the response at the station to the inertia forces of a deflection, since the
+    flexibility is symmetric.
     """
     system = assemble(scene)
     line, blocks = system.line, system.blocks
@@ -80,16 +84,17 @@ def inertia_from_frequency(shaft: MasslessShaft, mass, frequency) -> Scalar:
     """`I = (k22 / w^2) (w^2 - K11 / m) / (w^2 - k11 / m)`, `K11 = k11 - k12^2 / k22`.
 
     Args:
-        shaft: with slope, `k12` and `k22`.
-        mass: at its station [kg].
+        shaft: a shaft with slope, that is, with `k12` and `k22`.
+        mass: mass at its station [kg].
         frequency: second natural frequency `w` of the rotor at rest, measured or computed [rad/s].
 
     Returns:
-        Transverse inertia [kg m^2] that gives the reduced rotor this frequency. A relative error of
-        the frequency comes back about 2.7 times as large.
+        Transverse inertia [kg m^2] that gives the reduced rotor this frequency. Its relative error is
+        about 2.7 times that of the frequency. Differentiable.
 
     Raises:
-        ValueError: a frequency not above the pole `sqrt(k11 / m)`, below which no inertia gives it.
+        ValueError: the shaft has no slope, mass or frequency is not positive, or the frequency is not
+            above the pole `sqrt(k11 / m)`, below which no inertia gives it.
 
     Source: Brysin, Nikiforov (2019), from eq. (4).
     """

@@ -1,4 +1,4 @@
-"""Settling of a drive: the speed it comes to by its own torque alone, and when."""
+"""Settling of a drive: the steady speed that its torque leads to, and the time it takes."""
 
 from typing import NamedTuple
 
@@ -7,30 +7,33 @@ import numpy as np
 from ..spins.drive import Drive
 
 
-_FAR = 1e6  # rad/s from the start, beyond which no balance of torques is looked for
+_FAR = 1e6  # rad/s from the start: farthest speed at which a torque balance is sought
 _POINTS = 4001
-_NEAR = 1e-3  # of the speed: as good as there
+_NEAR = 1e-3  # relative distance from the steady speed that counts as settled
 
 
 class Settled(NamedTuple):
-    """Where a drive comes to, and when."""
+    """Steady speed of a drive and its settling time."""
 
     speed: float  # [rad/s]
-    time: float  # until within 0.1 % of it [s]
+    time: float  # [s] until the speed stays within 0.1 %
 
 
 def settled(drive: Drive, polar: float) -> Settled:
-    """`M(Omega*) = 0`, the first balance on the way from `Omega_0`; `t = I Int dOmega / M(Omega)`.
+    """`M(Omega*) = 0`, the first torque balance from `Omega_0` on; `t = I Int dOmega / M(Omega)`.
 
-    0.1 % are of the steady speed, or of the first one where the rotor comes to rest. Unbalance, balls
-    and contact are left out. Not differentiable.
+    Settled means within 0.1 % of the steady speed, or of the initial one where the rotor comes to rest.
+    Unbalance, balls and contact are left out.
 
     Args:
         drive: motor and resistance.
         polar: I [kg m^2].
 
+    Returns:
+        `Settled` speed [rad/s] and time [s]. Not differentiable.
+
     Raises:
-        ValueError: torques balance nowhere on the way, so the speed runs away.
+        ValueError: the torques balance at no speed ahead, so the speed runs away.
     """
     start = float(drive.speed)
     moment = lambda speeds: np.asarray(drive.moment(np.asarray(speeds)))
@@ -45,8 +48,8 @@ def settled(drive: Drive, polar: float) -> Settled:
         return Settled(start, 0.0)
     if not turned.size:
         raise ValueError(
-            "The torques of this drive balance at no speed that it comes to, so it runs away; say how "
-            "long to run, or at what speed."
+            "The torques of this drive balance at no speed ahead, so its speed runs away; give the "
+            "duration of the run, or a speed."
         )
     high = way[turned[0]]
     low = way[turned[0] - 1] if turned[0] else sense * start

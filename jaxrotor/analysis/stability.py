@@ -20,25 +20,35 @@ from ..scene import Scene
 from .floquet import exponents
 
 
-EDGES = (0.0, 0.02, 0.98, 1.0)  # shares of a bracket where growth is looked at, see `undamped_side`
-STEPS = (32, 128, 512)  # of half a revolution, the fewest that follow the first mode
-TURNS = 8  # turning points of the growth rate looked at between samples
+EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
+STEPS = (
+    32,
+    128,
+    512,
+)  # steps per half revolution; the smallest that resolves the first mode is used
+TURNS = 8  # number of turning points of the growth rate refined between samples
 
 
 class Onset(NamedTuple):
     """Speed where the largest growth rate crosses zero, and the whirl frequency there."""
 
     speed: Scalar  # [rad/s]
-    whirl_frequency: Scalar  # [rad/s], positive forward; of unequal axes see `onset_speed`
+    whirl_frequency: Scalar  # [rad/s], positive forward; for unequal axes see `onset_speed`
 
 
 def growth_rate(scene: Scene) -> Scalar:
-    """Largest growth rate [1/s], `max Re lambda`, negative stable, of the straight rotor.
+    """`max Re lambda`: largest growth rate of the straight rotor, stable where it is negative.
 
     `lambda` are its `roots` or, where no frame has constant coefficients, the Floquet exponents
-    `log(mu) / T` by as many `STEPS` as the first mode needs; where traced, by the fewest. Not a number
-    where they are too few: below 1/30 of the first natural frequency where traced, else below 1/490.
-    At rest such a rotor is taken as it stands. Zero where it is within rounding. Differentiable.
+    `log(mu) / T`, with the smallest number of `STEPS` that resolves the first mode (where traced, with
+    the smallest of all). At rest such a rotor has the roots of its present position.
+
+    Args:
+        scene: the rotor at its own speed.
+
+    Returns:
+        Growth rate [1/s], zero where it is within rounding. Differentiable. NaN where the speed is too
+        low for the steps: below 1/30 of the first natural frequency where traced, else below 1/490.
     """
     growth = _growth_rate(scene, STEPS[0])
     for steps in STEPS[1:]:
@@ -53,19 +63,19 @@ def _growth_rate(scene: Scene, steps: int) -> Scalar:
 
 
 def growth_of(system: System, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
-    """Largest growth rate [1/s], zero where it is within rounding, and as computed."""
+    """Largest growth rate [1/s] with rounding set to zero, and as computed."""
     values = exponents(system, steps)
     return _beyond_rounding(values, _first(system)), _largest(values)
 
 
 def undamped_side(ends: Any) -> Any:
-    """Whether growth (4, ..) at `EDGES` of a bracket is rounding all along one end of it.
+    """Whether growth (4, ..) at `EDGES` of a bracket is only rounding near one end of it.
 
-    That side is stable without damping, and growth there has no sign to search by: the boundary is
-    where growth is more than rounding. At one place alone growth may be zero by chance.
+    The rotor is then marginally stable on that side, where growth has no sign to search by: the boundary
+    is where growth exceeds rounding. Two places are tested, as at one growth may be zero by chance.
     """
-    still = ends == 0
-    return still[:2].all(0) | still[2:].all(0)
+    marginal = ends == 0
+    return marginal[:2].all(0) | marginal[2:].all(0)
 
 
 def onset_speed(
@@ -76,28 +86,31 @@ def onset_speed(
     throw: bool = True,
     progress: bool | None = None,
 ) -> Onset:
-    """Lowest speed at which the straight rotor turns unstable: `max Re lambda(Omega) = 0`, rising.
+    """Lowest speed at which the straight rotor becomes unstable: `max Re lambda(Omega) = 0`, rising.
+
+    With hysteresis the growth rate may cross zero by a jump, where a whirl is synchronous.
 
     Args:
         scene: the rotor; its own speed does not matter.
         within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency.
-        samples: growth rates taken to bracket the crossing; bands of flutter narrower than an
-            interval are found where the growth rate turns back beside them, at the `TURNS` closest
-            calls. Bands where an unequal shaft stands bent are never missed.
+        samples: growth rates computed to bracket the crossing. A band of flutter narrower than an
+            interval is found if the growth rate has an extremum near zero there; the `TURNS` extrema
+            closest to zero are refined. Bands where an unequal shaft stands bent are always found.
         throw: whether to raise where there is no onset. False gives NaN instead, so that one rotor of
-            many under jax.vmap does not end all.
-        progress: whether to say after two seconds that it is under way; by default on a terminal.
+            many under jax.vmap does not stop all.
+        progress: whether to report after two seconds that the search is running; by default on a
+            terminal.
 
     Returns:
-        Speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem. The
-        frequency is zero or positive where axes are unequal and counts in those of `roots`: zero in
-        axes that turn with the shaft is a shaft that bends (divergence, synchronous whirl), any other
-        `w` a flutter, seen as `speed + w` and `speed - w` in fixed axes. With hysteresis the growth
-        rate jumps through zero where a whirl is synchronous.
+        `Onset`: speed to 1e-12 and whirl frequency, differentiable by the implicit function theorem.
+        Where axes are unequal the frequency is not negative and refers to the axes of `roots`. In axes
+        that turn with the shaft, zero is a bent shaft (divergence, synchronous whirl), and any other `w`
+        a flutter with `speed + w` and `speed - w` in fixed axes.
 
     Raises:
-        ValueError: no loss of stability in the range, unstable from its start, no damping, or speeds
-            too slow for `growth_rate`.
+        ValueError: `within` is not ascending, `samples` is not an integer of at least 8, or, if `throw`,
+            the rotor never loses stability in the range, is unstable from its start, has no damping,
+            or turns too slowly for `growth_rate`.
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
@@ -108,11 +121,11 @@ def onset_speed(
 
 
 def _onset(scene: Scene, speeds: Array, sign: Array, samples: int, throw: bool) -> Onset:
-    """The first loss of stability among speeds where growth has a sign."""
+    """The first loss of stability, from speeds and the sign of the growth rate there."""
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
     refusals = [
-        (jnp.any(jnp.isnan(sign)), "The slowest speeds are too slow for Floquet multipliers"),
+        (jnp.any(jnp.isnan(sign)), "The lowest speeds are too low for Floquet multipliers"),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~jnp.any(rising), "The rotor never loses its stability"),
@@ -137,21 +150,33 @@ def _onset(scene: Scene, speeds: Array, sign: Array, samples: int, throw: bool) 
 def stability_crossings(
     scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
 ) -> list[tuple[Onset, bool]]:
-    """All crossings in the range, in order, each with whether stability is lost (or regained).
+    """All speeds in a range at which `max Re lambda(Omega)` changes sign.
 
-    A rotor without damping counts as not unstable: its crossings are the edges of unstable bands.
-    Arguments as of `onset_speed`.
+    A rotor without damping counts as stable: its crossings are the edges of unstable bands.
+
+    Args:
+        scene: the rotor; its own speed does not matter.
+        within: speeds [rad/s] to search, as in `onset_speed`.
+        samples: growth rates computed to bracket the crossings, as in `onset_speed`.
+
+    Returns:
+        Ascending list of `(Onset, lost)`; `lost` is True where stability is lost and False where it is
+        regained. Each `Onset` is differentiable.
+
+    Raises:
+        ValueError: `within` is not ascending, `samples` is not an integer of at least 8, the scene is
+            traced, or the rotor turns too slowly for `growth_rate`.
     """
     speeds, sign = _scan(scene, _checked(within, samples), samples)
     if not known(sign):
         raise ValueError(
-            "How many crossings there are depends on values, so `stability_crossings` cannot run inside "
+            "The number of crossings depends on values, so `stability_crossings` cannot run inside "
             "jax.jit or jax.vmap; call it outside, or use `onset_speed`."
         )
     unknown = jnp.isnan(sign)
     if jnp.any(unknown):
         raise ValueError(
-            "Floquet multipliers do not follow the first mode at speeds as low as "
+            "Floquet multipliers do not resolve the first mode at speeds as low as "
             f"{speeds[unknown][0]:g} rad/s; begin `within` at a higher speed."
         )
     unstable = np.asarray(sign) > 0
@@ -162,7 +187,7 @@ def stability_crossings(
 
 
 def _checked(within, samples: int) -> tuple[Array, Array] | None:
-    """The range as arrays: other ranges are then the same compiled program."""
+    """The range as arrays, so that all ranges share one compiled program."""
     check_counts(8, samples=samples)
     ends = () if within is None or not all(map(known, within)) else tuple(map(float, within))
     if ends and ends[0] >= ends[1]:
@@ -174,7 +199,7 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
 
 @compiled_quickly
 def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
-    """Speeds and the sign of the growth rate there, 0 marginal: samples and turning points."""
+    """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
     system = assemble(jax.lax.stop_gradient(scene))
     growth_at = _growth(system)
     low, high = (jnp.zeros(()), 40 * _first(system)) if within is None else within
@@ -183,7 +208,7 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
         bent = _bent(system, low, high)
         between = (bent[1:] + bent[:-1]) / 2
         speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
-    # One speed after the other: see `sweep._build_lanes` on batched linear algebra.
+    # One speed at a time: see `sweep._build_lanes` on batched linear algebra.
     growth = jax.lax.map(growth_at, speeds)
     before, here, after = growth[:-2], growth[1:-1], growth[2:]
     peak = (here < 0) & (here >= before) & (here >= after)
@@ -200,14 +225,15 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
 
 
 def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
-    """Speeds in a range where a bent shaft stands still in its own axes; `high` for none.
+    """Speeds in a range at which the shaft can stand bent in its own axes; `high` fills up.
 
-    `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there: no grid of speeds, so no band too narrow.
+    `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there. Solved as an eigenvalue problem, without a
+    grid of speeds, so that no band is too narrow to be found.
     """
     scale = _first(system)
     still, ahead, back = (Pencil.of(system.at_speed(x * scale)).stiffness for x in (0.0, 1.0, -1.0))
     odd, even = (ahead - back) / 2, (ahead + back) / 2 - still
-    # Of -i Omega / scale, so that the real shift of `eigenvalues` is none of them.
+    # The unknown is -i Omega / scale, so that the real shift of `eigenvalues` is not a root.
     speeds = 1j * scale * eigenvalues(Pencil(-even, 1j * odd, still))
     there = (jnp.abs(speeds.imag) < 1e-6 * jnp.abs(speeds)) & (speeds.real > low)
     speeds = jnp.where(there & (speeds.real < high), speeds.real, high)
@@ -215,9 +241,10 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
 
 
 def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:
-    """Speed and growth rate where the rate comes closest to zero or past it, by golden section."""
+    """Speed and growth rate at the extremum of the rate among three speeds, by golden section."""
     sign = -jnp.sign(growth)
 
+    # `optimistix.GoldenSearch` compiles about 0.3 s longer (of 1.5 to 3 s) and runs no faster.
     def narrow(_, state):
         low, best, high, top = state
         right = high - best > best - low
@@ -245,12 +272,12 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
 
 
 def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Scalar) -> Array:
-    """Which root crosses: that of the largest growth or, of several marginal ones, the next to grow."""
-    way = jnp.where(_growth(system)(high) > 0, 1e-3, -1e-3)  # to where it is unstable
+    """Index of the root that crosses: the one that grows on the unstable side, if several are marginal."""
+    way = jnp.where(_growth(system)(high) > 0, 1e-3, -1e-3)  # towards the unstable side
     beyond = _roots_at(system, speed + way * (high - low))
     growing = beyond[jnp.argmax(beyond.real)].imag
     size = jnp.maximum(_first(system), jnp.max(jnp.where(jnp.isfinite(values), abs(values), 0.0)))
-    # Beside a double root, where a band of divergence ends, all have few digits.
+    # Near a double root, where a band of divergence ends, all roots have few digits.
     tied = values.real >= _largest(values) - 1e3 * ROUNDING * size
     return jnp.argmin(jnp.where(tied, jnp.abs(values.imag - growing), jnp.inf))
 
@@ -281,7 +308,7 @@ def _sign_change(
 
     The interpolation is truncated towards the middle of the bracket, so the bracket is never wider than
     that of bisection one step before, also where the growth rate jumps. A growth rate takes all
-    eigenvalues: eight to ten of them do here, where bisection takes 53.
+    eigenvalues: eight to ten of them do here, where bisection takes 53, also that of optimistix.
 
     Source: Oliveira, Takahashi, ACM Trans. Math. Softw. 47 (2020), algorithm ITP, kappa_2 = 2, n_0 = 1.
     """
@@ -323,7 +350,7 @@ def _sign_change(
 
 @_crossing.def_jvp
 def _crossing_jvp(primals, tangents):
-    """`dOmega = -r' / (dr / dOmega)` of what is zero there: the growth rate or `Omega - Im lambda`."""
+    """`dOmega = -dr / (dr / dOmega)`, with the residual r the growth rate or `Omega - Im lambda`."""
     system, low, high = primals
     speed = _crossing(system, low, high)
     values = _roots_at(system, speed)
@@ -346,7 +373,7 @@ def _synchronous(values: Array, speed: Scalar) -> Array:
 
 
 def _first(system: System) -> Scalar:
-    """Of the order of the first natural frequency [rad/s]."""
+    """Scale [rad/s] of the order of the first natural frequency."""
     return Pencil.mean(system.at_speed(jnp.zeros(()))).rate
 
 
@@ -355,13 +382,13 @@ def _largest(values: Array) -> Scalar:
 
 
 def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
-    """Largest growth rate [1/s]; zero where it is rounding."""
+    """Largest growth rate [1/s], zero where it is within rounding."""
     small = is_rounding(values.real, jnp.maximum(jnp.abs(values), first))
     return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 
 def _growth(system: System) -> Callable[[Scalar], Scalar]:
-    """Largest growth rate [1/s] of a speed."""
+    """The function from a speed [rad/s] to the largest growth rate [1/s]."""
     first = _first(system)
     return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
 

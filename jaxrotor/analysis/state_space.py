@@ -1,4 +1,4 @@
-"""State space: the linear rotor between forces and displacements, as control engineering writes it."""
+"""State space of the linear rotor from forces to displacements, as used in control engineering."""
 
 from typing import Any
 
@@ -17,28 +17,33 @@ from .forced import ending_span
 from .modal import less_rounding, slowest_first
 
 
-_ALIKE = 1 - 1e-10  # cosine between two modes beyond which they count as one
+_ALIKE = 1 - 1e-10  # cosine between two modes above which they count as one
 
 
 def state_space(scene: Scene, forces=None, displacements=None, modes: int | None = None) -> Any:
-    """`w. = A w + B F`, `z = C w + D F`: real, by the amplitudes `w` of the rotor's own motions.
+    """`w. = A w + B F`, `z = C w + D F`: real modal state space, `w` the amplitudes of the modes.
 
-    `A` has a block `[s, -v; v, s]` for every root `s + i v` of an isotropic rotor, otherwise for
-    every pair of conjugate roots, and a number for a real one. In displacements themselves the
-    fastest motions would cost the slowest their digits; so, every root has those of `roots`.
+    `A` has a block `[s, -v; v, s]` for every root `s + i v` of an isotropic rotor; otherwise for
+    every pair of conjugate roots, and a number for a real one. Modal amplitudes keep for every root the
+    digits of `roots`; with displacements as states the fastest modes would cost the slowest theirs.
 
     Args:
-        scene: a rotor without contact or balls; its unbalance and weight do not count.
+        scene: a rotor without contact or balls; its unbalance and weight are left out.
         forces: station(s) [m] of the forces, by default the observed station of `simulate`.
         displacements: station(s) [m] to observe, by default those of the forces.
-        modes: how many of the slowest blocks of `A` to keep, those of roots at zero at least; what the
-            others yield to a force at rest is then in `D`. By default all; then `D` is zero but for
-            coordinates without mass.
+        modes: number of the slowest blocks of `A` to keep, at least those of roots at zero; the static
+            compliance of the others is added to `D`. By default all are kept; then `D` is zero except
+            for coordinates without mass.
 
     Returns:
-        A `scipy.signal.StateSpace`, SI: inputs `Fx, Fy` of each force in turn [N], outputs `x, y` of
-        each station [m], in axes that turn with the shaft where `modes(scene).frame` is "rotating".
-        For python-control `control.ss(system.A, system.B, system.C, system.D)`. Not differentiable.
+        A `scipy.signal.StateSpace`, SI: inputs `Fx, Fy` [N] of one force after the other, outputs
+        `x, y` [m] of each station, in axes that turn with the shaft where `modes(scene).frame` is
+        "rotating". For python-control use `control.ss(system.A, system.B, system.C, system.D)`. Not
+        differentiable.
+
+    Raises:
+        ValueError: the scene has contact, balls or hysteretic damping, `modes` is not a positive integer
+            or leaves out a root at zero, or two roots have merged with their modes.
 
     Source: Genta (2005), section 2.7.
     """
@@ -69,7 +74,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
         _check_left_out(values[every], modes, equations[3])
     left = np.ones(values.size, bool)
     left[once] = False
-    if not circular:  # of a real matrix conjugates are neighbours, here the upper one behind
+    if not circular:  # conjugates of a real matrix are neighbours, here the upper half follows
         left[once[values[once].imag > 0] - 1] = False
     rest = through + leave[:, left] @ still[left]
     values, enter, leave = values[once], enter[once], leave[:, once]
@@ -80,9 +85,9 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
 
 @compiled_quickly
 def _equations(scene: Scene, forces, displacements):
-    """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift; the blocks.
+    """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift; and the blocks.
 
-    In complex coordinates of an isotropic rotor, otherwise in real ones `(x, y)`.
+    Coordinates are complex for an isotropic rotor, otherwise real `(x, y)`.
     """
     system = assemble(scene)
     pencil, line = Pencil.of(system), system.line
@@ -100,11 +105,11 @@ def _equations(scene: Scene, forces, displacements):
 
 
 def _motions(circular: bool, inverse: Any, response: Any, rows: Any, shift: Any) -> tuple:
-    """Roots that are finite, how forces enter and how each is seen, what it yields at rest; and `D`.
+    """Finite roots, their input rows, output columns and static response to forces; and `D`.
 
-    `b = (Y X)^-1 Y B` by way of `(A - shift)^-1 B = -(P^-1 f, P^-1 f)`, so the inertia is not inverted.
-    Of roots apart `Y X` is diagonal; vectors of equal ones may be chosen freely on either side.
-    `D` is what coordinates without mass yield.
+    `b = (Y X)^-1 Y B` follows from `(A - shift)^-1 B = -(P^-1 f, P^-1 f)`, so the inertia is not inverted.
+    `Y X` is diagonal for distinct roots; vectors of equal roots may be chosen freely on either side.
+    `D` is the compliance of coordinates without mass.
     """
     from scipy.linalg import eig
 
@@ -117,38 +122,37 @@ def _motions(circular: bool, inverse: Any, response: Any, rows: Any, shift: Any)
     alike = np.abs(right.conj().T @ right) - np.eye(inverses.size)
     if alike.size and alike.max() > _ALIKE:
         raise ValueError(
-            "Two roots of the rotor have merged with their modes, so these are no coordinates; change its "
-            "speed or damping by a little."
+            "Two roots of the rotor have merged with their modes, so the modes are not coordinates; "
+            "change its speed or damping slightly."
         )
     left = left.conj().T
     entering = -np.linalg.solve(left @ right, left @ np.concatenate([response, response]))
     leave = rows @ right[: rows.shape[1]]
     through = rows @ response + leave @ entering if not finite.all() else 0 * (rows @ response)
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # of roots at zero, which are never left out
+    # Roots at zero divide by zero here, but are never left out.
+    with np.errstate(divide="ignore", invalid="ignore"):
         still = -entering / (1 + shift * inverses)[:, None]
     return shift + 1 / inverses, entering / inverses[:, None], leave, still, through
 
 
 def _check_left_out(values: Any, modes: int, shift: Any) -> None:
-    """Refuse to leave out a root at zero, as of a free body: to a force at rest it yields without end."""
+    """Raise if a root at zero, as of a free body, is left out: its static compliance is infinite."""
     needed = int(np.max(np.flatnonzero(np.abs(values) <= ROUNDING * shift), initial=-1)) + 1
     if modes < needed:
         raise ValueError(
-            f"`modes` must keep the {needed} roots at zero, which yield without end to a force at rest, "
-            f"but is {modes}."
+            f"`modes` must be at least {needed} to keep the roots at zero, whose static compliance is "
+            f"infinite, but is {modes}."
         )
 
 
 def _planar(matrix: Any) -> Any:
-    """A complex matrix as it acts on `(re, im)` of each component."""
+    """The real matrix that acts on `(re, im)` of each component like a complex matrix."""
     parts = np.array([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]])
     return parts.transpose(2, 0, 3, 1).reshape(2 * matrix.shape[0], 2 * matrix.shape[1])
 
 
 def _paired(values: Any, enter: Any, leave: Any) -> Any:
-    """Real matrices of complex motions and their conjugates, and of real ones."""
+    """Real matrices `A`, `B`, `C` of pairs of conjugate roots and of real roots."""
     from scipy.linalg import block_diag
 
     pairs = values.imag > 0

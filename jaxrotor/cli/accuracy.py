@@ -1,4 +1,4 @@
-"""Command `accuracy`: what a number costs in time, by every method."""
+"""Command `accuracy`: error and cost of a number by every method."""
 
 import enum
 from pathlib import Path
@@ -24,6 +24,7 @@ from .options import (
     Overwrite,
     Radius,
     Rate,
+    Samples,
     SceneName,
     Settings,
     Times,
@@ -39,7 +40,7 @@ _FILES = ("accuracy.zarr", "work-precision.png", "convergence.png")
 
 
 class Quantity(enum.StrEnum):
-    """Numbers to study."""
+    """Numbers whose accuracy is studied."""
 
     onset_speed = "onset-speed"
     root = "root"
@@ -54,7 +55,7 @@ class Quantity(enum.StrEnum):
     final_imbalance = "final-imbalance"
 
 
-_LONG = {
+_LONG = {  # quantities of a long motion, and their variables
     Quantity.whirl_rate: "whirl_rate",
     Quantity.precession: "index",
     Quantity.peak_radius: "radius_max",
@@ -63,47 +64,55 @@ _LONG = {
 }
 
 
+QuantityOf = Annotated[Quantity, typer.Option(help="Number computed by every method.")]
+Methods = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Use the methods whose name contains this, as in `--method Exponential`; may be "
+        "repeated. [default: all that suit the quantity]",
+    ),
+]
+Number = Annotated[int, typer.Option(min=0, max=MOST, help="Index of the root; the slowest is 0.")]
+Bearing = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Bearing of the reaction, as named by `reactions`."),
+]
+Settle = Annotated[
+    int, typer.Option(min=0, max=MOST, help="Revolutions before observation begins.")
+]
+Keep = Annotated[int, typer.Option(min=1, max=MOST, help="Revolutions observed.")]
+Lanes = Annotated[
+    int, typer.Option(min=1, max=MOST, help="Number of equal long motions timed as one program.")
+]
+Repeats = Annotated[
+    int, typer.Option(min=1, max=1000, help="Number of timed runs; the fastest counts.")
+]
+Limit = Annotated[
+    float,
+    typer.Option(metavar="SECONDS", help="Leave out finer settings once a run took longer."),
+]
+
+
 def accuracy(
     scene: SceneName,
     settings: Settings = None,
-    quantity: Annotated[
-        Quantity, typer.Option(help="What is computed by every method.")
-    ] = Quantity.onset_speed,
-    method: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Keep the methods whose name has this in it, as in `--method Exponential`; may be "
-            "repeated. [default: all that suit the quantity]",
-        ),
-    ] = None,
-    number: Annotated[int, typer.Option(min=0, max=MOST, help="Which root, the slowest 0.")] = 0,
-    bearing: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whose reaction, as `reactions` calls it.")
-    ] = None,
-    settle: Annotated[
-        int, typer.Option(min=0, max=MOST, help="Revolutions before the look.")
-    ] = 200,
-    keep: Annotated[int, typer.Option(min=1, max=MOST, help="Revolutions looked at.")] = 100,
+    quantity: QuantityOf = Quantity.onset_speed,
+    method: Methods = None,
+    number: Number = 0,
+    bearing: Bearing = None,
+    settle: Settle = 200,
+    keep: Keep = 100,
     duration: Duration = None,
-    samples: Annotated[
-        int, typer.Option(min=2, max=MOST, help="How many samples of --duration.")
-    ] = 101,
+    samples: Samples = 101,
     times: Times = None,
     start_radius: Radius = None,
     start_rate: Rate = None,
     start_angle: Angle = None,
     at: At = None,
-    lanes: Annotated[
-        int, typer.Option(min=1, max=MOST, help="Equal long motions timed as one program.")
-    ] = 1,
-    repeats: Annotated[
-        int, typer.Option(min=1, max=1000, help="Timed runs, the fastest of which counts.")
-    ] = 3,
-    limit: Annotated[
-        float,
-        typer.Option(metavar="SECONDS", help="Leave out finer settings once a run took longer."),
-    ] = 30.0,
+    lanes: Lanes = 1,
+    repeats: Repeats = 3,
+    limit: Limit = 30.0,
     out: Out = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -129,17 +138,11 @@ def accuracy(
     elif quantity in _LONG:
         measure = measures.LongRun(_LONG[quantity], start, settle, keep, station)  # type: ignore
     else:
-        when = instants(rotor, duration, samples, times)
-        measure = _of_run_up(quantity, when, bearing, Launch(start))
+        sampled = instants(rotor, duration, samples, times)
+        measure = _of_run_up(quantity, sampled, bearing, Launch(start))
+    methods = _named(measure.methods(), method)
     with draft_or_none(out, _FILES, overwrite) as folder:
-        found = run(
-            rotor,
-            measure,
-            _named(measure.methods(), method),
-            lanes=lanes,
-            repeats=repeats,
-            limit=limit,
-        )
+        found = run(rotor, measure, methods, lanes=lanes, repeats=repeats, limit=limit)
         if folder is not None:
             write_dataset(found, folder / "accuracy.zarr")
             _draw(found, folder)
@@ -150,25 +153,26 @@ def accuracy(
     _print(found, written)
 
 
-def _of_run_up(quantity: Quantity, when: np.ndarray, bearing: str | None, start: Launch) -> Any:
+def _of_run_up(quantity: Quantity, times: np.ndarray, bearing: str | None, start: Launch) -> Any:
+    """Measure of a run-up sampled at `times` [s]."""
     if quantity is Quantity.reaction:
         if bearing is None:
             raise ValueError(
-                "Whose reaction is not known; add --bearing, as in --bearing constraints.0 "
+                "The bearing of the reaction is not given; add --bearing, as in --bearing constraints.0 "
                 "(`jaxrotor reactions` lists them)."
             )
-        return measures.Reaction(when, bearing, start=start)
-    return measures.FinalState(when, quantity.value.removeprefix("final-"), start)  # type: ignore
+        return measures.Reaction(times, bearing, start=start)
+    return measures.FinalState(times, quantity.value.removeprefix("final-"), start)  # type: ignore
 
 
 def _named(methods: tuple[Method, ...], parts: list[str] | None) -> tuple[Method, ...]:
-    """Methods whose name has one of the parts in it."""
+    """Methods whose name contains one of the parts."""
     if not parts:
         return methods
     for part in parts:
         if not any(part.lower() in one.name.lower() for one in methods):
             names = ", ".join(one.name for one in methods)
-            raise ValueError(f"--method {part!r} is none of the methods, which are: {names}.")
+            raise ValueError(f"--method {part!r} is none of the methods; choose from: {names}.")
     return tuple(m for m in methods if any(part.lower() in m.name.lower() for part in parts))
 
 
@@ -221,13 +225,13 @@ def _print(found: xr.Dataset, written: list[str]) -> None:
         rows.append(("failed", about["reference_reason"]))
     if about["lanes"] > 1:
         rows.append(
-            ("lanes", f"{about['lanes']}, up to {float(found['lane_rate'].max()):.4g} a second")
+            ("lanes", f"{about['lanes']}, up to {float(found['lane_rate'].max()):.4g} per second")
         )
     answer.print_table([*rows, *answer.written(written)])
 
 
 def _short(one: dict[str, Any]) -> str:
-    """What varies along a method."""
+    """Setting that varies along a method."""
     axis = str(one["axis"])
     value = float(one[axis])
     return f"rtol {value:g}" if axis == "tolerance" else f"{value:g} {axis}"

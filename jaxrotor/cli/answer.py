@@ -1,4 +1,4 @@
-"""Answer: what a command prints on stdout, for people or as JSON."""
+"""Answer: output of a command on stdout, as tables or as JSON."""
 
 import json
 import math
@@ -13,14 +13,14 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and n
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
-    """Print valid JSON: arrays as lists, complex numbers as re and im, what is not finite as null."""
+    """Print valid JSON: arrays as lists, complex numbers as re and im, infinity and NaN as null."""
     typer.echo(json.dumps(_plain(answer), indent=2, allow_nan=False))
 
 
 def print_table(
     rows: Iterable[Sequence[str]], heads: Sequence[str] = (), numbers: Sequence[int] = ()
 ) -> None:
-    """Print rows of text under their heads; the columns in `numbers` to the right."""
+    """Print rows of text under their heads, with the columns in `numbers` right-aligned."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -38,7 +38,7 @@ def print_table(
 
 
 def written(paths: Sequence[str]) -> list[tuple[str, str]]:
-    """Rows of a table that name the files of a run."""
+    """Table rows that name the files written by a run."""
     return [("written" if i == 0 else "", path) for i, path in enumerate(paths)]
 
 
@@ -59,12 +59,12 @@ def _plain(value: Any) -> Any:
 
 
 def assumed(assumption: str) -> list[tuple[str, str]]:
-    """A row of a table that says what is assumed of a scene, or none."""
+    """Table row with the assumption of a scene; no row if there is none."""
     return [("note", assumption)] if assumption else []
 
 
 def note_large(radius: float, length: float) -> None:
-    """A note on stderr where a motion has left the theory of small deflections."""
+    """Print a note on stderr if a motion exceeds the theory of small deflections."""
     if radius > length / 10:
         typer.echo(
             f"Note: the largest radius, {radius:.3g} m, exceeds a tenth of the shaft's length, "

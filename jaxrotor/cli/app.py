@@ -1,4 +1,4 @@
-"""App: the commands together, and what happens when one cannot go on."""
+"""App: the commands, and the handling of their errors."""
 
 import contextlib
 import functools
@@ -20,17 +20,17 @@ from .interrupt import stop_on_ctrl_c
 from .typed import typed
 
 
-# Module of every command, and what `jaxrotor --help` says of it: what a command needs takes seconds
-# to load, so that is done for the one that runs.
+# Module and summary of every command. The modules take seconds to load, so `jaxrotor --help` uses the
+# summaries, and only the module of the command that runs is loaded.
 COMMANDS = {
     "scenes": ("scenes", "List the scenes that come with jaxrotor."),
     "show": (
         "show",
-        "Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.",
+        "Show a scene: its parameters, whirl frequencies, critical speeds and onset of instability.",
     ),
     "new": (
         "new",
-        "Write a commented scene file to begin with: a disc on a shaft in two bearings, ready to run.",
+        "Write a commented scene file to start from: a disc on a shaft in two bearings, ready to run.",
     ),
     "roots": (
         "linear",
@@ -38,7 +38,7 @@ COMMANDS = {
     ),
     "onset": (
         "linear",
-        "Lowest speed at which the straight rotor loses stability, and how it whirls there.",
+        "Lowest speed at which the straight rotor loses stability, and its whirl there.",
     ),
     "campbell": (
         "campbell",
@@ -46,7 +46,7 @@ COMMANDS = {
     ),
     "critical": (
         "campbell",
-        "Critical speeds: where the spin meets a whirl of the rotor without damping.",
+        "Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor.",
     ),
     "stability": (
         "stability",
@@ -54,11 +54,11 @@ COMMANDS = {
     ),
     "response": (
         "response",
-        "Steady response to unbalance: its peaks, and what it is at every critical speed.",
+        "Steady response to unbalance: its peaks, and its values at the critical speeds.",
     ),
     "balance": (
         "balance",
-        "Balance a rotor as a rigid body: what to add in two planes, and the grade G before and after.",
+        "Balance a rotor as a rigid body: corrections in two planes, and grade G before and after.",
     ),
     "simulate": (
         "simulate",
@@ -66,11 +66,11 @@ COMMANDS = {
     ),
     "run-up": (
         "run_up",
-        "Run through a change of speed, whatever the spin: peak, speeds, contact and balls.",
+        "Simulate a run-up or any other change of speed: peak, speeds, contact and balls.",
     ),
     "reactions": (
         "reactions",
-        "Reactions of bearings and stops: at rest, and above that at first, at last and at most.",
+        "Reactions of bearings and stops: at rest, and first, last and largest dynamic part.",
     ),
     "sweep": (
         "sweep",
@@ -91,25 +91,27 @@ COMMANDS = {
     ),
 }
 _WITHOUT_SCENE = ("scenes", "new", "explore", "export", "report")
-UsageError: Any = typer.BadParameter.__base__  # of the click that typer brings
+UsageError: Any = typer.BadParameter.__base__  # that of the click inside typer
 
 
 class OneSentence(TyperGroup):
-    """Bad input, a failed run or Ctrl-C end in one sentence on stderr, not in a traceback."""
+    """A group whose commands end in one sentence on stderr, not in a traceback, when they fail."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command itself, in place of what is listed."""
+        """The command itself, loaded, instead of its placeholder in the list."""
         name, listed, rest = super().resolve_command(ctx, args)
         if name in COMMANDS and name not in _WITHOUT_SCENE and rest and not rest[0].startswith("-"):
-            source(rest[0])  # refuses a wrong name before the seconds that a command takes to load
+            source(
+                rest[0]
+            )  # raises for a wrong name, before the seconds that a command takes to load
         ctx.meta[__name__] = name, list(rest)
         return name, loaded(name) if name else listed, rest
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _doubts_in_a_line():
+            with _implausible_noted():
                 return super().invoke(ctx)
-        except (typer.Exit, typer.Abort):  # RuntimeErrors, but typer's own
+        except (typer.Exit, typer.Abort):  # typer's own, though RuntimeErrors
             raise
         except KeyboardInterrupt:
             typer.echo("Interrupted; nothing was written.", err=True)
@@ -129,8 +131,8 @@ class OneSentence(TyperGroup):
 
 
 @contextlib.contextmanager
-def _doubts_in_a_line() -> Iterator[None]:
-    """Every number that no machine has is noted once, in a line on stderr."""
+def _implausible_noted() -> Iterator[None]:
+    """Print every warning of an implausible number once, in a line on stderr."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", ImplausibleWarning)
         warnings.showwarning = functools.partial(_noted_once, warnings.showwarning, set())
@@ -145,7 +147,7 @@ def _noted_once(
     *rest: Any,
     **more: Any,
 ) -> None:
-    """Print an implausible number unless it has been printed; leave any `other` warning alone."""
+    """Print a warning of an implausible number once; pass other warnings on to `other`."""
     if not issubclass(category, ImplausibleWarning):
         other(message, category, *rest, **more)
     elif str(message) not in noted:
@@ -154,7 +156,7 @@ def _noted_once(
 
 
 def _one_line(error: object) -> str:
-    """First paragraph of a message; jax and equinox add pages about themselves."""
+    """First paragraph of a message as one line; jax and equinox append pages of their own."""
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename} cannot be used: {error.strerror}."
     paragraph = str(error).strip().partition("\n\n")[0]
@@ -174,7 +176,7 @@ for _name, (_, _summary) in COMMANDS.items():
 
 @functools.cache
 def loaded(name: str) -> Any:
-    """A command, with all that it needs."""
+    """A command, with its module loaded."""
     module = importlib.import_module(f".{COMMANDS[name][0]}", __package__)
     one = typer.Typer(rich_markup_mode="markdown", add_completion=False)
     one.command(name)(getattr(module, name.replace("-", "_")))
@@ -198,7 +200,7 @@ def options(
 ) -> None:
     """Rotor dynamics: roots, Campbell diagram, stability, response and bifurcation of a scene.
 
-    A scene is a shaft, what sits on it, and how it spins: a TOML file, or one of those shipped.
+    A scene is a shaft, the parts on it, and its spin: a TOML file, or one of those shipped.
 
     ```
     jaxrotor scenes
@@ -219,19 +221,20 @@ def options(
     jaxrotor report runs/response
     ```
 
-    Numbers are SI; with a unit behind them they may be anything: 6000rpm, "7 mm", 60deg.
+    Numbers without a unit are SI; others have their unit: 6000rpm, "7 mm", 60deg.
     Every command has its own --help.
     """
 
 
 def main() -> None:
-    """Entry point of the program; what it compiles is kept for the next time."""
-    # XLA takes settings of its compiler for features that the processor lacks, in every cached program.
+    """Entry point of the program; compiled programs are cached for the next run."""
+    # For every cached program XLA warns that the processor lacks features, mistaking compiler settings
+    # for them.
     if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":  # what jax itself sets when it is loaded
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     keep_programs_of_commands()
     stop_on_ctrl_c()
-    # Tracing makes millions of objects that stay; looking through all of them for garbage is a tenth of
-    # what a command costs.
+    # Tracing creates millions of lasting objects; scanning them for garbage is a tenth of the time of a
+    # command.
     gc.set_threshold(50_000, 20, 50)
     app(prog_name="jaxrotor")

@@ -1,4 +1,4 @@
-"""Command `balance`: corrections in two planes, or what a ball balancer can do."""
+"""Command `balance`: corrections in two planes, or capacity and stability of a ball balancer."""
 
 import math
 from typing import Annotated, Any, NamedTuple
@@ -33,7 +33,7 @@ from . import answer
 from .options import AsJson, Layout, Row, SceneName, Settings, rpm, scene_of
 
 
-_ROUNDING = 1e-12  # of what there was before
+_ROUNDING = 1e-12  # residual, relative to the state before, that counts as zero
 
 
 def balance(
@@ -45,34 +45,34 @@ def balance(
         str | None,
         typer.Option(
             metavar="LENGTH,LENGTH",
-            help="Stations to correct at. [default: the outermost discs or unbalances]",
+            help="Stations of the two correction planes. [default: the outermost discs or unbalances]",
         ),
     ] = None,
     speed: Annotated[
         str | None,
         typer.Option(
             metavar="SPEED",
-            help="Speed of service. [default: the scene's: steady of a drive, highest of a profile]",
+            help="Service speed. [default: that of the scene: the steady speed of a drive, the highest of "
+            "a profile]",
         ),
     ] = None,
     grade: Annotated[
         float,
         typer.Option(
-            help="Grade G to be met [mm/s]: what is permitted, G m / speed, is shared out to the two "
-            "bearings by ISO 21940-11, and the unbalance in each must not exceed its share."
+            help="Grade G to be met [mm/s]: the permissible unbalance, G m / speed, is allocated to the "
+            "two bearings by ISO 21940-11, and the unbalance in each must not exceed its share."
         ),
     ] = 6.3,
     as_json: AsJson = False,
 ) -> None:
-    """Balance a rotor as a rigid body: what to add in two planes, and the grade G before and after.
+    """Balance a rotor as a rigid body: corrections in two planes, and grade G before and after.
 
-    Static unbalance and couple are referred to the planes of the two bearings, where G says what is
-    permitted, so G does not depend on --planes. A rotor without two bearings has no allotted shares;
-    there G is of the static unbalance alone. Nothing is drawn or written, so there is no --out: take
-    --json.
+    Static unbalance and couple are referred to the planes of the two bearings, so G does not depend on
+    --planes. For a rotor without two bearings, G is that of the static unbalance alone. No files are
+    written; use --json for the numbers.
 
-    Of a rotor with a ball balancer: how much it can balance, and whether balance is stable. It is
-    corrected in planes only where --planes asks for it.
+    For a rotor with a ball balancer, the answer is how much it can balance, and whether balance is
+    stable. Corrections are then computed only if --planes is given.
 
     jaxrotor balance turbine-run-up --planes 0m,0.453m
     jaxrotor balance ball-balancer --set spin.speed=3000rpm
@@ -86,7 +86,8 @@ def balance(
         found["planes"] = _corrections(rotor, _planes(rotor, planes), service, grade)
         if not isinstance(rotor.shaft, RigidShaft):
             typer.echo(
-                "Note: this shaft bends, so the correction holds well below its first critical speed.",
+                "Note: this shaft bends, so the correction holds only well below its first critical "
+                "speed.",
                 err=True,
             )
     if as_json:
@@ -104,13 +105,18 @@ def balance(
 
 
 def _planes(rotor: Scene, text: str | None) -> np.ndarray:
+    """Stations [m] of the two correction planes."""
     if text is not None:
         stations = [quantity(part.strip(), "m", "--planes") for part in text.split(",")]
     else:
         placed = sorted(float(one.at) for one in (*rotor.of(Disc), *rotor.of(Unbalance)))
         stations = [*placed[:1], *placed[-1:]]
     if len(stations) != 2 or stations[0] == stations[1]:
-        raise ValueError("A correction takes two different stations; add --planes, as in 0m,0.4m.")
+        known = ", ".join(f"{at:g} m" for at in stations) or "none"
+        raise ValueError(
+            f"A correction needs two different stations, but has {known}; give --planes, as in "
+            "--planes 0m,0.4m."
+        )
     return np.asarray(rotor.stations(stations))
 
 
@@ -138,7 +144,7 @@ def _corrections(rotor: Scene, planes: np.ndarray, speed: float, grade: float) -
 
 
 class _State(NamedTuple):
-    """What the grade of a rotor depends on besides its unbalance."""
+    """Properties of a rotor that determine its grade for a given unbalance."""
 
     mass: float
     centre: float
@@ -156,7 +162,10 @@ class _State(NamedTuple):
         return self.bearings.size > 0
 
     def described(self, unbalance: Any, product: Any, whole: Any = None) -> dict[str, Any]:
-        """Static unbalance, couple, unbalance at the bearings [kg m] and grade; rounding as zero."""
+        """Static unbalance, couple, unbalance at the bearings [kg m] and grade.
+
+        Values within rounding of those of the `whole` unbalance, if given, are zero.
+        """
         couple = abs(complex(product - unbalance * self.centre))
         found: dict[str, Any] = {"static": abs(complex(unbalance)), "couple": couple}
         if self.held:
@@ -179,7 +188,7 @@ class _State(NamedTuple):
         return found
 
     def permissible(self, grade: float) -> dict[str, Any]:
-        """What a grade permits [kg m], in all and at each bearing."""
+        """Permissible unbalance of a grade [kg m], in total and at each bearing."""
         total = permissible_unbalance(grade, self.mass, self.speed)
         found: dict[str, Any] = {"static": float(total)}
         if self.held:
@@ -193,7 +202,7 @@ def _held(rotor: Scene) -> bool:
 
 
 def _angle(moment: complex) -> float:
-    """Angle [rad], without what rounding leaves of zero."""
+    """Angle [rad], with parts within rounding set to zero."""
     size = abs(moment)
     parts = (0.0 if abs(part) < _ROUNDING * size else part for part in (moment.imag, moment.real))
     return math.atan2(*parts)
@@ -228,7 +237,7 @@ def _print_planes(found: dict[str, Any], grade: float) -> None:
 
 def _balancer(rotor: Scene) -> dict[str, Any]:
     groups, scales = balancer.groups_of(rotor)
-    spread = [  # rows off one line, and not alike
+    spread = [  # positions off one line, different for every row
         2 * np.pi * np.arange(count) / count + 0.3 * (row + 1)
         for row, count in enumerate(groups.balls)
     ]
@@ -277,7 +286,7 @@ def _print_balancer(found: dict[str, Any]) -> None:
 
 
 def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
-    """Speed of service [rad/s], and where it is from."""
+    """Service speed [rad/s], and a description of its origin."""
     spin = rotor.spin
     if text is not None:
         speed, origin = quantity(text, "rad/s", "--speed"), "as given"
@@ -292,6 +301,6 @@ def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
         speed, origin = abs(float(spin.speed)), "that of the scene"
     if not speed:
         raise ValueError(
-            "The rotor does not turn; add the speed of service, as in --speed 3000rpm."
+            "The speed of the rotor is 0; add the service speed, as in --speed 3000rpm."
         )
     return speed, origin

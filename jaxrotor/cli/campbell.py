@@ -1,4 +1,4 @@
-"""Commands `campbell` and `critical`: whirl frequencies against speed, and where they meet it."""
+"""Commands `campbell` and `critical`: whirl frequencies against speed, and critical speeds."""
 
 import math
 from pathlib import Path
@@ -39,7 +39,9 @@ def campbell(
     low: Low = None,
     high: High = None,
     points: Points = 61,
-    count: Annotated[int, typer.Option(min=1, max=MOST, help="Branches, the slowest first.")] = 4,
+    count: Annotated[
+        int, typer.Option(min=1, max=MOST, help="Number of branches, slowest first.")
+    ] = 4,
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Draw backward whirl at negative speeds.")
     ] = False,
@@ -92,14 +94,14 @@ def critical(
     scene: SceneName,
     settings: Settings = None,
     count: Annotated[
-        int, typer.Option(min=1, max=MOST, help="How many of each kind, the slowest first.")
+        int, typer.Option(min=1, max=MOST, help="Number of each kind, slowest first.")
     ] = 4,
     as_json: AsJson = False,
 ) -> None:
-    """Critical speeds: where the spin meets a whirl of the rotor without damping.
+    """Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor.
 
-    An orbit is a forward and a backward circle together. Whirl is called by the one with most of the
-    kinetic energy, and mixed where neither has 60 %: orbits there are nearly straight lines. The last
+    An orbit is the sum of a forward and a backward circle. Whirl is named after the one with at least 60 %
+    of the kinetic energy, and is mixed if neither has: its orbits are nearly straight lines. The last
     column is the share of stations along the shaft that whirl forward.
 
     jaxrotor critical limiter-rotor --count 3
@@ -138,7 +140,7 @@ def critical(
 
 
 def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:
-    """Critical speeds [rad/s] by the sense of their whirl."""
+    """Critical speeds [rad/s] by their kind of whirl."""
     found = critical_speeds(rotor, count)
     return {kind: np.asarray(getattr(found, kind)).tolist() for kind in KINDS}
 
@@ -156,7 +158,7 @@ def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _undamped(rotor: Scene) -> CriticalSpeeds | None:
-    """Critical speeds, None where the rotor has none to compute."""
+    """Critical speeds, None if the rotor has none."""
     try:
         return critical_speeds(rotor)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Command `explore`: a window on a sweep."""
+"""Command `explore`: interactive view of a sweep."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,17 +15,18 @@ def explore(
     data: Store,
     at: Annotated[
         float | None,
-        typer.Option(help="Value of the diagram, as on its axis, to show to begin with."),
+        typer.Option(help="Value on the axis of the diagram to show at first."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Picture to write, in place of a window.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Picture to write instead of opening a window."),
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.
 
-    The arrow keys left and right go on to the neighbours. Motions are simulated again, the first
-    takes some seconds.
+    The left and right arrow keys select the neighbours. Motions are recomputed; the first takes some
+    seconds.
 
     ```
     jaxrotor sweep limiter-rotor --out runs/long
@@ -38,7 +39,7 @@ def explore(
     explorer = window(opened(stores(data)))
     if at is not None:
         if not np.isfinite(at):
-            raise ValueError(f"--at must be a number on the axis of the diagram, but is {at:g}.")
+            raise ValueError(f"--at must be a finite value on the axis, but is {at:g}.")
         explorer.show(explorer.near(explorer.lower, at, 0.0))
     if out is None:
         explorer.wait()

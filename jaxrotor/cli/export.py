@@ -12,7 +12,7 @@ from .output import draft
 
 
 Store = Annotated[
-    Path, typer.Argument(metavar="DATA", help="Data of a run, DIR/NAME.zarr, or its DIR.")
+    Path, typer.Argument(metavar="DATA", help="Data of a run: DIR/NAME.zarr, or DIR.")
 ]
 
 
@@ -25,7 +25,7 @@ def export(
 ) -> None:
     """Write the data of a run as a table (CSV, Parquet) or as NetCDF.
 
-    A table has a row a sample of a motion, or a row a lane of a sweep; its columns name their units.
+    A table has one row per sample of a motion, or one per lane of a sweep; column names include units.
 
     ```
     jaxrotor simulate limiter-rotor --keep 50 --out runs/rub
@@ -40,7 +40,7 @@ def export(
 
 
 def stores(data: Path) -> list[Path]:
-    """Stores of a run: the folder itself, or those in it."""
+    """Stores of a run: the path itself if it is one, else those in the folder."""
     if data.suffix == ".zarr":
         return [data]
     return sorted(data.glob("*.zarr"))
@@ -52,14 +52,16 @@ def opened(found: list[Path]) -> Any:
 
     if len(found) != 1:
         names = ", ".join(str(path) for path in found) or "none"
-        raise ValueError(f"DATA must be one store, DIR/NAME.zarr, but there are: {names}.")
+        raise ValueError(f"DATA must be one store, DIR/NAME.zarr, but these were found: {names}.")
     try:
         data = xr.open_zarr(found[0], chunks=None)
     except (OSError, ValueError, KeyError):
-        raise ValueError(f"{found[0]} holds no data of a run; give what --out wrote.") from None
+        raise ValueError(
+            f"{found[0]} does not contain the data of a run; give the folder of an --out."
+        ) from None
     if "status" in data and (missing := int((data["status"] == PENDING).sum())):
         raise ValueError(
-            f"{found[0]} is unfinished: {missing} of {data['status'].size} lanes are not computed; the "
-            "same `jaxrotor sweep` goes on with it."
+            f"{found[0]} is unfinished: {missing} of {data['status'].size} lanes are not computed; run "
+            "the same `jaxrotor sweep` to complete it."
         )
     return data

@@ -1,4 +1,4 @@
-"""Interrupt: Ctrl-C ends a command whatever the program is doing when it comes."""
+"""Interrupt: Ctrl-C ends a command whatever the program is doing."""
 
 import signal
 import sys
@@ -6,16 +6,15 @@ import threading
 from typing import Any
 
 
-LATER = 0.05  # [s]
+LATER = 0.05  # delay before the interrupt is raised a second time [s]
 
 
 def stop_on_ctrl_c() -> None:
-    """Raise `KeyboardInterrupt` once more where Python cannot pass it on.
+    """Raise `KeyboardInterrupt` a second time where Python cannot propagate it.
 
-    Python prints an exception that is raised while memory is being freed (in a function called at every
-    garbage collection, of which jax has one, in a weak reference or in `__del__`) and goes on, so that
-    a Ctrl-C at that moment would not end the command. However many are lost in the meantime, it is
-    raised once.
+    Python only prints an exception raised while memory is freed: in a callback of the garbage collector,
+    such as that of jax, in a weak reference or in `__del__`. A Ctrl-C at that moment would be lost.
+    However many are lost before the delay is over, one is raised.
     """
     before = sys.unraisablehook
     pending = threading.Event()
@@ -25,9 +24,9 @@ def stop_on_ctrl_c() -> None:
             before(unraisable)
         elif not pending.is_set():
             pending.set()
-            again = threading.Timer(LATER, interrupt)
-            again.daemon = True
-            again.start()
+            timer = threading.Timer(LATER, interrupt)
+            timer.daemon = True
+            timer.start()
 
     def interrupt() -> None:
         pending.clear()
@@ -37,7 +36,7 @@ def stop_on_ctrl_c() -> None:
 
 
 def _interrupt() -> None:
-    """Ctrl-C once more, and so that a main thread that waits wakes up."""
+    """Send Ctrl-C to the main thread, so that it wakes up if it waits."""
     if hasattr(signal, "pthread_kill") and (main := threading.main_thread().ident) is not None:
         signal.pthread_kill(main, signal.SIGINT)
     else:

@@ -1,4 +1,4 @@
-"""Commands `roots` and `onset`: the straight rotor's own motions."""
+"""Commands `roots` and `onset`: natural motions of the straight rotor, and their stability."""
 
 import math
 from typing import Annotated, Any
@@ -19,7 +19,9 @@ from .options import MOST, AsJson, Low, SceneName, Settings, interval, rpm, scen
 def roots(
     scene: SceneName,
     settings: Settings = None,
-    count: Annotated[int, typer.Option(min=1, max=MOST, help="How many, the slowest first.")] = 8,
+    count: Annotated[
+        int, typer.Option(min=1, max=MOST, help="Number of roots, the slowest first.")
+    ] = 8,
     speed: Annotated[
         str | None,
         typer.Option(metavar="SPEED", help="Speed of rotation. [default: the scene's]"),
@@ -38,19 +40,19 @@ def roots(
         now = rotor.spin.speed
         answer.print_json({"scene": scene, "speed": now, "axes": axes, "roots": found})
         return
-    turning = axes == "rotating"
+    rotating = axes == "rotating"
     rows = [
         (
             f"{root['frequency']:.7g}",
             f"{root['frequency_hz']:.6g}",
-            *([f"{root['shaft_frequency']:.7g}"] if turning else []),
+            *([f"{root['shaft_frequency']:.7g}"] if rotating else []),
             f"{root['damping_ratio']:.4g}",
             root["direction"],
             root["stability"],
         )
         for root in found
     ]
-    own = ["shaft's axes [rad/s]"] if turning else []
+    own = ["shaft's axes [rad/s]"] if rotating else []
     heads = ("whirl [rad/s]", "[Hz]", *own, "damping ratio", "direction", "stability")
     answer.print_table(rows, heads, numbers=range(len(own) + 3))
 
@@ -64,12 +66,12 @@ def onset(
         typer.Option(
             "--to",
             metavar="SPEED",
-            help="Where to end. [default: 40 first frequencies]",
+            help="Highest speed. [default: 40 times the first natural frequency]",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Lowest speed at which the straight rotor loses stability, and how it whirls there.
+    """Lowest speed at which the straight rotor loses stability, and its whirl there.
 
     jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
     jaxrotor onset limiter-rotor --from 1000rpm --to 9000rpm
@@ -109,9 +111,9 @@ def described_onset(found: Onset, axes: str) -> dict[str, Any]:
 
 
 def _kind(speed: float, whirl: float, axes: str) -> str:
-    """What the whirl at an onset looks like."""
+    """Description of the whirl at an onset."""
     if axes == "rotating" and not whirl:
-        return "with the shaft: it stands bent in its axes"
+        return "with the shaft, which stands bent in its own axes"
     if axes == "rotating":
         return f"at {speed - whirl:.7g} and {speed + whirl:.7g} rad/s in fixed axes"
     with_spin = -whirl if speed < 0 else whirl
@@ -128,7 +130,7 @@ def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
 
 
 def axes_of(rotor: Scene) -> str:
-    """Axes of its roots: "fixed" or, turning with the shaft, "rotating"."""
+    """Axes of the roots: "fixed", or "rotating" with the shaft."""
     return frame(structure(rotor).blocks)
 
 
@@ -149,7 +151,7 @@ def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[d
 
 
 def _described(root: complex, sense: float) -> dict[str, Any]:
-    """A root in numbers, as seen from fixed axes; its sense is that of `Modes.forward`."""
+    """A root in numbers, in fixed axes; its sense is that of `Modes.forward`."""
     whirl = 0.0 if is_rounding(root.imag, root) else root.imag
     return {
         "root": complex(root),

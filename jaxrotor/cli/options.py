@@ -1,4 +1,4 @@
-"""Options that several commands share, and what they mean."""
+"""Options that several commands share, and the functions that interpret them."""
 
 import itertools
 import math
@@ -21,8 +21,8 @@ from ..spins.drive import Drive
 from .answer import AsJson as AsJson
 
 
-MOST = 10_000_000  # of any count: a greater one is a slip
-REVOLUTIONS = 50  # of a run at constant speed
+MOST = 10_000_000  # largest count accepted; a larger one is a mistake
+REVOLUTIONS = 50  # default length of a run at constant speed
 
 SceneName = Annotated[
     str,
@@ -49,7 +49,7 @@ Radius = Annotated[
     typer.Option(
         "--start-radius",
         metavar="LENGTH",
-        help="Displacement the shaft starts with, bent as by a force. [default: the scene's]",
+        help="Initial displacement, with the shaft bent as by a force. [default: the scene's]",
     ),
 ]
 Rate = Annotated[
@@ -57,12 +57,16 @@ Rate = Annotated[
     typer.Option(
         "--start-rate",
         metavar="SPEED",
-        help="Whirl speed it starts with, negative for backward. [default: the scene's]",
+        help="Initial whirl speed, negative for backward. [default: the scene's]",
     ),
 ]
 Angle = Annotated[
     str | None,
-    typer.Option("--start-angle", metavar="ANGLE", help="Where it starts. [default: the scene's]"),
+    typer.Option(
+        "--start-angle",
+        metavar="ANGLE",
+        help="Direction of the initial displacement. [default: the scene's]",
+    ),
 ]
 At = Annotated[
     str | None,
@@ -73,13 +77,14 @@ At = Annotated[
 ]
 Period = Annotated[
     str | None,
-    typer.Option(metavar="TIME", help="What to count as a revolution at zero speed."),
+    typer.Option(metavar="TIME", help="Time that counts as a revolution at zero speed."),
 ]
 Steps = Annotated[
     str | None,
     typer.Option(
         metavar="COUNT",
-        help='Steps and samples a revolution, or "auto": by a pilot. [default: the scene\'s, or 256]',
+        help='Steps and samples per revolution, or "auto": chosen by a pilot run. '
+        "[default: the scene's, or 256]",
     ),
 ]
 Nodes = Annotated[
@@ -87,17 +92,17 @@ Nodes = Annotated[
     typer.Option(metavar="COUNT", help='Nodes of the shaft, or "auto". [default: the scene\'s]'),
 ]
 Tolerance = Annotated[
-    float, typer.Option(help='Of "auto": change of the motion, and of the roots, that may remain.')
+    float, typer.Option(help='Change of motion and roots under refinement that "auto" accepts.')
 ]
 Low = Annotated[
-    str | None, typer.Option("--from", metavar="SPEED", help="Where to begin. [default: 0]")
+    str | None, typer.Option("--from", metavar="SPEED", help="Lowest speed. [default: 0]")
 ]
 High = Annotated[
     str | None,
     typer.Option(
         "--to",
         metavar="SPEED",
-        help="Where to end. [default: a quarter above the second critical speed, or above the "
+        help="Highest speed. [default: a quarter above the second critical speed, or above the "
         "scene's speed if that is higher]",
     ),
 ]
@@ -105,24 +110,24 @@ Duration = Annotated[
     str | None,
     typer.Option(
         metavar="TIME",
-        help="Length of the run. [default: to the end of spin.times; of a drive, until its own torque "
-        "has brought it within 0.1 % of its steady speed; else 50 revolutions]",
+        help="Duration of the run. [default: to the end of spin.times; for a drive, until it is within "
+        "0.1 % of its steady speed; else 50 revolutions]",
     ),
 ]
-Samples = Annotated[int, typer.Option(min=2, max=MOST, help="How many samples of --duration.")]
+Samples = Annotated[int, typer.Option(min=2, max=MOST, help="Number of samples in --duration.")]
 Times = Annotated[
     str | None,
     typer.Option(
-        metavar="TIMES", help='Samples, as "0 s:2 s:201" or "0, 0.1, 0.5"; in place of --duration.'
+        metavar="TIMES", help='Samples, as "0 s:2 s:201" or "0, 0.1, 0.5"; instead of --duration.'
     ),
 ]
-Points = Annotated[int, typer.Option(min=3, max=MOST, help="How many speeds.")]
-Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for data and a picture.")]
+Points = Annotated[int, typer.Option(min=3, max=MOST, help="Number of speeds.")]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for data and pictures.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier run.")]
 
 
 def scene_with(name: str, settings: Sequence[str] | None) -> Scene:
-    """`scene_of`, with what is assumed of it noted on stderr."""
+    """`scene_of`, with its assumption noted on stderr."""
     scene = scene_of(name, settings)
     if scene.assumption:
         typer.echo(f"Note: {scene.assumption}.", err=True)
@@ -132,7 +137,7 @@ def scene_with(name: str, settings: Sequence[str] | None) -> Scene:
 def scene_of(
     name: str, settings: Sequence[str] | None, row: int | None = None, layout: str | None = None
 ) -> Scene:
-    """The scene of a name or path, or of its row, with the parameters of `--set` changed."""
+    """The scene of a name or path (or of a row of its table), with the changes of `--set`."""
     scene, values = load(name, row, layout), {}
     for path, text in assignments("--set", settings, "spin.speed=6000rpm").items():
         values[path] = quantity(text, scene.unit(path), f"--set {path}")
@@ -151,7 +156,7 @@ def assignments(option: str, texts: Sequence[str] | None, example: str) -> dict[
 
 
 def swept_axes(scene: Scene, over: Sequence[str] | None) -> dict[str, np.ndarray]:
-    """Values [SI] by path of `--over`."""
+    """Values [SI] of `--over` by path."""
     axes = {}
     for path, text in assignments("--over", over, "spin.speed=0:6000rpm:61").items():
         axes[path] = swept_values(listed(text), scene, path, f"--over {path}")
@@ -165,7 +170,7 @@ def start_with(
     angle: str | None,
     swept: Sequence[str] = (),
 ) -> AbstractStart:
-    """The start of a scene file's `[sweep]` table, with what the options say otherwise."""
+    """The start of a scene file's `[sweep]` table, with the changes of the options."""
     given = {"radius": radius, "rate": rate, "angle": angle}
     values = dict(study.get("start", {})) | {
         name: quantity(text, START[name], f"--start-{name}")
@@ -175,12 +180,12 @@ def start_with(
     if any(path.startswith("start.") for path in swept):
         values = {"radius": 0.0} | values
     if values and "radius" not in values:
-        raise ValueError("A start off the axis needs a radius; add --start-radius.")
+        raise ValueError("A start with a rate or an angle needs a radius; add --start-radius.")
     return Whirl(**values) if values else AtRest()
 
 
 def count_or_auto(text: str | None, option: str) -> Any:
-    """A whole number from 1, "auto", or None."""
+    """A positive whole number, "auto", or None."""
     if text is None or text == "auto":
         return text
     if not text.isdecimal() or not 1 <= int(text) <= MOST:
@@ -191,7 +196,7 @@ def count_or_auto(text: str | None, option: str) -> Any:
 
 
 def optional(text: str | None, unit: str, option: str) -> float | None:
-    """The quantity of an option that may be left out."""
+    """The quantity of an option, None if it is left out."""
     return None if text is None else quantity(text, unit, option)
 
 
@@ -215,7 +220,7 @@ def instants(scene: Scene, duration: str | None, samples: int, times: str | None
     """Times [s] of `--duration` and `--samples`, or of `--times`."""
     if times is not None:
         if duration is not None:
-            raise ValueError("--times says how long a run is; leave out --duration.")
+            raise ValueError("--times and --duration exclude each other; leave out --duration.")
         values = value_list(listed(times), "s", "--times")
         for before, after in itertools.pairwise(values.tolist()):
             if not before < after:
@@ -228,7 +233,7 @@ def instants(scene: Scene, duration: str | None, samples: int, times: str | None
 
 
 def _length(scene: Scene) -> float:
-    """How long a run is that nobody has said the length of [s]; see `Duration`."""
+    """Default duration of a run [s]; see `Duration`."""
     spin = scene.spin
     if spin.kinks is not None:
         return float(spin.kinks[-1])
@@ -238,12 +243,14 @@ def _length(scene: Scene) -> float:
             return found.time
     speed = abs(float(spin.speed))
     if not speed:
-        raise ValueError("How long to run is not known; add --duration, as in --duration 2s.")
+        raise ValueError(
+            "A run at speed 0 has no default duration; add --duration, as in --duration 2s."
+        )
     return REVOLUTIONS * 2 * math.pi / speed
 
 
 def moving_station(scene: Scene) -> float | None:
-    """The station [m] that `Scene.stations` suggests, else the next one that can move, else None."""
+    """The station [m] that `Scene.stations` suggests if it can move, else one that can, else None."""
     line = scene.line()
     placed = [getattr(effect, "at", None) for effect in scene.effects]
     stations = [at for at in placed if at is not None]
@@ -255,7 +262,7 @@ def moving_station(scene: Scene) -> float | None:
 
 
 def listed(text: str) -> str | list[str]:
-    """A text with colons as it is, or its parts between commas."""
+    """A text with colons unchanged, any other text split at its commas."""
     return text if ":" in text else [part.strip() for part in text.split(",")]
 
 

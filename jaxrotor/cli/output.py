@@ -1,4 +1,4 @@
-"""Output: files of a run, all of them or none."""
+"""Output: files of a run, written all or none."""
 
 import contextlib
 import os
@@ -18,7 +18,7 @@ from ..scene import Scene
 def draft_or_none(
     out: Path | None, names: Sequence[str], overwrite: bool
 ) -> contextlib.AbstractContextManager[Path | None]:
-    """`draft`, or None where nothing is to be written."""
+    """`draft`, or None if no folder is given."""
     return contextlib.nullcontext() if out is None else draft(out, names, overwrite)
 
 
@@ -26,11 +26,11 @@ def draft_or_none(
 def draft(
     out: Path, names: Sequence[str], overwrite: bool, *, unfinished: str = ""
 ) -> Iterator[Path]:
-    """A hidden folder inside `out` to write into; in the end all that is in it moves to `out`.
+    """A hidden folder inside `out` to write into; its files are moved to `out` at the end.
 
-    Files of `names` that are in `out` already are refused, or else replaced; others are left alone. Data
-    are not put beside those of another command, but for what is left `unfinished` of this one. When
-    anything goes wrong, Ctrl-C included, `out` is as it was before.
+    Existing files of `names` are replaced with `overwrite` and an error without; other files are left
+    alone. Data are not written beside those of another command; the `unfinished` store of this
+    command may be there. After any error, Ctrl-C included, `out` is as it was before.
     """
     present = [out / name for name in names if os.path.lexists(out / name)]
     if present and not overwrite:
@@ -53,12 +53,12 @@ def draft(
         raise ValueError(f"{out} cannot be written ({reason}); choose another --out.") from None
     finally:
         for folder in missing:
-            with contextlib.suppress(OSError):  # not empty, as it should be
+            with contextlib.suppress(OSError):  # folders with files stay
                 folder.rmdir()
 
 
 def _check_own(out: Path, names: set[str]) -> None:
-    """Raise where a folder holds the data of another command."""
+    """Raise if a folder holds the data of another command."""
     others = sorted(path.name for path in out.glob("*.zarr") if path.name not in names)
     if others:
         raise ValueError(
@@ -67,7 +67,7 @@ def _check_own(out: Path, names: set[str]) -> None:
 
 
 def _publish(folder: Path, out: Path, present: Sequence[Path]) -> None:
-    """Move old files away and new ones in, or nothing."""
+    """Move old files away and new ones in; undo all of it if a move fails."""
     new = sorted(folder.iterdir())
     old = folder / "replaced"
     old.mkdir()
@@ -85,29 +85,29 @@ def _publish(folder: Path, out: Path, present: Sequence[Path]) -> None:
 
 
 def written_to(out: Path | None, names: Sequence[str]) -> list[str]:
-    """Those of the files of a run that were written."""
+    """Paths of the files of a run that were written."""
     return [] if out is None else [str(out / name) for name in names if (out / name).exists()]
 
 
 def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Scene) -> Any:
-    """`xarray.Dataset` of variables and coordinates, with the scene and the versions that made it."""
-    import xarray as xr  # a second, so only where data are written
+    """`xarray.Dataset` of variables and coordinates, with the scene and the software versions."""
+    import xarray as xr  # takes a second, so only where data are written
 
     about = {"title": title, "scene": dumps(scene), **assumed(scene), "versions": versions()}
     return xr.Dataset(*parts, about)
 
 
 def write_dataset(dataset: Any, path: Path) -> None:
-    """An `xarray.Dataset` in Zarr format 2: there texts and consolidated metadata are standard."""
+    """Write a dataset in Zarr format 2, where texts and consolidated metadata are standard."""
     dataset.to_zarr(path, zarr_format=2, consolidated=True)
 
 
 def draw(
     path: Path, plot: Callable[[Any], Any], width: float | int, height: float | int, rows: int = 1
 ) -> None:
-    """A picture [mm] of `plot(axes)`, without a window; one that cannot be drawn is a remark.
+    """Write a picture [mm] of `plot(axes)`, without a window; report on stderr if it cannot be drawn.
 
-    The picture is a view of data that are already written: it must not cost them.
+    An error would discard the data, which are already written.
     """
     from ..plot import write
 

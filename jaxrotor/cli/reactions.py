@@ -1,4 +1,4 @@
-"""Command `reactions`: what bearings take, in a run-up or in the steady state."""
+"""Command `reactions`: reactions of bearings in a run-up or in the steady state."""
 
 import math
 from typing import Annotated, Any
@@ -51,11 +51,12 @@ def reactions(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Reactions of bearings and stops: at rest, and above that at first, at last and at most.
+    """Reactions of bearings and stops: at rest, and first, last and largest dynamic part.
 
-    At constant speed and without --duration or --times, one revolution of the steady state, else a
-    run from rest. With --out, DIR/reactions.zarr and three pictures: reactions.png of the magnitudes in
-    time, vectors.png of the vectors when they are largest, hodograph.png of the paths of their tips.
+    At constant speed and without --duration or --times the motion is one revolution of the steady state,
+    otherwise a run from rest. With --out, DIR/reactions.zarr and three pictures: reactions.png of the
+    magnitudes in time, vectors.png of the vectors when they are largest, hodograph.png of the paths of
+    their tips.
 
     jaxrotor reactions turbine-run-up --out run
     jaxrotor reactions two-discs --set spin.speed=3000rpm
@@ -64,7 +65,9 @@ def reactions(
     with draft_or_none(out, _FILES, overwrite) as folder:
         found = reactions_of(_motion(rotor, duration, samples, times))
         if not found.names:
-            raise ValueError("The scene has no supports, constraints or contacts to react.")
+            raise ValueError(
+                "The scene has no supports, constraints or contacts, so it has no reactions; add one."
+            )
         if folder is not None:
             write_dataset(dataset(found), folder / "reactions.zarr")
             _draw(found, folder, rotating)
@@ -74,7 +77,7 @@ def reactions(
             {"scene": scene, **assumed(rotor), "bearings": bearings, "written": written}
         )
         return
-    heads = ("bearing", "at rest", "first", "last", "most", "at [s]", "")
+    heads = ("bearing", "at rest", "first", "last", "largest", "at [s]", "")
     rows = [
         (
             rotor.where(one["name"]) if unit == "N" else "",
@@ -91,26 +94,27 @@ def reactions(
 
 
 def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None):
+    """One revolution of the steady state, or a run from rest."""
     steady = isinstance(rotor.spin, ConstantSpeed) and duration is None and times is None
     if not steady or rotor.of(AbstractBodies):
         return run(rotor, instants(rotor, duration, samples, times))
     speed = abs(float(rotor.spin.speed))
-    turn = 2 * math.pi / speed if speed else 1.0  # nothing changes at rest
-    return run(rotor, np.linspace(0.0, turn, samples), start=Continued(*steady_state(rotor)))
+    period = 2 * math.pi / speed if speed else 1.0  # at rest any time will do
+    return run(rotor, np.linspace(0.0, period, samples), start=Continued(*steady_state(rotor)))
 
 
 def _bearings(found: Reactions) -> list[dict[str, Any]]:
-    """Magnitudes [N], [N m] of every bearing: at rest, and of the rest of it in time."""
+    """Magnitudes [N], [N m] of the reactions of every bearing: static, and dynamic part in time."""
     time = np.asarray(found.time)
     force, moment, static, static_moment = (
         np.asarray(a) for a in (found.force, found.moment, found.static, found.static_moment)
     )
 
     def part(values: np.ndarray, rest: complex) -> dict[str, float]:
-        above = np.abs(values - rest)
-        top = int(np.argmax(above))
-        ends = {"static": abs(rest), "first": above[0], "last": above[-1]}
-        return ends | {"most": above[top], "time": time[top]}
+        dynamic = np.abs(values - rest)
+        top = int(np.argmax(dynamic))
+        ends = {"static": abs(rest), "first": dynamic[0], "last": dynamic[-1]}
+        return ends | {"most": dynamic[top], "time": time[top]}
 
     return [
         {

@@ -1,4 +1,4 @@
-"""Command `report`: one HTML file of what a run has left in its folder."""
+"""Command `report`: one HTML file of the data and pictures of a run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +21,7 @@ def report(
 ) -> None:
     """Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.
 
-    Of all data and pictures in DIR. It needs nothing beside it and no network, and prints well.
+    It contains all data and pictures in DIR. The file is self-contained and suited to printing.
 
     ```
     jaxrotor simulate limiter-rotor --keep 50 --out runs/rub
@@ -30,7 +30,7 @@ def report(
     """
     target = folder / "report.html" if out is None else out
     if not folder.is_dir():
-        raise ValueError(f"{folder} is no folder; give the --out of a run.")
+        raise ValueError(f"{folder} is not a folder; give the --out of a run.")
     data = [opened([store]) for store in stores(folder)]
     pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
     if not data and not pictures:

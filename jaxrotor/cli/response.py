@@ -1,4 +1,4 @@
-"""Command `response`: steady whirl under unbalance, its peaks and what it is at critical speeds."""
+"""Command `response`: steady response to unbalance, its peaks, and its values at critical speeds."""
 
 import math
 from collections.abc import Callable
@@ -42,7 +42,7 @@ from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
 _FILES = ("response.zarr", "response.png")
-_SAME = 1e-6  # of the range of speeds: two that are nearer count as one
+_SAME = 1e-6  # distance, relative to the range, below which two speeds count as one
 
 
 def response(
@@ -56,10 +56,10 @@ def response(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Steady response to unbalance: its peaks, and what it is at every critical speed.
+    """Steady response to unbalance: its peaks, and its values at the critical speeds.
 
     The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
-    gap, ask `simulate`. No motion settles on it where the rotor is unstable (growth above 0).
+    gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
     With --out, DIR/response.zarr and DIR/response.png.
 
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
@@ -81,7 +81,7 @@ def response(
         result = unbalance_response(rotor, _merged(speeds, bounded, unbounded), station)
         if not np.asarray(result.major).any():
             raise ValueError(
-                "Nothing moves at that station; give the scene an unbalance that is not 0, as in "
+                "The response is zero at that station; give the scene an unbalance, as in "
                 "--set unbalance.eccentricity=0.1mm."
             )
         peaks = _peaks(rotor, result, unbounded)
@@ -108,7 +108,7 @@ def response(
     notes += [("peak", "none between these speeds")] if not rows else []
     if unstable:
         notes.append(
-            ("unstable", f"at {100 * unstable:.3g} % of the speeds, where nothing settles")
+            ("unstable", f"at {100 * unstable:.3g} % of the speeds, where no response is attained")
         )
     answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
 
@@ -139,24 +139,24 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
 
 
 def _excited(rotor: Scene, speeds: np.ndarray) -> CriticalSpeeds:
-    """Critical speeds within a range whose whirl an unbalance drives: of circular ones, the forward."""
+    """Critical speeds in a range that unbalance excites: where orbits are circles, the forward ones."""
     found = critical_speeds(rotor)
-    all_of_them, kinds = np.asarray(found.speeds), np.array(found.kinds)
-    inside = (all_of_them >= speeds[0]) & (all_of_them <= speeds[-1])
+    values, kinds = np.asarray(found.speeds), np.array(found.kinds)
+    inside = (values >= speeds[0]) & (values <= speeds[-1])
     if isotropic(structure(rotor).blocks):
         inside &= kinds == "forward"
     return found.where(inside)
 
 
 def _merged(speeds: np.ndarray, added: list[float], unbounded: np.ndarray) -> np.ndarray:
-    """Speeds with more among them, less those that are the same as one of these or an unbounded one."""
+    """Speeds with the added ones, without those that coincide with an added or an unbounded one."""
     taken = np.concatenate([added, unbounded])
     near = np.abs(speeds[:, None] - taken) < _SAME * (speeds[-1] - speeds[0])
     return np.union1d(speeds[~near.any(axis=1)], added)
 
 
 def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
-    """Local maxima of the amplitude, each where its derivative is zero near a highest sample."""
+    """Local maxima of the amplitude, each refined to the zero of its derivative."""
     speeds, amplitude = np.asarray(result.speeds), np.asarray(result.major)[:, 0]
     rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
     height = lambda speed: unbalance_response(rotor, speed, result.stations).major[0, 0]
@@ -171,7 +171,7 @@ def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> lis
 
 
 def _summit(height_and_slope: Callable, low: float, high: float) -> float:
-    """Speed of the greatest height between two, to rounding: the zero of its slope."""
+    """Speed of the maximum between two speeds, to rounding: the zero of its slope."""
     depth = lambda speed: -float(height_and_slope(speed)[0])
     slope = lambda speed: float(height_and_slope(speed)[1])
     near = minimize_scalar(depth, bounds=(low, high), method="bounded").x
@@ -190,8 +190,8 @@ def _variables(
     major, minor = np.asarray(result.major), np.asarray(result.minor)
     return (
         {
-            "amplitude": (dims, major, about("m", "larger half axis of the synchronous orbit")),
-            "minor": (dims, minor, about("m", "smaller half axis, negative if backward")),
+            "amplitude": (dims, major, about("m", "major half axis of the synchronous orbit")),
+            "minor": (dims, minor, about("m", "minor half axis, negative if backward")),
             "phase": (dims, np.angle(result.forward), phase),
             "growth": ("speed", growth, about("1/s", "largest growth rate, positive unstable")),
         },

@@ -35,7 +35,7 @@ from .options import (
 from .output import draft_or_none, draw, write_dataset, written_to
 
 
-_STILL = "a rigid shaft in two pins cannot move; see `jaxrotor reactions`"
+_STILL = "a rigid shaft in two pins cannot move; use `jaxrotor reactions`"
 _FILES = ("run-up.zarr", "run-up.png", "speed.png", "balls.png", "film.gif")
 
 
@@ -59,11 +59,11 @@ def run_up(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run through a change of speed, whatever the spin: peak, speeds, contact and balls.
+    """Simulate a run-up or any other change of speed: peak, speeds, contact and balls.
 
-    With --out, DIR/run-up.zarr, pictures of amplitude and speed, and of balls where there are any.
-    Without --at the motion is that of the first station of a contact or an effect that can move; where
-    none can, as on a rigid shaft in two pins, the picture of the amplitude is left out.
+    With --out, DIR/run-up.zarr, pictures of amplitude and speed, and of balls if there are any. Without
+    --at the motion is that of the first station of a contact or an effect that can move; if none
+    can, as on a rigid shaft in two pins, the picture of the amplitude is left out.
 
     jaxrotor run-up turbine-run-up --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
@@ -124,7 +124,7 @@ def _draw(motion: RunUp, folder: Path, film: bool, moves: bool) -> None:
 
 
 def _summary(motion: RunUp, moves: bool) -> dict[str, Any]:
-    """What the samples say of the first station."""
+    """Peak, speeds and contacts at the first station, from the samples."""
     radius, speed = np.abs(np.asarray(motion.displacement)[:, 0]), np.asarray(motion.speed)
     top, stopped = int(np.argmax(radius)), float(motion.stopped)
     force = motion.contact_force

@@ -1,4 +1,4 @@
-"""Command `scenes`: what scenes there are."""
+"""Command `scenes`: list of the shipped scenes."""
 
 from ..files.shipped import shipped
 from . import answer

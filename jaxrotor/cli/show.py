@@ -1,4 +1,4 @@
-"""Command `show`: what is in a scene."""
+"""Command `show`: contents and linear properties of a scene."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,8 +21,8 @@ from .output import draft_or_none, draw, written_to
 
 
 _FILES = ("rotor.png",)
-SAME = 1e-6  # of two frequencies that are shown as one
-_SHOWN = 3  # whirl frequencies of each kind
+SAME = 1e-6  # relative difference below which two frequencies are shown as one
+_SHOWN = 3  # number of whirl frequencies shown of each kind
 
 
 def show(
@@ -31,7 +31,7 @@ def show(
     row: Row = None,
     layout: Layout = None,
     toml: Annotated[
-        bool, typer.Option("--toml", help="Print the scene file itself, to start one's own from.")
+        bool, typer.Option("--toml", help="Print the scene file itself, to start a new one from.")
     ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for a drawing of the rotor.")
@@ -39,11 +39,10 @@ def show(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show a scene: its parameters, whirl frequencies, critical speeds, and where it loses stability.
+    """Show a scene: its parameters, whirl frequencies, critical speeds and onset of instability.
 
-    The paths in the first column are those of `--set` and `--over`, as are those of absent parameters,
-    which --json lists. With --out, DIR/rotor.png: shaft,
-    discs, supports and stops to scale.
+    The paths in the first column are those of `--set` and `--over`; --json lists those of absent
+    parameters too. With --out, DIR/rotor.png: shaft, discs, supports and stops to scale.
 
     ```
     jaxrotor show limiter-rotor
@@ -54,8 +53,8 @@ def show(
     """
     rotor, name = scene_of(scene, settings, row, layout), title(scene, row, layout)
     if toml:
-        as_it_is = not settings and row is None
-        typer.echo(source(scene) if as_it_is else dumps(rotor, name), nl=False)
+        unchanged = not settings and row is None
+        typer.echo(source(scene) if unchanged else dumps(rotor, name), nl=False)
         return
     with draft_or_none(out, _FILES, overwrite) as folder:
         if folder is not None:
@@ -95,7 +94,7 @@ def show(
     answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
     summary = [
         *answer.assumed(rotor.assumption),
-        *[("absent", "parameters that have no value; --json lists them")] * (given != parameters),
+        *[("absent", "parameters without a value; --json lists them")] * (given != parameters),
         ("coordinates", f"{coordinates}, complex x + iy"),
         ("whirl at standstill", f"{_text(still)} rad/s"),
         ("forward, at speed", f"{_text(forward)} rad/s"),
@@ -108,7 +107,7 @@ def show(
 
 
 def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
-    """What is found, or why there is none."""
+    """The result, or None and the reason why there is none."""
     try:
         return find(), ""
     except ValueError as error:
@@ -135,7 +134,7 @@ def _value(scene: Scene, path: str) -> Any:
 
 
 def _still(found: list[dict[str, Any]]) -> list[float]:
-    """First whirl frequencies at rest [rad/s]: there a direction is nothing but rounding."""
+    """First whirl frequencies at rest [rad/s], where whirl has no direction."""
     values = sorted(root["frequency"] for root in found if root["frequency"])
     ends = zip([0.0, *values], values, strict=False)
     return [value for last, value in ends if value > last * (1 + SAME)][:_SHOWN]
@@ -148,7 +147,7 @@ def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
 
 
 def _text(value: Any) -> str:
-    if value is None:  # of one of several effects
+    if value is None:  # absent from one of several effects
         return "-"
     if isinstance(value, list):
         same = len(value) > 1 and len(set(value)) == 1

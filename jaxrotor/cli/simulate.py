@@ -39,7 +39,7 @@ _FILES = ("response.zarr", "orbit.png", "history.png")
 
 
 class Solver(enum.StrEnum):
-    """Names of solvers: of this package, and of diffrax in lower case."""
+    """Names of solvers: those of this package, and those of diffrax in lower case."""
 
     exponential2 = "exponential2"
     exponential4 = "exponential4"
@@ -72,10 +72,10 @@ _SOLVERS = {
 def simulate(
     scene: SceneName,
     settings: Settings = None,
-    revolutions: Annotated[int, typer.Option(min=1, max=MOST, help="Length of the run.")] = 100,
+    revolutions: Annotated[int, typer.Option(min=1, max=MOST, help="Duration of the run.")] = 100,
     keep: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Revolutions at the end to look at. [default: all]"),
+        typer.Option(min=1, max=MOST, help="Revolutions observed, at the end. [default: all]"),
     ] = None,
     steps: Steps = None,
     nodes: Nodes = None,
@@ -152,7 +152,7 @@ def _draw(response: Response, folder: Path) -> None:
 
 
 def _summary(response: Response) -> dict[str, Any]:
-    """What the samples say of the first station; the first sample is the end of what went before."""
+    """Radius, whirl and contacts at the first station, without the sample at the start."""
     z, velocity = (np.asarray(a)[1:, 0] for a in (response.displacement, response.velocity))  # (T,)
     radius, speed = np.abs(z), float(response.scene.spin.speed)
     moving = bool((radius > 0).all()) and speed != 0

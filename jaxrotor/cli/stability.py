@@ -1,4 +1,4 @@
-"""Command `stability`: where a rotor is stable over one parameter or two."""
+"""Command `stability`: stable regions of a rotor over one parameter or two."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +23,7 @@ def stability(
         list[str],
         typer.Option(
             metavar="PATH=START:STOP:COUNT",
-            help="Parameter to vary; give one for the values where stability changes, two for a map.",
+            help="Parameter to vary: one for the values at which stability changes, two for a map.",
         ),
     ],
     settings: Settings = None,
@@ -33,7 +33,7 @@ def stability(
 ) -> None:
     """Boundaries of stability along one parameter, or a stability map over two, without contact.
 
-    With --out, of two parameters, DIR/stability.zarr and DIR/stability.png.
+    With --out and two parameters, DIR/stability.zarr and DIR/stability.png.
 
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61 --over disc.mass=1:4:41 --out run
@@ -42,7 +42,7 @@ def stability(
     axes = swept_axes(rotor, over)
     if len(axes) == 1:
         if out is not None:
-            raise ValueError("--out is for a map; give --over a second time, or leave --out away.")
+            raise ValueError("--out is for a map; give --over a second time, or leave --out out.")
         _along(scene, rotor, axes, as_json)
         return
     with draft_or_none(out, _FILES, overwrite) as folder:
@@ -64,7 +64,7 @@ def stability(
     rows = [(path, f"{v[0]:.6g} to {v[-1]:.6g}, {len(v)} values") for path, v in axes.items()]
     rows += [
         ("unstable", f"{100 * unstable:.3g} % of the grid"),
-        *([("not known", f"{100 * unsure:.3g} % of the grid")] if unsure else []),
+        *([("unknown", f"{100 * unsure:.3g} % of the grid")] if unsure else []),
         ("boundaries", f"{len(curves)} curves, {sum(len(c['x']) for c in curves)} points"),
         ("largest growth", f"{largest:.6g} 1/s"),
     ]
@@ -72,6 +72,7 @@ def stability(
 
 
 def _along(scene: str, rotor: Scene, axes: dict[str, np.ndarray], as_json: bool) -> None:
+    """Print the values of one parameter at which stability changes."""
     ((path, values),) = axes.items()
     found, unit = stability_boundary(rotor, path, values), rotor.unit(path)
     changes = [

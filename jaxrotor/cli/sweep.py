@@ -2,9 +2,10 @@
 
 import contextlib
 import enum
+import functools
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,8 +49,8 @@ from .output import draft, draw, written_to
 
 
 _FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png")
-_PARTIAL = "sweep-partial.zarr"  # until it is whole
-_COUNTS = {"settle": 1000, "keep": 300, "steps_per_revolution": 256}  # where a scene says nothing
+_PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
+_COUNTS = {"settle": 1000, "keep": 300, "steps_per_revolution": 256}  # defaults of a scene without
 
 
 class Order(enum.StrEnum):
@@ -59,81 +60,96 @@ class Order(enum.StrEnum):
     fourth = "4"
 
 
+Over = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PATH=START:STOP:COUNT",
+        help="Parameter to sweep, also `PATH=VALUE,VALUE,...`; may be repeated, then all "
+        "combinations are run. [default: the scene's]",
+    ),
+]
+Settle = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=MOST,
+        help="Revolutions before observation begins. [default: the scene's, or 1000]",
+    ),
+]
+Keep = Annotated[
+    int | None,
+    typer.Option(min=1, max=MOST, help="Revolutions observed. [default: the scene's, or 300]"),
+]
+ErrorSample = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        max=MOST,
+        help="Number of lanes run a second time with twice the steps; 0: no error estimate.",
+    ),
+]
+OrderOf = Annotated[Order, typer.Option(help="Order of the exponential integrator.")]
+Spectrum = Annotated[
+    bool,
+    typer.Option(
+        "--spectrum",
+        help="Store the spectrum of the whirl speed; over spin.speed also draw a waterfall.",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=1024,
+        help="Number of parts computed in parallel. [default: one per core, or one per GPU]",
+    ),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Dask scheduler whose workers compute instead, or number of processes to start here, "
+        "each of which takes some seconds to import and compile. [needs jaxrotor\\[cluster]]",
+    ),
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder for sweep.zarr and bifurcation.png. [default: runs/SCENE-sweep]",
+    ),
+]
+
+
 def sweep(
     scene: SceneName,
     settings: Settings = None,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH=START:STOP:COUNT",
-            help="Parameter to sweep, also `PATH=VALUE,VALUE,...`; may be repeated, then all "
-            "combinations are run. [default: the scene's]",
-        ),
-    ] = None,
-    settle: Annotated[
-        int | None,
-        typer.Option(
-            min=0, max=MOST, help="Revolutions before the look. [default: the scene's, or 1000]"
-        ),
-    ] = None,
-    keep: Annotated[
-        int | None,
-        typer.Option(min=1, max=MOST, help="Revolutions looked at. [default: the scene's, or 300]"),
-    ] = None,
+    over: Over = None,
+    settle: Settle = None,
+    keep: Keep = None,
     steps: Steps = None,
     nodes: Nodes = None,
     tolerance: Tolerance = 1e-3,
-    error_sample: Annotated[
-        int,
-        typer.Option(
-            min=0, max=MOST, help="Lanes to run again with twice the steps; 0: no error estimate."
-        ),
-    ] = 0,
-    order: Annotated[
-        Order, typer.Option(help="Order of the exponential integrator.")
-    ] = Order.second,
+    error_sample: ErrorSample = 0,
+    order: OrderOf = Order.second,
     start_radius: Radius = None,
     start_rate: Rate = None,
     start_angle: Angle = None,
     at: At = None,
     period: Period = None,
-    spectrum: Annotated[
-        bool,
-        typer.Option(
-            "--spectrum",
-            help="Keep the spectrum of the whirl speed; over spin.speed also draw a waterfall.",
-        ),
-    ] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, max=1024, help="Parts computed at once. [default: one a core, or one a GPU]"
-        ),
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Dask scheduler whose workers compute instead, or how many processes to start here, "
-            "each some seconds until it has imported and compiled. [needs jaxrotor\\[cluster]]",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for sweep.zarr and bifurcation.png. [default: runs/SCENE-sweep]",
-        ),
-    ] = None,
+    spectrum: Spectrum = False,
+    workers: Workers = None,
+    cluster: Cluster = None,
+    out: Folder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
 
     Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
-    DIR/bifurcation.png. Lanes are kept as blocks of up to 128 are done: the same command goes on where
-    one was interrupted. What to sweep, from which start and for how long stands in the scene's
-    `[sweep]` table; options say otherwise.
+    DIR/bifurcation.png. Lanes are stored in blocks of up to 128: the same command resumes an interrupted
+    sweep. Swept parameters, start and duration are those of the scene's `[sweep]` table unless options
+    replace them.
 
     ```
     jaxrotor sweep limiter-rotor
@@ -144,17 +160,9 @@ def sweep(
     ```
     """
     rotor, table = scene_with(scene, settings), study(scene)
-    axes = _axes(rotor, table, over)
-    check_lanes(axes)
-    for path in assignments("--set", settings, ""):
-        if path in axes:
-            raise ValueError(f"--set {path} has no effect: it is swept; sweep others with --over.")
+    axes = _axes(rotor, table, over, settings)
     start = start_with(table, start_radius, start_rate, start_angle, list(axes))
-    given = (settle, keep, count_or_auto(steps, "--steps"))
-    counts: dict[str, Any] = {
-        name: table.get(name, default) if count is None else count
-        for (name, default), count in zip(_COUNTS.items(), given, strict=True)
-    }
+    counts = _counts(table, settle, keep, count_or_auto(steps, "--steps"))
     options: dict[str, Any] = {
         "observe": _observables(rotor, spectrum, counts["steps_per_revolution"]),
         "solver": Exponential(2 if order is Order.second else 4),
@@ -166,14 +174,32 @@ def sweep(
         "tolerance": tolerance,
         "error_sample": error_sample,
     }
-    out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep") if out is None else out
+    if out is None:
+        out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep")
+    compute = functools.partial(run, rotor, axes, start=start, **counts, **options)
+    dataset, seconds = _computed(compute, list(axes), out, overwrite)
+    counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
+    good = dataset["radius_max"].values[~failed(dataset["status"])]
+    answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
+    written = written_to(out, _FILES)
+    if not as_json:
+        _print(dataset, axes, counts, seconds, written)
+        return
+    found = {**counts, **_lanes(dataset), **_errors(dataset), "seconds": seconds}
+    found |= {"written": written, "results": _results(dataset, list(axes))}
+    answer.print_json({"scene": scene, **found})
+
+
+def _computed(
+    compute: Callable[..., xr.Dataset], swept: list[str], out: Path, overwrite: bool
+) -> tuple[xr.Dataset, float]:
+    """The data of a sweep, stored and drawn in a folder, and the time it took [s]."""
     partial = out / _PARTIAL
     with draft(out, _FILES, overwrite, unfinished=_PARTIAL) as folder:
         begun = time.perf_counter()
-        again = lambda: run(rotor, axes, start=start, **counts, **options, store=partial).load()
-        with _kept(partial):
+        with _interruption_reported(partial):
             try:
-                dataset = again()
+                dataset = compute(store=partial).load()
             except OtherSweepError as error:
                 if not overwrite:
                     why = str(error).partition(";")[0]
@@ -181,34 +207,16 @@ def sweep(
                         f"{why}; add --overwrite to replace it, or choose another --out."
                     ) from None
                 shutil.rmtree(partial)
-                dataset = again()
+                dataset = compute(store=partial).load()
             seconds = time.perf_counter() - begun
-            _draw(dataset, list(axes), folder)
+            _draw(dataset, swept, folder)
     partial.rename(out / "sweep.zarr")
-    counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
-    written = written_to(out, _FILES)
-    lanes = _lanes(dataset)
-    good = dataset["radius_max"].values[~failed(dataset["status"])]
-    answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
-    if as_json:
-        answer.print_json(
-            {
-                "scene": scene,
-                **counts,
-                **lanes,
-                **_errors(dataset),
-                "seconds": seconds,
-                "written": written,
-                "results": _results(dataset, list(axes)),
-            }
-        )
-    else:
-        _print(dataset, axes, counts, lanes, seconds, written)
+    return dataset, seconds
 
 
 @contextlib.contextmanager
-def _kept(partial: Path) -> Iterator[None]:
-    """Say of a run that is interrupted what is kept of it."""
+def _interruption_reported(partial: Path) -> Iterator[None]:
+    """Report the lanes that an interrupted run has stored."""
     try:
         yield
     except KeyboardInterrupt:
@@ -216,30 +224,47 @@ def _kept(partial: Path) -> Iterator[None]:
             raise
         done = xr.open_zarr(partial, chunks=None)["status"].values != PENDING
         typer.echo(
-            f"Interrupted; {done.sum()} of {done.size} lanes are kept in {partial}, and the same command "
-            "goes on from there.",
+            f"Interrupted; {done.sum()} of {done.size} lanes are kept in {partial}; the same command "
+            "continues from there.",
             err=True,
         )
         raise typer.Exit(130) from None
 
 
-def _axes(scene: Scene, table: dict[str, Any], over: list[str] | None) -> dict[str, np.ndarray]:
-    """Swept values by path: those of `--over`, else of the scene file."""
+def _axes(
+    scene: Scene, table: dict[str, Any], over: list[str] | None, settings: list[str] | None
+) -> dict[str, np.ndarray]:
+    """Swept values by path: those of `--over`, else of the scene file; `--set` must not set any."""
     axes = swept_axes(scene, over) or table.get("over", {})
     if not axes:
         raise ValueError(
-            "The scene does not say what to sweep; add --over, as in --over spin.speed=0:6000rpm:61."
+            "The scene names no parameters to sweep; add --over, as in --over spin.speed=0:6000rpm:61."
         )
+    check_lanes(axes)
+    for path in assignments("--set", settings, ""):
+        if path in axes:
+            raise ValueError(
+                f"--set {path} has no effect, as it is swept; sweep others with --over."
+            )
     return axes
 
 
+def _counts(table: dict[str, Any], *given: Any) -> dict[str, Any]:
+    """Revolutions and steps: those given, else those of the scene's table, else the defaults."""
+    return {
+        name: table.get(name, default) if count is None else count
+        for (name, default), count in zip(_COUNTS.items(), given, strict=True)
+    }
+
+
 def _observables(scene: Scene, spectrum: bool, steps: Any) -> tuple[AbstractObservable, ...]:
+    """All observables of a scene, with the whirl spectrum if it is asked for."""
     found = everything(bool(scene.of(AbstractContact)))
     if spectrum:
         one = WhirlSpectrum()
         if steps != "auto" and steps % one.samples:
             raise ValueError(
-                f"--spectrum needs --steps that are a multiple of {one.samples}, but they are {steps}."
+                f"--spectrum needs --steps to be a multiple of {one.samples}, but it is {steps}."
             )
         found += (one,)
     return found
@@ -264,23 +289,23 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
 
 
 def _range(path: str, values: np.ndarray, unit: str) -> str:
-    """A swept axis in words; a speed of the spin also in revolutions per minute."""
+    """Description of a swept axis; a spin speed also in revolutions per minute."""
     low, high = values.min(), values.max()
     also = f" ({rpm(low):.6g} to {rpm(high):.6g} rpm)" if path == "spin.speed" else ""
     return f"{low:.6g} to {high:.6g} {unit}{also}, {values.size} values"
 
 
 def _lanes(dataset: xr.Dataset) -> dict[str, Any]:
-    """How many lanes do what, and the range of the index over those that whirl."""
+    """Number of lanes by whirl and status, and the range of the index over those that whirl."""
     index, status = dataset["index"].values, dataset["status"].values
-    none = failed(status)
-    whirls = np.isfinite(index) & ~none
+    lost = failed(status)
+    whirls = np.isfinite(index) & ~lost
     return {
         "lanes": index.size,
         "forward": np.sum(whirls & (index > 0)),
         "backward": np.sum(whirls & (index < 0)),
-        "undefined": np.sum(~none & ~(whirls & (index != 0))),
-        "failed": np.sum(none),
+        "undefined": np.sum(~lost & ~(whirls & (index != 0))),
+        "failed": np.sum(lost),
         "steps_too_long": np.sum(status == STATUS.index("steps_too_long_for_a_stop")),
         "index_min": index[whirls].min() if whirls.any() else None,
         "index_max": index[whirls].max() if whirls.any() else None,
@@ -288,7 +313,7 @@ def _lanes(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _results(dataset: xr.Dataset, swept: list[str]) -> dict[str, Any]:
-    """Swept values, and the variables with one number a lane."""
+    """Swept values, and the variables with one number per lane."""
     coordinates = {
         path: {"units": dataset[path].attrs["units"], "values": dataset[path].values}
         for path in swept
@@ -302,7 +327,7 @@ def _results(dataset: xr.Dataset, swept: list[str]) -> dict[str, Any]:
 
 
 def _errors(dataset: xr.Dataset) -> dict[str, Any]:
-    """What twice the steps change, of the numbers that a sweep has an estimate for; what was chosen."""
+    """Changes of the numbers under twice the steps, where estimated, and the settings chosen."""
     named = {
         str(name): {
             "largest": array.attrs["error"],
@@ -320,13 +345,13 @@ def _print(
     dataset: xr.Dataset,
     axes: dict[str, np.ndarray],
     counts: dict[str, int],
-    lanes: dict[str, Any],
     seconds: float,
     written: list[str],
 ) -> None:
+    lanes = _lanes(dataset)
     rows = [(path, _range(path, v, dataset[path].attrs["units"])) for path, v in axes.items()]
     rows += [
-        ("revolutions", f"{counts['settle']} to settle, {counts['keep']} kept"),
+        ("revolutions", f"{counts['settle']} to settle, {counts['keep']} observed"),
         ("solver", f"{dataset.attrs['solver']}, {counts['steps_per_revolution']} steps each"),
         ("lanes", f"{lanes['lanes']}"),
         ("forward whirl", f"{lanes['forward']}"),
@@ -334,9 +359,7 @@ def _print(
     ]
     rows += [(name, f"{lanes[name]}") for name in ("undefined", "failed") if lanes[name]]
     if lanes["steps_too_long"]:
-        text = (
-            f"{lanes['steps_too_long']} lanes, whose stops answer within a step: give --steps more"
-        )
+        text = f"{lanes['steps_too_long']} lanes, contact too stiff for the step; increase --steps"
         rows.append(("steps too long", text))
     if lanes["index_min"] is not None:
         text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"

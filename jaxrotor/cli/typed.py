@@ -1,4 +1,4 @@
-"""Typed: sentences that say what to write in Python, said as what to type at a prompt."""
+"""Typed: messages of the library, reworded for the command line."""
 
 import functools
 import re
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 
-# What a function of the library is as a command, where its name is not that of the command.
+# Commands for functions of the library whose name differs.
 _COMMANDS = {
     "critical_speeds": "critical {scene}",
     "floquet_multipliers": "stability {scene} --over spin.speed=0:6000rpm:61",
@@ -19,17 +19,20 @@ _OPTIONS = {"steps_per_revolution": ("steps",), "within": ("low", "high"), "time
 
 
 def typed(sentence: str, name: str, words: Sequence[str], commands: Sequence[str], own: Any) -> str:
-    """A sentence of the library for someone at a prompt.
+    """A message of the library, reworded for someone at a prompt.
 
-    Functions become commands on the same scene, arguments the options of this command, and parts of a
-    scene tables of its file; what no command does is left to Python.
+    Functions become commands on the same scene, arguments become options of this command, and parts of a
+    scene become tables of its file. Functions without a command are marked as Python.
 
     Args:
-        sentence: what an error says.
-        name: of the command that failed.
-        words: after its name, as they were typed.
+        sentence: message of an error.
+        name: name of the command that failed.
+        words: arguments typed after the name.
         commands: names of all commands.
-        own: the command itself, whose options are known by the names of its parameters.
+        own: the command itself; its parameters have the names of its options.
+
+    Returns:
+        The message.
     """
     scene = words[0] if words and not words[0].startswith("-") else "SCENE"
 
@@ -59,7 +62,7 @@ def typed(sentence: str, name: str, words: Sequence[str], commands: Sequence[str
 
 @functools.cache
 def _tables() -> dict[str, str]:
-    """Tables of a scene file by the classes that they are read as."""
+    """Tables of a scene file, by the name of the class of each."""
     from .. import effects
 
     found = (cls for cls in vars(effects).values() if hasattr(cls, "kind"))

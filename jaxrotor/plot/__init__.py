@@ -1,4 +1,4 @@
-"""Plots: free functions that take a result and return its matplotlib Axes."""
+"""Plots: functions that draw a result and return its matplotlib Axes."""
 
 from .accuracy import convergence as convergence, work_precision as work_precision
 from .animation import animate as animate

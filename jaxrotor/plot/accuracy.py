@@ -1,4 +1,4 @@
-"""Accuracy: error against time, and against steps or nodes."""
+"""Accuracy: error against run time, steps or nodes."""
 
 from typing import Any
 
@@ -16,18 +16,21 @@ _AXES = {
     "nodes": "nodes, or cells [1]",
 }
 _MARKERS = "osD^vPX<>"
-_FLOOR = 3.0  # errors this near to the reference's own, in units of it, tell no order
+_FLOOR = 3.0  # an order is fitted to errors above so many times the error of the reference
 
 
 def work_precision(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Relative error against the time of a run, one line a method, its settings loose to tight.
+    """Relative error against run time, one line per method, its settings loose to tight.
 
-    Settings that failed are left out and counted under the figure; below the dashed line the reference
-    itself is not known better.
+    Settings that failed are left out and counted in the figure. The dashed line is the uncertainty of
+    the reference.
 
     Args:
         dataset: result of `jaxrotor.accuracy`.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, relative error [1] over run time [s].
     """
     ax = page.single(ax, 150, 105)
     for style, line in _lines(dataset):
@@ -40,19 +43,25 @@ def work_precision(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
 def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None = None) -> Axes:
     """Relative error against steps, nodes or tolerance, each method with its order.
 
-    The order is the slope of the line, fitted where the error is above that of the reference; of
-    spectral nodes, whose error falls exponentially, there is none.
+    The order is the slope of the line, fitted where the error is well above that of the reference.
+    Spectral nodes, whose error decreases exponentially, have none.
 
     Args:
         dataset: result of `jaxrotor.accuracy`.
         ax: Axes to draw in; a new figure if None.
         axis: "steps", "nodes" or "tolerance", by default that of the first method.
+
+    Returns:
+        The Axes, relative error [1] over the axis.
+
+    Raises:
+        ValueError: no method of the study has this axis.
     """
     axis = str(dataset["axis"].values[0]) if axis is None else axis
     found = [(style, line) for style, line in _lines(dataset) if line["axis"].values[0] == axis]
     if axis not in _AXES or not found:
-        there = ", ".join(dict.fromkeys(str(one) for one in dataset["axis"].values))
-        raise ValueError(f"`axis` must be one of the study's ({there}), but is {axis!r}.")
+        known = ", ".join(dict.fromkeys(str(one) for one in dataset["axis"].values))
+        raise ValueError(f"`axis` must be one of the study's ({known}), but is {axis!r}.")
     ax = page.single(ax, 150, 105)
     for style, line in found:
         x, y = line[axis].values, _errors(line)
@@ -68,7 +77,7 @@ def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None
 
 
 def slope(x: Float[np.ndarray, " N"], error: np.ndarray, floor: float | int) -> float | None:
-    """Slope of log error over log x by least squares, of the errors well above `floor`."""
+    """Slope of log error over log x by least squares, fitted to errors well above `floor`."""
     use = np.isfinite(error) & (error > _FLOOR * floor) & (error < 1)
     if use.sum() < 2:
         return None
@@ -76,15 +85,15 @@ def slope(x: Float[np.ndarray, " N"], error: np.ndarray, floor: float | int) -> 
 
 
 def _lines(dataset: xr.Dataset) -> list[tuple[dict[str, Any], xr.Dataset]]:
-    """Style and runs of every method."""
+    """Line style and runs of every method."""
     names = list(dict.fromkeys(dataset["method"].values.tolist()))
     found = []
     for number, name in enumerate(names):
-        again = number // len(colours.CYCLE)
+        cycle = number // len(colours.CYCLE)
         style = {
             "color": colours.CYCLE[number % len(colours.CYCLE)],
             "marker": _MARKERS[number % len(_MARKERS)],
-            "linestyle": ("-", "--", ":")[again % 3],
+            "linestyle": ("-", "--", ":")[cycle % 3],
             "linewidth": 1.2,
             "markersize": 3.5,
         }
@@ -93,7 +102,7 @@ def _lines(dataset: xr.Dataset) -> list[tuple[dict[str, Any], xr.Dataset]]:
 
 
 def _errors(line: xr.Dataset) -> np.ndarray:
-    """Relative errors; none of a failed run, and none too small for a logarithm."""
+    """Relative errors, NaN for failed runs, at least the machine epsilon for the logarithm."""
     error = np.where(line["status"].values == 0, line["relative_error"].values, np.nan)
     return np.maximum(error, np.finfo(float).eps)
 

@@ -1,4 +1,4 @@
-"""Animation: a run as a small film, the orbit of the rotor and the balls it carries."""
+"""Animation: a run as a small film of the orbit of the rotor and the balls it carries."""
 
 import os
 from pathlib import Path
@@ -32,32 +32,36 @@ def animate(
 ) -> None:
     """Write a film of a run: the orbit at one station, and beside it the balancer if there is one.
 
-    The orbit is in fixed axes, dark where it was since the last pictures; balls are seen from the
-    rotor. The film is evenly spaced in samples of the run.
+    The orbit is in fixed axes, its latest part in colour; balls are drawn in the axes of the rotor. The
+    frames are evenly spaced in samples of the run.
 
     Args:
         run: a `RunUp`.
-        path: a `.gif`, or an `.mp4`, which needs the program ffmpeg.
-        station: which of the run's stations.
-        seconds: length of the film [s], less where the run has too few samples.
-        rate: pictures a second.
+        path: file name in `.gif`, or in `.mp4`, which needs the program ffmpeg.
+        station: index of the station of the run.
+        seconds: duration of the film [s], shorter if the run has too few samples.
+        rate: frames per second.
+
+    Raises:
+        ValueError: the path has another ending, ffmpeg is missing, `seconds` or `rate` is too small, or
+            the run has no such station.
     """
     target = Path(path)
     writer = _WRITERS.get(target.suffix.lower())
     if writer is None:
         raise ValueError(f"`path` must end in .gif or .mp4, but is {os.fspath(path)!r}.")
     if not writer.isAvailable():
-        raise ValueError("A film in .mp4 needs the program ffmpeg, which is not there; use .gif.")
+        raise ValueError("A film in .mp4 needs the program ffmpeg, which was not found; use .gif.")
     if not (rate >= 1 and 0 < seconds < np.inf):
         raise ValueError(
             f"`seconds` must be above 0 and `rate` at least 1, but are {seconds!r} and {rate!r}."
         )
-    signal(run, "displacement", station)  # refuses a station that is not there
+    signal(run, "displacement", station)  # raises if there is no such station
     count = max(2, round(seconds * rate))
     last = np.asarray(run.time).size - 1
     samples: list[int] = np.unique(np.linspace(0, last, count).round().astype(int)).tolist()
     balanced = Rows.of(run) if run.scene.of(AbstractBodies) else None
-    with rc_context(page.LOOK):
+    with rc_context(page.STYLE):
         figure = Figure(figsize=page.inches(170 if balanced else 85, 90), dpi=_DPI)
         axes = figure.subplots(1, 2 if balanced else 1, squeeze=False)[0]
         figure.subplots_adjust(0.11 if balanced else 0.2, 0.14, 0.98, 0.84, wspace=0.3)
@@ -78,7 +82,7 @@ def _draw_orbit(ax: Axes, run: Any, station: int, before: int, now: int) -> None
     factor, unit = labels.length(reach)
     path, radius = factor * z, factor * reach
     gaps = [factor * float(stop.gap) for stop in limiters_at(run, station)]
-    near = [gap for gap in gaps if gap < 3 * radius]  # those farther off would shrink the orbit
+    near = [gap for gap in gaps if gap < 3 * radius]  # showing wider gaps would shrink the orbit
     reach = 1.1 * max(radius, *near, 0.0) or 1.0
     ax.plot(path.real, path.imag, color="0.85", lw=0.4, label="whole path")
     draw_limiters(ax, run, station, radius, factor)

@@ -1,4 +1,4 @@
-"""Attractors: which motion every pair of two parameters ends in."""
+"""Attractors: map of the final motion over two parameters."""
 
 import numpy as np
 import xarray as xr
@@ -15,8 +15,14 @@ def attractors(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     The legend names the mean of the first feature of each; failed lanes are white.
 
     Args:
-        dataset: of `jaxrotor.attractors`, over two dimensions, the first drawn to the right.
+        dataset: result of `jaxrotor.attractors` over two dimensions; the first is drawn to the right.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, both parameters.
+
+    Raises:
+        ValueError: the dataset has no `attractor`, or not two swept dimensions.
     """
     if "attractor" not in dataset:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Balancer: where the balls of a ball balancer are, and what imbalance is left."""
+"""Balancer: positions of the balls of a ball balancer, and the remaining imbalance."""
 
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from .record import sample
 
 
 STEEL = 7850.0  # kg/m^3
-_TINTS = (colours.BLUE, colours.ORANGE, colours.TEAL, colours.MAGENTA)  # of the rows
+_TINTS = (colours.BLUE, colours.ORANGE, colours.TEAL, colours.MAGENTA)  # one per row
 
 
 class Row(NamedTuple):
@@ -22,10 +22,10 @@ class Row(NamedTuple):
 
     name: str
     colour: str
-    angle: Float[np.ndarray, "T b"]  # from the rotor [rad]
+    angle: Float[np.ndarray, "T b"]  # relative to the rotor [rad]
     mass: Float[np.ndarray, " b"]  # [kg]
     size: Float[np.ndarray, " b"]  # radius of a ball [m]
-    radius: float  # of the race [m]
+    radius: float  # radius of the race [m]
 
     @property
     def moment(self) -> Complex[np.ndarray, " T"]:
@@ -34,7 +34,7 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """All balls and what they balance."""
+    """All balls, and the imbalance with and without them."""
 
     rows: list[Row]
     rotor: complex  # imbalance without balls [kg m]
@@ -59,10 +59,10 @@ class Rows(NamedTuple):
         return cls(rows, rotor, np.asarray(run.imbalance))
 
     def draw(self, ax: Axes, now: int) -> None:
-        """Races, balls and arrows of imbalance at a sample."""
+        """Draw races, balls and arrows of imbalance at a sample."""
         radius = max(row.radius for row in self.rows)
         capacity = sum(float(row.mass.sum()) * row.radius for row in self.rows)
-        unit = max(capacity, abs(self.rotor))  # kg m, as long as the race is wide
+        unit = max(capacity, abs(self.rotor))  # kg m, drawn as long as the radius of the race
         arrows = [("rotor", colours.DARK, self.rotor)]
         for row in self.rows:
             circle = {"fill": False, "edgecolor": colours.GREY, "linewidth": 0.8, "zorder": 1}
@@ -87,16 +87,19 @@ class Rows(NamedTuple):
 
 
 def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
-    """Angles of all balls from the rotor above; imbalance of rotor and balls below, against time.
+    """Angles of all balls relative to the rotor, and imbalance of rotor and balls, against time.
 
-    A curve breaks where a ball passes 360 degrees.
+    A curve is interrupted where a ball passes 360 degrees.
 
     Args:
         run: a `RunUp` of a scene with balls.
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
-        The upper and the lower Axes.
+        The upper Axes, angles [deg], and the lower, imbalance [g m].
+
+    Raises:
+        ValueError: the run has no balls, or `axes` are not two.
     """
     found, time = Rows.of(run), np.asarray(run.time)
     upper, lower = page.pair(axes, 170, 110)
@@ -128,13 +131,19 @@ def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
 def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
     """Races and balls to scale at the sample next to a time, in the axes of the rotor.
 
-    Arrows are imbalances, of the rotor, of each row and what is left of all; their scale is noted
-    in the picture. Balls without a `ball_radius` are drawn as if of steel.
+    Arrows are the imbalances of the rotor and of each row, and their sum; the scale is noted in the
+    picture. Balls without a `ball_radius` are drawn with the size of steel balls.
 
     Args:
         run: a `RunUp` of a scene with balls.
-        time: instant [s], within the run.
+        time: instant [s] within the run.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, x and y in axes of the rotor [mm].
+
+    Raises:
+        ValueError: the run has no balls, or the time is outside it.
     """
     found, now = Rows.of(run), sample(run, time)
     ax = page.single(ax, 85, 95)
@@ -144,7 +153,7 @@ def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
 
 
 def _broken(degrees: Float[np.ndarray, "T b"]) -> Float[np.ndarray, "T b"]:
-    """Angles from 0 to 360 with a gap where they go round."""
+    """Angles from 0 to 360, with NaN where they pass 360."""
     turns = np.floor(degrees / 360)
     wrapped = degrees - 360 * turns
     wrapped[1:][np.diff(turns, axis=0) != 0] = np.nan

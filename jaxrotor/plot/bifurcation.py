@@ -1,4 +1,4 @@
-"""Bifurcation diagram: where the disc turns back, and which way it whirls."""
+"""Bifurcation diagram: extrema of the displacement, and direction of whirl."""
 
 from typing import Any
 
@@ -17,20 +17,26 @@ def bifurcation(
 ) -> tuple[Axes, Axes]:
     """Local extrema of the x displacement, and the precession index below, over one parameter.
 
-    Colours tell attractors where the data set knows them (`jaxrotor.attractors`), else forward whirl
-    (index > 0), backward (< 0) and undefined (NaN: at rest in the centre; 0: no net whirl). Starts are
-    drawn over each other, and so are the ways up and down, told apart below. Azarov, Gouskov, Panovko
-    (2023), Fig. 3.
+    Colours are those of the attractors if the data set has them (`jaxrotor.attractors`). Otherwise they
+    mark forward whirl (index > 0), backward whirl (< 0) and undefined whirl (NaN: at rest in the
+    centre; 0: no net whirl). Several starts are drawn over each other, as are the branches up and down,
+    which have different markers in the lower Axes.
 
     Args:
         dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and
             `index` [1].
         axes: two Axes, upper and lower; a new figure if None.
-        section: draw x once a revolution (`section` [m]) instead of its extrema.
+        section: draw x once per revolution (`section` [m]) instead of its extrema.
         size: marker size of the points [pt].
 
     Returns:
-        The upper and the lower Axes.
+        The upper Axes, displacement [mm], and the lower, precession index [1].
+
+    Raises:
+        ValueError: a variable is missing, it is not over one swept parameter, or both are not over
+            the same one.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 3.
     """
     name, own = (
         ("section", ("revolution", "axis")) if section else ("extrema", ("revolution", "extremum"))
@@ -38,14 +44,17 @@ def bifurcation(
     others = ensemble(dataset, name, own)
     dim = only_swept(dataset, name, (*own, *others))
     if only_swept(dataset, "index", others) != dim:
-        raise ValueError(f"`{name}` and `index` must be over the same swept dimension.")
+        raise ValueError(
+            f"`{name}` and `index` must be over the same swept dimension, but are over '{dim}' and "
+            f"'{only_swept(dataset, 'index', others)}'."
+        )
     lanes = (dim, *others)
     array = dataset[name].isel(axis=0) if section else dataset[name]
     index = dataset["index"].transpose(*lanes).values
     displacement = 1e3 * array.transpose(*lanes, ...).values.reshape(index.size, -1)
     values, label = coordinate(dataset, dim)
     values = np.repeat(values, index.size // len(values))
-    if "status" in dataset:  # failed lanes show nothing
+    if "status" in dataset:  # failed lanes are not drawn
         displacement[failed(dataset["status"].transpose(*lanes)).ravel()] = np.nan
 
     upper, lower = page.pair(axes, 170, 110)
@@ -62,8 +71,8 @@ def bifurcation(
         x, y = _cloud(values[chosen], displacement[chosen])
         style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
         upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=about, **style)
-        for marker, lanes_so in ways.items():
-            some = chosen & lanes_so
+        for marker, belongs in ways.items():
+            some = chosen & belongs
             marked: Any = style | {"marker": marker}
             lower.plot(values[some], index.ravel()[some], markersize=3.0, **marked)
     for ax in (upper, lower):
@@ -108,7 +117,7 @@ def _directions(index: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
 def _cloud(
     values: np.ndarray, displacement: Float[np.ndarray, "N e"]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All points of the lanes, less the padding."""
+    """All points of the lanes, without the padding."""
     x = np.repeat(values, displacement.shape[1])
     y = displacement.ravel()
     return x[np.isfinite(y)], y[np.isfinite(y)]

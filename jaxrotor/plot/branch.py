@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from . import colours, labels, page
 
 
-MARKERS = {  # by kind: sign and colour
+MARKERS = {  # kind of bifurcation: marker and colour
     "fold": ("o", colours.DARK),
     "flip": ("s", colours.ORANGE),
     "neimark-sacker": ("^", colours.MAGENTA),
@@ -29,18 +29,21 @@ def branch(
 
     Args:
         result: `jaxrotor.Branch`.
-        ax: Axes to draw on, where other branches may be already; a new figure if None.
+        ax: Axes to draw in, which may hold other branches; a new figure if None.
         of: "radius", the largest at a station, or "whirl_rate".
-        station: which of the result's stations.
-        colour: of the line.
+        station: index of the station of the result.
+        colour: colour of the line.
 
     Returns:
-        The Axes: parameter, in mm where it is a length, and radius [mm] or whirl rate [1].
+        The Axes, radius [mm] or whirl rate [1] over the parameter (in mm if it is a length).
+
+    Raises:
+        ValueError: `of` is neither.
     """
     if of not in ("radius", "whirl_rate"):
         raise ValueError(f"`of` must be 'radius' or 'whirl_rate', but is {of!r}.")
     ax = page.single(ax, 85, 65)
-    named = {line.get_label() for line in ax.get_lines()}  # of branches that are there already
+    named = {line.get_label() for line in ax.get_lines()}  # labels of branches drawn before
     called = lambda name: "_" if name in named else name
     heights, marks, label = _heights(result, of, station)
     factor, name = labels.parameter(labels.words(result.path), result.scene.unit(result.path))
@@ -78,7 +81,7 @@ def branch(
 
 
 def _heights(result: Any, of: str, station: int) -> tuple[np.ndarray, np.ndarray, str]:
-    """Of the points and of the bifurcations, and what they are."""
+    """Heights of the points and of the bifurcations, and the axis label."""
     if of == "whirl_rate":
         marks = np.array([point.whirl_rate for point in result.points])
         return np.asarray(result.whirl_rate), marks, "whirl rate [1]"
@@ -89,7 +92,7 @@ def _heights(result: Any, of: str, station: int) -> tuple[np.ndarray, np.ndarray
 
 
 def _runs(stable: np.ndarray, chosen: bool) -> np.ndarray:
-    """Which points belong to lines of a kind: those between, which are of none, end both."""
+    """Mask of the points on lines of a kind; bifurcations (NaN) between two kinds end both lines."""
     own = stable == chosen
     shown = own.copy()
     for i in np.flatnonzero(np.isnan(stable)):

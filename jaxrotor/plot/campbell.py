@@ -19,7 +19,7 @@ Branches = Float[np.ndarray, "w m"]
 Mask = Bool[np.ndarray, "w m"]
 
 _COLOURS = {1: colours.FORWARD, -1: colours.BACKWARD, 0: colours.DARK}
-_SEEN = 0.01  # damping ratio from which it is written beside a ring
+_SEEN = 0.01  # smallest damping ratio that is written beside a ring
 
 
 def campbell(
@@ -33,23 +33,28 @@ def campbell(
 ) -> tuple[Axes, Axes]:
     """Whirl frequency `|Im lambda|` above and growth rate `Re lambda` below, against spin speed.
 
-    Lines `n Omega` are drawn for `orders` n, with a ring where a branch crosses one: on the line 1
-    these are the critical speeds of the damped rotor. Beside a ring stands the damping ratio, from 0.01
-    on; past `OVERDAMPED` no peak is left and no ring drawn. Brysin, Nikiforov (2019), Figs. 3, 4 (their
-    decay is minus our growth). In the axes of the shaft (`result.frame` is "rotating") an unbalance
-    stands still, so a speed is critical where a frequency is zero; there the one line is that of the
-    weight, `Omega`.
+    Lines `n Omega` are drawn for `orders` n, with a ring where a branch crosses one: at order 1 the rings
+    are the critical speeds of the damped rotor. Damping ratios from 0.01 on are written beside the
+    rings; above `OVERDAMPED` there is no peak and no ring. In the axes of the shaft (`result.frame` is
+    "rotating") an unbalance is constant, so a speed is critical where a frequency is zero; the
+    only line there is that of the weight, `Omega`.
 
     Args:
-        result: branches of `jaxrotor.campbell`.
+        result: `jaxrotor.Campbell` diagram.
         axes: two Axes, upper and lower; a new figure if None.
         mirrored: draw backward whirl at negative speeds.
         orders: cycles per revolution of the lines.
         highest: end of the frequency axis [rad/s], by default above the highest branch.
-        critical: of `jaxrotor.critical_speeds`, marked by crosses: those of the rotor without damping.
+        critical: undamped `jaxrotor.critical_speeds`, marked by crosses.
 
     Returns:
-        The upper and the lower Axes.
+        The upper Axes, frequency [rad/s], and the lower, growth rate [1/s].
+
+    Raises:
+        ValueError: `axes` are not two, or `mirrored` is set but there is no backward whirl or the speeds
+            begin below zero.
+
+    Source: Brysin, Nikiforov (2019), Figs. 3, 4; their decay is minus the growth here.
     """
     speeds, values = np.asarray(result.speeds), np.asarray(result.values)
     frequency, growth = np.abs(np.imag(values)), np.real(values)
@@ -67,7 +72,7 @@ def campbell(
         name = "weight" if rotating else "synchronous" if order == 1 else f"{order:g} a revolution"
         style = {"linestyle": "-" if order == 1 else ":", "linewidth": 0.8}
         upper.plot(ends, order * np.abs(ends), color=colours.GREY, label=name, **style)
-    for under, (name, colour, shown) in enumerate(directions):  # where they meet, forward is seen
+    for under, (name, colour, shown) in enumerate(directions):  # forward whirl is drawn on top
         x = -speeds if mirrored and name == "backward whirl" else speeds
         for ax, part in ((upper, frequency), (lower, growth)):
             style: Any = {"linewidth": 1.2, "zorder": 2.5 - 0.1 * under}
@@ -91,7 +96,7 @@ def campbell(
 
 
 def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
-    """Name, colour and points of each direction of whirl; only circular whirl has one."""
+    """Name, colour and points of each direction of whirl; only circular whirl has a direction."""
     if result.forward is None:
         return [("whirl", colours.DARK, np.ones(result.values.shape, bool))]
     forward = np.asarray(result.forward)
@@ -106,7 +111,7 @@ def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
 def _check_mirror(speeds: Float[np.ndarray, " w"], directions: list[str]) -> None:
     if "backward whirl" not in directions:
         raise ValueError(
-            "A mirrored axis parts forward from backward whirl, but this result has no backward "
+            "A mirrored axis separates forward from backward whirl, but this result has no backward "
             "branch; leave `mirrored` out."
         )
     if speeds[0] < 0:
@@ -119,7 +124,7 @@ def _check_mirror(speeds: Float[np.ndarray, " w"], directions: list[str]) -> Non
 def _joined(
     x: Float[np.ndarray, " w"], branches: Branches, shown: Mask
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All branches as one curve with gaps between them and where they are not `shown`."""
+    """All branches as one curve, with gaps between them and where they are not `shown`."""
     width = branches.shape[1]
     y = np.vstack([np.where(shown, branches, np.nan), np.full(width, np.nan)])
     return np.tile(np.append(x, np.nan), width), y.ravel(order="F")
@@ -128,7 +133,7 @@ def _joined(
 def _draw_crossings(
     ax: Axes, result: Campbell, orders: Sequence[float | int], mirrored: bool
 ) -> None:
-    """A ring where a branch crosses a line, and its damping ratio; none where that hides a peak."""
+    """Rings where branches cross a line, with damping ratios; none where damping removes the peak."""
     name = "critical speed, damped" if tuple(orders) == (1,) else "crossing"
     crossings = [result.crossings(order) for order in orders]
     for (way, colour), found in itertools.product(_COLOURS.items(), crossings):
@@ -152,7 +157,7 @@ def _draw_crossings(
 
 
 def _draw_undamped(ax: Axes, critical: CriticalSpeeds, mirrored: bool, end: float) -> None:
-    """A cross on the synchronous line at every critical speed of the rotor without damping."""
+    """Crosses on the synchronous line at the critical speeds of the undamped rotor."""
     speeds, kinds = np.asarray(critical.speeds), np.array(critical.kinds)
     inside = speeds <= end
     x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
@@ -161,13 +166,13 @@ def _draw_undamped(ax: Axes, critical: CriticalSpeeds, mirrored: bool, end: floa
 
 
 def _scale_growth(ax: Axes, growth: Branches) -> None:
-    """Nearly logarithmic where fast branches would hide whether the slowest is stable."""
+    """Make the growth axis nearly logarithmic if fast branches would hide the sign of the slowest."""
     sizes = np.abs(growth).max(axis=0)
     sizes = sizes[sizes > 0]
     if not sizes.size:
         ax.set_ylim(-1.0, 1.0)
     elif sizes.max() > 30 * sizes.min():
         ax.set_yscale("asinh", linear_width=sizes.min())
-        least = 10 ** np.ceil(np.log10(sizes.min()))  # decades nearer to 0 have no room
+        least = 10 ** np.ceil(np.log10(sizes.min()))  # ticks of smaller decades would overlap
         ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=least))
         ax.yaxis.set_minor_locator(NullLocator())

@@ -1,4 +1,4 @@
-"""Colours: Paul Tol's "vibrant" set, told apart by colour-blind readers and in print."""
+"""Colours: Paul Tol's "vibrant" set, distinct in print and for colour-blind readers."""
 
 import matplotlib
 from matplotlib.colors import LinearSegmentedColormap, to_hex
@@ -15,11 +15,13 @@ DARK = "#333333"
 FORWARD, BACKWARD, UNDEFINED = BLUE, RED, GREY
 CYCLE = (BLUE, ORANGE, TEAL, RED, MAGENTA, DARK)
 
-RAMP = LinearSegmentedColormap.from_list("ramp", ["#FCF0E4", "#DE9468"])  # under lines and text
+RAMP = LinearSegmentedColormap.from_list(
+    "ramp", ["#FCF0E4", "#DE9468"]
+)  # background of lines and text
 
 
 def shades(count: int) -> list[str]:
-    """As many colours, those of the set while they last."""
+    """`count` colours: those of the set if it has enough, else from a colour map."""
     if count <= len(CYCLE):
         return list(CYCLE[:count])
     ramp = matplotlib.colormaps["viridis"]

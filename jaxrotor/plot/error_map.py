@@ -1,4 +1,4 @@
-"""Error map: how far an approximation is off over two parameters, and where it is no answer."""
+"""Error map: error of an approximation over two parameters, and where it is not valid."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,24 +22,32 @@ def error_map(
     label: str = "relative error [1]",
     marked: Sequence[float] = (0.01, 0.05),
 ) -> Axes:
-    """Relative error as colour by decades, hatched where the approximation says it is no answer.
+    """Relative error as colour by decades, hatched where the approximation is not valid.
 
     Args:
-        x: (a,) parameter along, by default the speed over the second frequency at rest.
-        y: (b,) parameter upwards, by default the polar over the diametral inertia.
+        x: (a,) horizontal parameter, by default the speed over the second frequency at rest.
+        y: (b,) vertical parameter, by default the polar over the diametral inertia.
         error: (a, b) relative error, not negative.
-        valid: (a, b) whether the approximation may be trusted.
+        valid: (a, b) whether the approximation is valid.
         ax: Axes to draw in; a new figure if None.
         x_label: label of the horizontal axis.
         y_label: label of the vertical axis.
         label: label of the colours.
-        marked: errors to draw as lines.
+        marked: errors drawn as contour lines.
+
+    Returns:
+        The Axes, both parameters.
+
+    Raises:
+        ValueError: no error is above zero.
     """
     x, y, valid = np.asarray(x), np.asarray(y), np.asarray(valid, bool).T
     error = np.asarray(error, float).T
     positive = error[np.isfinite(error) & (error > 0)]
     if not positive.size:
-        raise ValueError("An error map needs an error above zero, but all are zero or undefined.")
+        raise ValueError(
+            "An error map needs an error above zero, but all are zero or undefined; check `error`."
+        )
     low, high = np.floor(np.log10(positive.min())), np.ceil(np.log10(positive.max()))
     levels = 10.0 ** np.arange(max(low, high - 6), max(high, low + 1) + 1)
     ax = page.single(ax, 120, 85)

@@ -1,4 +1,4 @@
-"""Escapes: share of an ensemble still there, and the rate at which it leaves."""
+"""Escapes: surviving share of an ensemble, and rate of escape."""
 
 from typing import Any
 
@@ -10,20 +10,24 @@ from matplotlib.axes import Axes
 from . import colours, labels, page
 
 
-MOST = 8  # curves of survival drawn
+MOST = 8  # largest number of survival curves drawn
 
 
 def escapes(dataset: xr.Dataset, axes: Any = None) -> tuple[Axes, Axes]:
-    """Survival against revolutions for up to 8 values of a parameter, and rate against that parameter.
+    """Survival against revolutions for up to 8 values of a parameter, and rate against the parameter.
 
-    Bands and bars are the bounds of the data set. No escape at all has an upper bound only, an arrow.
+    Bands and bars are the bounds of the data set. Where no lane escaped there is only an upper bound,
+    drawn as a triangle.
 
     Args:
-        dataset: of `jaxrotor.escapes`, over one parameter.
+        dataset: result of `jaxrotor.escapes` over one parameter.
         axes: two Axes, left and right; a new figure if None.
 
     Returns:
         The left Axes, survival [1], and the right, rate [1/revolution].
+
+    Raises:
+        ValueError: the dataset has no `rate` or is not over one parameter, or `axes` are not two.
     """
     dim = labels.only_swept(dataset, "rate")
     values, label = labels.coordinate(dataset, dim)
@@ -41,7 +45,7 @@ def escapes(dataset: xr.Dataset, axes: Any = None) -> tuple[Axes, Axes]:
     left.set_ylim(min(0.5, 0.7 * low), 1.1)
     left.set_xlim(0, revolution[-1])
     left.set_xlabel("revolutions [1]")
-    left.set_ylabel("share still there [1]")
+    left.set_ylabel("surviving share [1]")
 
     rate, low, high = (dataset[f"rate{end}"].values for end in ("", "_low", "_high"))
     seen = rate > 0
@@ -57,7 +61,7 @@ def escapes(dataset: xr.Dataset, axes: Any = None) -> tuple[Axes, Axes]:
     )
     if not seen.all():
         right.plot(
-            values[~seen], high[~seen], "v", color=colours.GREY, ms=3.0, label="upper bound alone"
+            values[~seen], high[~seen], "v", color=colours.GREY, ms=3.0, label="upper bound only"
         )
     right.set_yscale("log")
     right.set_xlabel(label)

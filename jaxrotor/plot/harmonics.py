@@ -1,4 +1,4 @@
-"""Harmonics: the full spectrum of a periodic motion, forward and backward whirl apart."""
+"""Harmonics: full spectrum of a periodic motion, with forward and backward whirl separate."""
 
 from typing import Any
 
@@ -9,26 +9,31 @@ from . import colours, labels, page
 from .record import signal
 
 
-DECADES = 8  # below the largest amplitude: what is smaller is not drawn
+DECADES = 8  # range of amplitudes drawn, downwards from the largest
 
 
 def harmonics(result: Any, ax: Axes | None = None, *, station: int = 0) -> Axes:
-    """Radius of every circle that a motion is the sum of, against its whirl speed over that of the rotor.
+    """Amplitude of every harmonic `exp(i k Omega t)` of a motion against its order `k`.
 
     Args:
         result: `jaxrotor.HarmonicOrbit`.
         ax: Axes to draw in; a new figure if None.
-        station: which of the result's stations.
+        station: index of the station of the result.
 
     Returns:
-        The Axes, amplitude [mm] on a logarithmic scale over the order of whirl, backward left of zero.
+        The Axes, amplitude on a logarithmic scale over the order of whirl, negative if backward.
+
+    Raises:
+        ValueError: the orbit is at rest in the centre, or the result has no such station.
     """
     ax = page.single(ax, 120, 75)
     orders = np.asarray(result.orders)
     amplitude = np.abs(signal(result, "coefficients", station))
     largest = float(amplitude.max(initial=0.0))
     if not largest > 0:
-        raise ValueError("This orbit is at rest in the centre, so it has no harmonics to draw.")
+        raise ValueError(
+            "This orbit is at rest in the centre, so it has no harmonics to draw; draw another orbit."
+        )
     factor, unit = labels.length(largest)
     floor = factor * largest * 10.0**-DECADES
     for chosen, colour, name in (

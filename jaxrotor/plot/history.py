@@ -1,4 +1,4 @@
-"""History: the motion of one station in time."""
+"""History: motion of one station in time."""
 
 from typing import Any
 
@@ -14,13 +14,19 @@ def history(
 ) -> Axes:
     """Displacement x and y [mm], or slope x' and y' [mrad], against time in revolutions.
 
-    Azarov, Gouskov, Panovko (2023), Fig. 4a.
-
     Args:
         response: one simulation, with `angle` and `displacement` [m] or `slope` [rad].
-        station: which of the response's stations.
+        station: index of the station of the response.
         ax: Axes to draw in; a new figure if None.
-        slope: draw the angular motion, the slope of the shaft.
+        slope: draw the slope of the shaft instead of the displacement.
+
+    Returns:
+        The Axes.
+
+    Raises:
+        ValueError: the response has no such station, or is of many lanes.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 4a.
     """
     turns, motion = (
         revolutions(response),

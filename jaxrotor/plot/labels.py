@@ -1,4 +1,4 @@
-"""Labels: parameters in the unit they are drawn in, and roots in words."""
+"""Labels: axis labels with units, and descriptions of roots."""
 
 import re
 
@@ -10,11 +10,11 @@ from ..equations.pencil import is_rounding
 from ..results.provenance import ensemble_of
 
 
-_DRAWN = {"m": ("mm", 1e3)}  # SI unit -> unit on paper, factor
+_DRAWN = {"m": ("mm", 1e3)}  # SI unit -> unit in figures, factor
 
 
 def swept(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) -> list[str]:
-    """Dimensions of `variable` that were swept: all but its `own`."""
+    """Swept dimensions of `variable`: all but its `own`."""
     if variable not in dataset:
         raise ValueError(
             f"The dataset has no `{variable}`; run the sweep with an observable that yields "
@@ -37,14 +37,14 @@ def only_swept(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) ->
 
 
 def ensemble(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Dimensions that tell lanes of equal parameters apart, starts and branch, where any are swept."""
+    """Dimensions that distinguish lanes of equal parameters (starts, branch); none if all are such."""
     dims = swept(dataset, variable, own)
     found = ensemble_of(dims)
     return found if len(found) < len(dims) else ()
 
 
 def coordinate(dataset: xr.Dataset, dim: str) -> tuple[Shaped[np.ndarray, " N"], str]:
-    """Values of a swept parameter as drawn, and its axis label "name [unit]"."""
+    """Values of a swept parameter in the unit drawn, and its axis label "name [unit]"."""
     array = dataset[dim]
     name = str(array.attrs.get("long_name", words(dim)))
     factor, label = parameter(name, str(array.attrs.get("units", "1")))
@@ -52,28 +52,28 @@ def coordinate(dataset: xr.Dataset, dim: str) -> tuple[Shaped[np.ndarray, " N"],
 
 
 def parameter(name: str, unit: str) -> tuple[float, str]:
-    """Factor from SI to the unit that a parameter is drawn in, and its axis label "name [unit]"."""
+    """Factor from SI to the unit drawn, and axis label "name [unit]" of a parameter."""
     unit, factor = _DRAWN.get(unit, (unit, 1.0))
     return factor, f"{name} [{_raised(unit)}]"
 
 
 def length(largest: float) -> tuple[float, str]:
-    """Factor from m and unit on paper of displacements up to `largest` [m]."""
+    """Factor from m to the unit drawn, and that unit, for displacements up to `largest` [m]."""
     return (1e6, "\N{MICRO SIGN}m") if largest < 1e-4 else (1e3, "mm")
 
 
 def words(path: str) -> str:
-    """`spin.speed` as it is spoken."""
+    """A path as words: `spin.speed` is "spin speed"."""
     return re.sub(r"[._]", " ", path)
 
 
 def _raised(unit: str) -> str:
-    """`kg/m^3` with its power raised."""
+    """A unit such as `kg/m^3` with its exponent as a superscript."""
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", unit)
 
 
 def root(value: complex) -> str:
-    """`77 rad/s, decay 5.04 /s`."""
+    """Description of a root, such as "77 rad/s, decay 5.04 /s"."""
     whirl = f"{abs(value.imag):.4g} rad/s" if whirls(value) else "no whirl"
     if is_rounding(value.real, value):
         return f"{whirl}, undamped"
@@ -81,5 +81,5 @@ def root(value: complex) -> str:
 
 
 def whirls(value: complex) -> bool:
-    """Whether the imaginary part of a root is more than its rounding."""
+    """Whether the imaginary part of a root exceeds rounding."""
     return not is_rounding(value.imag, value)

@@ -1,4 +1,4 @@
-"""Lyapunov exponents: how the mean growth of disturbances settles."""
+"""Lyapunov exponents: convergence of the mean growth of disturbances."""
 
 from typing import Any
 
@@ -9,13 +9,13 @@ from . import colours, page
 
 
 def lyapunov(result: Any, ax: Axes | None = None) -> Axes:
-    """Mean growth up to every revolution, and the exponents (broken) with their standard errors.
+    """Mean growth up to every revolution, and the exponents (dashed) with their standard errors.
 
     Exponents are means with a smooth weight, so a curve need not end on its line.
 
     Args:
         result: `jaxrotor.Lyapunov`.
-        ax: Axes to draw on; a new figure if None.
+        ax: Axes to draw in; a new figure if None.
 
     Returns:
         The Axes, growth [1/s] over revolutions.
@@ -31,7 +31,7 @@ def lyapunov(result: Any, ax: Axes | None = None) -> Axes:
         ax.axhspan(rate - error, rate + error, color=colour, alpha=0.25, linewidth=0)
         ax.plot(count, running[:, number], color=colour, linewidth=1.0, label=label)
     ax.axhline(0.0, color=colours.GREY, linewidth=0.8)
-    # The first revolutions swing by far more than the exponents.
+    # Growth over the first revolutions varies far more than the exponents differ, so it is cut off.
     late = running[len(running) // 20 :]
     low, high = min(late.min(), 0.0), max(late.max(), 0.0)
     margin = 0.05 * (high - low)

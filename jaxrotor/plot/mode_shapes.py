@@ -13,15 +13,18 @@ _LINES = {"forward": "-", "backward": "--", "mixed": "-."}
 
 
 def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
-    """Shapes along the shaft, largest displacement 1 and real, with the roots in the legend.
+    """Shapes along the shaft, scaled to a largest displacement of 1, with the roots in the legend.
 
-    A root `s + i w` [rad/s], as seen from fixed axes, is a motion exp(s t) that whirls with the spin
-    or, dashed, against it; mixed, dash-dotted, where its orbits are nearly straight lines. A dotted
-    curve is the imaginary part, 90 degrees ahead in the plane of whirl, above a hundredth.
+    Roots are those in fixed axes. Forward whirl is solid, backward whirl dashed, and mixed whirl, whose
+    orbits are nearly straight lines, dash-dotted. A dotted curve is the imaginary part of a shape, 90
+    degrees ahead in the plane of whirl; it is drawn if it exceeds 0.01.
 
     Args:
-        modes: of `jaxrotor.modes`.
+        modes: result of `jaxrotor.modes`.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, displacement [1] over the position [m].
     """
     stations = np.asarray(modes.stations, dtype=float)
     order = np.argsort(stations)
@@ -57,6 +60,6 @@ def _normalised(shape: Complex[np.ndarray, " x"]) -> Complex[np.ndarray, " x"]:
 
 
 def _described(value: complex, sense: float) -> str:
-    """`forward 77 rad/s, decay 5.04 /s`."""
+    """Description of a mode, such as "forward 77 rad/s, decay 5.04 /s"."""
     way = f"{kind_of_whirl(sense)} " if value.imag else ""
     return f"{way}{labels.root(value)}"

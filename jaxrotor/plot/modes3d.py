@@ -11,7 +11,7 @@ from ..analysis import Modes
 from . import colours, labels, page
 
 
-_PHASE = np.linspace(0.0, 2 * np.pi * 11 / 12, 67)  # an orbit less the last hour of its clock
+_PHASE = np.linspace(0.0, 2 * np.pi * 11 / 12, 67)  # eleven twelfths of an orbit
 
 
 def modes3d(
@@ -23,18 +23,21 @@ def modes3d(
 ) -> tuple[Axes, ...]:
     """Mode shapes in space: `z(x, phase) = shape exp(i phase) + conj(counter exp(i phase))`.
 
-    The dark line is the shaft at phase 0. Each orbit begins there, at the dot, and ends short of it,
-    so the gap is behind the dot's motion; its colour tells whether the shaft whirls there with the
-    spin or against it, in fixed axes as the frequency above it.
+    The dark line is the shaft at phase 0. Each orbit begins at the dot and ends before it, so the gap
+    is behind the moving dot. Its colour shows whether the shaft whirls there with the spin or against
+    it; direction and frequency are those in fixed axes.
 
     Args:
-        modes: of `jaxrotor.modes`; in the axes of the shaft where `modes.frame` is "rotating".
-        numbers: which of them, by default the first four (of conjugate pairs one).
-        axes: as many 3-D Axes; a new figure if None.
-        orbits: how many orbits along the shaft.
+        modes: result of `jaxrotor.modes`; drawn in the axes of the shaft if `modes.frame` is "rotating".
+        numbers: indices of the modes, by default the first four (one of each conjugate pair).
+        axes: one 3-D Axes per mode; a new figure if None.
+        orbits: number of orbits along the shaft.
 
     Returns:
-        One 3-D Axes a mode.
+        One 3-D Axes per mode.
+
+    Raises:
+        ValueError: there is no such mode, or `axes` are not as many 3-D Axes.
     """
     values: Any = np.asarray(modes.values)
     stations = np.asarray(modes.stations)
@@ -73,12 +76,12 @@ def _draw(
     sense: Float[np.ndarray, " x"],
     orbits: int,
 ) -> list[str]:
-    """The shaft and its orbits; returns the directions of whirl that occur."""
+    """Draw the shaft and its orbits; returns the directions of whirl that occur."""
     size = (np.abs(shape) + np.abs(counter)).max()
     shape, counter = shape / size, counter / size
     line: Any = shape + np.conj(counter)
     radius = np.abs(shape) + np.abs(counter)
-    turn = np.exp(1j * np.copysign(_PHASE, value.imag))
+    rotation = np.exp(1j * np.copysign(_PHASE, value.imag))
     chosen = np.unique(np.linspace(0, stations.size - 1, orbits).round().astype(int))
     chosen = chosen[radius[chosen] > 1e-3]
     found = []
@@ -91,9 +94,9 @@ def _draw(
         if not members.size or not labels.whirls(seen):
             continue
         found.append(name)
-        if not labels.whirls(value):  # it stands bent in turning axes
+        if not labels.whirls(value):  # a shaft that stands bent in its own axes has no orbit there
             continue
-        orbit = shape[members, None] * turn + np.conj(counter[members, None] * turn)
+        orbit = shape[members, None] * rotation + np.conj(counter[members, None] * rotation)
         paths: Any = np.pad(orbit, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
         at = np.repeat(stations[members], _PHASE.size + 1)
         style = {"color": colour, "linewidth": 0.9, "clip_on": False, "label": name}

@@ -20,19 +20,24 @@ def onset(
 ) -> tuple[Axes, Axes]:
     """Onset speed of instability, and the whirl frequency there, against a parameter.
 
-    Azarov, Gouskov, Panovko (2023), Fig. 2. NaN (no onset) leaves a gap.
+    NaN (no onset) leaves a gap.
 
     Args:
         x: (N,) the parameter, by default a damping ratio [1].
         speeds: (N,) onset speed [rad/s].
         frequencies: (N,) whirl frequency at the onset [rad/s].
-        axes: two Axes; a new figure with one beside the other if None.
+        axes: two Axes, left and right; a new figure if None.
         x_label: label of both horizontal axes.
         speed_label: label of the speeds.
         frequency_label: label of the frequencies.
 
     Returns:
         The Axes of the speeds and of the frequencies.
+
+    Raises:
+        ValueError: `axes` are not two.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 2.
     """
     first, second = page.pair(axes, 170, 65, beside=True)
     for ax, values, colour, label in (

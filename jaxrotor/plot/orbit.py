@@ -1,4 +1,4 @@
-"""Orbit: the path of the shaft's centre in the plane of whirl, and the stops around it."""
+"""Orbit: path of the shaft's centre in the plane of whirl, and the limiters around it."""
 
 from typing import Any
 
@@ -7,22 +7,30 @@ from matplotlib.axes import Axes
 
 from ..effects import Limiter
 from . import colours, page
-from .record import once_a_turn, signal
+from .record import once_per_revolution, signal
 
 
 def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
-    """Orbit at one station, red points once a revolution, and the limiters there.
+    """Orbit at one station, with a red point once per revolution, and the limiters there.
 
-    A limiter is the line that the centre of the shaft touches when the rim touches the stop, drawn
-    to scale. Azarov, Gouskov, Panovko (2023), Fig. 4b.
+    A limiter is drawn to scale, as the line that the centre of the shaft reaches when the rim touches the
+    stop.
 
     Args:
         response: one simulation, with `displacement` [m], `angle`, `stations`, `scene`.
-        station: which of the response's stations.
+        station: index of the station of the response.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, x and y [mm].
+
+    Raises:
+        ValueError: the response has no such station, or is of many lanes.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 4b.
     """
     path = 1e3 * signal(response, "displacement", station)
-    points = path[once_a_turn(response)]
+    points = path[once_per_revolution(response)]
     ax = page.single(ax, 85, 85)
     ax.plot(
         path.real,
@@ -57,7 +65,10 @@ def limiters_at(response: Any, station: int) -> list[Limiter]:
 
 
 def draw_limiters(ax: Axes, response: Any, station: int, radius: float, factor: float) -> None:
-    """A tangent at each limiter's gap and angle, in `factor` of m; `radius` scales those without a gap."""
+    """Draw a tangent at each limiter's gap and angle, scaled by `factor` from m.
+
+    Its length follows the gap, but is at least a quarter of `radius`.
+    """
     for number, stop in enumerate(limiters_at(response, station)):
         gap, outward = factor * float(stop.gap), np.exp(1j * float(stop.angle))
         half = 0.25 * max(gap, 0.5 * radius)

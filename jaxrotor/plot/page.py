@@ -1,4 +1,4 @@
-"""Page: figures at the width they are printed, 85 mm (a column) to 170 mm (a page)."""
+"""Page: figures at their printed width, from 85 mm (a column) to 170 mm (a page)."""
 
 import os
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from ..scene import Scene
 
 
 TEXT = 8.0  # pt: axis and tick labels, legends
-RASTER = 20_000  # points above which a curve is drawn as pixels, so that a PDF stays small
+RASTER = 20_000  # points above which a curve is rasterized, so that a PDF stays small
 
 _MM = 1 / 25.4
-_DPI = 200.0  # of what is drawn as pixels
-LOOK: Any = {  # of a picture file: text and lines [pt]
+_DPI = 200.0  # resolution of rasterized parts
+STYLE: Any = {  # text and lines of a picture file [pt]
     "font.size": 8.0,
     "axes.labelsize": 8.0,
     "xtick.labelsize": 8.0,
@@ -33,17 +33,17 @@ LOOK: Any = {  # of a picture file: text and lines [pt]
 
 
 def inches(width: float | int, height: float | int) -> tuple[float, float]:
-    """Size of a figure [mm] as matplotlib takes it."""
+    """Size of a figure in inches, from mm."""
     return width * _MM, height * _MM
 
 
 def single(ax: Axes | None, width: int, height: int) -> Axes:
-    """`ax`, or the Axes of a new figure [mm]; a caller's Axes keep their own sizes."""
+    """`ax`, or the Axes of a new figure [mm]; given Axes keep their own sizes."""
     return _new(1, 1, width, height)[0] if ax is None else ax
 
 
 def pair(axes: Any, width: int, height: int, *, beside: bool = False) -> tuple[Axes, Axes]:
-    """The two of `axes`, or of a new figure [mm]: one above the other, or `beside` it."""
+    """The two Axes given, or those of a new figure [mm]: one above the other, or `beside` it."""
     if axes is None:
         first, second = _new(*((1, 2) if beside else (2, 1)), width, height)
         return first, second
@@ -54,7 +54,7 @@ def pair(axes: Any, width: int, height: int, *, beside: bool = False) -> tuple[A
 
 
 def solid(axes: Any, count: int) -> tuple[Axes, ...]:
-    """`count` 3-D Axes: those of `axes`, or of a new figure."""
+    """The `count` 3-D Axes given, or those of a new figure."""
     if axes is None:
         columns = min(count, 2)
         rows = -(-count // columns)
@@ -109,8 +109,16 @@ def write(
     height: float | int,
     rows: int = 1,
 ) -> None:
-    """Write a picture [mm] of `draw(axes)` to a file, without a window and without pyplot."""
-    with rc_context(LOOK):
+    """Write a picture of `draw(axes)` to a file, without a window and without pyplot.
+
+    Args:
+        path: file name; its ending determines the format, as in `Figure.savefig`.
+        draw: function that draws in the Axes of a new figure, an array of them if `rows` exceeds 1.
+        width: width [mm].
+        height: height [mm].
+        rows: number of Axes, one above the other.
+    """
+    with rc_context(STYLE):
         figure = Figure(figsize=inches(width, height), dpi=_DPI, layout="constrained")
         draw(figure.subplots(rows, sharex=True))
         figure.align_ylabels()
@@ -118,9 +126,9 @@ def write(
 
 
 def legend(ax: Axes, columns: int) -> None:
-    """A legend above the Axes, clear of the data, its points large enough to tell their colours.
+    """Draw a legend above the Axes, outside the data, with markers large enough to show their colours.
 
-    Axes in which nothing has a name get none.
+    Axes without named artists get no legend.
     """
     if not ax.get_legend_handles_labels()[1]:
         return
@@ -141,7 +149,7 @@ def legend(ax: Axes, columns: int) -> None:
 
 
 def assumption(ax: Axes, scene: Scene) -> None:
-    """What is assumed of a scene, in grey along the right side; nothing where nothing is."""
+    """Write the assumption of a scene, if it has one, in grey along the right side."""
     if scene.assumption:
         style = {
             "rotation": 270,
@@ -161,5 +169,5 @@ def assumption(ax: Axes, scene: Scene) -> None:
 
 
 def zero(ax: Axes) -> None:
-    """A thin line at zero, behind the data."""
+    """Draw a thin line at zero, behind the data."""
     ax.axhline(0.0, color="0.6", linewidth=0.6, zorder=0.5)

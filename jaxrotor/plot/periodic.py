@@ -1,4 +1,4 @@
-"""Periodic orbit: its path over a period and its multipliers about the unit circle."""
+"""Periodic orbit: path over a period, and multipliers with the unit circle."""
 
 from typing import Any
 
@@ -10,19 +10,22 @@ from .orbit import draw_limiters
 from .record import signal
 
 
-IMAGES = 360  # of a period that turns, at most
+IMAGES = 360  # largest number of rotated periods drawn
 
 
 def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, Axes]:
-    """One period of an orbit, where it goes on from there, and whether it attracts.
+    """One period of an orbit, its continuation, and its multipliers, unstable outside the unit circle.
 
     Args:
         result: `jaxrotor.PeriodicOrbit`.
         axes: two Axes, left and right; a new figure if None.
-        station: which of the result's stations.
+        station: index of the station of the result.
 
     Returns:
-        The left Axes, path [mm], and the right, multipliers: unstable are those outside the circle.
+        The left Axes, path, and the right, multipliers [1].
+
+    Raises:
+        ValueError: the result has no such station, or `axes` are not two.
     """
     left, right = page.pair(axes, 170, 85, beside=True)
     path = signal(result, "displacement", station)
@@ -30,7 +33,7 @@ def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, 
     path = factor * path
     for number in range(1, _images(float(result.turn))):
         image = path * np.exp(1j * number * float(result.turn))
-        label = "as it goes on" if number == 1 else None
+        label = "next periods" if number == 1 else None
         left.plot(image.real, image.imag, color=colours.GREY, linewidth=0.6, label=label)
     left.plot(path.real, path.imag, color=colours.BLUE, linewidth=1.4, label="one period")
     left.plot(path.real[:1], path.imag[:1], "o", color=colours.BLUE, ms=4.0, label="start")
@@ -71,6 +74,6 @@ def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, 
 
 
 def _images(turn: float) -> int:
-    """Periods until the orbit closes."""
+    """Number of periods after which the rotated orbit closes."""
     ahead = np.abs(np.angle(np.exp(1j * turn * np.arange(1, IMAGES + 1))))
     return int(np.argmax(ahead < 1e-9)) + 1

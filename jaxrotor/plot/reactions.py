@@ -1,4 +1,4 @@
-"""Reactions: forces of bearings on the rotor, in time, at an instant, and their paths."""
+"""Reactions: forces of bearings on the rotor, in time, as vectors, and as hodographs."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -11,26 +11,32 @@ from . import colours, page
 from .record import sample
 
 
-_FINE = 40  # points a revolution that a path is drawn with
-_DASHES = ("-", (0, (5, 4)), (0, (1, 3)))  # of curves that lie on each other
+_FINE = 40  # points per revolution of an interpolated path
+_DASHES = ("-", (0, (5, 4)), (0, (1, 3)))  # of curves that coincide
 
 
 class _Bearing(NamedTuple):
-    """What is drawn of one bearing, in the unit on paper."""
+    """Path and static part of the reaction of one bearing, in the unit drawn."""
 
-    name: str | None  # None: there is nothing to see
+    name: str | None  # None if the reaction is zero throughout
     colour: str
     path: Complex[np.ndarray, " T"]
-    static: complex | None  # None: it is not known
+    static: complex | None  # None if unknown
 
 
 def reactions(result: Any, ax: Axes | None = None, *, moment: bool = False) -> Axes:
-    """Magnitude of every reaction against time; dashed what the rotor at rest presses with.
+    """Magnitude of every reaction against time; dashed lines are the reactions of the rotor at rest.
 
     Args:
         result: `Reactions`.
         ax: Axes to draw in; a new figure if None.
-        moment: draw the moments of clamps in place of the forces.
+        moment: draw the moments of clamps instead of the forces.
+
+    Returns:
+        The Axes, reaction over time [s].
+
+    Raises:
+        ValueError: the scene has no supports, constraints or contacts.
     """
     bearings, what = _bearings(result, moment, False)
     ax = page.single(ax, 170, 70)
@@ -60,14 +66,20 @@ def reaction_vectors(
     rotating: bool = False,
     moment: bool = False,
 ) -> Axes:
-    """Reactions as vectors at the sample next to a time.
+    """Reactions as vectors at the sample closest to a time.
 
     Args:
         result: `Reactions`.
-        time: instant [s], within the run.
+        time: instant [s] within the run.
         ax: Axes to draw in; a new figure if None.
-        rotating: in the axes of the shaft instead of fixed ones.
-        moment: draw the moments of clamps in place of the forces.
+        rotating: draw in the axes of the shaft instead of fixed axes.
+        moment: draw the moments of clamps instead of the forces.
+
+    Returns:
+        The Axes, x and y of the reactions.
+
+    Raises:
+        ValueError: the time is outside the run, or the scene has no supports, constraints or contacts.
     """
     now = sample(result, time)
     bearings, what = _bearings(result, moment, rotating)
@@ -86,17 +98,23 @@ def reaction_vectors(
 def hodograph(
     result: Any, ax: Axes | None = None, *, rotating: bool = False, moment: bool = False
 ) -> Axes:
-    """Path of the tip of every reaction; a ring where it begins, a dot where it ends.
+    """Path of the tip of every reaction vector, from a ring to a dot.
 
-    Fewer than 20 samples a revolution would draw chords: then the path between them is that of the
-    dynamic part straight in the axes of the shaft, and the picture says so. Of reactions whose static
-    part is not known (NaN), chords are drawn.
+    With fewer than 20 samples per revolution the dynamic part is interpolated linearly in the axes of
+    the shaft, and the figure says so. Reactions whose static part is unknown (NaN) are drawn with
+    straight chords.
 
     Args:
         result: `Reactions`.
         ax: Axes to draw in; a new figure if None.
-        rotating: in the axes of the shaft instead of fixed ones.
-        moment: draw the moments of clamps in place of the forces.
+        rotating: draw in the axes of the shaft instead of fixed axes.
+        moment: draw the moments of clamps instead of the forces.
+
+    Returns:
+        The Axes, x and y of the reactions.
+
+    Raises:
+        ValueError: the scene has no supports, constraints or contacts.
     """
     bearings, what = _bearings(result, moment, rotating)
     ax = page.single(ax, 85, 85)
@@ -115,7 +133,7 @@ def hodograph(
             ax.plot(path[end].real, path[end].imag, "o", color=one.colour, ms=4.0, mfc=fill)
     if coarse:
         known = any(one.static is not None for one in bearings)
-        note = f"{2 * np.pi / widest:.2g} samples a revolution{', interpolated' if known else ''}"
+        note = f"{2 * np.pi / widest:.2g} samples per revolution{', interpolated' if known else ''}"
         ax.text(0.03, 0.03, note, transform=ax.transAxes, fontsize=page.TEXT - 1, color="0.4")
     _finish(ax, what, rotating, result)
     ax.set_aspect("equal", adjustable="datalim")
@@ -123,7 +141,7 @@ def hodograph(
 
 
 def _bearings(result: Any, moment: bool, rotating: bool) -> tuple[list[_Bearing], str]:
-    """All bearings, and what is drawn of them with its unit."""
+    """All bearings, and the axis label of what is drawn."""
     values, static = (
         np.asarray(getattr(result, name))
         for name in (("moment", "static_moment") if moment else ("force", "static"))
@@ -142,19 +160,21 @@ def _bearings(result: Any, moment: bool, rotating: bool) -> tuple[list[_Bearing]
         parts = scale * path, None if rest is None else scale * rest
         bearings.append(_Bearing(label, colours.CYCLE[i % many], *parts))
     if not bearings:
-        raise ValueError("The scene has no supports, constraints or contacts to react.")
+        raise ValueError(
+            "The scene has no supports, constraints or contacts, so it has no reactions; add one."
+        )
     unit = f"{prefix}N m" if moment else f"{prefix}N"
     return bearings, f"{'moment' if moment else 'reaction'} [{unit}]"
 
 
 def _columns(ax: Axes, letters: int) -> int:
-    """How many entries of the legend are side by side in a line of that many letters."""
+    """Number of columns of a legend that has room for `letters` letters per line."""
     longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
     return max(1, min(4, letters // (longest + 5)))
 
 
 def _dashes(curves: list[np.ndarray]) -> Iterator[Any]:
-    """Line styles that let a curve be seen through others that lie on it."""
+    """Line styles that keep a curve visible under others that coincide with it."""
     for i, curve in enumerate(curves):
         reach = 1e-3 * np.abs(curve).max(initial=0.0)
         below = sum(bool(np.allclose(curve, other, rtol=0, atol=reach)) for other in curves[:i])
@@ -162,15 +182,15 @@ def _dashes(curves: list[np.ndarray]) -> Iterator[Any]:
 
 
 def _between(one: _Bearing, angle: np.ndarray, widest: float) -> Complex[np.ndarray, " P"]:
-    """A path with points between its samples: the dynamic part, if known, straight in the shaft's axes."""
+    """A path refined by linear interpolation of the dynamic part, if known, in the shaft's axes."""
     if one.static is None:
         return one.path
     dynamic = (one.path - one.static) * np.exp(-1j * angle)
     parts = int(np.ceil(_FINE * widest / (2 * np.pi)))
     samples = np.arange(angle.size)
     places = np.linspace(0, angle.size - 1, (angle.size - 1) * parts + 1)
-    turn = np.exp(1j * np.interp(places, samples, angle))
-    return one.static + turn * np.interp(places, samples, dynamic)
+    rotation = np.exp(1j * np.interp(places, samples, angle))
+    return one.static + rotation * np.interp(places, samples, dynamic)
 
 
 def _finish(ax: Axes, what: str, rotating: bool, result: Any) -> None:

@@ -1,4 +1,4 @@
-"""Record: what the plots read from the response of one simulation."""
+"""Record: quantities that the plots derive from the response of one simulation."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ def signal(response: Any, name: str, station: int) -> Complex[np.ndarray, " T"]:
 
 
 def sample(result: Any, time: float | int) -> int:
-    """Which sample is next to a time [s]."""
+    """Index of the sample closest to a time [s]."""
     times = np.asarray(result.time)
     if not times[0] <= time <= times[-1]:
         raise ValueError(
@@ -34,20 +34,20 @@ def sample(result: Any, time: float | int) -> int:
 
 
 def revolutions(response: Any) -> Times:
-    """Turns of the rotor at each time."""
+    """Revolutions of the rotor at each time."""
     return np.asarray(response.angle, dtype=float) / (2 * np.pi)
 
 
-def once_a_turn(response: Any) -> Bool[np.ndarray, " T"]:
-    """Whether a sample is the first of a revolution: a Poincare section at angle 0."""
-    # A millionth of a turn is far below any step and far above the rounding of the angle.
+def once_per_revolution(response: Any) -> Bool[np.ndarray, " T"]:
+    """Mask of the first sample of each revolution: a Poincare section at angle 0."""
+    # A millionth of a revolution is far below any step and far above the rounding of the angle.
     turns = np.abs(revolutions(response)) + 1e-6
     first = turns[:1] % 1 < 2e-6
     return np.concatenate([first, np.diff(np.floor(turns)) != 0])
 
 
 def whirl_speed(response: Any, station: int) -> Times:
-    """Relative whirl speed `Lambda = Im(conj(z) z.) / (|z|^2 Omega)`; NaN at rest in the centre."""
+    """`Lambda = Im(conj(z) z.) / (|z|^2 Omega)`: relative whirl speed, NaN at rest in the centre."""
     z, rate = (signal(response, name, station) for name in ("displacement", "velocity"))
     below = np.abs(z) ** 2 * float(response.scene.spin.speed)
     defined = below != 0

@@ -1,4 +1,4 @@
-"""Report: one HTML file of a run, with all that is in it, to keep, to send and to print."""
+"""Report: a self-contained HTML file of a run, to archive, send and print."""
 
 import base64
 import html
@@ -20,7 +20,7 @@ from ..scene import Scene
 
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
-_ELSEWHERE = ("title", "scene", "assumption", "versions")  # attributes with a place of their own
+_ELSEWHERE = ("title", "scene", "assumption", "versions")  # attributes shown in other parts
 _ACCURACY = ("error", "steps_per_revolution", "precision", "tolerance", "chosen")
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -57,27 +57,31 @@ def report(
 ) -> None:
     """Write one HTML file of a run: scenes, figures, numbers, accuracy, status of lanes, versions.
 
-    Nothing in it is elsewhere: figures are inside, no script, nothing to fetch. Whole or not at all;
-    a file there is replaced.
+    The file is self-contained: figures are embedded, and it has no scripts or links. An existing file is
+    replaced, but only once the new one is complete.
 
     Args:
         path: the file, which ends in .html.
-        results: what `simulate`, `run_up`, `reactions` and `sweep` return, data sets, scenes.
+        results: results of `simulate`, `run_up`, `reactions` and `sweep`, data sets, scenes.
         figures: picture files (.png, .svg, .gif, .jpg), and figures or Axes of matplotlib.
         title: heading, by default that of the first result.
+
+    Raises:
+        ValueError: the path does not end in .html, there is neither a result nor a figure, a figure is
+            neither a picture file nor a figure or Axes, or a picture cannot be read.
     """
     target = Path(path)
     if target.suffix != ".html":
-        raise ValueError(f"The name of a report ends in .html, but is {target.name}.")
+        raise ValueError(f"The name of a report must end in .html, but is {target.name}.")
     if not results and not figures:
-        raise ValueError("A report needs a result, a scene or a figure; give one.")
+        raise ValueError("A report needs a result, a scene or a figure, but has none; give one.")
     data = [data_of(result) for result in results if not isinstance(result, Scene)]
     scenes = [dumps(result) for result in results if isinstance(result, Scene)]
     scenes = list(
         dict.fromkeys([*scenes, *(one.attrs["scene"] for one in data if "scene" in one.attrs)])
     )
     title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
-    parts = [*map(_scene, scenes), *_figures(figures), *map(_numbers, data), _made(data)]
+    parts = [*map(_scene, scenes), *_figures(figures), *map(_numbers, data), _versions(data)]
     text = _PAGE.substitute(title=html.escape(title), body="\n".join(parts))
     with replacing(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
@@ -87,7 +91,7 @@ def report(
 
 
 def _scene(text: str) -> str:
-    """Drawing, parameters, and the file to have it again."""
+    """Drawing, parameters and the scene file that reproduces it."""
     scene = loads(text, "the scene of a result")
     said = f'<p class="note">{html.escape(scene.assumption)}</p>' if scene.assumption else ""
     rows = []
@@ -108,12 +112,12 @@ def _scene(text: str) -> str:
 
 
 def _values(leaf: Any) -> str:
-    """A number or several; `-` where one of several effects has none."""
+    """Text of one or more numbers; `-` where one of several effects has none."""
     return "-" if leaf is None else ", ".join(map(_short, np.atleast_1d(leaf)))
 
 
 def _drawing(scene: Scene) -> str:
-    """The rotor to scale; of one that cannot be drawn, why."""
+    """The rotor to scale, or the reason why it cannot be drawn."""
     from . import rotor, write
 
     with tempfile.TemporaryDirectory() as folder:
@@ -132,7 +136,7 @@ def _figures(figures: Sequence[Any]) -> Iterator[str]:
         if isinstance(figure, str | os.PathLike):
             yield _picture(Path(figure))
             continue
-        figure = getattr(figure, "figure", figure)  # of Axes
+        figure = getattr(figure, "figure", figure)  # that of the Axes
         if not hasattr(figure, "savefig"):
             raise ValueError(
                 f"`figures` must be picture files, figures or Axes, but one is {figure!r}."
@@ -145,7 +149,7 @@ def _figures(figures: Sequence[Any]) -> Iterator[str]:
 def _picture(path: Path) -> str:
     kind = IMAGES.get(path.suffix.lower())
     if kind is None:
-        raise ValueError(f"A picture ends in {', '.join(IMAGES)}, but is {path}.")
+        raise ValueError(f"A picture must end in {', '.join(IMAGES)}, but is {path}.")
     try:
         return _image(path.read_bytes(), kind, path.name)
     except OSError as error:
@@ -159,7 +163,7 @@ def _image(content: bytes, kind: str, caption: str) -> str:
 
 
 def _numbers(data: Any) -> str:
-    """What a data set holds: how its lanes went, accuracy, range of every variable, settings."""
+    """Status of the lanes of a data set, accuracy, range of every variable, settings."""
     parts = [f"<h2>{html.escape(str(data.attrs.get('title', 'Data')))}</h2>"]
     if "status" in data:
         parts.append(_statuses(data["status"]))
@@ -182,7 +186,7 @@ def _numbers(data: Any) -> str:
     return "\n".join(parts)
 
 
-_HEADS = ("", "unit", "count", "not a number", "least", "greatest", "meaning")
+_HEADS = ("", "unit", "count", "not a number", "smallest", "largest", "meaning")
 
 
 def _ranges(data: Any) -> list[tuple[str, ...]]:
@@ -192,16 +196,16 @@ def _ranges(data: Any) -> list[tuple[str, ...]]:
             continue
         values, unit = np.asarray(one.values).ravel(), str(one.attrs.get("units", ""))
         values = np.abs(values) if np.iscomplexobj(values) else values
-        there = values[np.isfinite(values)]
-        ends = (_short(there.min()), _short(there.max())) if there.size else ("", "")
-        missing, meaning = values.size - there.size, str(one.attrs.get("long_name", ""))
+        finite = values[np.isfinite(values)]
+        ends = (_short(finite.min()), _short(finite.max())) if finite.size else ("", "")
+        missing, meaning = values.size - finite.size, str(one.attrs.get("long_name", ""))
         unit = "" if unit == "1" else unit
         rows.append((str(name), unit, str(values.size), str(missing or ""), *ends, meaning))
     return rows
 
 
 def _statuses(status: Any) -> str:
-    """How many lanes went how, in the words of the data."""
+    """Number of lanes of each status, in the words of the data."""
     words = str(status.attrs.get("flag_meanings", "")).split()
     found, counts = np.unique(np.asarray(status.values), return_counts=True)
     named = [words[int(k)] if 0 <= int(k) < len(words) else str(k) for k in found]
@@ -209,8 +213,8 @@ def _statuses(status: Any) -> str:
     return "<h3>Lanes</h3>\n" + html_table(rows, ("status", "lanes"), numbers=(1,))
 
 
-def _made(data: Sequence[Any]) -> str:
-    """By what the results and this page were made."""
+def _versions(data: Sequence[Any]) -> str:
+    """Versions of the software that made the results and this page."""
     from ..results.provenance import versions
 
     rows = [

@@ -13,10 +13,10 @@ from .record import signal
 
 
 _DASHES = {"forward": "--", "backward": ":", "mixed": "-."}
-_LOOKS = {
+_PARTS = {  # label and colour of each part
     "forward": ("forward part", colours.FORWARD),
     "backward": ("backward part", colours.BACKWARD),
-    "twice": ("twice a revolution, by weight", colours.DARK),
+    "twice": ("twice per revolution, by weight", colours.DARK),
 }
 
 
@@ -31,22 +31,25 @@ def response(
 ) -> tuple[Axes, Axes]:
     """Amplitude of each part of a steady motion above, and its phase below, against speed.
 
-    The parts are those turning forward and backward, or what weight does twice a revolution; a part
-    that is zero is left out. Of a response to a given force at one speed, against its frequency. The
-    phase runs on over whole turns, from within half a turn at the first speed; where it jumps by just
-    half a turn (no damping) it falls.
+    The parts are those that whirl forward and backward, or the twice-per-revolution response to weight; a
+    part that is zero is left out. The response to a given force at one speed is drawn against frequency.
+    The phase is unwrapped from a first value within half a revolution; a jump of exactly half a
+    revolution (no damping) is drawn downwards.
 
     Args:
-        result: of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.
+        result: result of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.
         axes: two Axes, upper and lower; a new figure if None.
-        station: which of the result's stations.
+        station: index of the station of the result.
         log: draw amplitudes on a logarithmic axis.
-        critical: of `jaxrotor.critical_speeds`, undamped, marked by the way they whirl.
-        growth: (k,) growth rates at the speeds, as of `jaxrotor.growth_rate`: where they are positive
-            no motion settles on the response, and the ground is shaded.
+        critical: undamped `jaxrotor.critical_speeds`, marked by their kind of whirl.
+        growth: (k,) growth rates at the speeds, see `jaxrotor.growth_rate`; the background is shaded where
+            they are positive, as the response is unstable there.
 
     Returns:
-        The upper and the lower Axes.
+        The upper Axes, amplitude, and the lower, phase [deg].
+
+    Raises:
+        ValueError: the result has no such station, or `axes` are not two.
     """
     names = ("twice",) if hasattr(result, "twice") else ("forward", "backward")
     parts = {name: signal(result, name, station) for name in names}
@@ -58,13 +61,13 @@ def response(
     speeds = np.asarray(result.frequencies if forced else result.speeds)
     largest = max(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
     for name, part in shown.items():
-        _draw(upper, lower, speeds, part, largest, *_LOOKS[name])
+        _draw(upper, lower, speeds, part, largest, *_PARTS[name])
     marked = critical is not None and _mark(upper, lower, critical, speeds)
     unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
     for ax in (upper, lower) if unstable.any() else ():
-        ground = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}
+        shade = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}
         whole = ax.get_xaxis_transform()
-        ax.fill_between(speeds, 0, 1, where=unstable, transform=whole, label="unstable", **ground)
+        ax.fill_between(speeds, 0, 1, where=unstable, transform=whole, label="unstable", **shade)
     if log:
         upper.set_yscale("log")
     else:
@@ -76,7 +79,7 @@ def response(
 
 
 def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> bool:
-    """A line at every critical speed between the ends, named once for each kind; whether there are any."""
+    """Draw a line at every critical speed in range, one label per kind; returns whether there are any."""
     seen = set()
     for speed, kind in zip(np.asarray(critical.speeds).tolist(), critical.kinds, strict=True):
         if not speeds.min() <= speed <= speeds.max():
@@ -98,7 +101,7 @@ def _draw(
     name: str,
     colour: str,
 ) -> None:
-    """Amplitude and phase of one complex motion, in the unit that suits the largest."""
+    """Draw amplitude and phase of one complex motion, in the unit that suits the largest amplitude."""
     factor, unit = labels.length(largest)
     upper.plot(x, factor * np.abs(motion), color=colour, linewidth=1.2, label=name)
     lower.plot(x, _phase(motion), color=colour, linewidth=1.2, label=name)
@@ -110,11 +113,11 @@ def _draw(
 
 
 def _phase(motion: Complex[np.ndarray, " w"]) -> Float[np.ndarray, " w"]:
-    """Phase [deg] without jumps of a turn; NaN where there is no motion."""
+    """Unwrapped phase [deg], NaN where there is no motion."""
     moves = np.isfinite(motion) & (motion != 0)
     phase = np.full(motion.shape, np.nan)
     turned = motion[moves]
-    # Steps in [-180, 180) and a rounding more, so that half a turn is a fall.
+    # Steps are in [-180, 180), up to rounding, so that half a revolution is downwards.
     steps = np.angle(turned[1:] / turned[:-1])
     steps = np.where(steps > np.pi * (1 - 1e-9), steps - 2 * np.pi, steps)
     first = np.angle(turned[:1])

@@ -1,4 +1,4 @@
-"""Rotor: what is on the shaft, from the side and to scale."""
+"""Rotor: side view of the shaft and its parts, to scale."""
 
 from typing import Any
 
@@ -12,20 +12,23 @@ from . import colours, labels, page
 
 
 MM = 1e3
-THICK = 0.5  # of the shaft: no disc is
+THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 DRAWN = (Disc, BallBalancer, Limiter, Support, Unbalance)
 
 
 def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
-    """Shaft, discs, supports and stops of a scene where they are, drawn to scale.
+    """Shaft, discs, supports and limiters of a scene, drawn to scale from the side.
 
-    A disc is the solid one of its mass and moments of inertia, thin where that would be half as thick as
-    the shaft is long; a stop is at its gap from the rim it
-    touches. Damping, weight and other effects without a shape are named under the picture.
+    A disc is drawn as the solid disc of its mass and moments of inertia, but thin if that would be thicker
+    than half the length of the shaft. A limiter is at its gap from the rim that it touches.
+    Damping, weight and other effects without a shape are named under the figure.
 
     Args:
-        scene: to draw.
+        scene: the scene to draw.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, radius over station [mm].
     """
     ax = page.single(ax, 170, 75)
     length = MM * float(scene.shaft.length)
@@ -54,7 +57,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
 
 
 def _name_once(ax: Axes) -> None:
-    """Of what is there several times, only the first is in the legend."""
+    """Leave only the first of several artists with the same label in the legend."""
     seen = set()
     for artist in ax.get_legend_handles_labels()[0]:
         name = artist.get_label()
@@ -68,7 +71,7 @@ def _box(ax: Axes, x: tuple[float, float], y: tuple[float, float], **style: Any)
 
 
 def _shaft(ax: Axes, shaft: Any, length: float) -> float:
-    """The shaft; returns its largest radius [mm]."""
+    """Draw the shaft; returns its largest radius [mm]."""
     if not hasattr(shaft, "diameter"):
         ax.plot([0.0, length], [0.0, 0.0], color=colours.DARK, linewidth=3.0, label="shaft")
         return 0.0
@@ -84,14 +87,14 @@ def _shaft(ax: Axes, shaft: Any, length: float) -> float:
 
 
 def _disc(ax: Axes, disc: Disc, length: float) -> float:
-    """A disc, by `I_p = m R^2 / 2` and `I_d = I_p / 2 + m a^2 / 12`; returns its radius [mm]."""
+    """Draw a disc by `I_p = m R^2 / 2`, `I_d = I_p / 2 + m a^2 / 12`; returns its radius [mm]."""
     at, mass, polar = MM * float(disc.at), float(disc.mass), abs(float(disc.polar))
     if not (mass and polar):
         ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label="mass")
         return 0.0
     radius = MM * (2 * polar / mass) ** 0.5
     thickness = MM * (12 * max(float(disc.diametral) - polar / 2, 0.0) / mass) ** 0.5
-    if thickness > THICK * length:  # an inertia that stands for more than a disc
+    if thickness > THICK * length:  # the inertia represents more than a disc
         thickness = 0.0
     half = max(thickness / 2, 0.003 * length)
     style = {"facecolor": colours.BLUE, "alpha": 0.6, "zorder": 2.0}
@@ -100,7 +103,7 @@ def _disc(ax: Axes, disc: Disc, length: float) -> float:
 
 
 def _balls(ax: Axes, balls: BallBalancer) -> float:
-    """A race of balls; returns its radius [mm]."""
+    """Draw a race of balls; returns its radius [mm]."""
     at, race = MM * float(balls.at), MM * float(balls.race_radius)
     style = {"color": colours.TEAL, "markersize": 5.0, "markerfacecolor": "none"}
     ax.plot([at, at], [-race, race], "o", label="balls", **style)
@@ -108,7 +111,7 @@ def _balls(ax: Axes, balls: BallBalancer) -> float:
 
 
 def _stop(ax: Axes, stop: Limiter, length: float) -> float:
-    """A stop above the axis, below, or both where it is aside; returns how far out it is [mm]."""
+    """Draw a limiter above or below the axis, or both if at the side; returns its outer radius [mm]."""
     at, side = MM * float(stop.at), float(np.sin(stop.angle))
     reach = MM * (float(stop.rim_radius) + float(stop.gap))
     half, thick = 0.012 * length, 0.02 * length
@@ -119,7 +122,7 @@ def _stop(ax: Axes, stop: Limiter, length: float) -> float:
 
 
 def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
-    """A clamp is a wall, a pin a triangle under the axis, a guide a broken line."""
+    """Draw a clamp as a wall, a pin as a triangle under the axis, a guide as a dashed line."""
     style: dict[str, Any] = {"color": colours.DARK, "label": holds}
     if holds == "clamp":
         ax.plot([at, at], [ground, -ground], linewidth=3.0, **style)
@@ -131,7 +134,7 @@ def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
 
 
 def _spring(ax: Axes, at: float, ground: float) -> None:
-    """A support: a spring down to the ground."""
+    """Draw a support as a spring down to the ground."""
     x = at + 0.12 * ground * np.array([0, 0, *[1, -1] * 4, 0, 0])
     y = np.linspace(0.0, ground, x.size)
     ax.plot(x, y, color=colours.MAGENTA, linewidth=1.0, label="support")
@@ -140,6 +143,6 @@ def _spring(ax: Axes, at: float, ground: float) -> None:
 
 
 def _unseen(scene: Scene) -> str:
-    """Effects that have no shape, by name."""
+    """Part of the axis label that names the effects without a shape."""
     kinds = {effect.kind: None for effect in scene.effects if not isinstance(effect, DRAWN)}
     return f"; not drawn: {', '.join(map(labels.words, kinds))}" if kinds else ""

@@ -1,4 +1,4 @@
-"""Run-up: speed of rotation and amplitude while it changes."""
+"""Run-up: speed of rotation, and amplitude while it changes."""
 
 from typing import Any
 
@@ -18,7 +18,10 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
-        The upper and the lower Axes.
+        The upper Axes, speed [rad/s], and the lower, acceleration [rad/s^2].
+
+    Raises:
+        ValueError: `axes` are not two.
     """
     upper, lower = page.pair(axes, 170, 100)
     _draw_speed(upper, run)
@@ -36,11 +39,14 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
 
     Args:
         run: a `RunUp`, with `displacement` [m].
-        station: which of the run's stations.
+        station: index of the station of the run.
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
-        The upper and the lower Axes.
+        The upper Axes, amplitude, and the lower, speed [rad/s].
+
+    Raises:
+        ValueError: the run has no such station, or `axes` are not two.
     """
     upper, lower = page.pair(axes, 170, 100)
     _draw_amplitude(upper, np.asarray(run.time), run, station)
@@ -52,12 +58,18 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
 def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     """Amplitude `|z|` at one station against the speed of rotation at the same time.
 
-    Red where a limiter is touched; grey lines at forward critical speeds of the linear rotor.
+    Contact with a limiter is red; grey lines are forward critical speeds of the linear rotor.
 
     Args:
         run: a `RunUp`, with `displacement` [m] and `speed` [rad/s].
-        station: which of the run's stations.
+        station: index of the station of the run.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, amplitude over speed [rad/s].
+
+    Raises:
+        ValueError: the run has no such station.
     """
     ax = page.single(ax, 170, 60)
     speed = np.asarray(run.speed)
@@ -78,7 +90,7 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
 
 
 def _critical(scene: Any) -> list[float]:
-    """First forward critical speeds [rad/s]; none where the rotor has none to compute."""
+    """First forward critical speeds [rad/s]; empty if the rotor has none."""
     try:
         return np.asarray(critical_speeds(scene, 3).forward).tolist()
     except ValueError:

@@ -1,4 +1,4 @@
-"""Stability maps: where a rotor is stable over two parameters, and the curves that bound it."""
+"""Stability maps: stable regions of a rotor over two parameters, and their boundaries."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,14 +22,16 @@ _CHARTED = {  # parameters of the ball balancer's groups
 
 
 def stability_map(result: Any, ax: Axes | None = None) -> Axes:
-    """Growth rate where the rotor is unstable, as colour, and the traced boundaries of stability.
+    """Growth rate where the rotor is unstable, as colour, and the boundaries of stability.
 
-    Hatched where the growth is not known (NaN), which is neither.
+    Points where the growth rate is unknown (NaN) are hatched.
 
     Args:
-        result: `paths`, `units`, `x` (a,) and `y` (b,) of two parameters, the largest `growth` (a, b)
-            [1/s] over them, and `boundaries`, curves (k, 2) of zero growth.
+        result: `jaxrotor.StabilityMap`.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, both parameters.
     """
     ax = _shade(result, ax, "growth rate where unstable [1/s]")
     if len(result.boundaries) or np.isnan(np.asarray(result.growth)).any():
@@ -38,14 +40,17 @@ def stability_map(result: Any, ax: Axes | None = None) -> Axes:
 
 
 def stability_chart(chart: Any, ax: Axes | None = None) -> Axes:
-    """True boundary of stability of a balanced position, and where the first approximation puts it.
+    """Exact stability boundary of a balanced position, and that of the first approximation.
 
-    The approximation of Filimonikhin, Goncharov (2011) says stable where `a11 < 0`; hatched is where
-    that is wrong.
+    The approximation of Filimonikhin, Goncharov (2011) predicts stability where `a11 < 0`; points where
+    it is wrong are hatched.
 
     Args:
         chart: `jaxrotor.balancer.StabilityChart`; growth rates in units of the natural frequency.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, both parameters.
     """
     ax = _shade(chart, ax, "growth rate where unstable [1]")
     x, y, a11 = (np.asarray(a, float) for a in (chart.x, chart.y, chart.a11))
@@ -64,7 +69,7 @@ def stability_chart(chart: Any, ax: Axes | None = None) -> Axes:
 
 
 def _shade(result: Any, ax: Axes | None, label: str) -> Axes:
-    """Growth rate where it is above zero as colour, curves where it is zero."""
+    """Draw the growth rate as colour where it is above zero, and its zero curves."""
     (to_x, x_label), (to_y, y_label) = _parameters(result)
     growth = np.asarray(result.growth, float)
     top = float(np.max(growth, initial=0.0, where=np.isfinite(growth)))
@@ -72,7 +77,7 @@ def _shade(result: Any, ax: Axes | None, label: str) -> Axes:
     x, y = to_x * np.asarray(result.x), to_y * np.asarray(result.y)
     if top > 0:
         steps = MaxNLocator(10).tick_values(0.0, top)
-        levels = np.maximum(steps, 1e-6 * top)  # less is the rounding of an undamped root
+        levels = np.maximum(steps, 1e-6 * top)  # smaller values are rounding of an undamped root
         mesh = ax.contourf(x, y, growth.T, levels=levels, cmap=colours.RAMP, zorder=0.5)
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
         bar.set_ticks(levels[::2].tolist(), labels=[f"{step:g}" for step in steps[::2]])
@@ -81,7 +86,7 @@ def _shade(result: Any, ax: Axes | None, label: str) -> Axes:
     unknown = np.isnan(growth).T
     if unknown.any():
         ax.contourf(x, y, unknown, [0.5, 1.5], colors="none", hatches=["///"])
-        ax.fill([], [], facecolor="none", edgecolor=colours.DARK, hatch="///", label="not known")
+        ax.fill([], [], facecolor="none", edgecolor=colours.DARK, hatch="///", label="unknown")
     _draw_boundaries(ax, result, (to_x, to_y), colours.DARK, "boundary of stability")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
     ax.set_xlabel(x_label)
@@ -94,12 +99,18 @@ def boundary_family(results: Sequence[Any], names: Sequence[str], ax: Axes | Non
 
     Args:
         results: stability maps, each for one value of a third parameter.
-        names: one a map, as in `["k = 0", "k = 0.1"]`.
+        names: one label per map, as in `["k = 0", "k = 0.1"]`.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, both parameters.
+
+    Raises:
+        ValueError: there is not one name per map, or the maps are over different parameters.
     """
     if not results or len(results) != len(names):
         raise ValueError(
-            f"A family needs one name a map, but has {len(results)} maps and {len(names)} names."
+            f"A family needs one name per map, but has {len(results)} maps and {len(names)} names."
         )
     if len({tuple(result.paths) for result in results}) != 1:
         raise ValueError("The maps of a family must be over the same two parameters.")

@@ -10,18 +10,21 @@ from .labels import parameter, words
 
 
 def tuning(result: Any, axes: Any = None) -> tuple[Axes, Axes]:
-    """Loss above, parameters below, against steps; all starts in grey, the best one in colour.
+    """Loss above and parameters below, against steps; all starts in grey, the best one in colour.
 
-    Losses above zero that span two decades are drawn by their logarithm. Of several parameters each is
-    drawn over its range in the picture, from 0 to 1, and named with that range. A dot marks the best; a
-    cross ends a start that stopped for a loss that is not finite.
+    Positive losses that span two decades are drawn on a logarithmic axis. Several parameters are each
+    scaled from 0 to 1 over their range, which is in the legend. A dot marks the best step; a cross marks
+    the end of a start whose loss became infinite or NaN.
 
     Args:
-        result: of `jaxrotor.tune`.
-        axes: two Axes; a new figure if None.
+        result: result of `jaxrotor.tune`.
+        axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
-        The Axes of the loss and of the parameters.
+        The upper Axes, loss, and the lower, parameters.
+
+    Raises:
+        ValueError: `axes` are not two.
     """
     first, second = page.pair(axes, 170, 110)
     loss, values = result.history.loss, result.history.values

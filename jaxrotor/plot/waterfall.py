@@ -1,4 +1,4 @@
-"""Waterfall: spectra side by side as a map."""
+"""Waterfall: spectra over a parameter, as a map."""
 
 import numpy as np
 import xarray as xr
@@ -18,13 +18,22 @@ def waterfall(
 ) -> Axes:
     """Amplitude spectrum of the relative whirl speed over one swept parameter, as colours.
 
-    Lanes without a spectrum (NaN) are grey. Azarov, Gouskov, Panovko (2023), Fig. 6.
+    Lanes without a spectrum (NaN) are grey.
 
     Args:
         dataset: result of a sweep over one parameter, with `spectrum` and its `frequency`.
         ax: Axes to draw in; a new figure if None.
         decades: range of the logarithmic colour scale, downwards from the largest amplitude.
         highest: end of the frequency axis [cycles per revolution].
+
+    Returns:
+        The Axes, frequency [cycles per revolution] over the parameter.
+
+    Raises:
+        ValueError: the dataset has no `spectrum` or is not over one parameter, or there is too little to
+            draw.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 6.
     """
     dim = only_swept(dataset, "spectrum", ("frequency",))
     dataset = dataset[["spectrum"]].sortby(dim).sel(frequency=dataset["frequency"] <= highest)

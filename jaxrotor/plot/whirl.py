@@ -1,4 +1,4 @@
-"""Whirl: the relative whirl speed `Lambda = psi. / Omega` in time and in frequency."""
+"""Whirl: relative whirl speed `Lambda = psi. / Omega` in time and in frequency."""
 
 from typing import Any
 
@@ -15,13 +15,21 @@ from .record import revolutions, whirl_speed
 def whirl_history(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     """Relative whirl speed against time in revolutions, and its mean, the precession index.
 
-    +1 is synchronous forward whirl, below 0 is backward; gaps where the rotor is at rest in the
-    centre. Azarov, Gouskov, Panovko (2023), Fig. 5a.
+    +1 is synchronous forward whirl, and negative values are backward whirl. The curve has gaps where the
+    rotor is at rest in the centre.
 
     Args:
         response: one simulation, with `time`, `angle`, `displacement` and `velocity`.
-        station: which of the response's stations.
+        station: index of the station of the response.
         ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, relative whirl speed [1] over revolutions.
+
+    Raises:
+        ValueError: the response has no such station, or is of many lanes.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 5a.
     """
     turns, whirl = revolutions(response), whirl_speed(response, station)
     ax = page.single(ax, 170, 60)
@@ -46,18 +54,27 @@ def whirl_history(response: Any, station: int = 0, ax: Axes | None = None) -> Ax
 def whirl_spectrum(
     source: Any, ax: Axes | None = None, *, station: int = 0, highest: float | int = 10
 ) -> Axes:
-    """Amplitude spectrum of the relative whirl speed, its mean removed.
+    """Amplitude spectrum of the relative whirl speed without its mean.
 
-    A sinusoid of amplitude a stands a high; the unit of frequency is the spin, so a rotor whirling
-    at `Lambda` against `n` equal stops shows `n |Lambda|`. From a response: Hann window, last whole
-    number of revolutions. Azarov, Gouskov, Panovko (2023), Fig. 5b.
+    A sinusoid of amplitude a has a peak of height a. The unit of frequency is the spin, so a rotor that
+    whirls at `Lambda` in contact with `n` equal stops has a peak at `n |Lambda|`. The spectrum of a
+    response is taken with a Hann window over its last whole number of revolutions.
 
     Args:
         source: a dataset with `spectrum` (frequency,) of one lane, or the response of one
             simulation, evenly sampled in angle.
         ax: Axes to draw in; a new figure if None.
-        station: which of a response's stations.
+        station: index of the station of a response.
         highest: end of the frequency axis [cycles per revolution].
+
+    Returns:
+        The Axes, amplitude [1] over frequency [cycles per revolution].
+
+    Raises:
+        ValueError: the dataset has no spectrum of a single lane; or the response is not sampled evenly in
+            angle, or is at rest in the centre at a sample.
+
+    Source: Azarov, Gouskov, Panovko (2023), Fig. 5b.
     """
     if isinstance(source, xr.Dataset):
         frequency, amplitude = _stored(source)
@@ -80,7 +97,7 @@ def _stored(dataset: xr.Dataset) -> Spectrum:
     dims = swept(dataset, "spectrum", ("frequency",))
     if any(dataset.sizes[dim] > 1 for dim in dims):
         raise ValueError(
-            "A whirl spectrum is of one lane, but `spectrum` is over "
+            "A whirl spectrum is that of one lane, but `spectrum` is over "
             f"{', '.join(repr(dim) for dim in dims)}; select one value of each with `.sel` or "
             "`.isel`, or draw them all with `waterfall`."
         )
@@ -94,12 +111,12 @@ def _computed(response: Any, station: int) -> Spectrum:
     steps = np.diff(turns)
     if turns.size < 3 or not np.allclose(steps, steps[0], rtol=1e-6) or steps[0] == 0:
         raise ValueError(
-            "A whirl spectrum needs a turning rotor sampled evenly in angle; simulate at constant "
+            "A whirl spectrum needs a rotating rotor sampled evenly in angle; simulate at constant "
             "speed and keep every step."
         )
     step = abs(float(turns[-1] - turns[0])) / steps.size
-    in_a_turn = max(round(1 / step), 1)
-    whole = turns.size // in_a_turn * in_a_turn or turns.size
+    per_revolution = max(round(1 / step), 1)
+    whole = turns.size // per_revolution * per_revolution or turns.size
     whirl = whirl[-whole:]
     undefined = int(np.sum(~np.isfinite(whirl)))
     if undefined:
@@ -109,5 +126,5 @@ def _computed(response: Any, station: int) -> Spectrum:
         )
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(whole) / whole)
     amplitude = np.abs(np.fft.rfft(window * (whirl - whirl.mean()))) / window.sum()
-    amplitude[1 : (whole + 1) // 2] *= 2  # all but zero and the Nyquist frequency stand for two
+    amplitude[1 : (whole + 1) // 2] *= 2  # negative frequencies are added to the positive ones
     return np.fft.rfftfreq(whole, step), amplitude

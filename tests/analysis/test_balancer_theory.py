@@ -88,9 +88,9 @@ def test_groups_of_the_sets():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (dict(balls=(2, 0)), "`balls` must be one whole number above zero a row"),
-        (dict(balls=(2,)), "`moment` must have one number a row of `balls`"),
-        (dict(mass=0.005), "`mass \\[1\\]` must be one number a row"),
+        (dict(balls=(2, 0)), "`balls` must be one positive whole number per row"),
+        (dict(balls=(2,)), "`moment` must have one number per row of `balls`"),
+        (dict(mass=0.005), "`mass \\[1\\]` must be one number per row"),
         (dict(drag=[1.0, -0.8]), "`drag of row 2 \\[1\\]` must be positive, but is -0.8"),
         (dict(speed=0.0), "`speed \\[1\\]` must be positive"),
     ],
@@ -172,7 +172,7 @@ def test_balance_exists_up_to_the_capacity_and_no_largest_alone():
         ValueError, match="Two balls of row 1 sum to 2 at most, but must sum to 2.6"
     ):
         balancer.balanced_positions(put(R, imbalance=2.9), [0.3], [[], [0.4]])
-    with pytest.raises(ValueError, match="`angles` must give all balls but two"):
+    with pytest.raises(ValueError, match="`angles` must have all balls but two"):
         balancer.balanced_positions(R, [0.3], [[], [0.4, 0.2]])
 
 
@@ -892,18 +892,18 @@ def test_cautions():
     assert balancer.cautions(R, M2) == ()
     short = balancer.cautions(put(R, polar=0.9, speed=6.0), M2)
     assert len(short) == 2
-    assert "above 0.66672" in short[0] and "a11 is -2.6 and promises stability" in short[1]
+    assert "above 0.66672" in short[0] and "a11 is -2.6 and predicts stability" in short[1]
     assert "The rotor is not long: C_p / A is 1.2" in balancer.cautions(put(R, polar=1.2), M2)[0]
     heavy = balancer.cautions(put(R, mass=[0.3, 0.3]), M2)
     assert any("m1 + m2 is 0.6, but must be below 1/2" in sentence for sentence in heavy)
     too_much = balancer.cautions(put(R, imbalance=5.0), M2)
-    assert any("exceeds the rest by 0.6" in sentence for sentence in too_much)
+    assert any("exceeds the sum of the others by 0.6" in sentence for sentence in too_much)
     scales = balancer.Scales.of(0.07, 700.0, 0.14, [0.025, 0.020], [0.06, 0.06])
     (tilted,) = balancer.cautions(R, M2, scales=scales, delta=np.array([3.0, 75.0j]))
     assert "The tilt of 0.225 rad" in tilted
     rows = ([0.0, 2.0], [1.0, 1.2, 4.0])
     sentences = balancer.cautions(R, rows, pitch=[0.306, 0.283])
-    assert sentences == ("Balls of row 2 overlap: a gap is 0.2 rad, their pitch 0.283.",)
+    assert sentences == ("Balls of row 2 overlap: two are 0.2 rad apart, but the pitch is 0.283.",)
 
 
 # === gradients

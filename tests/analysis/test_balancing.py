@@ -173,21 +173,21 @@ ONE = np.ones((2, 2))
 REFUSED = [
     (
         lambda: jr.influence_coefficients(ONE, TRIALS, ONE),
-        r"one run of the shape of `base` for each",
+        r"one run of the shape of `base` per trial",
     ),
     (
         lambda: jr.influence_coefficients(ONE[0], np.array([1.0, 0.0]), ONE),
         r"`trials \[kg m\]` must not be zero",
     ),
-    (lambda: jr.correction_masses(ONE, np.ones(3)), r"`influence` must be of the shape of"),
+    (lambda: jr.correction_masses(ONE, np.ones(3)), r"`influence` must have the shape of"),
     (
         lambda: jr.correction_masses(np.ones((1, 2)), np.ones(1)),
-        "1 readings do not settle 2 planes",
+        "1 readings do not determine 2 planes",
     ),
-    (lambda: jr.correction_masses(ONE, np.ones(2)), "do not tell the planes apart"),
+    (lambda: jr.correction_masses(ONE, np.ones(2)), "do not distinguish the planes"),
     (
         lambda: jr.correction_masses(np.eye(2), np.ones(2), np.array([1.0, -2.0])),
-        "`weights` must not be negative, but the least is -2.",
+        "`weights` must not be negative, but the smallest is -2.",
     ),
 ]
 

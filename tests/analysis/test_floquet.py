@@ -316,7 +316,7 @@ def test_refusals():
     with pytest.raises(ValueError, match="`steps` must be a whole number"):
         jr.floquet_multipliers(scene, 0)
     with pytest.raises(
-        ValueError, match="`steps` = 32 is too few to follow the first mode at 0.01"
+        ValueError, match="`steps` = 32 is too small to resolve the first mode at 0.01"
     ):
         jr.floquet_multipliers(rotor(0.01, **BASE))
     slow = jax.lax.map(

@@ -139,7 +139,7 @@ def test_what_is_too_slow_is_not_taken_for_stable():
     with pytest.raises(ValueError, match=r"speeds as low as 0.0001 rad/s; begin `within` at"):
         jr.stability_crossings(slow(0.4), (1e-4, 0.1), 8)
     with pytest.raises(
-        ValueError, match=r"too slow for Floquet multipliers from 0.0001 to 0.1 rad/s"
+        ValueError, match=r"too low for Floquet multipliers from 0.0001 to 0.1 rad/s"
     ):
         jr.onset_speed(slow(0.4), (1e-4, 0.1), 8)
 

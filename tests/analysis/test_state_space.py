@@ -150,7 +150,9 @@ def test_roots_at_zero():
         np.testing.assert_allclose(
             gain(system, slow), expected * np.eye(2), atol=1e-2 * abs(expected)
         )
-    with pytest.raises(ValueError, match="must keep the 2 roots at zero, .* but is 1"):
+    with pytest.raises(
+        ValueError, match="must be at least 2 to keep the roots at zero, .* but is 1"
+    ):
         jr.state_space(scene, 0.3, modes=1)
 
 

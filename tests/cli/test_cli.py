@@ -685,7 +685,7 @@ def test_run_up(place):
 
 def test_run_up_of_what_cannot_move(place):
     text = call("run-up", ramp(), "--times", "0, 10ms, 0.02").stdout
-    assert "cannot move; see `jaxrotor reactions`" in text and "10 to 14 rad/s" in text
+    assert "cannot move; use `jaxrotor reactions`" in text and "10 to 14 rad/s" in text
     call("run-up", "ramp.toml", "--times", "0, 10ms, 0.02", "--out", "run", "--film")
     assert sorted(os.listdir("run")) == ["run-up.zarr", "speed.png"]
 
@@ -830,7 +830,7 @@ def test_balance_with_balls(place):
     assert abs(2.4 + 1.5 * one + 1.2 * two) < 1e-8
     just = answered("balance", "balls.toml", "--speed", "112.5")["balancer"]
     assert just["above"] and not just["stable"]
-    assert "promises stability" in just["cautions"][0]
+    assert "predicts stability" in just["cautions"][0]
     heavy = ["--set", "unbalance.eccentricity=7mm"]
     text = call("balance", "balls.toml", *heavy).stdout
     assert "No position balances" in " ".join(text.split()) and "stable, largest" not in text
@@ -964,7 +964,7 @@ def test_new_scene_runs_as_it_is(place):
     assert jr.study("mine.toml")["over"]["spin.speed"].size == 41
     assert "exists already" in refused("new", "mine.toml")
     assert (place / "mine.toml").read_text() == text
-    assert "ends in .toml" in refused("new", "mine")
+    assert "must end in .toml" in refused("new", "mine")
     assert "cannot be written" in refused("new", "no/where.toml")
 
 
@@ -1122,7 +1122,7 @@ def test_interrupted_sweep_goes_on(place):
         said = call(*small, "--out", "run", code=130).stderr
     where = os.path.join("run", "sweep-partial.zarr")
     assert said == (
-        f"Interrupted; 6 of 24 lanes are kept in {where}, and the same command goes on from there.\n"
+        f"Interrupted; 6 of 24 lanes are kept in {where}; the same command continues from there.\n"
     )
     assert os.listdir("run") == ["sweep-partial.zarr"]
     with pytest.MonkeyPatch.context() as patch:  # also as its picture is drawn

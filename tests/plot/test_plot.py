@@ -139,7 +139,7 @@ def test_stability_map_hatches_what_is_not_known():
     assert inside(hatched, 4.0, 150.0) and not inside(hatched, 6.0, 150.0)
     (shading,) = [c for c in ax.collections if c is not hatched]
     assert inside(shading, 6.0, 150.0) and not inside(shading, 4.0, 150.0)
-    assert "not known" in [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "unknown" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_boundary_family_draws_sections():

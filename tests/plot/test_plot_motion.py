@@ -135,7 +135,7 @@ def test_periodic_orbit_goes_on_by_its_turn():
     left, _ = plot.periodic(found)
     path = lines(left)["one period"]
     np.testing.assert_allclose(np.hypot(path.get_xdata(), path.get_ydata()), DRIVEN)
-    assert "as it goes on" not in lines(left)  # it is closed
+    assert "next periods" not in lines(left)  # it is closed
 
     z = 0.01 * np.exp(1j * np.linspace(0.0, -2 * np.pi / 3, STEPS + 1))
     turned = dataclasses.replace(

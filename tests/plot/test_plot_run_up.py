@@ -210,7 +210,7 @@ def test_a_coarse_hodograph_is_round():
     weight = np.mean([np.min(path.imag), np.max(path.imag)]) * 1j
     assert abs(weight) == pytest.approx(9.80665, rel=1e-2)
     assert np.abs(path - weight) == pytest.approx(10.0, rel=1e-2)
-    assert any("samples a revolution, interpolated" in text.get_text() for text in ax.texts)
+    assert any("samples per revolution, interpolated" in text.get_text() for text in ax.texts)
 
 
 def test_a_force_of_rounding_has_no_static_part():
@@ -242,7 +242,7 @@ def test_no_place_at_rest():
     ax = plot.hodograph(found)
     path = lines(ax)[PIVOT]
     np.testing.assert_allclose(path.get_xdata() + 1j * path.get_ydata(), found.force[:, 0])
-    assert ax.texts[0].get_text().endswith("samples a revolution")
+    assert ax.texts[0].get_text().endswith("samples per revolution")
 
 
 @pytest.mark.parametrize("draw", [plot.reactions, plot.hodograph])

@@ -100,11 +100,11 @@ def test_report_of_a_motion_and_of_a_scene(tmp_path):
 
 
 def test_refusals(tmp_path):
-    with pytest.raises(ValueError, match="ends in .html"):
+    with pytest.raises(ValueError, match="must end in .html"):
         jr.report(tmp_path / "report.pdf", SCENE)
     with pytest.raises(ValueError, match="needs a result"):
         jr.report(tmp_path / "report.html")
-    with pytest.raises(ValueError, match="A picture ends in"):
+    with pytest.raises(ValueError, match="A picture must end in"):
         jr.report(tmp_path / "report.html", figures=["a.txt"])
     with pytest.raises(ValueError, match="cannot be read"):
         jr.report(tmp_path / "report.html", figures=["none.png"])
@@ -132,4 +132,4 @@ def test_command(swept, tmp_path, monkeypatch):
     assert "Mine" in Page((tmp_path / "r.html").read_text("utf-8")).texts
     (tmp_path / "empty").mkdir()
     assert "no data and no pictures" in run("empty").stderr
-    assert "is no folder" in run("nothing").stderr
+    assert "is not a folder" in run("nothing").stderr

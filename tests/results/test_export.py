@@ -158,5 +158,5 @@ def test_command(motion, tmp_path, monkeypatch):
     assert again.exit_code == 2 and "add --overwrite" in again.stderr
     assert run("run", "out/orbit.csv", "--overwrite").exit_code == 0
     assert "there are: none" in run("out", "a.csv").stderr
-    assert "holds no data" in run("out/orbit.zarr", "a.csv").stderr
+    assert "does not contain the data" in run("out/orbit.zarr", "a.csv").stderr
     assert not (tmp_path / "a.csv").exists()

@@ -151,5 +151,5 @@ def test_picture():
     found = jr.escapes(drawn(0.01, 200, 300, 3), after=20)
     left, right = jr.plot.escapes(found)
     assert left.get_xlabel() == "revolutions [1]" and left.get_yscale() == "log"
-    assert left.get_ylabel() == "share still there [1]"
+    assert left.get_ylabel() == "surviving share [1]"
     assert right.get_ylabel() == "rate of escape [1/revolution]"

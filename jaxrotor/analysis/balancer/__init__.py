@@ -1,4 +1,4 @@
-"""Ball auto-balancer in closed form, on dimensionless groups."""
+"""Theory of the ball auto-balancer in closed form, on dimensionless groups."""
 
 from .boundary import (
     StabilityChart as StabilityChart,

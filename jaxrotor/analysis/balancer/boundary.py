@@ -1,4 +1,4 @@
-"""Where balanced positions are stable: over the speed, over the polar inertia, over two parameters."""
+"""Stability limits of balanced positions: over speed, polar inertia, or two parameters."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ from .groups import BalancerGroups
 from .linear import growth_rate
 
 
-PARAMETERS = ("speed", "damping", "polar", "drag", "mass")  # that stability depends on
+PARAMETERS = ("speed", "damping", "polar", "drag", "mass")  # stability depends on these
 
 
 def stability_speed(
@@ -28,20 +28,20 @@ def stability_speed(
 ) -> Scalar:
     """Speed om* above which a balanced position stays stable up to the end of the range.
 
-    It lies above the critical speed, where the first approximation (a11 < 0) says stable, by about
-    `m_l / (h_l ha)`: see `boundary_shift`.
+    It is above the critical speed, from which on the first approximation predicts stability (a11 < 0), by
+    about `m_l / (h_l ha)`: see `boundary_shift`.
 
     Args:
         groups: the balancer; its speed does not matter.
         beta: `second_harmonics` of the position.
         within: lowest and highest speed.
-        samples: growth rates taken to bracket the crossing.
+        samples: growth rates computed to bracket the crossing.
 
     Returns:
         Speed to 1e-14 of the range, differentiable by the implicit function theorem.
 
     Raises:
-        ValueError: unstable at the end of the range, or stable all over it.
+        ValueError: the position is unstable at the end of the range, or stable throughout.
     """
     held = jax.lax.stop_gradient((groups, jnp.asarray(beta, complex)))
     speeds = jnp.linspace(*within, samples)
@@ -56,7 +56,7 @@ def stability_speed(
                 low, high = within
                 raise ValueError(f"{sentence} from {low:g} to {high:g}; change `within`.")
         else:
-            speeds = eqx.error_if(speeds, wrong, f"{sentence} of those searched.")
+            speeds = eqx.error_if(speeds, wrong, f"{sentence} searched; change `within`.")
     last = samples - 1 - jnp.argmax(unstable[::-1])
     speed, slope = _regained(*held, speeds[last], speeds[last + 1])
     residual = growth_rate(_at_speed(groups, speed), beta)
@@ -65,14 +65,14 @@ def stability_speed(
 
 @compiled_quickly
 def _regained(groups: BalancerGroups, beta: Array, low: Array, high: Array):
-    """Speed between an unstable and a stable one where growth is zero, and its slope there."""
+    """Speed between an unstable and a stable one where growth is zero, and the slope of growth there."""
     growth = lambda om: growth_rate(_at_speed(groups, om), beta)
     speed = _bisect(lambda om: growth(om) > 0, low, high)
     return speed, jax.grad(growth)(speed)
 
 
 def _bisect(below: Callable, low: Array, high: Array) -> Array:
-    """The place up to which `below` is true."""
+    """The point between `low` and `high` up to which `below` is true."""
 
     def halve(_, ends):
         middle = (ends[0] + ends[1]) / 2
@@ -93,19 +93,26 @@ def _growth_at(groups: BalancerGroups, beta: Array, speeds: Array) -> Float[Arra
 
 @compiled_quickly
 def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
-    """Largest polar inertia C with which balance is stable at high speed, without damping and drag.
+    """Largest polar inertia C at which balance is stable at high speed without damping and drag.
 
         y^2 (y + q^2) - 2 m y (y^2 - 3 C y - q) + (y + 1)^3 (m^2 - |n|^2) = 0,  q = 1 - C
         m = sum m_l,  n = sum m_l beta_l
 
-    has real roots only (all are below zero then). `1 - C` falls with the cube root of the ball mass, so
-    C < 1 alone is not enough by far. Differentiable.
+    must have real roots only (they are then all negative). `1 - C` grows like the cube root of the ball
+    mass, so C < 1 alone is far from sufficient.
+
+    Args:
+        groups: the balancer; only the ball masses matter.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        C, at most 1, and 0 if there is none. Differentiable.
     """
     held = jax.lax.stop_gradient((groups.mass, jnp.asarray(beta, complex)))
     real = lambda polar: jnp.greater_equal(_discriminant(polar, *held), 0)
     grid = jnp.linspace(0.0, 1.0, 1001)
     inside = jax.vmap(real)(grid)
-    first = jnp.argmin(inside)  # 0 also where all are
+    first = jnp.argmin(inside)  # 0 also if all are inside
     found = _bisect(real, grid[jnp.maximum(first - 1, 0)], grid[jnp.maximum(first, 1)])
     slope = jax.grad(_discriminant)(found, *held)
     residual = _discriminant(found, groups.mass, beta)
@@ -114,7 +121,7 @@ def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
 
 
 def _discriminant(polar: Any, mass: Array, beta: Array) -> Scalar:
-    """Of the cubic of `polar_limit`; not negative where all its roots are real."""
+    """Discriminant of the cubic of `polar_limit`, not negative where all its roots are real."""
     q, m = 1 - polar, jnp.sum(mass)
     gap = m**2 - jnp.abs(jnp.sum(mass * beta)) ** 2
     a, b, c, d = 1 - 2 * m + gap, q**2 + 6 * m * polar + 3 * gap, 2 * m * q + 3 * gap, gap
@@ -126,33 +133,37 @@ class StabilityChart(eqx.Module):
 
     growth_unit: ClassVar[str] = "omega0"
 
-    x: Float[np.ndarray, " a"]  # of the first parameter
-    y: Float[np.ndarray, " b"]  # of the second
-    growth: Float[np.ndarray, "a b"]  # largest real part; above zero unstable
-    a11: Float[np.ndarray, "a b"]  # below zero stable by the first approximation
+    x: Float[np.ndarray, " a"]  # values of the first parameter
+    y: Float[np.ndarray, " b"]  # values of the second parameter
+    growth: Float[np.ndarray, "a b"]  # largest real part; unstable above zero
+    a11: Float[np.ndarray, "a b"]  # the first approximation predicts stability below zero
     boundaries: tuple[Float[np.ndarray, "_ 2"], ...]  # curves (x, y) of zero growth
     paths: tuple[str, str] = eqx.field(static=True)
     units: tuple[str, str] = eqx.field(static=True)
 
     @property
     def misjudged(self) -> np.ndarray:
-        """Where a11 < 0 promises stability that is not there, (a, b)."""
+        """Mask (a, b) of points where a11 < 0 predicts stability but the exact growth is positive."""
         return (self.a11 < 0) & (self.growth > 0)
 
 
 def stability_chart(
     groups: BalancerGroups, beta: Complex[Array, " r"], over: Mapping[str, Any]
 ) -> StabilityChart:
-    """Exact growth rate over two of speed, damping, polar, drag, mass, and its curves of zero.
+    """Exact growth rate over two of speed, damping, polar, drag, mass, and its zero curves.
 
     Args:
         groups: the balancer.
         beta: `second_harmonics` of the position.
-        over: two names and ascending values of each. Of `drag` and `mass` the values are factors on all
+        over: two names and ascending values of each. Values of `drag` and `mass` are factors on all
             rows: `{"speed": .., "mass": [0.1, 0.5, 1.0]}`.
 
     Returns:
-        Growth on the grid and boundaries to 1e-10 of a cell; not differentiable, `stability_speed` is.
+        `StabilityChart`, boundaries to 1e-10 of a cell. Not differentiable; `stability_speed` is.
+
+    Raises:
+        ValueError: `over` does not name two of the parameters, or values are not two or more ascending
+            numbers from zero on.
     """
     if len(over) != 2 or not set(over) <= set(PARAMETERS):
         raise ValueError(
@@ -171,7 +182,7 @@ def _ascending(name: str, values: Any) -> np.ndarray:
     values = np.asarray(values, float)
     if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0) or values[0] < 0:
         raise ValueError(
-            f"`over['{name}']` must be two or more ascending values of zero or more, but is {values}."
+            f"`over['{name}']` must be two or more ascending values, none negative, but is {values}."
         )
     return values
 
@@ -185,7 +196,7 @@ def _with(groups: BalancerGroups, names: tuple[str, ...], point: Any) -> Balance
 
 
 def _chart(groups: BalancerGroups, beta: Array, names: tuple[str, ...], *values: np.ndarray):
-    """Growth rates at points (k,): (2, k), twice, as `traced` wants them."""
+    """Growth rates at points (k,), twice, (2, k), as `traced` expects them."""
     points = np.stack(values)
     count = points.shape[1]
     points = np.pad(points, [(0, 0), (0, -count % CHUNK)], mode="edge")

@@ -1,4 +1,4 @@
-"""What the formulas leave out and a user should know, in sentences."""
+"""Warnings about the validity of the formulas for given groups and positions."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from .groups import BalancerGroups, Scales
 from .linear import growth_rate
 
 
-LARGEST_TILT = 0.1  # rad, of the small angles that the equations assume
+LARGEST_TILT = 0.1  # rad, limit of the small angles that the equations assume
 
 
 def cautions(
@@ -23,14 +23,17 @@ def cautions(
     scales: Scales | None = None,
     delta: Any = None,
 ) -> tuple[str, ...]:
-    """Warnings that apply, one sentence each; none where all is well.
+    """Warnings that apply, one sentence each.
 
     Args:
         groups: the balancer.
         positions: a balanced position.
-        pitch: smallest angle [rad] between balls of each row, see `pitch`; checks for overlap.
-        scales: of the machine; with `delta` checks the tilt.
-        delta: tilts, dimensionless, any shape.
+        pitch: smallest possible angle [rad] between balls of each row, see `pitch`; to check overlap.
+        scales: scales of the machine; together with `delta`, to check the tilt.
+        delta: dimensionless tilts of any shape.
+
+    Returns:
+        Sentences; an empty tuple if no warning applies.
     """
     beta = second_harmonics(positions)
     growth, a11 = float(growth_rate(groups, beta)), float(groups.a11)
@@ -45,8 +48,8 @@ def cautions(
         ),
         (
             margin < 0,
-            "No position balances this imbalance: the largest of imbalance and balls exceeds the rest "
-            f"by {-margin:g}.",
+            "No position balances this imbalance: the largest of imbalance and balls exceeds the sum of "
+            f"the others by {-margin:g}.",
         ),
         (
             polar >= 1,
@@ -58,7 +61,7 @@ def cautions(
         ),
         (
             a11 < 0 < growth,
-            f"a11 is {a11:g} and promises stability, but the exact roots are unstable ({growth:g}).",
+            f"a11 is {a11:g} and predicts stability, but the exact roots are unstable ({growth:g}).",
         ),
     ]
     if pitch is not None:
@@ -67,7 +70,8 @@ def cautions(
             zip(gaps, np.broadcast_to(pitch, gaps.shape), strict=True)
         ):
             sentence = (
-                f"Balls of row {row + 1} overlap: a gap is {gap:g} rad, their pitch {least:g}."
+                f"Balls of row {row + 1} overlap: two are {gap:g} rad apart, but the pitch is "
+                f"{least:g}."
             )
             found.append((gap < least, sentence))
     if scales is not None and delta is not None:

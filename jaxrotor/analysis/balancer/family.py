@@ -15,34 +15,68 @@ from ...core.quantities import Scalar, known
 from .groups import BalancerGroups
 
 
-Positions = tuple[Float[Array, " _"], ...]  # psi [rad], one array a row
-STEPS = 100  # of `nearest_balanced`; a position near the limit of the capacity takes half as many
-LARGEST_STEP = 0.5  # rad, that a ball takes at once
+Positions = tuple[Float[Array, " _"], ...]  # psi [rad], one array per row
+STEPS = (
+    100  # Newton steps of `nearest_balanced`; a position near the limit of the capacity takes half
+)
+LARGEST_STEP = 0.5  # rad, largest move of a ball in one step
 
 
 def imbalance(groups: BalancerGroups, positions: Sequence) -> Complex[Array, ""]:
-    """Imbalance left, `s_z = s0 + sum_l S_l sum_i exp(i psi_li)`; zero at a main motion."""
+    """`s_z = s0 + sum_l S_l sum_i exp(i psi_li)`: residual imbalance, zero at a main motion.
+
+    Args:
+        groups: the balancer.
+        positions: psi [rad], one array per row.
+
+    Returns:
+        s_z. Differentiable.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
+    """
     return jnp.sum(row_imbalances(groups, positions))
 
 
 def row_imbalances(groups: BalancerGroups, positions: Sequence) -> Complex[Array, " r"]:
-    """`s_lz = S_l sum_i exp(i psi_li)` of each row; the first counts `s0` too."""
+    """`s_lz = S_l sum_i exp(i psi_li)`: imbalance of each row; that of the first includes `s0`.
+
+    Args:
+        groups: the balancer.
+        positions: psi [rad], one array per row.
+
+    Returns:
+        s_lz. Differentiable.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
+    """
     sums = jnp.stack([jnp.sum(jnp.exp(1j * row)) for row in checked(groups, positions)])
     return (groups.moment * sums).at[0].add(groups.imbalance)
 
 
 def second_harmonics(positions: Sequence) -> Complex[Array, " r"]:
-    """`beta_l = b_l exp(i theta_l) = (1/n_l) sum_i exp(2 i psi_li)`: all that stability asks.
+    """`beta_l = b_l exp(i theta_l) = (1/n_l) sum_i exp(2 i psi_li)`: they determine stability.
 
-    Its size `b_l` is 1 for a row on one line. Source: Filimonikhin, Goncharov (2011), eq. (3.5).
+    Args:
+        positions: psi [rad], one array per row.
+
+    Returns:
+        beta_l; `b_l` is 1 for a row on one line. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eq. (3.5).
     """
     return jnp.stack([jnp.mean(jnp.exp(2j * jnp.asarray(row, float))) for row in positions])
 
 
 def balance_margin(groups: BalancerGroups) -> Scalar:
-    """How far the largest of `s0, S_1, ..` (one a ball) is below the sum of the others.
+    """Margin by which the largest of `s0, S_1, ..` (one per ball) is below the sum of the others.
 
-    Positions that balance exist where this is not negative.
+    Args:
+        groups: the balancer.
+
+    Returns:
+        Margin; balanced positions exist where it is not negative. Differentiable.
     """
     everything = groups.capacity + groups.imbalance
     heaviest = larger(groups.imbalance, largest(groups.moment))
@@ -52,31 +86,33 @@ def balance_margin(groups: BalancerGroups) -> Scalar:
 def balanced_positions(
     groups: BalancerGroups, row_sums: Sequence, angles: Sequence[Sequence]
 ) -> Positions:
-    """The balanced position with given imbalances of rows and given angles of all balls but two a row.
+    """`psi = arg z ± arccos(|z| / 2)`: last two balls of each row in a balanced position.
 
-        psi = arg z ± arccos(|z| / 2),  z = what is left for the last two balls of a row [S_l]
+    `z` is the sum `exp(i psi) + exp(i psi')` that remains for them, given the imbalances of rows and
+    the angles of all other balls.
 
     Args:
-        groups: every row with two balls or more.
-        row_sums: `s_1z, ..`, complex imbalance of each row but the last (the first counts s0): the last
-            row takes the rest.
-        angles: of each row, the angles [rad] of its first `n_l - 2` balls: `[[], [0.4]]` for 2 and 3.
+        groups: a balancer with two balls or more in every row.
+        row_sums: `s_1z, ..`, complex imbalance of each row but the last, that of the first including s0;
+            the last row compensates them.
+        angles: angles [rad] of the first `n_l - 2` balls of each row: `[[], [0.4]]` for 2 and 3 balls.
 
     Returns:
-        Positions: the given angles, then those with plus and minus. Differentiable unless |z| is 0, 2.
+        Positions: the given angles, then those with plus and minus. Differentiable unless |z| is 0 or
+        2; NaN where traced and |z| > 2.
 
     Raises:
-        ValueError: |z| > 2, out of reach of two balls; NaN where traced.
+        ValueError: the numbers of sums or angles do not fit, or |z| > 2 is out of reach of two balls.
     """
     if len(row_sums) != groups.rows - 1:
         raise ValueError(
-            f"`row_sums` must have one value a row but the last ({groups.rows - 1}), "
+            f"`row_sums` must have one value per row but the last ({groups.rows - 1}), "
             f"but has {len(row_sums)}."
         )
     given = tuple(len(row) for row in angles)
     if given != tuple(n - 2 for n in groups.balls):
         raise ValueError(
-            f"`angles` must give all balls but two of each row of {groups.balls}, but gives {given}."
+            f"`angles` must have all balls but two of each row of {groups.balls}, but has {given}."
         )
     sums = jnp.asarray([*row_sums, -sum(row_sums)], complex)
     sums = sums.at[0].add(-groups.imbalance) / groups.moment
@@ -96,12 +132,20 @@ def balanced_positions(
 
 
 def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
-    """A balanced position close to `start`: Gauss-Newton steps of least length on `s_z = 0`.
+    """A balanced position close to `start`, by Gauss-Newton steps of least norm on `s_z = 0`.
 
-    For any rows, where `balanced_positions` needs two balls in each. Differentiable, in `start` too.
+    Unlike `balanced_positions` it takes rows of any number of balls.
+
+    Args:
+        groups: the balancer.
+        start: psi [rad], one array per row.
+
+    Returns:
+        Positions. Differentiable, also by `start`.
 
     Raises:
-        EquinoxRuntimeError: nothing found: no position balances, or all balls start on one line.
+        ValueError: `start` is not one angle per ball.
+        EquinoxRuntimeError: none was found: no position balances, or all balls start on one line.
     """
     return _nearest(groups, checked(groups, start))
 
@@ -110,7 +154,7 @@ def nearest_balanced(groups: BalancerGroups, start: Sequence) -> Positions:
 def _nearest(groups: BalancerGroups, rows: Positions) -> Positions:
     cuts = [sum(groups.balls[: i + 1]) for i in range(groups.rows - 1)]
     moments = groups.per_ball(groups.moment)
-    # Equal pulls of every ball keep those of one line on it, so the step is damped, never undefined.
+    # For balls on one line the matrix is singular; this floor keeps the step defined.
     floor = 1e-14 * jnp.sum(moments**2) * jnp.eye(2)
 
     def step(_, psi):
@@ -132,18 +176,25 @@ def _nearest(groups: BalancerGroups, rows: Positions) -> Positions:
 
 
 def checked(groups: BalancerGroups, positions: Sequence) -> Positions:
-    """Positions as arrays, of the right number in each row."""
+    """Positions as arrays; raises unless there is one angle per ball."""
     rows = tuple(jnp.asarray(row, float) for row in positions)
     shapes = tuple(row.shape for row in rows)
     if shapes != tuple((n,) for n in groups.balls):
         raise ValueError(
-            f"`positions` must have {groups.balls} angles, one array a row, but has shapes {shapes}."
+            f"`positions` must have {groups.balls} angles, one array per row, but has shapes {shapes}."
         )
     return rows
 
 
 def smallest_gap(positions: Sequence) -> Float[Array, " r"]:
-    """Smallest angle [rad] between the centres of two balls of a row; 2 pi for one ball."""
+    """Smallest angle between the centres of two balls of each row.
+
+    Args:
+        positions: psi [rad], one array per row.
+
+    Returns:
+        Angle [rad] of each row; 2 pi for a single ball.
+    """
 
     def gap(row):
         around = jnp.sort(jnp.mod(jnp.asarray(row, float), 2 * math.pi))
@@ -153,10 +204,26 @@ def smallest_gap(positions: Sequence) -> Float[Array, " r"]:
 
 
 def pitch(ball_radius: Any, track_radius: Any) -> Array:
-    """`2 asin(rho / r)` [rad]: angle between two balls that touch."""
+    """`2 asin(rho / r)`: angle between the centres of two balls that touch.
+
+    Args:
+        ball_radius: rho.
+        track_radius: r of the circle of the balls' centres, in the same unit.
+
+    Returns:
+        Angle [rad]. Differentiable.
+    """
     return 2 * jnp.arcsin(ball_radius / track_radius)
 
 
 def packed_factor(balls: int, pitch: Any) -> Array:
-    """`sin(n p / 2) / (n sin(p / 2))`: moment of a packed row of balls over that of balls in one point."""
+    """`sin(n p / 2) / (n sin(p / 2))`: moment of a packed row over that of balls in one point.
+
+    Args:
+        balls: n, number of balls.
+        pitch: p [rad], see `pitch`.
+
+    Returns:
+        Factor [1]. Differentiable.
+    """
     return jnp.sin(balls * pitch / 2) / (balls * jnp.sin(pitch / 2))

@@ -13,7 +13,7 @@ from ...core.quantities import Scalar, check, nonnegative, positive
 
 
 class Scales(NamedTuple):
-    """What the dimensionless quantities are measured in; time in `1 / rate`."""
+    """Units of the dimensionless quantities; the unit of time is `1 / rate`."""
 
     rate: Scalar  # omega0 = sqrt(c_alpha / A) [rad/s]
     moment: Scalar  # l_s = m1 r1 [kg m]
@@ -23,17 +23,17 @@ class Scales(NamedTuple):
     def of(
         cls, transverse: Any, stiffness: Any, distance: Any, ball_mass: Any, track_radius: Any
     ) -> "Scales":
-        """Scales of a machine; arguments as of `BalancerGroups.from_si`."""
+        """Scales of a machine; the arguments are those of `BalancerGroups.from_si`."""
         moment = jnp.asarray(ball_mass, float)[0] * jnp.asarray(track_radius, float)[0]
         return cls(jnp.sqrt(stiffness / transverse), moment, distance * moment / transverse)
 
 
 def _rows(name: str, holds: Any, rule: str) -> Any:
-    """One number a row of balls."""
+    """A field with one number per row of balls."""
 
     def convert(values: Any) -> Float[Array, " r"]:
         if np.ndim(values) != 1:
-            raise ValueError(f"`{name} [1]` must be one number a row, but is {values!r}.")
+            raise ValueError(f"`{name} [1]` must be one number per row, but is {values!r}.")
         labels = (f"{name} of row {row} [1]" for row in range(1, len(values) + 1))
         return jnp.stack([check(v, s, holds, rule) for v, s in zip(values, labels, strict=True)])
 
@@ -47,20 +47,21 @@ def _balls() -> Any:
 def _counts(values: Any) -> tuple[int, ...]:
     counts = tuple(values)
     if not counts or not all(is_whole(n, 1) for n in counts):
-        raise ValueError(f"`balls` must be one whole number above zero a row, but is {values!r}.")
+        raise ValueError(f"`balls` must be one positive whole number per row, but is {values!r}.")
     return counts
 
 
 class BalancerGroups(eqx.Module):
-    """Rotor with a fixed point, heavy casing and `r` rows of balls in one plane, in time `omega0 t`.
+    """Equations of a rotor with a fixed point, a heavy casing and `r` rows of balls in one plane.
 
         alpha_z'' + ha alpha_z' + alpha_z - i om C alpha_z' + i s_z'' = 0,  alpha_z = alpha + i beta
         phi_i'' + h_i (phi_i' - om) = mu_i Re( alpha_z'' exp(-i phi_i) )
         s_z = sum S_i exp(i phi_i) + s0 exp(i om tau)
 
-    In axes of the rotor: `alpha_z = delta exp(i om tau)`, `phi_i = om tau + psi_i`. Positions of balls
-    are a tuple with the angles `psi` [rad] of each row. Source: Filimonikhin, Goncharov (2011),
-    eqs. (2.1)-(2.2), made dimensionless.
+    Time is `tau = omega0 t`. In axes of the rotor `alpha_z = delta exp(i om tau)` and `phi_i = om tau +
+    psi_i`. Positions of balls are a tuple of the angles `psi` [rad] of each row.
+
+    Source: Filimonikhin, Goncharov (2011), eqs. (2.1)-(2.2), made dimensionless.
     """
 
     speed: Scalar = positive("speed [1]")  # om = omega / omega0
@@ -80,7 +81,7 @@ class BalancerGroups(eqx.Module):
             count = len(getattr(self, name))
             if count != self.rows:
                 raise ValueError(
-                    f"`{name}` must have one number a row of `balls` ({self.rows}), but has {count}."
+                    f"`{name}` must have one number per row of `balls` ({self.rows}), but has {count}."
                 )
 
     @classmethod
@@ -100,22 +101,25 @@ class BalancerGroups(eqx.Module):
         drag: Any,
         rolling: Any = 1.4,
     ) -> "BalancerGroups":
-        """The groups of a machine.
+        """The groups of a machine, from quantities in SI.
 
         Args:
             speed: omega [rad/s].
-            transverse: A [kg m^2], inertia about the fixed point of rotor and casing and of the mass of
-                imbalance and balls.
-            polar: C_p [kg m^2], inertia about the axis, of the rotor alone.
+            transverse: A [kg m^2], inertia about the fixed point, of rotor, casing, imbalance and balls.
+            polar: C_p [kg m^2], inertia of the rotor alone about its axis.
             damping: h_alpha [N m s/rad] of the mount.
             stiffness: c_alpha [N m/rad] of the mount.
             distance: d [m] from the fixed point to the plane of balancing.
             unbalance: m0 r0 [kg m].
-            balls: n_l, how many balls in each row.
-            ball_mass: m_l [kg], one a row.
-            track_radius: r_l [m] of the circle of the balls' centres, one a row.
-            drag: h_l [kg/s], one a row.
-            rolling: k_l = 1 + J / (m rho^2) [1], one a row or one for all: 7/5 a ball, 3/2 a roller.
+            balls: n_l, number of balls in each row.
+            ball_mass: m_l [kg], one per row.
+            track_radius: r_l [m] of the circle of the balls' centres, one per row.
+            drag: h_l [kg/s], one per row.
+            rolling: k_l = 1 + J / (m rho^2) [1], one per row or one for all: 7/5 for balls, 3/2 for
+                rollers.
+
+        Returns:
+            `BalancerGroups`. Differentiable.
         """
         masses, radii, drags = (jnp.asarray(x, float) for x in (ball_mass, track_radius, drag))
         scales = Scales.of(transverse, stiffness, distance, masses, radii)
@@ -137,7 +141,7 @@ class BalancerGroups(eqx.Module):
 
     @property
     def a11(self) -> Scalar:
-        """`1 - om^2 (1 - C)`: stiffness left against a steady tilt of the turning rotor."""
+        """`1 - om^2 (1 - C)`: effective stiffness against a steady tilt of the rotating rotor."""
         return 1 - self.speed**2 * (1 - self.polar)
 
     @property
@@ -162,7 +166,7 @@ class BalancerGroups(eqx.Module):
 
     @property
     def coupling(self) -> Float[Array, " r"]:
-        """`mu_l = 2 m_l / (n_l S_l)`: pull of the tilting rotor on one ball."""
+        """`mu_l = 2 m_l / (n_l S_l)`: coupling of the tilt acceleration to one ball."""
         return 2 * self.mass / (jnp.asarray(self.balls) * self.moment)
 
     @property
@@ -177,5 +181,5 @@ class BalancerGroups(eqx.Module):
         return jnp.where(long, 1 / jnp.sqrt(jnp.where(long, 1 - self.polar, 1.0)), jnp.inf)
 
     def per_ball(self, values: Float[Array, " r"]) -> Float[Array, " n"]:
-        """Values of rows, one a ball."""
+        """Values per row, repeated for each ball."""
         return jnp.repeat(values, np.array(self.balls), total_repeat_length=sum(self.balls))

@@ -1,4 +1,4 @@
-"""First integrals of linear motion about a balanced position, and where the balls come to rest."""
+"""First integrals of the linear motion about a balanced position, and final positions of the balls."""
 
 from typing import Any
 
@@ -15,8 +15,11 @@ def ball_momenta(groups: BalancerGroups, displacement: Any, rate: Any) -> Comple
 
     Args:
         groups: the balancer.
-        displacement: change `s_l` (r,) of each row's imbalance, as of `row_imbalances`.
+        displacement: change `s_l` (r,) of each row's imbalance, see `row_imbalances`.
         rate: its rate `s_l'` (r,).
+
+    Returns:
+        S_lz. Differentiable.
     """
     return (jnp.asarray(rate) + groups.drag * jnp.asarray(displacement)) / groups.mass
 
@@ -24,12 +27,22 @@ def ball_momenta(groups: BalancerGroups, displacement: Any, rate: Any) -> Comple
 def first_integral(
     beta: Complex[Array, " r"], momenta: Complex[Array, " r"], reference: int = 0
 ) -> Complex[Array, " _"]:
-    """`B_j S_l - B_4 S_j - B_3 conj(S_j)`, constant, for every row `l` but the `reference` row `j`.
+    """`B_j S_l - B_4 S_j - B_3 conj(S_j)`, constant for every row `l` but the `reference` row `j`.
 
         B_j = 1 - |beta_j|^2,  B_3 = beta_j - beta_l,  B_4 = 1 - conj(beta_j) beta_l
 
-    Says nothing where the balls of row `j` are on one line (B_j = 0): take another row, and see
-    `integral_rows`. Source: Filimonikhin, Goncharov (2011), eq. (6.4).
+    It is degenerate where the balls of row `j` are on one line (B_j = 0): take another row, or use
+    `integral_rows`.
+
+    Args:
+        beta: `second_harmonics` of the position.
+        momenta: S_lz, see `ball_momenta`.
+        reference: index j of the reference row.
+
+    Returns:
+        The integral for every other row. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eq. (6.4).
     """
     own, held = beta[reference], momenta[reference]
     others = np.delete(np.arange(len(beta)), reference)
@@ -42,8 +55,15 @@ def integral_rows(
 ) -> Complex[np.ndarray, "k r"]:
     """All linear first integrals, degenerate cases included: `Re sum_l conj(w_l) S_lz` is constant.
 
-    One row `w` each, orthonormal: `k = 2 r - 2` of them, or `2 r - 1` where all balls are on one line
-    (the critical case). Not differentiable. Source: Filimonikhin, Goncharov (2011), section 6.
+    Args:
+        beta: `second_harmonics` of the position.
+        tolerance: relative singular value below which a direction counts as conserved.
+
+    Returns:
+        Orthonormal rows `w`: `k = 2 r - 2` of them, or `2 r - 1` where all balls are on one line (the
+        critical case). Not differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), section 6.
     """
     known = np.asarray(beta)
     # a_z = x + i y drives S_l by (1 - beta_l) x + i (1 + beta_l) y.
@@ -56,14 +76,23 @@ def integral_rows(
 def final_displacement(
     groups: BalancerGroups, beta: Complex[Array, " r"], momenta: Complex[Array, " r"]
 ) -> Complex[Array, " r"]:
-    """Where the rows' imbalances come to rest.
+    """Final change `s_l` of the imbalance of each row.
 
         s_l = (m_l / h_l) (S_l + p - beta_l conj(p)),  sum s_l = 0
         mu0 p - nu0 conj(p) = -sum m_l S_l / h_l,  mu0 = sum m_l / h_l,  nu0 = sum m_l beta_l / h_l
 
-    `p` is the impulse the rotor still has to give. For two rows this is eqs. (6.5)-(6.6) of
-    Filimonikhin, Goncharov (2011); rows on a line need no other form. Differentiable; holds for a
-    stable position, and is undefined (NaN) in a critical case.
+    `p` is the impulse that the rotor will transfer to the balls.
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of a stable position.
+        momenta: S_lz, see `ball_momenta`.
+
+    Returns:
+        s_l (r,), NaN in a critical case. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eqs. (6.5)-(6.6) for two rows; this form holds for any number
+    of rows, also for rows on one line.
     """
     ratio = groups.mass / groups.drag
     mu0, nu0, load = jnp.sum(ratio), jnp.sum(ratio * beta), jnp.sum(ratio * momenta)

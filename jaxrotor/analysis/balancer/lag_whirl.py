@@ -1,4 +1,4 @@
-"""Lag whirl: balls that turn near the critical speed and drag the rotor with them."""
+"""Lag whirl: balls that rotate near the critical speed and make the rotor whirl with them."""
 
 from typing import Any, NamedTuple
 
@@ -17,17 +17,19 @@ from .relative import whirl_spectrum
 
 
 class LagWhirl(NamedTuple):
-    """Whirl without imbalance in which each row is in one point, `r` rows."""
+    """Steady whirl without imbalance in which the balls of each of `r` rows are at one angle."""
 
     speed: Scalar  # om of the rotor
-    rate: Scalar  # Om of rotor's tilt and balls
-    angles: Float[Array, " r"]  # of the rows from the first [rad]
-    delta: Complex[Array, ""]  # tilt, in axes turning at Om with the first row at angle 0
-    growth: Scalar  # largest real part of the full model's roots but the zero of its free phase
+    rate: Scalar  # Om of the rotor's tilt and the balls
+    angles: Float[Array, " r"]  # angles of the rows relative to the first [rad]
+    delta: Complex[Array, ""]  # tilt, in axes rotating at Om with the first row at angle 0
+    growth: (
+        Scalar  # largest real part of the full model's roots, without the zero of its free phase
+    )
 
 
 class LagBranch(NamedTuple):
-    """Lag whirls along one branch, at `k` rates."""
+    """Lag whirls along one branch, at `k` whirl rates."""
 
     rate: Float[Array, " k"]
     speed: Float[Array, " k"]  # NaN where the branch ends
@@ -43,9 +45,9 @@ def _torques(groups: BalancerGroups, speed: Any, rate: Any, angles: Array) -> Fl
 
 def _tilt(groups: BalancerGroups, speed: Any, rate: Any, angles: Array) -> Array:
     """`delta = i Om^2 S / K`, `K = 1 - Om^2 + om C Om + i ha Om`, `S = sum n_l S_l exp(i psi_l)`."""
-    clumped = jnp.asarray(groups.balls) * groups.moment
+    moments = jnp.asarray(groups.balls) * groups.moment
     stiffness = 1 - rate**2 + speed * groups.polar * rate + 1j * groups.damping * rate
-    return 1j * rate**2 * jnp.sum(clumped * jnp.exp(1j * angles)) / stiffness
+    return 1j * rate**2 * jnp.sum(moments * jnp.exp(1j * angles)) / stiffness
 
 
 def _angles(others: Array) -> Array:
@@ -54,11 +56,14 @@ def _angles(others: Array) -> Array:
 
 @compiled_quickly
 def lag_branch(groups: BalancerGroups, rates: Any) -> LagBranch:
-    """The branch of lag whirls from slow rotation on, by the rate Om, past its folds in the speed.
+    """Branch of lag whirls from slow rotation on, parametrised by Om, so it passes folds in the speed.
 
     Args:
         groups: the balancer; its speed and imbalance do not matter.
-        rates: ascending, from one well below 1; steps small enough to follow the branch.
+        rates: ascending whirl rates Om from one well below 1, in steps small enough to follow the branch.
+
+    Returns:
+        `LagBranch`, NaN from where the branch is lost.
     """
     rates = jnp.asarray(rates, float)
 
@@ -80,31 +85,34 @@ def lag_branch(groups: BalancerGroups, rates: Any) -> LagBranch:
 
 
 def _rising(groups: BalancerGroups, rates: Any) -> tuple[LagBranch, int]:
-    """The branch, and where it first turns back (its length if it does not)."""
+    """The branch, and the index of its first fold (the last index if there is none)."""
     branch = lag_branch(groups, rates)
     speed = np.asarray(branch.speed)
     ends = np.flatnonzero(~(np.diff(speed) > 0))
     return branch, int(ends[0]) if ends.size else len(speed) - 1
 
 
-RATES = np.linspace(0.05, 3.0, 2000)  # searched unless told otherwise
+RATES = np.linspace(0.05, 3.0, 2000)  # whirl rates searched by default
 
 
 def lag_whirl(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
-    """The lag whirl at the speed of the groups, on the branch that begins at rest, before its first fold.
+    """Lag whirl at the speed of the groups, on the branch that begins at rest, before its first fold.
 
         h_l (om - Om) = -mu_l Re( a exp(-i psi_l) ),  a = -i Om^4 S / K,  S = sum n_l S_l exp(i psi_l)
         K = 1 - Om^2 + om C Om + i ha Om
 
-    The imbalance is left out: it shakes the whirl. Stable with light mount damping, light drag, heavy
-    balls, and then beside balanced motions: a run-up can be caught here. Differentiable.
+    The imbalance is left out; it would modulate the whirl. With light mount damping, light drag and heavy
+    balls the whirl is stable and coexists with balanced motions: a run-up can be captured by it.
 
     Args:
         groups: the balancer.
-        rates: Om along which the branch is followed, ascending from well below 1.
+        rates: ascending whirl rates Om along which the branch is followed, from well below 1.
+
+    Returns:
+        `LagWhirl`. Differentiable.
 
     Raises:
-        ValueError: no such whirl up to the last rate: the speed is past the fold (`lag_fold`).
+        ValueError: there is no such whirl up to the last rate: the speed is past the fold (`lag_fold`).
     """
     held = jax.lax.stop_gradient(groups)
     branch, top = _rising(held, rates)
@@ -112,7 +120,7 @@ def lag_whirl(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
     if not speed[0] <= float(held.speed) <= speed[-1]:
         raise ValueError(
             f"There is no lag whirl at speed {float(held.speed):g}: its branch runs from {speed[0]:g} "
-            f"to {speed[-1]:g}; follow it to higher `rates` if it does not fold there."
+            f"to {speed[-1]:g}; give higher `rates` if it does not fold there."
         )
     here = int(np.searchsorted(speed, float(held.speed)))
     start = jnp.concatenate([branch.rate[here][None], branch.angles[here, 1:]])
@@ -121,10 +129,16 @@ def lag_whirl(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
 
 
 def lag_fold(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
-    """The fastest lag whirl: the fold of its branch over the speed.
+    """Lag whirl of highest speed, at the fold of its branch over the speed.
 
-    One root is zero there; the whirl may have lost its stability to another before. Arguments as of
-    `lag_whirl`; the speed of the groups does not matter. Differentiable.
+    One root is zero there; another may have become unstable at a lower speed.
+
+    Args:
+        groups: the balancer; its speed does not matter.
+        rates: ascending whirl rates Om along which the branch is followed, from well below 1.
+
+    Returns:
+        `LagWhirl`. Differentiable.
 
     Raises:
         ValueError: the branch does not fold up to the last rate.
@@ -143,12 +157,12 @@ def lag_fold(groups: BalancerGroups, rates: Any = RATES) -> LagWhirl:
 
 
 def _at_speed(x: Array, groups: BalancerGroups) -> Array:
-    """Of rate and angles, at the speed of the groups."""
+    """Residual of rate and angles at the speed of the groups."""
     return _torques(groups, groups.speed, x[0], _angles(x[1:]))
 
 
 def _at_fold(x: Array, groups: BalancerGroups) -> Array:
-    """Of speed, rate and angles: in equilibrium, and that singular at fixed speed."""
+    """Residual of speed, rate and angles: equilibrium, and its Jacobian at fixed speed singular."""
     at = lambda inner: _torques(groups, x[0], inner[0], _angles(inner[1:]))
     return jnp.append(at(x[1:]), jnp.linalg.det(jax.jacfwd(at)(x[1:])))
 
@@ -164,6 +178,6 @@ def _whirl(groups: BalancerGroups, speed: Scalar, rate: Scalar, angles: Array) -
     delta = _tilt(turning, speed, rate, angles)
     placed = [jnp.full(n, angle) for n, angle in zip(groups.balls, angles, strict=True)]
     values = whirl_spectrum(turning, placed, delta, rate)
-    phase = jnp.argmin(jnp.abs(values))  # it may begin at any angle: one zero
+    phase = jnp.argmin(jnp.abs(values))  # the phase is free, so one root is zero
     growth = largest(jnp.where(jnp.arange(len(values)) == phase, -jnp.inf, values.real))
     return LagWhirl(speed, rate, angles, delta, growth)

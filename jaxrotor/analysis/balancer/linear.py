@@ -23,8 +23,20 @@ def closed_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[A
         delta'' + (ha + i a13) delta' + A_z delta + i (s'' + 2 i om s' - om^2 s) = 0,  s = sum s_l
         s_l'' + h_l s_l' = m_l (a_z - beta_l conj(a_z)),  a_z = i (delta'' + 2 i om delta' - om^2 delta)
 
-    Exact, nothing is averaged. `x` is real: real parts of `delta, s_1, .., s_r`, their imaginary parts,
-    then the rates of all these. Source: Filimonikhin, Goncharov (2011), eqs. (5.4)-(5.7).
+    The equations are exact; nothing is averaged. `x` is real: real parts of `delta, s_1, .., s_r`,
+    their imaginary parts, then the rates of all these.
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        A. Differentiable.
+
+    Raises:
+        ValueError: `beta` does not have one value per row.
+
+    Source: Filimonikhin, Goncharov (2011), eqs. (5.4)-(5.7).
     """
     rates, place = _accelerations(groups, beta)
     size = place.shape[0]
@@ -34,30 +46,32 @@ def closed_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[A
 
 @compiled_quickly
 def settling_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, "k k"]:
-    """The closed system without the drift along the family, `k = 6 + 2 r`: no counted zeros.
+    """`x' = A x` of the closed system without the drift along the family, `k = 6 + 2 r`.
 
-    The rows act through their sum alone, so `x` is the real and imaginary parts of `delta, s`, then the
-    rates of the real and imaginary parts of `delta, s_1, .., s_r`.
+    It has none of the zeros of that drift. The rows act through their sum alone, so `x` is the real and
+    imaginary parts of `delta, s`, then the rates of the real and imaginary parts of `delta, s_1, .., s_r`.
     """
     rates, place = _accelerations(groups, beta)
     rows = groups.rows
     sums = np.concatenate([np.eye(2)[:1], np.tile(np.eye(2)[1:], (rows, 1))])  # (1 + r, 2)
     both = np.kron(np.eye(2), sums)  # (2 + 2 r, 4)
-    # Every row's column of `place` is the same: that of the sum.
+    # The columns of `place` are the same for all rows, so one of them acts on the sum.
     through = place @ np.kron(np.eye(2), np.eye(rows + 1)[:, :2])  # (2 + 2 r, 4)
     upper = jnp.concatenate([jnp.zeros((4, 4)), jnp.asarray(both.T)], axis=1)
     return jnp.concatenate([upper, jnp.concatenate([through, rates], axis=1)])
 
 
 def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
-    """`rates, place` of `x'' = rates x' + place x`; `x` as in `closed_matrix`."""
+    """`rates, place` of `x'' = rates x' + place x`, with `x` the first half of that in `closed_matrix`."""
     om, m, rows = groups.speed, groups.mass, groups.rows
     beta = jnp.asarray(beta, complex)
     if beta.shape != (rows,):
-        raise ValueError(f"`beta` must have one value a row ({rows}), but has shape {beta.shape}.")
+        raise ValueError(
+            f"`beta` must have one value per row ({rows}), but has shape {beta.shape}."
+        )
 
     def block(pull, rotor, row):
-        """`u z + v conj(z)` as a real matrix; `pull` of the rows on delta and in `a_z` alike."""
+        """`u z + v conj(z)` as a real matrix; `pull` couples the rows to delta and, in `a_z`, back."""
         u = jnp.diag(jnp.concatenate([jnp.asarray(rotor, complex)[None], row]))
         u = u.at[0, 1:].set(pull).at[1:, 0].set(-m * pull)
         v = jnp.zeros_like(u).at[1:, 0].set(m * beta * jnp.conj(pull))
@@ -75,38 +89,61 @@ def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
 def spectrum(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Complex[Array, " k"]:
     """Roots of the closed linear system at a balanced position, without its `2 (r - 1)` zeros.
 
-    The zeros belong to drift along the family of main motions. They are left out by construction and
-    not by size: near a critical case a true root is as small as one likes, and at it exactly zero.
-    Of balls on one line another pair says nothing of the balls; see `ball_spectrum`.
+    The zeros belong to the drift along the family of main motions. They are removed by construction, not
+    by size: near a critical case a true root is arbitrarily small, and in it exactly zero. For a row
+    on one line another pair of roots is no motion of balls; see `ball_spectrum`.
 
     Args:
         groups: the balancer.
         beta: `second_harmonics` of the position.
 
     Returns:
-        `k = 6 + 2 r` roots by rising real part; differentiable, equal roots by the mean of theirs.
+        `k = 6 + 2 r` roots by rising real part. Differentiable; equal roots by the mean of theirs.
+
+    Raises:
+        ValueError: `beta` does not have one value per row.
     """
     values = matrix_roots(settling_matrix(groups, beta))
     return values[jnp.lexsort((values.imag, values.real))]
 
 
 def growth_rate(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
-    """Largest real part of the `spectrum`: below zero the position is stable, zero in a critical case."""
+    """Largest real part of the `spectrum`: negative if stable, zero in a critical case.
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        Growth rate in units of omega0. Differentiable.
+
+    Raises:
+        ValueError: `beta` does not have one value per row.
+    """
     return largest(spectrum(groups, beta).real)
 
 
 class Zeros(NamedTuple):
-    """How many exact zeros a spectrum has at a balanced position."""
+    """Numbers of exact zeros in the spectra at a balanced position."""
 
-    closed: int  # of the closed linear system: 2 (r - 1), one more in a critical case
-    full: int  # of the full model: n - 2, one more in a critical case
+    closed: int  # in the closed linear system: 2 (r - 1), one more in a critical case
+    full: int  # in the full model: n - 2, one more in a critical case
     ranks: tuple[int, ...]  # directions in which each row can change its imbalance: 1 on one line
 
 
 def zero_count(groups: BalancerGroups, positions: Sequence, tolerance: float = 1e-9) -> Zeros:
     """Zeros of the closed and the full spectrum, counted from the position and not from the roots.
 
-    `tolerance` is the angle [rad] within which balls are on one line.
+    Args:
+        groups: the balancer.
+        positions: psi [rad], one array per row.
+        tolerance: angle [rad] within which balls count as on one line.
+
+    Returns:
+        `Zeros`.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
     """
     lines = [np.asarray(row, float) for row in checked(groups, positions)]
     on_line = lambda row: bool(np.all(np.abs(np.sin(row - row[0])) <= tolerance))
@@ -123,7 +160,17 @@ def ball_spectrum(groups: BalancerGroups, positions: Sequence) -> Complex[np.nda
     """Roots of the full model, `k = 4 + 2 n` for `n` balls, from those of the closed system.
 
     A row of rank 2 (1 on one line) loses `2 - rank` copies of {0, -h_l}, which are no motion of balls,
-    and gains `n_l - rank` copies: balls that move and leave the imbalance as it is. By rising real part.
+    and gains `n_l - rank` copies, of motions of balls that do not change the imbalance.
+
+    Args:
+        groups: the balancer.
+        positions: psi [rad], one array per row.
+
+    Returns:
+        Roots by rising real part. Not differentiable.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
     """
     beta = second_harmonics(checked(groups, positions))
     found = [*np.asarray(spectrum(groups, beta)), *np.zeros(2 * (groups.rows - 1))]
@@ -139,7 +186,7 @@ def ball_spectrum(groups: BalancerGroups, positions: Sequence) -> Complex[np.nda
 
 @jax.custom_jvp
 def matrix_roots(matrix: Float[Array, "k k"]) -> Complex[Array, " k"]:
-    """Eigenvalues of a real matrix, in no order; equal ones differentiate as their mean."""
+    """Eigenvalues of a real matrix, unordered; the derivative of equal ones is the mean of theirs."""
     return jnp.linalg.eigvals(matrix)
 
 

@@ -1,4 +1,4 @@
-"""The groups of a scene whose balls the theory knows."""
+"""Dimensionless groups of a scene to which the theory of the ball balancer applies."""
 
 import numpy as np
 
@@ -10,10 +10,19 @@ from .groups import BalancerGroups, Scales
 
 
 def groups_of(scene: Scene) -> tuple[BalancerGroups, Scales]:
-    """Groups of a rotor with one coordinate, such as the tilt about a pivot, at its speed; its scales.
+    """Groups and scales of a rotor with one coordinate, such as the tilt about a pivot, at its speed.
 
-    Rows without balls are left out. Positions of balls are then angles from the rotor's imbalance.
-    See `BalancerGroups.from_si`.
+    Positions of balls are then angles from the rotor's imbalance.
+
+    Args:
+        scene: a rotor that only tilts about a pivot, with all balls in one plane off it; rows without
+            balls are left out.
+
+    Returns:
+        `BalancerGroups`, see `BalancerGroups.from_si`, and `Scales`.
+
+    Raises:
+        ValueError: the scene is not such a rotor, or has no inertia or spring.
     """
     system, races = assemble(scene), scene.of(BallBalancer)
     levers = [float(race.row[0]) for race in system.races] if system.n == 1 else []
@@ -26,7 +35,10 @@ def groups_of(scene: Scene) -> tuple[BalancerGroups, Scales]:
             "balls in one plane off it and no contacts: a `RigidShaft` with one constraint."
         )
     if blocks.inertia is None or blocks.stiffness is None:
-        raise ValueError("The rotor of a ball balancer needs inertia and a spring.")
+        raise ValueError(
+            "The theory of the ball balancer needs a rotor with inertia and a spring; add a Disc or a "
+            "Support."
+        )
     rows, distance = [races[i] for i in filled], levers[0]
     part = lambda block: 0.0 if block is None else block[0, 0]
     shape = {

@@ -1,4 +1,4 @@
-"""Characteristic polynomials of a balanced position: exact, slow, and to lowest orders in ball mass."""
+"""Characteristic polynomials of a balanced position: exact, slow, and of lowest orders in ball mass."""
 
 from typing import NamedTuple
 
@@ -15,15 +15,20 @@ from .groups import BalancerGroups
 def characteristic_polynomial(
     groups: BalancerGroups, beta: Complex[Array, " r"]
 ) -> Float[Array, " k"]:
-    """Exact characteristic polynomial, its `2 (r - 1)` zeros left out, degree `6 + 2 r`.
+    """Exact characteristic polynomial of degree `6 + 2 r`, without its `2 (r - 1)` zeros.
 
         { A A* l^2 - l g [ A (l - i om)^4 + A* (l + i om)^4 ] + (l^2 + om^2)^4 (g^2 - |nu|^2) } prod e_l^2
         A = A_z + (ha + i a13) l + l^2,  A* its conjugate for real l,  e_l = l + h_l
         g = sum m_l / e_l,  nu = sum m_l beta_l / e_l
 
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of the position.
+
     Returns:
-        Real coefficients, highest power first. Times l^2 it is that of eqs. (5.4)-(5.6) of
-        Filimonikhin, Goncharov (2011); for roots `spectrum` has more digits.
+        Real coefficients, highest power first. For roots `spectrum` is more accurate. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eqs. (5.4)-(5.6); theirs is l^2 times this one.
     """
     om = groups.speed + 0j
     one = jnp.ones((), complex)
@@ -32,15 +37,22 @@ def characteristic_polynomial(
     drags, first, second = _rows(groups, beta)
     free = jnp.polymul(rotor, rotor.conj()).real
     pull = 2 * jnp.polymul(rotor, back).real
-    turn = _power(jnp.stack([one, 0 * om, om**2]), 4).real
-    return _total(drags, free, first, pull, second, turn)
+    double = _power(jnp.stack([one, 0 * om, om**2]), 4).real
+    return _total(drags, free, first, pull, second, double)
 
 
 @compiled_quickly
 def slow_polynomial(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[Array, " k"]:
-    """Characteristic polynomial of slow motion, the rotor in quasi-static balance, degree `2 + 2 r`.
+    """Characteristic polynomial of degree `2 + 2 r` for slow motion with a quasi-static rotor.
 
         { Delta l^2 - 2 om^4 a11 g l + om^8 (g^2 - |nu|^2) } prod e_l^2
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        Real coefficients, highest power first. Differentiable.
 
     Source: Filimonikhin, Goncharov (2011), eq. (8.6), e_3 and e_5 of its last bracket exchanged.
     """
@@ -55,7 +67,7 @@ class FirstApproximation(NamedTuple):
     """`Delta l^2 - 2 a11 om^4 mu0 l + om^8 (mu0^2 - |nu0|^2) = 0`, its coefficients and roots."""
 
     coefficients: Float[Array, " 3"]  # times prod h_l^2: A_0, -A_1, A_2 of eq. (8.8)
-    values: Complex[Array, " 2"]  # the slow roots, the slower last where real
+    values: Complex[Array, " 2"]  # slow roots; if real, the slower one last
     mu0: Scalar  # sum m_l / h_l
     nu0: Complex[Array, ""]  # sum m_l beta_l / h_l
 
@@ -65,8 +77,17 @@ def first_approximation(groups: BalancerGroups, beta: Complex[Array, " r"]) -> F
 
         sqrt( Delta |nu0|^2 - a12^2 mu0^2 ),  mu0 = sum m_l / h_l,  nu0 = sum m_l beta_l / h_l
 
-    It says stable where a11 < 0 and |nu0| < mu0. True for balls light against `h_l ha`, else not safe:
-    see `growth_rate`. Source: Filimonikhin, Goncharov (2011), eq. (8.8), in a compact form.
+    It predicts stability where a11 < 0 and |nu0| < mu0. This holds for balls light against `h_l ha`; for
+    heavier ones it may be wrong, use `growth_rate`.
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        `FirstApproximation`. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eq. (8.8), in a compact form.
     """
     ratio = groups.mass / groups.drag
     mu0, nu0 = jnp.sum(ratio), jnp.sum(ratio * beta)
@@ -80,13 +101,20 @@ def first_approximation(groups: BalancerGroups, beta: Complex[Array, " r"]) -> F
 
 
 def boundary_shift(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
-    """`a11` on the boundary of stability to first order in ball mass, taken at the critical speed.
+    """`a11*`: value of a11 on the stability boundary, to first order in ball mass.
 
         a11* = -om^4 [ (a13 / a12) M / mu0 + M' / (2 mu0) ],  M = mu0^2 - |nu0|^2
         M' = 2 mu0 mu1 - 2 Re( nu0 conj(nu1) ),  mu1 = sum m_l / h_l^2,  nu1 = sum m_l beta_l / h_l^2
 
-    So the speed is about `sqrt((1 - a11*) / (1 - C))`. Needs C < 1 and ha > 0. Follows from the exact
-    polynomial.
+    The right side is taken at the critical speed. The boundary is then at the speed
+    `sqrt((1 - a11*) / (1 - C))`, approximately. It follows from the exact polynomial.
+
+    Args:
+        groups: a balancer with C < 1 and ha > 0; its speed does not matter.
+        beta: `second_harmonics` of the position.
+
+    Returns:
+        a11*. Differentiable.
     """
     groups = eqx.tree_at(lambda g: g.speed, groups, groups.critical_speed)
     first = groups.mass / groups.drag
@@ -99,14 +127,21 @@ def boundary_shift(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar
 
 
 class ZeroApproximation(NamedTuple):
-    """Roots for balls without mass; `2 r` more are zero."""
+    """Roots for balls without mass; `2 r` more roots are zero."""
 
     rotor: Complex[Array, " 4"]
     balls: Float[Array, " _"]  # -h_l, twice each
 
 
 def zero_approximation(groups: BalancerGroups) -> ZeroApproximation:
-    """Roots for m_l = 0: `l = nu - i om` and conjugate, `nu^2 + (ha - i om C) nu + 1 = 0`; -h_l."""
+    """Roots for m_l = 0: `l = nu - i om` and conjugate, `nu^2 + (ha - i om C) nu + 1 = 0`; -h_l.
+
+    Args:
+        groups: the balancer; its ball masses do not matter.
+
+    Returns:
+        `ZeroApproximation`. Differentiable.
+    """
     half = (groups.damping - 1j * groups.speed * groups.polar) / 2
     spread = jnp.sqrt(half**2 - 1) * jnp.array([-1, 1])
     rotor = spread - half - 1j * groups.speed
@@ -125,7 +160,7 @@ def _rows(groups: BalancerGroups, beta: Array) -> tuple[Array, Array, Array]:
     edges = [jnp.stack([jnp.ones_like(h), h]) for h in groups.drag]
 
     def less(row):
-        """`prod e_k` without one row's."""
+        """`prod e_k` over all rows but one."""
         result = jnp.ones(1)
         for other, edge in enumerate(edges):
             result = result if other == row else jnp.polymul(result, edge)
@@ -143,8 +178,8 @@ def _rows(groups: BalancerGroups, beta: Array) -> tuple[Array, Array, Array]:
     return jnp.polymul(whole, whole), jnp.polymul(whole, shares), second
 
 
-def _total(drags, free, first, pull, second, turn) -> Array:
-    """`free l^2 drags - pull l first + turn second`."""
+def _total(drags, free, first, pull, second, double) -> Array:
+    """`free l^2 drags - pull l first + double second`."""
     result = jnp.polymul(jnp.polymul(free, drags), jnp.array([1.0, 0.0, 0.0]))
     result = jnp.polyadd(result, -jnp.polymul(jnp.polymul(pull, first), jnp.array([1.0, 0.0])))
-    return jnp.polyadd(result, jnp.polymul(turn, second))
+    return jnp.polyadd(result, jnp.polymul(double, second))

@@ -1,4 +1,4 @@
-"""Linear motion of the full model about a steady whirl: rotor and balls turn at one rate."""
+"""Linear motion of the full model about a steady whirl, in which rotor and balls share one rate."""
 
 from collections.abc import Sequence
 
@@ -24,13 +24,17 @@ def whirl_spectrum(
 
     Args:
         groups: the balancer.
-        positions: `psi` [rad], one array a row.
-        delta: tilt, by default none (a main motion).
-        rate: Om, by default the speed; at any other the imbalance is left out, or nothing is steady.
+        positions: `psi` [rad], one array per row.
+        delta: tilt, by default zero (a main motion).
+        rate: Om, by default the speed; at a given rate the imbalance is left out, as no whirl is steady
+            with it unless Om is the speed.
 
     Returns:
-        Roots by rising real part, zeros included; differentiable. Only at a steady whirl do they mean
-        anything: see `balanced_positions`, `synchronous_states`, `lag_whirl`.
+        Roots by rising real part, zeros included. They are meaningful at a steady whirl only, as from
+        `balanced_positions`, `synchronous_states` or `lag_whirl`. Differentiable.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
     """
     if rate is None:
         rate = groups.speed
@@ -56,7 +60,7 @@ def _roots(groups: BalancerGroups, place: Float[Array, " k"], rate: Scalar) -> C
 def _residual(
     place: Float[Array, " k"], rate: Array, change: Array, groups: BalancerGroups, whirl: Scalar
 ) -> Float[Array, " k"]:
-    """Equations of motion, zero when obeyed, of `Re delta, Im delta, psi` in axes that turn at `whirl`."""
+    """Residual of the equations of motion of `Re delta, Im delta, psi` in axes that turn at `whirl`."""
     moment, drag, coupling = map(groups.per_ball, (groups.moment, groups.drag, groups.coupling))
     z, z1, z2 = (x[0] + 1j * x[1] for x in (place, rate, change))
     psi, psi1, psi2 = (x[2:] for x in (place, rate, change))

@@ -1,4 +1,4 @@
-"""Settling: how long balls take to balance, or that they do not."""
+"""Settling: whether, and after what time, balls balance the rotor for good."""
 
 from typing import Any, NamedTuple
 
@@ -11,11 +11,11 @@ from ..balancing import total_mass
 
 
 class Settling(NamedTuple):
-    """Whether and when a run is balanced for good."""
+    """Time after which a run stays balanced."""
 
-    time: Scalar  # from the start of the run [s], infinite where it is not
-    end: Scalar  # of the run [s]
-    left: Scalar  # imbalance at the end, of the capacity of the balls [1]
+    time: Scalar  # from the start of the run [s], infinite if it is not balanced at its end
+    end: Scalar  # end of the run [s]
+    left: Scalar  # imbalance at the end as a share of the capacity of the balls [1]
 
     @property
     def converged(self) -> bool:
@@ -29,20 +29,28 @@ class Settling(NamedTuple):
 
 
 def settling_time(run: Any, within: float = 1e-3) -> Settling:
-    """First sample from which on, to the end of the run, all is still and balanced.
+    """First sample from which on, to the end of the run, the balls are at rest and balance the rotor.
 
         |u| <= within * capacity,  |psi.| <= within * Omega,  |z| <= within * capacity / mass
 
-    Balance may come as `exp(-t)`, at the limit of the capacity only as 1/t, or never: the run is the
-    cap, and one that is not balanced at its end is not converged. It is as sharp as its samples.
+    The imbalance may decay as `exp(-t)`, at the limit of the capacity as 1/t, or not at all. A run that is
+    not balanced at its end is not converged. The resolution is that of the samples.
 
     Args:
         run: a `RunUp` of a scene with balls, from its start on.
         within: share that counts as balanced.
+
+    Returns:
+        `Settling`.
+
+    Raises:
+        ValueError: the scene has no balls, or `within` is not positive.
     """
     races = run.scene.of(AbstractBodies)
     if not races:
-        raise ValueError("Only a run with balls settles so; give the scene a `BallBalancer`.")
+        raise ValueError(
+            "The settling time is that of balls, but the scene has none; give it a `BallBalancer`."
+        )
     if not within > 0:
         raise ValueError(f"`within` must be positive, but is {within!r}.")
     capacity = sum(jnp.sum(race.masses) * race.race_radius for race in races)

@@ -1,4 +1,4 @@
-"""The slow model: balls that creep while the rotor follows them in quasi-static balance."""
+"""Slow model: the balls move slowly and the rotor follows quasi-statically."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,8 +16,18 @@ from .groups import BalancerGroups
 def slow_rates(groups: BalancerGroups, positions: Sequence) -> Positions:
     """`psi_i' = (mu_l om^4 / (h_l Delta)) Im( s_z conj(A_z) exp(-i psi_i) )`.
 
-    Valid where `om^4 m_l / (h_l^2 |A_z|)` and `m_l / (h_l ha)` are small; of first order in ball mass, so
-    its stable states are those of `first_approximation`, and it knows no lag whirl.
+    The model is valid where `om^4 m_l / (h_l^2 |A_z|)` and `m_l / (h_l ha)` are small. It is of first
+    order in ball mass, so its stable states are those of `first_approximation`; it has no lag whirl.
+
+    Args:
+        groups: the balancer.
+        positions: psi [rad], one array per row.
+
+    Returns:
+        Rates of the angles, one array per row. Differentiable.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
     """
     flat = _rates(0.0, jnp.concatenate(checked(groups, positions)), groups)
     return tuple(jnp.split(flat, np.cumsum(groups.balls)[:-1]))
@@ -26,7 +36,20 @@ def slow_rates(groups: BalancerGroups, positions: Sequence) -> Positions:
 def slow_motion(
     groups: BalancerGroups, start: Sequence, times: Any, tolerance: float = 1e-10
 ) -> tuple[Float[Array, "T _"], ...]:
-    """Angles [rad] of the slow model at `times` (T,), from `start` at the first; one array a row."""
+    """Angles of the slow model over time, by integration of `slow_rates`.
+
+    Args:
+        groups: the balancer.
+        start: psi [rad] at the first time, one array per row.
+        times: ascending dimensionless times tau (T,).
+        tolerance: relative and absolute tolerance of the integration.
+
+    Returns:
+        Angles [rad] at the times, one array (T, n_l) per row. Differentiable.
+
+    Raises:
+        ValueError: `start` is not one angle per ball.
+    """
     flat = jnp.concatenate(checked(groups, start))
     angles = _motion(groups, flat, jnp.asarray(times, float), tolerance)
     return tuple(jnp.split(angles, np.cumsum(groups.balls)[:-1], axis=1))

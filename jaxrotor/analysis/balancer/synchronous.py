@@ -1,4 +1,4 @@
-"""Unbalanced steady states in which the balls turn with the rotor, all on one line."""
+"""Unbalanced steady states in which the balls rotate with the rotor, all on one line."""
 
 import itertools
 from typing import NamedTuple
@@ -15,28 +15,39 @@ from .relative import whirl_spectrum
 
 
 class SynchronousState(NamedTuple):
-    """Balls at `angle`, but for `sides` of each row opposite, and the rotor tilted at rest in its axes."""
+    """`psi = angle`, or `angle + pi` for `sides` of each row: steady state in axes of the rotor."""
 
     angle: Scalar  # psi* [rad], 0 to 2 pi
     sides: tuple[int, ...]  # j_l: balls of each row at psi* + pi
     imbalance: Complex[Array, ""]  # s_z
     delta: Complex[Array, ""]  # tilt
-    growth: Scalar  # largest real part of the full model's roots: below zero it is stable
-    labellings: int  # how many states of numbered balls it stands for
+    growth: Scalar  # largest real part of the full model's roots, stable if negative
+    labellings: int  # number of states of numbered balls that it represents
 
 
 def synchronous_states(groups: BalancerGroups) -> list[SynchronousState]:
-    """All steady states with `s0 != 0` that are not balanced, most stable first.
+    """All steady states with `s0 != 0` that are not balanced, by rising growth rate.
 
         sin(psi* + arg A_z) = -N a12 / (s0 |A_z|),  N = sum S_l (n_l - 2 j_l)
         s_z = s0 + N exp(i psi*),  delta = i om^2 s_z / A_z
 
-    A state and its other name (all sides changed, psi* half a turn on) are given once. The one with all
-    balls at psi* exists where s0 |A_z| >= a12 sum n_l S_l, and is the rotor that balls made worse.
-    Without imbalance the states turn at their own rate: see `lag_whirl`.
+    Changing all sides and psi* by pi gives the same state, which is listed once. The state with all balls
+    at psi* exists where s0 |A_z| >= a12 sum n_l S_l; there the balls increase the imbalance. Without
+    imbalance the states rotate at a rate of their own: see `lag_whirl`.
+
+    Args:
+        groups: a balancer with imbalance.
+
+    Returns:
+        List of `SynchronousState`. Not traceable.
+
+    Raises:
+        ValueError: the imbalance is zero.
     """
     if float(groups.imbalance) == 0:
-        raise ValueError("Synchronous states need an imbalance above zero; see `lag_whirl`.")
+        raise ValueError(
+            "Synchronous states need an imbalance above zero, but it is 0; use `lag_whirl`."
+        )
     states = []
     for sides in itertools.product(*(range(n + 1) for n in groups.balls)):
         opposite = tuple(n - j for n, j in zip(groups.balls, sides, strict=True))
@@ -48,7 +59,7 @@ def synchronous_states(groups: BalancerGroups) -> list[SynchronousState]:
         if float(jnp.abs(net) * groups.a12) > float(size):
             continue
         lean = jnp.arcsin(-net * groups.a12 / size)
-        # Where half of every row is on either side, both angles are one state.
+        # If half of every row is on either side, both angles are the same state.
         for branch in (lean, jnp.pi - lean)[: 1 if sides == opposite else 2]:
             angle = jnp.mod(branch - jnp.angle(groups.a_z), 2 * jnp.pi)
             total = groups.imbalance + net * jnp.exp(1j * angle)
@@ -61,9 +72,13 @@ def synchronous_states(groups: BalancerGroups) -> list[SynchronousState]:
 
 
 def wrong_side_speed(groups: BalancerGroups) -> Scalar:
-    """Speed below the critical one up to which all balls can rest on the heavy side: `s0 |A_z| = N a12`.
+    """`s0 |A_z| = N a12`: speed below the critical one up to which all balls can rest on the heavy side.
 
-    Differentiable. NaN where they can at every speed.
+    Args:
+        groups: a balancer with imbalance; its speed does not matter.
+
+    Returns:
+        Speed, NaN where the balls can rest there at every speed. Differentiable.
     """
     # With w = om^2: (1 - w (1 - C))^2 = w ha^2 ((N / s0)^2 - 1).
     long = 1 - groups.polar
