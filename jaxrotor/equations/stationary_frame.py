@@ -1,9 +1,13 @@
-"""Motion: a system's equations as a first-order vector field over the angle of revolution."""
+"""Equations of motion at constant speed as a first-order vector field over the angle of revolution.
+
+Axes are fixed in space, see docs/concepts/frames.md.
+"""
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..core.blocks import Load
 from ..core.quantities import Scalar
 from .pencil import check_alike, check_moves
 from .system import Port, System
@@ -19,8 +23,10 @@ class Motion(eqx.Module):
     All fields are real; a complex vector is its [x, y] parts.
 
     `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
-    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms that no effect draws
-    are None and absent from the compiled program. Called as a diffrax vector field.
+    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms to which no effect
+    contributes are None and absent from the compiled program. Called as a diffrax vector field.
+
+    `loads=False` leaves out `f0` and `f1`, for a state that is the deviation from the steady response.
     """
 
     rate: Scalar  # [rad/s]
@@ -36,13 +42,14 @@ class Motion(eqx.Module):
     ports: tuple[Port, ...]
     speed: Scalar  # [rad/s]
 
-    def __init__(self, system: System, rate: Scalar):
-        blocks, load = system.blocks, system.load
+    def __init__(self, system: System, rate: Scalar, *, loads: bool = True):
+        blocks = system.blocks
         check_moves(system)
         check_known_in_time(system)
         check_alike(system, "Simulation by whole revolutions", RUN_UP)
         check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
-        speed = system.spin.speed
+        speed, s = system.spin.speed, system.spin.speed / rate
+        load = system.load if loads else Load()
         columns = rows = None
         if system.ports:
             columns = jnp.stack([port.column for port in system.ports], axis=1)
@@ -56,7 +63,7 @@ class Motion(eqx.Module):
             "gyroscopic": (gyroscopic, 1 / rate),
             "circulatory": (circulatory, 1 / rate**2),
             "constant": (load.constant, 1 / rate**2),
-            "unbalance": (load.unbalance, (speed / rate) ** 2),
+            "unbalance": (load.unbalance_force(s), 1.0),  # `s` is the speed by the angle
             "columns": (columns, 1 / rate**2),
         }
         inverse = jnp.linalg.inv(blocks.inertia)
@@ -65,7 +72,7 @@ class Motion(eqx.Module):
             if scaled is not None and jnp.iscomplexobj(scaled):
                 scaled = jnp.stack([scaled.real, scaled.imag])
             setattr(self, name, scaled)
-        self.rate, self.s = rate, speed / rate
+        self.rate, self.s = rate, s
         self.rows, self.ports, self.speed = rows, system.ports, speed
 
     def __call__(self, theta: Scalar, y: State, args: None = None) -> State:
@@ -73,26 +80,26 @@ class Motion(eqx.Module):
         return linear if self.rows is None else linear + self.contact(theta, y)
 
     def linear(self, theta: Scalar, y: State, args: None = None) -> State:
-        """The stiff part: all but contact."""
+        """The part that may be stiff: all but contact."""
         del args
         q, rate = y
         acceleration = -(q @ self.stiffness.T)
         if self.damping is not None:
             acceleration -= rate @ self.damping.T
         if self.gyroscopic is not None:
-            acceleration += _turn(rate @ self.gyroscopic.T)
+            acceleration += _times_i(rate @ self.gyroscopic.T)
         if self.circulatory is not None:
-            acceleration += _turn(q @ self.circulatory.T)
+            acceleration += _times_i(q @ self.circulatory.T)
         if self.constant is not None:
             acceleration += self.constant
         if self.unbalance is not None:
             phase = self.s * theta
             acceleration += jnp.cos(phase) * self.unbalance
-            acceleration += jnp.sin(phase) * _turn(self.unbalance)
+            acceleration += jnp.sin(phase) * _times_i(self.unbalance)
         return jnp.stack([rate, acceleration])
 
     def contact(self, theta: Scalar, y: State, args: None = None) -> State:
-        """The part that is not smooth."""
+        """The part that may have jumps and kinks: contact."""
         del theta, args
         if self.rows is None or self.columns is None:
             return jnp.zeros_like(y)
@@ -130,7 +137,7 @@ def _sum(*terms: tuple[Scalar | float, Array | None]) -> Array | None:
 
 
 def check_known_in_time(system: System) -> None:
-    """Refuse what is defined for harmonic motions only."""
+    """Raise if hysteretic damping, defined for harmonic motions only, is present."""
     if system.blocks.hysteretic is not None:
         raise ValueError(
             f"Hysteretic damping ({system.owners_of('hysteretic')}) is known for harmonic motions only "
@@ -140,13 +147,13 @@ def check_known_in_time(system: System) -> None:
 
 
 def check_no_balls(system: System, what: str, instead: str) -> None:
-    """Refuse bodies that run round the shaft."""
+    """Raise if bodies run round the shaft; `what` is for rotors without them, do `instead`."""
     if system.races:
         raise ValueError(
             f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."
         )
 
 
-def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
+def _times_i(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
     """`i v`."""
     return jnp.stack([-v[1], v[0]])

@@ -176,8 +176,9 @@ class Balance(eqx.Module):
         forces = jnp.zeros((2 * harmonics + 1, n), complex)
         if load.constant is not None:
             forces = forces.at[harmonics].add(load.constant)
-        if load.unbalance is not None:
-            forces = forces.at[harmonics + revolutions].add(speed**2 * load.unbalance)
+        unbalance = load.unbalance_force(speed)
+        if unbalance is not None:
+            forces = forces.at[harmonics + revolutions].add(unbalance)
 
         def answer(case):
             frequency, force = case

@@ -115,7 +115,7 @@ def lyapunov(
             f"`count` must be at most {4 * system.n}, four a coordinate, but is {count}."
         )
     rate = revolution_rate(scene, period)
-    chosen: Any = choose(differentiable(solver, system), scene, rate, start)
+    chosen: Any = choose(differentiable(solver, system), system, rate, start)
     plan = Plan(
         chosen,
         None,

@@ -190,7 +190,7 @@ def periodic(
         start = start_of(guess).state(system, stations[0])
         aim = _Aim(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
     finder = optx.Newton(tolerance, tolerance) if finder is None else finder
-    chosen: Any = choose(solver, scene, aim.rate, aim.start)
+    chosen: Any = choose(solver, system, aim.rate, aim.start)
     settings = chosen, together, finder, tolerance
     traced = not all(map(known, jax.tree.leaves((system, aim))))
     find = _COMPILED if traced else _COMPILED_QUICKLY

@@ -11,9 +11,9 @@ from .lanes import product
 from .phi import phi_dense, phi_scalar
 
 
-Count = int | Int[Array, ""]  # of revolutions; one that is traced compiles once for all
+Count = int | Int[Array, ""]  # of revolutions; with a traced one, one program serves all counts
 
-WORST_CONDITION = 1e5  # of the eigenvectors: beyond it modal coordinates cost over 5 digits
+WORST_CONDITION = 1e5  # of the eigenvectors: beyond it, modal coordinates cost over 5 digits
 
 
 class ModalBasis(eqx.Module):
@@ -32,22 +32,26 @@ class ModalBasis(eqx.Module):
         return jnp.diag(self.values)
 
     def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
-        """`exp(span A)` and `span phi_k(span A) b`, in this basis."""
+        """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         first, *rest = phi_scalar(span * self.values, count)
         return first, [span * phi[:, None] * b for phi in rest]
 
     def apply(self, flow: Complex[Array, " m"], b: Complex[Array, "m p"]) -> Complex[Array, "m p"]:
+        """`exp(span A) b`."""
         return flow[:, None] * b
 
-    def look(self, see: Complex[Array, "s m"], flow: Complex[Array, " m"]) -> Complex[Array, "s m"]:
-        """Reading by `see` after the flow."""
-        return see * flow
+    def output_after(
+        self, output: Complex[Array, "s m"], flow: Complex[Array, " m"]
+    ) -> Complex[Array, "s m"]:
+        """`C exp(span A)`: outputs at the end of a span by the state at its start."""
+        return output * flow
 
-    def step(self, flow: Complex[Array, " m"]) -> "Rotation":
+    def propagator(self, flow: Complex[Array, " m"]) -> "Rotation":
+        """The flow as it acts on `[re, im]`."""
         return Rotation(flow.real, flow.imag)
 
-    def revolutions(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
-        """State after whole free revolutions."""
+    def advance_free(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        """State after `count` revolutions without contact."""
         return jnp.exp(2 * jnp.pi * count * self.values) * w
 
 
@@ -60,21 +64,21 @@ def _modes(a: Complex[Array, "m m"]) -> tuple[Array, Array, Array]:
 
 @_modes.defjvp
 def _modes_jvp(primals, tangents):
-    """`dV = V F`, `F_ij = (V^-1 dA V)_ij / (lambda_j - lambda_i)`, lengths kept in first order.
+    """`dV = V F`, `F_ij = (V^-1 dA V)_ij / (lambda_j - lambda_i)`, with `F_ii = 0`.
 
-    How eigenvectors are scaled does not matter to what is written in them.
+    This fixes the scales of the eigenvectors to first order; results do not depend on them.
     """
     values, vectors, inverse = _modes(*primals)
     coupled = inverse @ tangents[0] @ vectors
-    apart = values[None, :] - values[:, None]
+    differences = values[None, :] - values[:, None]
     other = ~jnp.eye(values.size, dtype=bool)
-    turned = jnp.where(other, coupled / jnp.where(other, apart, 1.0), 0.0)
-    changes = jnp.diagonal(coupled), vectors @ turned, -turned @ inverse
+    mixing = jnp.where(other, coupled / jnp.where(other, differences, 1.0), 0.0)
+    changes = jnp.diagonal(coupled), vectors @ mixing, -mixing @ inverse
     return (values, vectors, inverse), changes
 
 
 class DenseBasis(eqx.Module):
-    """Coordinates are the state itself: no eigenvectors needed, or differentiated."""
+    """Coordinates are the state itself: no eigenvectors are needed or differentiated."""
 
     a: Complex[Array, "m m"]
     vectors: Complex[Array, "m m"]
@@ -89,21 +93,25 @@ class DenseBasis(eqx.Module):
         return self.a
 
     def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
+        """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         return phi_dense(span * self.a, span * b, count)
 
     def apply(self, flow: Complex[Array, "m m"], b: Complex[Array, "m p"]) -> Complex[Array, "m p"]:
+        """`exp(span A) b`."""
         return flow @ b
 
-    def look(
-        self, see: Complex[Array, "s m"], flow: Complex[Array, "m m"]
+    def output_after(
+        self, output: Complex[Array, "s m"], flow: Complex[Array, "m m"]
     ) -> Complex[Array, "s m"]:
-        """Reading by `see` after the flow."""
-        return see @ flow
+        """`C exp(span A)`: outputs at the end of a span by the state at its start."""
+        return output @ flow
 
-    def step(self, flow: Complex[Array, "m m"]) -> "Dense":
+    def propagator(self, flow: Complex[Array, "m m"]) -> "Dense":
+        """The flow as it acts on `[re, im]`."""
         return Dense(as_real(flow))
 
-    def revolutions(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+    def advance_free(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        """State after `count` revolutions without contact."""
         once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), complex), 0)
         if isinstance(count, int):
             return jnp.linalg.matrix_power(once, count) @ w
@@ -116,7 +124,7 @@ class DenseBasis(eqx.Module):
 
 
 class Rotation(eqx.Module):
-    """Advance of modal amplitudes: one complex factor a mode, on `[re, im]`."""
+    """Propagator of modal amplitudes `[re, im]`: one complex factor a mode."""
 
     real: Float[Array, " m"]
     imag: Float[Array, " m"]
@@ -127,7 +135,7 @@ class Rotation(eqx.Module):
 
 
 class Dense(eqx.Module):
-    """Advance by a full matrix, on `[re, im]`."""
+    """Propagator of a state `[re, im]`: a full matrix."""
 
     matrix: Float[Array, "m2 m2"]
 
@@ -136,12 +144,12 @@ class Dense(eqx.Module):
 
 
 def well_conditioned(vectors: Array | np.ndarray) -> bool:
-    """Whether the eigenvectors of every (known) matrix are far enough from merging."""
+    """Whether the eigenvectors of all matrices, (.., m, m) and known, are far enough from merging."""
     return bool(np.all(np.linalg.cond(vectors) < WORST_CONDITION))
 
 
 def as_real(z: Complex[Array, "a b"]) -> Float[Array, "a2 b2"]:
-    """Complex matrix as it acts on `[re, im]`."""
+    """Real matrix that acts on `[re, im]` as a complex one does on `re + i im`."""
     return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
 
 

@@ -1,4 +1,4 @@
-"""Branches of contact: forces continued smoothly, and how far they are from changing their law."""
+"""Branches of contact laws: forces continued smoothly past the ends of a branch, and margins to these."""
 
 import equinox as eqx
 import jax
@@ -13,7 +13,7 @@ from .ports import Contacts, PortForm, Reading, phase_at
 
 
 class BranchedPorts(eqx.Module):
-    """Ports that read displacement, velocity and, but for contact, acceleration.
+    """Ports that read displacement, velocity and the acceleration without contact.
 
     Readings are `[Re, Im]` of the three by port, (2, 3, p) raveled; the acceleration is the rate
     of the velocity by the angle of revolution.
@@ -21,14 +21,15 @@ class BranchedPorts(eqx.Module):
 
     motion: Motion
     contacts: Contacts
-    feed: Float[Array, "p p"]  # acceleration by forces
+    accelerance: Float[Array, "p p"]  # acceleration of the ports by a unit of force at each
 
     @classmethod
     def build(cls, form: PortForm) -> "BranchedPorts":
         motion, contacts = form.motion, form.contacts
         assert contacts is not None and motion.rows is not None and motion.columns is not None
         p = motion.rows.shape[0]
-        see = jnp.concatenate([contacts.see, contacts.see[p:] @ form.basis.matrix()])
+        velocity = contacts.output_matrix[p:]
+        output = jnp.concatenate([contacts.output_matrix, velocity @ form.basis.matrix()])
         old = contacts.reading
         still, cos, sin = old.still, old.cos, old.sin
         if still is not None:
@@ -37,18 +38,17 @@ class BranchedPorts(eqx.Module):
             along, across = (part.reshape(2, 2, p)[:, 1] for part in (cos, sin))
             cos, sin = _with_third(cos, across), _with_third(sin, -along)
         reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin)
-        feed = motion.rate * motion.rows @ motion.columns
-        return cls(motion, Contacts(see, contacts.drive, reading), feed)
+        accelerance = motion.rate * motion.rows @ motion.columns
+        return cls(motion, Contacts(output, contacts.input_matrix, reading), accelerance)
 
     def read(self, w: Complex[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
-        """The ports in a state."""
-        seen = self.contacts.see @ w
-        return jnp.concatenate([seen.real, seen.imag]) + self.contacts.reading.steady(
-            phase_at(theta)
-        )
+        """Readings of the ports in a state."""
+        output = self.contacts.output_matrix @ w
+        steady = self.contacts.reading.steady(phase_at(theta))
+        return jnp.concatenate([output.real, output.imag]) + steady
 
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
-        """The branches that hold."""
+        """Branches of all laws in a state."""
         d, v, _ = self._parts(seen)
         speed = self.motion.speed
         ports = enumerate(self.motion.ports)
@@ -61,15 +61,15 @@ class BranchedPorts(eqx.Module):
         along = [port.along(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
         return jnp.stack([force.sum(0) for force in along], axis=1).ravel()
 
-    def as_they_are(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
-        """`[Re, Im]` of the port forces, jumps and all."""
+    def actual_forces(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
+        """`[Re, Im]` of the port forces, with their jumps."""
         d, v, _ = self._parts(seen)
         return self.motion.port_forces(d, v).ravel()
 
     def crossing(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]) -> Crossing:
-        """How near the branches are to their ends."""
+        """Margins of the conditions of given branches, and their rates."""
         d, v, a = self._parts(seen)
-        a = a + self.forces(branches, seen).reshape(2, -1) @ self.feed.T
+        a = a + self.forces(branches, seen).reshape(2, -1) @ self.accelerance.T
 
         def margins(d, v):
             ports = enumerate(zip(self.motion.ports, branches, strict=True))
@@ -79,10 +79,12 @@ class BranchedPorts(eqx.Module):
         return Crossing(*jax.jvp(margins, (d, v), (v / self.motion.rate, a)))
 
     def _parts(self, seen: Float[Array, " p6"]) -> tuple[Array, Array, Array]:
+        """Displacement, velocity and acceleration, (2, p) each."""
         d, v, a = jnp.moveaxis(seen.reshape(2, 3, -1), 1, 0)
         return d, v, a
 
 
 def _with_third(part: Float[Array, " p4"], third: Float[Array, "2 p"]) -> Float[Array, " p6"]:
+    """Readings of displacement and velocity, with a third quantity."""
     pair = part.reshape(2, 2, -1)
     return jnp.concatenate([pair, third[:, None]], axis=1).ravel()

@@ -1,59 +1,64 @@
-"""Choice of a solver: what may be asked for, and modal or dense steps, decided once."""
+"""Choice of a solver: which ones are accepted, and whether exponential steps are modal or dense."""
 
 import dataclasses
 from typing import Any
 
 import diffrax as dfx
-import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Array, Complex
 
+from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..equations.stationary_frame import Motion
-from ..equations.system import assemble
-from ..scene import Scene
+from ..equations.system import System
 from .basis import well_conditioned
 from .exponential import Exponential
 
 
 def choose(
-    solver: Exponential | dfx.AbstractSolver | None, scene: Scene, rate: Scalar, start=None
+    solver: Exponential | dfx.AbstractSolver | None, system: System, rate: Scalar, start: Any = None
 ) -> Exponential | dfx.AbstractSolver:
-    """The solver with its basis settled: modal where eigenvectors serve, else dense."""
+    """The solver with its basis decided for a system; `rate` is 2 pi over the length of a revolution.
+
+    Basis "auto" becomes "dense" where the system, the rate or the start is traced.
+    """
     solver = checked_solver(solver)
     if not isinstance(solver, Exponential) or solver.basis == "dense":
         return solver
-    traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
-    if traced:
-        return dataclasses.replace(
-            solver, basis="dense" if solver.basis == "auto" else solver.basis
-        )
-    matrix, s, driven = _linear(scene, rate)
-    if driven:
-        _check_resonance(scene, np.asarray(matrix), float(s))
-    if solver.basis == "auto":
-        _, vectors = np.linalg.eig(np.asarray(matrix))
-        return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
-    return solver
+    if not all(known(leaf) for leaf in jax.tree.leaves((system, rate, start))):
+        return dataclasses.replace(solver, basis="dense") if solver.basis == "auto" else solver
+    matrix, s = _matrix(system, rate)
+    roots, vectors = np.linalg.eig(np.asarray(matrix))
+    if system.load.unbalance is not None:
+        _check_resonance(system, roots, float(s))
+    return decide_basis(solver, vectors) if solver.basis == "auto" else solver
 
 
-@eqx.filter_jit
-def _linear(scene: Scene, rate: Scalar):
-    motion = Motion(assemble(scene), rate)
-    return motion.matrix(), motion.s, motion.unbalance is not None
+def decide_basis(solver: Exponential, vectors: Array | np.ndarray) -> Exponential:
+    """The solver in a modal basis if all eigenvectors, (.., m, m), are well conditioned, else a dense."""
+    return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
 
 
-def _check_resonance(scene: Scene, matrix: np.ndarray, s: float) -> None:
-    if s and np.min(np.abs(1j * s - np.linalg.eigvals(matrix))) < 1e-9:
+@compiled_quickly
+def _matrix(system: System, rate: Scalar) -> tuple[Complex[Array, "m m"], Scalar]:
+    """Matrix of the linear equations, and the speed over the rate."""
+    motion = Motion(system, rate, loads=False)
+    return motion.matrix(), motion.s
+
+
+def _check_resonance(system: System, roots: np.ndarray, s: float) -> None:
+    """Raise if the unbalance excites an undamped mode at its natural frequency."""
+    if s and np.min(np.abs(1j * s - roots)) < 1e-9:
         raise ValueError(
-            f"The speed, {float(scene.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
+            f"The speed, {float(system.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
             "where the response to unbalance grows without bound: add damping, move the speed, or "
             "give a diffrax solver."
         )
 
 
 def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
-    """The solver asked for, by default the exponential one; refuses what is none."""
+    """The solver, by default `Exponential()`; raises unless it is one."""
     solver = Exponential() if solver is None else solver
     if not isinstance(solver, Exponential | dfx.AbstractSolver):
         raise ValueError(

@@ -1,6 +1,8 @@
-"""Ports: the motion seen by contact forces, in coordinates that advance exactly.
+"""Ports: inputs and outputs of the linear rotor at contacts, in coordinates that are advanced exactly.
 
-w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
+    w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
+
+See docs/concepts/ports.md.
 """
 
 import equinox as eqx
@@ -19,7 +21,7 @@ from .lanes import product
 class Reading(eqx.Module):
     """`[Re, Im]` of displacement and velocity of stations: linear in `y`, plus the steady response.
 
-    The parts of a load that no effect draws are None. Works with lanes last as well.
+    Parts of the steady response without a load are None. All fields may have lanes last.
     """
 
     matrix: Float[Array, "s4 m2"]
@@ -28,7 +30,7 @@ class Reading(eqx.Module):
     sin: Float[Array, " s4"] | None
 
     def steady(self, phase: Float[Array, "2"]) -> Float[Array, "s4 ..."] | float:
-        """What the stations do in the steady response, at the cosine and the sine of an angle."""
+        """Readings of the steady response, by cosine and sine of the angle of revolution."""
         steady = 0.0 if self.still is None else self.still
         if self.cos is not None and self.sin is not None:
             steady = steady + phase[0] * self.cos + phase[1] * self.sin
@@ -38,7 +40,7 @@ class Reading(eqx.Module):
         return self.matrix @ y + self.steady(phase_at(theta))
 
     def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
-        """The same of all lanes."""
+        """Readings of all lanes, by cosine and sine of the angle of revolution."""
         return product(self.matrix, y) + self.steady(phase)
 
 
@@ -48,26 +50,26 @@ def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
 
 
 class Contacts(eqx.Module):
-    """Ports of a scene with contact: how they see the state, and how they drive it."""
+    """Input and output matrices of the ports of a scene with contact."""
 
-    see: Complex[Array, "p2 m"]  # C
-    drive: Complex[Array, "m p"]  # B
+    output_matrix: Complex[Array, "p2 m"]  # C
+    input_matrix: Complex[Array, "m p"]  # B
     reading: Reading
 
 
 class PortField(eqx.Module):
-    """`dy/dtheta = A y + B f(C y + steady)`, all real; diffrax can step it too."""
+    """`dy/dtheta = A y + B f(C y + steady)`, all real; a vector field for diffrax."""
 
     motion: Motion
     generator: Float[Array, "m2 m2"]
-    drive: Float[Array, "m2 p2"] | None
+    input_matrix: Float[Array, "m2 p2"] | None
     reading: Reading | None
 
     def __call__(self, theta: Scalar, y: Array, args: None = None) -> Array:
         del args
         rate = self.generator @ y
-        if self.reading is not None and self.drive is not None:
-            rate = rate + self.drive @ self.forces(self.reading(theta, y))
+        if self.reading is not None and self.input_matrix is not None:
+            rate = rate + self.input_matrix @ self.forces(self.reading(theta, y))
         return rate
 
     def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
@@ -87,7 +89,7 @@ class PortForm(AbstractForm):
 
     @classmethod
     def build(cls, system: System, motion: Motion, rows: Array, basis: ModalBasis | DenseBasis):
-        """The form of a system's motion, with stations `rows` (s, n) to read."""
+        """Form of a system's motion, with stations `rows` (s, n) to read."""
         still, whirling = steady_response(system)
         if still is not None:
             still = jnp.concatenate([still, jnp.zeros_like(still)])
@@ -95,12 +97,14 @@ class PortForm(AbstractForm):
             whirling = jnp.concatenate([whirling, 1j * motion.s * whirling])
         contacts = None
         if motion.columns is not None and motion.rows is not None:
-            drive = basis.inverse @ jnp.concatenate([0 * motion.columns, motion.columns])
-            see = _gain(motion, motion.rows)
+            forced = jnp.concatenate([0 * motion.columns, motion.columns])
+            output = _output(motion, motion.rows)
             contacts = Contacts(
-                see @ basis.vectors, drive, _reading(motion, see, basis, still, whirling)
+                output @ basis.vectors,
+                basis.inverse @ forced,
+                _reading(motion, output, basis, still, whirling),
             )
-        stations = _reading(motion, _gain(motion, rows), basis, still, whirling)
+        stations = _reading(motion, _output(motion, rows), basis, still, whirling)
         steady = sum((part for part in (still, whirling) if part is not None), 0 * basis.vectors[0])
         return cls(motion, basis, contacts, stations, steady)
 
@@ -109,7 +113,7 @@ class PortForm(AbstractForm):
         generator, contacts = as_real(self.basis.matrix()), self.contacts
         if contacts is None:
             return PortField(self.motion, generator, None, None)
-        return PortField(self.motion, generator, as_real(contacts.drive), contacts.reading)
+        return PortField(self.motion, generator, as_real(contacts.input_matrix), contacts.reading)
 
     def encode(self, q, velocity):
         state = jnp.concatenate([q, velocity / self.motion.rate])
@@ -124,29 +128,30 @@ class PortForm(AbstractForm):
         return self.stations(theta, y).reshape(2, 2, -1)
 
     def free_propagator(self, span: Scalar) -> Rotation | Dense:
-        """Advance by an angle of revolution without contact."""
+        """Propagator over an angle of revolution without contact."""
         nothing = jnp.zeros((self.steady.size, 0), complex)
         flow, _ = self.basis.flow(span, nothing, 0)
-        return self.basis.step(flow)
+        return self.basis.propagator(flow)
 
     def advance_free(self, y: Array, revolutions: Count) -> Array:
         """State after whole revolutions without contact, in closed form."""
-        w = self.basis.revolutions(revolutions, as_complex(y))
+        w = self.basis.advance_free(revolutions, as_complex(y))
         return jnp.concatenate([w.real, w.imag])
 
 
-def _gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
-    """Displacement and velocity of stations from `(q, dq/dtheta)`."""
+def _output(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
+    """Output matrix of displacement and velocity of stations, on `(q, dq/dtheta)`."""
     zero = jnp.zeros_like(rows)
     return jnp.block([[rows, zero], [zero, motion.rate * rows]])
 
 
-def _reading(motion: Motion, see, basis, still, whirling) -> Reading:
-    matrix = as_real(see @ basis.vectors)
-    offset = None if still is None else _stack(see @ still)
+def _reading(motion: Motion, output, basis, still, whirling) -> Reading:
+    """Reading of the deviation in a basis, with the steady response."""
+    matrix = as_real(output @ basis.vectors)
+    offset = None if still is None else _stack(output @ still)
     if whirling is None:
         return Reading(matrix, offset, None, None)
-    whirl = see @ whirling
+    whirl = output @ whirling
     return Reading(matrix, offset, _stack(whirl), _stack(1j * motion.s * whirl))
 
 

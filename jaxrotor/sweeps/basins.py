@@ -18,7 +18,7 @@ from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, AtRest, Balls, Launch
 from ..files.toml import dumps
 from ..motion.run_up import by_race, imbalance_of
-from ..motion.transient import Integration, control, integrate
+from ..motion.transient import Integration, controller_for, integrate
 from ..results.provenance import assumed, versions
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
@@ -110,7 +110,9 @@ def basins(
             "drive without `stops` and `coulomb`."
         )
     chosen: Any = checked_solver(dfx.Dopri8() if solver is None else solver)
-    steps = controller or control(chosen, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration)
+    steps = controller or controller_for(
+        chosen, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration
+    )
     if isinstance(chosen, Exponential) or steps is None:
         raise ValueError(
             f"`solver` must choose its steps by an error estimate, but {solver_name(chosen)} has none; "
