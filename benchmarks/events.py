@@ -38,18 +38,18 @@ class Switched(eqx.Module):
 
     ports: BranchedPorts
     generator: jax.Array
-    drive: jax.Array
+    input_matrix: jax.Array
 
     @classmethod
     def of(cls, form) -> "Switched":
-        return cls(BranchedPorts.build(form), form.field.generator, form.field.drive)
+        return cls(BranchedPorts.build(form), form.field.generator, form.field.input_matrix)
 
     def seen(self, theta, y):
         return self.ports.read(as_complex(y), theta)
 
     def rate(self, theta, y, branches):
         force = self.ports.forces(branches, self.seen(theta, y))
-        return self.generator @ y + self.drive @ force
+        return self.generator @ y + self.input_matrix @ force
 
     def margin(self, t, y, args, **_):
         return jnp.min(self.ports.crossing(args, self.seen(t, y)).margin)

@@ -228,8 +228,7 @@ def _steady(scene: Scene):
 
 
 def _of_unbalance(system: System):
-    speed = system.spin.speed
-    return _times(speed**2, system.load.unbalance), None
+    return system.load.unbalance_force(system.spin.speed), None
 
 
 def _of_weight(system: System):

@@ -63,6 +63,18 @@ class Load(eqx.Module):
     def __add__(self, other: "Load") -> "Load":
         return Load(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
 
+    def unbalance_force(
+        self, speed: Scalar, acceleration: Scalar | None = None
+    ) -> Complex[Array, " r"] | None:
+        """`(Omega^2 - i Omega.) unbalance` in axes that rotate with the shaft; None where absent.
+
+        Without `acceleration` the speed is constant.
+        """
+        if self.unbalance is None:
+            return None
+        factor = speed**2 if acceleration is None else speed**2 - 1j * acceleration
+        return factor * self.unbalance
+
 
 def _parts(module: eqx.Module) -> list[str]:
     return [field.name for field in dataclasses.fields(module)]

@@ -52,7 +52,7 @@ class ConstantFrame(eqx.Module):
             columns = jnp.linalg.solve(system.blocks.inertia, columns) / rate**2
             both = jnp.kron(jnp.eye(2), columns)
             drive = jnp.concatenate([jnp.zeros_like(both), both])
-        steady, whirling = load.constant, _whirling(load.unbalance, speed)
+        steady, whirling = load.constant, load.unbalance_force(speed)
         if turns:
             steady, whirling = whirling, load.constant
         still = cos = sin = None
@@ -89,8 +89,8 @@ class ConstantFrame(eqx.Module):
             drift = drift + 1j * self.turn * q
         return q, self.rate * drift
 
-    def gain(self, rows: Float[Array, "s n"]) -> Float[Array, "s4 n4"]:
-        """`[Re, Im]` of displacement and absolute velocity of stations, along these axes."""
+    def output(self, rows: Float[Array, "s n"]) -> Float[Array, "s4 n4"]:
+        """Output matrix: `[Re, Im]` of displacement and absolute velocity of stations, in these axes."""
         zero, rate = jnp.zeros_like(rows), self.rate * rows
         if self.turn is None:
             along, across = [zero, zero, rate, zero], [zero, zero, zero, rate]
@@ -98,10 +98,6 @@ class ConstantFrame(eqx.Module):
             carried = self.turn * rate
             along, across = [zero, -carried, rate, zero], [carried, zero, zero, rate]
         return jnp.block([[rows, zero, zero, zero], along, [zero, rows, zero, zero], across])
-
-
-def _whirling(unbalance: Array | None, speed: Scalar) -> Array | None:
-    return None if unbalance is None else speed**2 * unbalance
 
 
 def _in_axes(z: Complex[Array, " n"]) -> Float[Array, " n2"]:

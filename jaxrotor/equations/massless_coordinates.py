@@ -15,7 +15,7 @@ from ..core.quantities import Scalar
 
 Residual = Callable[[Complex[Array, " n"]], Complex[Array, " n"]]
 Mask = Bool[Array, " n"] | Bool[np.ndarray, " n"]
-# Of known masses: which coordinates are damped and undamped ones without any. "unknown" while traced.
+# Masks of the damped and of the undamped massless coordinates, where all masses are known.
 Known = tuple[tuple[bool, ...], tuple[bool, ...]]
 
 
@@ -28,7 +28,7 @@ class MasslessCoordinates(eqx.Module):
 
     The order of an equation changes where a mass or a damping becomes zero, so there are no derivatives
     by a mass or a damping that is zero. A coordinate is without mass where its row and its column of
-    the inertia are exactly zero; other motions without inertia are refused by `has_massless`.
+    the inertia are exactly zero; `has_massless` raises on other motions without inertia.
     """
 
     damped: Mask | None
@@ -36,7 +36,7 @@ class MasslessCoordinates(eqx.Module):
 
     @classmethod
     def known(cls, masks: Known) -> "MasslessCoordinates":
-        """Coordinates that are constants of a program, which has no part for a kind that is absent."""
+        """Massless coordinates by constant masks; a kind that is absent leaves no trace in a program."""
         return cls(*(np.array(mask) if any(mask) else None for mask in masks))
 
     @classmethod
@@ -68,19 +68,19 @@ class MasslessCoordinates(eqx.Module):
         return jnp.linalg.inv(inertia + unit) - unit
 
     def displacement(self, r: Complex[Array, " n"], residual: Residual) -> Complex[Array, " n"]:
-        """`r`, its undamped massless part such that `residual(r)` vanishes there."""
+        """`r` with its undamped massless part such that `residual(r)` vanishes there."""
         if self.undamped is None:
             return r
         return r + _solution(lambda change: residual(r + change), self.undamped)
 
     def velocity(self, drift: Complex[Array, " n"], residual: Residual) -> Complex[Array, " n"]:
-        """`r.`, its damped massless part such that `residual(r.)` vanishes there."""
+        """`r.` with its damped massless part such that `residual(r.)` vanishes there."""
         if self.damped is None:
             return drift
         return drift + _solution(lambda change: residual(drift + change), self.damped)
 
     def condition(self, displaced: Residual, moving: Residual) -> Scalar:
-        """Condition number of the equations solved; large where they do not determine the motion."""
+        """Condition number of the equations; large where they do not determine the motion."""
         pairs = ((displaced, self.undamped), (moving, self.damped))
         parts = [_equations(residual, where) for residual, where in pairs if where is not None]
         return jnp.max(jnp.stack([jnp.linalg.cond(matrix) for matrix, _ in parts]))
@@ -96,7 +96,7 @@ def _acts_on(n: int, *blocks: Array | None) -> Bool[Array, " n"]:
 
 
 def _solution(residual: Residual, where: Mask) -> Complex[Array, " n"]:
-    """`x`, zero but at `where`, such that a residual real-linear in `x` vanishes there."""
+    """`x`, zero except at `where`, such that a residual that is real-linear in `x` vanishes there."""
     matrix, offset = _equations(residual, where)
     x = eliminated(matrix, -offset, pivots=True)
     return jnp.where(where, x[: where.size] + 1j * x[where.size :], 0.0)

@@ -1,4 +1,7 @@
-"""Pencil: the linear part of a system as a quadratic of the growth rate, in the frame that suits it."""
+"""Pencil of the linear equations, a quadratic in the growth rate, in axes of constant coefficients.
+
+See docs/concepts/frames.md for the axes.
+"""
 
 from typing import Any, Literal
 
@@ -15,7 +18,7 @@ from .system import System
 
 Frame = Literal["fixed", "rotating", "periodic"]
 
-ROUNDING = 1e-9  # of a root: a part or a distance this small is taken for zero
+ROUNDING = 1e-9  # relative to a root: a part or a distance this small counts as zero
 
 
 def is_rounding(part: Any, root: Any) -> Any:
@@ -40,17 +43,17 @@ def _has(blocks: Blocks, axes: str) -> bool:
 
 
 def _unequal(*axes: str) -> list[str]:
-    """Blocks of what is not the same along every axis."""
+    """Names of the blocks of unequal axes."""
     return [f"{one}_{name}" for one in axes for name in ("damping", "stiffness")]
 
 
 def unequal_parts(system: System, *axes: str) -> str:
-    """Names of the parts that are not the same along every one of the "fixed" or "rotating" axes."""
+    """Names of the parts with unequal axes, "fixed" or "rotating" ones; by default all."""
     return system.owners_of(*_unequal(*(axes or ("fixed", "rotating"))))
 
 
 def check_alike(system: System, what: str, instead: str) -> None:
-    """Raise, with `what` is for equal axes alone and what to do `instead`, unless they are equal."""
+    """Raise unless axes are equal; `what` is for equal axes alone, do `instead`."""
     if not isotropic(system.blocks):
         raise ValueError(
             f"{what} is for a rotor that is the same along every axis, but the axes of "
@@ -59,7 +62,7 @@ def check_alike(system: System, what: str, instead: str) -> None:
 
 
 def check_axes(system: System, what: str, instead: str) -> None:
-    """Raise unless there are axes in which the coefficients of the equations are constant."""
+    """Raise unless there are axes of constant coefficients; arguments as in `check_alike`."""
     if frame(system.blocks) == "periodic":
         still, turning = (unequal_parts(system, axes) for axes in ("fixed", "rotating"))
         raise ValueError(
@@ -69,7 +72,7 @@ def check_axes(system: System, what: str, instead: str) -> None:
 
 
 def check_circular(system: System) -> None:
-    """Refuse hysteresis where whirl is not circular."""
+    """Raise if there is hysteresis and whirl is not circular."""
     if system.blocks.hysteretic is not None and not isotropic(system.blocks):
         raise ValueError(
             f"Hysteretic damping ({system.owners_of('hysteretic')}) is defined for circular whirl only, "
@@ -79,7 +82,7 @@ def check_circular(system: System) -> None:
 
 
 def check_moves(system: System) -> None:
-    """Refuse a rotor of which nothing can move, or nothing has a mass."""
+    """Raise if the axis is held fast, or nothing has a mass."""
     if not system.n:
         raise ValueError(
             "The rotor has nothing that moves but its angle, since its axis is held fast, so it has no "
@@ -90,12 +93,12 @@ def check_moves(system: System) -> None:
 
 
 class Pencil(eqx.Module):
-    """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all forces included.
+    """`P(lambda) = lambda^2 M + lambda C + K` of a motion `exp(lambda t)`, all linear forces included.
 
-    An isotropic system has `n` complex coordinates `q = x + i y` in the fixed frame. Else the unknowns
-    are the pair `(q, q*)`, `m = 2n`, in the fixed frame or, where the anisotropy turns with the
-    shaft, in the rotating frame. `M` is never inverted: in collocation its eigenvalues are those of
-    the flexibility, so the highest modes would cost the lowest their digits, and coordinates
+    An isotropic system has `n` complex coordinates `q = x + i y` in the fixed frame. Otherwise the
+    unknowns are the pair `(q, q*)`, `m = 2n`, in the fixed frame or, where the unequal axes rotate with
+    the shaft, in the rotating frame. `M` is never inverted: in collocation it has the eigenvalues of the
+    flexibility, so that an inverse would cost the lowest modes their digits; besides, coordinates
     without mass are allowed.
     """
 
@@ -106,7 +109,7 @@ class Pencil(eqx.Module):
 
     @classmethod
     def mean(cls, system: System, whirl: Scalar | int = 0) -> "Pencil":
-        """Of the part that is the same along every axis: `n` coordinates in the fixed frame."""
+        """Pencil of the isotropic part of a system: `n` coordinates in the fixed frame."""
         blocks, speed = system.blocks, system.spin.speed
         check_moves(system)
         zero = jnp.zeros((system.n, system.n), complex)
@@ -149,7 +152,7 @@ class Pencil(eqx.Module):
 
     @property
     def along_axes(self) -> "Pencil":
-        """The same of real unknowns `(x, y)`, `q = x + i y`, where they are pairs: solved much faster."""
+        """The pencil with pairs written as real unknowns `(x, y)`, `q = x + i y`: solved much faster."""
         if not self.paired:
             return self
         inertia, damping, stiffness = self.inertia, self.damping, self.stiffness
@@ -157,9 +160,9 @@ class Pencil(eqx.Module):
 
     @property
     def rate(self) -> Scalar:
-        """Of the order of the first natural frequency [rad/s]; scales time in what follows.
+        """Estimate of the first natural frequency [rad/s], by which time is scaled.
 
-        Each equation is divided by its stiffness, so that a stiff one without mass does not count.
+        Each equation is divided by its stiffness, so that a stiff one without mass has no weight.
         """
         stiff = jnp.max(jnp.abs(self.stiffness), axis=1, keepdims=True)
         scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
@@ -180,7 +183,7 @@ class Pencil(eqx.Module):
     def inverse(self, shift: Scalar) -> Inexact[Array, "m2 m2"]:
         """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.
 
-        Zero eigenvalues stand for coordinates without mass. The time of `q.` is scaled by the shift.
+        Zero eigenvalues are those of coordinates without mass. The time of `q.` is scaled by the shift.
         """
         m = self.inertia.shape[0]
         inertia, damping = shift**2 * self.inertia, shift * self.damping
@@ -191,7 +194,7 @@ class Pencil(eqx.Module):
 
 
 def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
-    """All `lambda` with `det P(lambda) = 0`, in no order; infinite for coordinates without mass."""
+    """All `lambda` with `det P(lambda) = 0`, unsorted; infinite for coordinates without mass."""
     own = pencil.along_axes
     return _eigenvalues(own.inertia, own.damping, own.stiffness)
 
@@ -199,22 +202,22 @@ def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
 def moving_eigenvalues(
     pencil: Pencil, change: Pencil
 ) -> tuple[Complex[Array, " m2"], Complex[Array, " m2"]]:
-    """Eigenvalues and how they move with a change of the pencil, by one decomposition for all.
+    """Eigenvalues and their changes with a change of the pencil, all from one decomposition.
 
-    `d mu = (V^-1 dA V)_ii` of `A = V diag(mu) V^-1`, `mu = 1 / (lambda - shift)`. Equal ones get the mean
-    of theirs; close to a defective pair, whose vectors coincide, the result has few digits or is not
-    finite. See `root_changes` for exact derivatives of single roots.
+    `d mu = (V^-1 dA V)_ii` of `A = V diag(mu) V^-1`, `mu = 1 / (lambda - shift)`. Equal eigenvalues get
+    the mean of their changes; close to a defective pair, whose vectors coincide, the result has few digits
+    or is not finite. See `root_changes` for exact derivatives of single roots.
     """
-    own, moving = pencil.along_axes, change.along_axes
+    own, own_change = pencil.along_axes, change.along_axes
     shift = own.rate
-    inverse, moved = jax.jvp(lambda p: p.inverse(shift), (own,), (moving,))
+    inverse, moved = jax.jvp(lambda p: p.inverse(shift), (own,), (own_change,))
     inverses, vectors = jnp.linalg.eig(inverse)
     values = _values(inverses, shift)
     rates = -jnp.diagonal(jnp.linalg.solve(vectors, moved @ vectors)) / inverses**2
     finite = jnp.isfinite(values)
     rates = jnp.where(finite, rates, 0.0)
-    known = jnp.where(finite, values, 0.0)
-    same = finite & (jnp.abs(known[:, None] - known) <= ROUNDING * jnp.abs(known)[:, None])
+    roots = jnp.where(finite, values, 0.0)
+    same = finite & (jnp.abs(roots[:, None] - roots) <= ROUNDING * jnp.abs(roots)[:, None])
     same = same | jnp.eye(values.size, dtype=bool)
     return values, (same @ rates) / jnp.sum(same, axis=1)
 
@@ -222,7 +225,7 @@ def moving_eigenvalues(
 def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
     """Eigenvalues and their vectors `q`, one a row, of any scale.
 
-    The derivative of a vector is that of a simple root; vectors of equal roots are held.
+    Derivatives of vectors are those of simple roots; vectors of equal roots are held constant.
     """
     own = pencil.along_axes
     values, vectors = _eigenvectors(own.inertia, own.damping, own.stiffness)
@@ -256,7 +259,7 @@ def _eigenvectors(inertia, damping, stiffness):
 
 @_eigenvectors.defjvp
 def _eigenvectors_jvp(primals, tangents):
-    """`P dx + P' x d lambda = -dP x` with `dx` across `x`."""
+    """`P dx + P' x d lambda = -dP x` with `dx` orthogonal to `x`."""
     values, vectors = _eigenvectors(*primals)
     pencil, change = Pencil(*primals), Pencil(*tangents)
     simple = jnp.isfinite(values) & ~_twice(values, pencil)
@@ -266,9 +269,8 @@ def _eigenvectors_jvp(primals, tangents):
         slope = (2 * root * pencil.inertia + pencil.damping) @ vector
         upper = jnp.concatenate([pencil.at(root), slope[:, None]], axis=1)
         bordered = jnp.concatenate([upper, jnp.append(vector.conj(), 0.0)[None]])
-        known = jnp.append(-change.at(root) @ vector, 0.0)
-        held = jnp.eye(known.size)
-        moved = jnp.linalg.solve(jnp.where(simple, bordered, held), known)[:-1]
+        right = jnp.append(-change.at(root) @ vector, 0.0)
+        moved = jnp.linalg.solve(jnp.where(simple, bordered, jnp.eye(right.size)), right)[:-1]
         return jnp.where(simple, moved, 0.0)
 
     moved = jax.vmap(one)((jnp.where(simple, values, 0.0), vectors, simple))
@@ -289,10 +291,10 @@ def _eigenvalues_jvp(primals, tangents):
 def root_changes(
     roots: Complex[Array, " k"], pencil: Pencil, change: Pencil
 ) -> Complex[Array, " k"]:
-    """`d lambda = -y dP x / (y P' x)`, `x` and `y` the null vectors of `P(lambda)` on either side.
+    """`d lambda = -y dP x / (y P' x)`, with `x` and `y` the right and left null vectors of `P(lambda)`.
 
-    Two equal roots that keep two vectors get the mean of their derivatives; equal roots that share
-    one vector have none, and the result is not finite there.
+    Two equal roots with two vectors get the mean of their derivatives; equal roots that share one
+    vector have no derivative, and the result is not finite there.
     """
     finite = jnp.isfinite(roots)
 
@@ -313,22 +315,20 @@ def root_changes(
 
 
 def _twice(roots: Complex[Array, " k"], pencil: Pencil) -> Bool[Array, " k"]:
-    """Whether another root is equal, by the roots: singular values span too many scales to tell."""
-    if pencil.inertia.shape[0] == 1:  # with one vector
+    """Whether another root is equal, judged by the roots: singular values span too many scales."""
+    if pencil.inertia.shape[0] == 1:  # equal roots share the one vector
         return jnp.zeros(roots.shape, bool)
     rate, finite = pencil.rate, jnp.isfinite(roots)
     floor = jnp.where(jnp.isfinite(rate), rate, 0.0)
-    gaps = jnp.abs(roots[:, None] - jnp.where(finite, roots, 0.0))
-    gaps = jnp.sort(jnp.where(finite, gaps, jnp.inf), axis=1)
-    return finite & (gaps[:, 1] <= ROUNDING * larger(jnp.abs(roots), floor))
+    distances = jnp.abs(roots[:, None] - jnp.where(finite, roots, 0.0))
+    distances = jnp.sort(jnp.where(finite, distances, jnp.inf), axis=1)
+    return finite & (distances[:, 1] <= ROUNDING * larger(jnp.abs(roots), floor))
 
 
 def steady_response(system: System) -> tuple[Array | None, Array | None]:
-    """`q = still + whirling exp(i Omega t)` of an isotropic system; None without its load."""
-    pencil, load, speed = Pencil.of(system), system.load, system.spin.speed
-    still = whirling = None
-    if load.constant is not None:
-        still = pencil.response(jnp.zeros(()), load.constant)
-    if load.unbalance is not None:
-        whirling = pencil.response(speed, speed**2 * load.unbalance)
+    """`q = still + whirling exp(i Omega t)` of an isotropic system; a part without its load is None."""
+    pencil, speed = Pencil.of(system), system.spin.speed
+    constant, unbalance = system.load.constant, system.load.unbalance_force(speed)
+    still = None if constant is None else pencil.response(jnp.zeros(()), constant)
+    whirling = None if unbalance is None else pencil.response(speed, unbalance)
     return still, whirling

@@ -1,78 +1,48 @@
-"""Transient: a system's equations of motion at a speed that varies, in the axes of the shaft."""
+"""Equations of motion at a speed that varies, in the axes of the shaft. See docs/concepts/frames.md."""
 
 import dataclasses
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Float
 
-from ..core.blocks import Blocks, Load
 from ..core.elimination import eliminated
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..scene import Scene
-from ..shafts.virtual import VirtualLine
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
-from ..spins.drive import Drive
+from .forces import (
+    applied_force,
+    body_accelerations,
+    body_force,
+    contact_force,
+    nonlinear_columns,
+    resistance,
+)
+from .kinematics import Kinematics, RotatingState
 from .massless_coordinates import Known, MasslessCoordinates
+from .moments import MomentBalance, drive_of
 from .pencil import Pencil
 from .stationary_frame import check_known_in_time
-from .system import LEAST_DIGITS, System, assemble, assemble_blocks, assemble_load, has_massless
-
-
-class RotatingState(eqx.Module):
-    """State of all that moves; what a scene does not draw has no entries.
-
-    `q = r exp(i theta)`. Rates are over the reference rate, so entries are of one size.
-    """
-
-    r: Float[Array, "2 n"]  # [x, y] of the coordinates in the axes of the shaft
-    r_rate: Float[Array, "2 n"]
-    angle: Float[Array, " d"]  # theta [rad], d = 1 where the spin is free
-    speed: Float[Array, " d"]  # Omega over the reference rate
-    bodies: Float[Array, " b"]  # angles from the shaft, psi = phi - theta [rad]
-    bodies_rate: Float[Array, " b"]
-
-
-class Kinematics(NamedTuple):
-    """What moves how at an instant, in the axes of the shaft."""
-
-    turning: Turning
-    r: Complex[Array, " n"]
-    drift: Complex[Array, " n"]  # r. [1/s]
-    absolute: Complex[Array, " n"]  # q.. exp(-i theta) [1/s^2]; 0 for coordinates without mass
-    bodies: Float[Array, " b"]  # psi [rad]
-    bodies_speed: Float[Array, " b"]  # phi. [rad/s]
-    bodies_acceleration: Float[Array, " b"]  # phi.. [rad/s^2]
-
-    @property
-    def velocity(self) -> Complex[Array, " n"]:
-        """`q. exp(-i theta)` [1/s]."""
-        return self.drift + 1j * self.turning.speed * self.r
-
-    @property
-    def turn(self) -> Complex[Array, ""]:
-        """`exp(i theta)`."""
-        return jnp.exp(1j * self.turning.angle)
+from .system import LEAST_DIGITS, System, assemble, has_massless
 
 
 class Transient(eqx.Module):
-    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contacts + bodies`, `Omega(t)` any.
+    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contacts + bodies` at any `Omega(t)`.
 
         q = r exp(i theta),   q. = (r. + i Omega r) exp(i theta),   b = q.. exp(-i theta)
         M b = .. + (Omega^2 - i Omega.) u - Sum column m R (i phi.. - phi.^2) exp(i psi)
-        I Omega. = M_drive - Im(u_row* b) + Im(r* (c r. + k_a r*)) + friction of contacts - drag of bodies
+        I Omega. = moments about the axis, see `MomentBalance`
 
-    The last line is a free spin's, `c` and `k_a` of whatever turns with the shaft: internal damping,
-    unequal axes. The torque that drives the shaft acts along its bent axis, so that no term `Omega. G`
-    appears.
-    Accelerations that depend on each other (bodies by their inertia, a spin that is fed back) are the
+    The last line is that of a free spin. The torque that drives the shaft acts along its bent axis, so
+    that no term `Omega. G` appears.
+    Accelerations that depend on each other (bodies by their inertia, a spin with feedback) are the
     solution of a linear system, two unknowns a race and one for the spin. Its leading minors are
-    inertias with fewer freedoms, and so of one sign.
+    inertias with fewer degrees of freedom, and so of one sign.
     Sources: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Genta (2005), section 3.7.
     """
 
@@ -80,12 +50,10 @@ class Transient(eqx.Module):
     inverse: Float[Array, "n n"]  # of the inertia, zero for coordinates without mass
     rate: Scalar  # reference rate [rad/s]
     begin: Scalar  # angle at time 0 [rad]
-    galerkin: Load | None  # loads by Galerkin on the coordinates, of a spin they feed back to
-    resultant: Load | None  # and their resultants
-    rotating: Blocks | None  # by Galerkin, of what turns with the shaft
+    moments: MomentBalance | None  # of a spin with feedback
     massless: MasslessCoordinates | None  # None where all coordinates have mass
     held: Bool[Array, ""] | None = None  # whether the spin is at rest and stays
-    sense: Scalar | None = None  # of rotation, that Coulomb friction is against; None: of the speed
+    sense: Scalar | None = None  # of rotation, which Coulomb friction opposes; None: of the speed
 
     @classmethod
     def of(
@@ -97,17 +65,11 @@ class Transient(eqx.Module):
     ) -> "Transient":
         """Equations of a scene from the angle `begin` on; `rate` None is near its first frequency.
 
-        `massless` is what `massless_of` says. Unknown ones that a nonlinear force acts on make the
-        motion not a number.
+        `massless` is the result of `massless_of`. If it is "unknown" and a nonlinear force acts on a
+        coordinate without mass, the motion is NaN.
         """
         system = assemble(scene)
         check_known_in_time(system)
-        galerkin = resultant = rotating = None
-        if isinstance(scene.spin, Drive) and scene.spin.feedback:
-            line = VirtualLine.galerkin(system.line)
-            galerkin = assemble_load(scene, line, Blocks())
-            resultant = assemble_load(scene, VirtualLine.resultant(system.line), Blocks())
-            rotating = turning_with(assemble_blocks(scene, line))
         inertia, inverse = system.blocks.inertia, jnp.zeros((system.n, system.n))
         coordinates = None
         if massless == "unknown":
@@ -119,14 +81,15 @@ class Transient(eqx.Module):
             inverse = invert(inertia)
         if coordinates is not None and massless == "unknown":
             acted_on = [
-                jnp.any(jnp.where(coordinates.either, f, 0.0) != 0) for _, f in nonlinear(system)
+                jnp.any(jnp.where(coordinates.either, column, 0.0) != 0)
+                for _, column in nonlinear_columns(system)
             ]
             inverse = jnp.where(jnp.any(jnp.array(acted_on, bool)), jnp.nan, inverse)
-        rate = _reference(system) if rate is None else rate
-        return cls(system, inverse, rate, begin, galerkin, resultant, rotating, coordinates)
+        rate = _reference_rate(system) if rate is None else rate
+        return cls(system, inverse, rate, begin, MomentBalance.of(scene, system), coordinates)
 
     def hold(self, held: Array, sense: Scalar | None = None) -> "Transient":
-        """The same with a free spin stopped, or not, and friction against one sense."""
+        """The same with a free spin stopped where `held`, and friction that opposes `sense`."""
         return dataclasses.replace(self, held=held, sense=sense)
 
     def __call__(self, time: Scalar, y: RotatingState, args: None = None) -> RotatingState:
@@ -135,16 +98,16 @@ class Transient(eqx.Module):
         now, rate = self.instant(time, y), self.rate
         speed, acceleration = now.turning.speed, now.turning.acceleration
         # r.. from q.. = (r.. + 2 i Omega r. + (i Omega. - Omega^2) r) exp(i theta)
-        still = now.absolute - 2j * speed * now.drift - (1j * acceleration - speed**2) * now.r
+        relative = now.absolute - 2j * speed * now.drift - (1j * acceleration - speed**2) * now.r
         drift, free = rate * y.r_rate, y.speed.size
         if self.massless is not None:
-            still = jnp.where(self.massless.either, 0.0, still)
+            relative = jnp.where(self.massless.either, 0.0, relative)
             drift = plane(now.drift)
             if self.massless.undamped is not None:  # not integrated: computed at every instant
                 drift = jnp.where(self.massless.undamped, 0.0, drift)
         return RotatingState(
             drift,
-            plane(still) / rate,
+            plane(relative) / rate,
             rate * y.speed,
             jnp.full(free, acceleration / rate),
             rate * y.bodies_rate,
@@ -153,15 +116,16 @@ class Transient(eqx.Module):
 
     def breakaway_torque(self, time: Scalar, y: RotatingState) -> Array:
         """Torque on a spin at rest that dry friction has to hold [N m]."""
-        if self.galerkin is None:
-            return self._drive.moment(jnp.zeros(()), 0.0)
+        if self.moments is None:
+            return drive_of(self.system).moment(jnp.zeros(()), 0.0)
         held = self.hold(jnp.asarray(True), jnp.zeros(()))
         now = held.instant(time, y)
-        return held._moment(now, held._torque(now))
+        torque = self.moments.torque(self.system, now, held.sense)
+        return self.moments.with_inertia(self.system, now, torque)
 
     def instant(self, time: Scalar, y: RotatingState) -> Kinematics:
-        """All accelerations, and what they belong to."""
-        system = self.system
+        """Motion at an instant, with all accelerations."""
+        system, moments = self.system, self.moments
         r, drift = (v[0] + 1j * v[1] for v in (y.r, self.rate * y.r_rate))
         turning = self._turning(time, y)
         nothing = jnp.zeros_like(y.bodies)
@@ -169,28 +133,29 @@ class Transient(eqx.Module):
         now = Kinematics(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
         if self.massless is not None:
             now = self._with_massless_motion(self.massless, now)
-        push = -resistance(system.blocks, now) + acting(system.load, now)
-        push = push + self.contact(now, lambda port: port.column)
-        torque = None if self.galerkin is None else self._torque(now)
+        push = -resistance(system.blocks, now)
+        push = push + contact_force(system, now, lambda port: port.column)
+        torque = None if moments is None else moments.torque(system, now, self.sense)
 
         def respond(unknown: Array) -> tuple[Kinematics, Array]:
-            """The motion these accelerations would give, and by how much it contradicts them."""
+            """The motion that follows from assumed accelerations, and the residual of these."""
             start = 0 if torque is None else 1
-            seen = unknown[start::2] + 1j * unknown[start + 1 :: 2]
+            races = unknown[start::2] + 1j * unknown[start + 1 :: 2]
             spin = turning.acceleration if torque is None else unknown[0]
-            bodies = self._roll(now, seen, spin)
+            bodies = body_accelerations(system, now, races, spin)
             then = now._replace(
                 turning=turning._replace(acceleration=spin), bodies_acceleration=bodies
             )
-            change = 0.0 if system.load.unbalance is None else -1j * spin * system.load.unbalance
-            thrust = self.thrust(then, lambda race: race.column)
-            then = then._replace(absolute=self.inverse @ (push + change + thrust))
-            gap = [race.row @ then.absolute for race in system.races]
-            gap = jnp.stack(gap) - seen if gap else seen
-            gap = plane(gap, axis=1).ravel()
-            if torque is not None:
-                gap = jnp.append(self._spin_up(then, torque) - spin, gap)
-            return then, gap
+            force = push + applied_force(system.load, then)
+            force = force + body_force(system, then, lambda race: race.column)
+            then = then._replace(absolute=self.inverse @ force)
+            residual = [race.row @ then.absolute for race in system.races]
+            residual = jnp.stack(residual) - races if residual else races
+            residual = plane(residual, axis=1).ravel()
+            if moments is not None and torque is not None:
+                whole = moments.with_inertia(system, then, torque)
+                residual = jnp.append(self._acceleration(whole) - spin, residual)
+            return then, residual
 
         size = 2 * len(system.races) + (torque is not None)
         if not size:
@@ -221,10 +186,8 @@ class Transient(eqx.Module):
         return now._replace(drift=drift)
 
     def _imbalance_of_forces(self, now: Kinematics) -> Array:
-        """What inertia has to balance, with the sign of the left side; contacts and bodies excluded."""
-        left = resistance(self.system.blocks, now) - acting(self.system.load, now)
-        if self.system.load.unbalance is not None:
-            left = left + 1j * now.turning.acceleration * self.system.load.unbalance
+        """`resistance - loads`, which inertia has to balance, without contacts and bodies."""
+        left = resistance(self.system.blocks, now) - applied_force(self.system.load, now)
         return left + jnp.zeros_like(now.r)
 
     def condition_of_massless(self) -> Scalar:
@@ -243,115 +206,21 @@ class Transient(eqx.Module):
     # --- the spin
 
     def _turning(self, time: Scalar, y: RotatingState) -> Turning:
-        """Rotation now; the acceleration of a spin that is fed back is not known yet."""
-        polar = self.system.blocks.polar
+        """Rotation now; the acceleration of a spin with feedback is a first estimate."""
         if not y.speed.size:
-            angle, speed, acceleration = self.system.spin.turning(time, polar)
+            angle, speed, acceleration = self.system.spin.turning(time, self.system.blocks.polar)
             return Turning(self.begin + angle, speed, acceleration)
         speed = self.rate * y.speed[0]
-        acceleration = self._drive.moment(speed, self.sense) / self._drive.inertia(polar)
-        return Turning(y.angle[0], speed, self._unless_held(acceleration))
+        torque = drive_of(self.system).moment(speed, self.sense)
+        return Turning(y.angle[0], speed, self._acceleration(torque))
 
-    @property
-    def _drive(self) -> Drive:
-        assert isinstance(self.system.spin, Drive), "only a drive is integrated"
-        return self.system.spin
-
-    def _unless_held(self, acceleration: Array) -> Array:
+    def _acceleration(self, torque: Array) -> Array:
+        """`Omega.` under a torque [N m], zero where the spin is held."""
+        acceleration = torque / drive_of(self.system).inertia(self.system.blocks.polar)
         return acceleration if self.held is None else jnp.where(self.held, 0.0, acceleration)
 
-    def _torque(self, now: Kinematics) -> Array:
-        """Torque on the shaft less what depends on accelerations [N m]."""
-        torque = self._drive.moment(now.turning.speed, self.sense)
-        if self.rotating is not None:
-            torque = torque + jnp.imag(jnp.vdot(now.r, resistance(self.rotating, now)))
-        displacement, velocity = self._seen_by_ports(now)
-        for i, port in enumerate(self.system.ports):
-            torque = torque + port.torque(displacement[i], velocity[i], now.turning.speed)
-        for race, part in self._races():
-            rate = now.bodies_speed[part] - now.turning.speed
-            torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))
-        return torque
 
-    def _spin_up(self, then: Kinematics, torque: Array) -> Array:
-        """`Omega.` by the balance of moments."""
-        inertia = self._drive.inertia(self.system.blocks.polar)
-        return self._unless_held(self._moment(then, torque) / inertia)
-
-    def _moment(self, then: Kinematics, torque: Array) -> Array:
-        """Torque on the shaft with what depends on accelerations [N m]."""
-        assert self.galerkin is not None and self.resultant is not None
-        whole = self.resultant.unbalance
-        if self.galerkin.unbalance is not None:
-            torque = torque - jnp.imag(jnp.vdot(self.galerkin.unbalance, then.absolute))
-            gravity = self.system.load.gravity
-            if gravity is not None and whole is not None:
-                pull = jnp.conj(whole[0]) * gravity / then.turn
-                torque = torque + pull.imag
-        for race, part in self._races():
-            bodies = race.bodies
-            share = (bodies.rolling - 1) * bodies.race_radius**2 * bodies.masses
-            late = then.bodies_acceleration[part] - then.turning.acceleration
-            torque = torque + jnp.sum(share * late)
-        return torque
-
-    # --- bodies and contacts
-
-    def _races(self):
-        """Every race with the slice of its bodies."""
-        start = 0
-        for race in self.system.races:
-            stop = start + race.bodies.places
-            yield race, slice(start, stop)
-            start = stop
-
-    def _roll(
-        self, now: Kinematics, seen: Complex[Array, " p"], spin: Scalar
-    ) -> Float[Array, " b"]:
-        """`phi..` of all bodies where their races accelerate by `seen` exp(i theta)."""
-        found = [jnp.zeros(0)]
-        gravity = self.system.load.gravity
-        for (race, part), acceleration in zip(self._races(), seen, strict=True):
-            bodies, psi = race.bodies, now.bodies[part]
-            rate = now.bodies_speed[part] - now.turning.speed
-            there = bodies.masses > 0
-            force = bodies.drag(rate)
-            for between in self.system.between:
-                force = force + between.between(psi, rate, bodies)
-            if gravity is not None:
-                acceleration = acceleration - gravity / now.turn
-            push = force / jnp.where(there, bodies.masses, 1.0)
-            push = push - jnp.imag(jnp.exp(-1j * psi) * acceleration)
-            lag = (bodies.rolling - 1) * spin
-            found.append((push / bodies.race_radius + lag) / bodies.rolling)
-        return jnp.concatenate(found)
-
-    def thrust(self, now: Kinematics, column) -> Array:
-        """Force of all bodies on the shaft beyond their mass carried by it."""
-        force = jnp.zeros(())
-        for race, part in self._races():
-            whirl = 1j * now.bodies_acceleration[part] - now.bodies_speed[part] ** 2
-            whirl = race.bodies.masses * whirl * jnp.exp(1j * now.bodies[part])
-            force = force - column(race) * race.bodies.race_radius * jnp.sum(whirl)
-        return force
-
-    def contact(self, now: Kinematics, column) -> Array:
-        """Force of all contacts on the shaft, in its axes."""
-        force = jnp.zeros(())
-        displacement, velocity = self._seen_by_ports(now)
-        for i, port in enumerate(self.system.ports):
-            both = port.forces(displacement[i], velocity[i], now.turning.speed).sum(0)
-            force = force + column(port) * (both[0] + 1j * both[1]) / now.turn
-        return force
-
-    def _seen_by_ports(self, now: Kinematics) -> tuple[list[Array], list[Array]]:
-        """Displacement and velocity [x, y] of every port."""
-        rows = [port.row for port in self.system.ports]
-        displacement = [plane(row @ now.r * now.turn) for row in rows]
-        return displacement, [plane(row @ now.velocity * now.turn) for row in rows]
-
-
-def _reference(system: System) -> Scalar:
+def _reference_rate(system: System) -> Scalar:
     """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
     if not system.n:
         return jnp.ones(())
@@ -359,63 +228,12 @@ def _reference(system: System) -> Scalar:
     return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))
 
 
-def resistance(blocks: Blocks, now: Kinematics) -> Array:
-    """`M q.. + (C - i Omega G) q. + (K - i Omega H) q + ..` times `exp(-i theta)`, without `M`.
-
-    Rows are those of the blocks: equations of motion, or work on virtual displacements.
-    """
-    speed, r, v = now.turning.speed, now.r, now.velocity
-    back = jnp.conj(now.turn) ** 2  # what is fixed in space turns backward twice
-    parts = [
-        (blocks.damping, v),
-        (blocks.gyroscopic, -1j * speed * v),
-        (blocks.stiffness, r),
-        (blocks.circulatory, -1j * speed * r),
-        (blocks.skew_damping, 1j * v),
-        (blocks.skew_stiffness, 1j * r),
-        (blocks.skew_circulatory, speed * r),
-        (blocks.fixed_damping, back * jnp.conj(v)),
-        (blocks.fixed_stiffness, back * jnp.conj(r)),
-        (blocks.rotating_damping, jnp.conj(now.drift)),
-        (blocks.rotating_stiffness, jnp.conj(r)),
-    ]
-    return sum((part @ vector for part, vector in parts if part is not None), start=jnp.zeros(()))
-
-
-def turning_with(blocks: Blocks) -> Blocks | None:
-    """Dampers and unequal stiffness that turn with the shaft; None where there are none."""
-    found = Blocks(
-        damping=blocks.circulatory,
-        circulatory=blocks.circulatory,
-        skew_damping=blocks.skew_circulatory,
-        skew_circulatory=blocks.skew_circulatory,
-        rotating_damping=blocks.rotating_damping,
-        rotating_stiffness=blocks.rotating_stiffness,
-    )
-    return found if jax.tree.leaves(found) else None
-
-
-def acting(load: Load, now: Kinematics) -> Array:
-    """`constant exp(-i theta) + Omega^2 unbalance`; the part by `Omega.` is known later."""
-    force = jnp.zeros(())
-    if load.constant is not None:
-        force = force + load.constant / now.turn
-    if load.unbalance is not None:
-        force = force + now.turning.speed**2 * load.unbalance
-    return force
-
-
-def nonlinear(system: System) -> list[tuple[Scalar, Array]]:
-    """Station [m] and column of everything that acts by a law of its own: contacts and races."""
-    return [(acting.at, acting.column) for acting in (*system.ports, *system.races)]
-
-
 def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["unknown"] | None:
-    """Which coordinates of a scene have no mass: damped and undamped ones; None if all have some.
+    """Masks of the damped and the undamped massless coordinates of a scene; None if all have mass.
 
-    They are "unknown" where masses or dampings are traced, and nothing is checked then. `system` are
-    the equations of the scene, where they are at hand. Raises where their motion is not determined or
-    cannot be eliminated.
+    The result is "unknown", and nothing is checked, where masses or dampings are traced. `system` are
+    the equations of the scene, where they are at hand. Raises where the motion of massless coordinates
+    is not determined or cannot be eliminated.
     """
     if has_massless(scene, system) is False:
         return None
@@ -424,7 +242,7 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
         return "unknown"
     massless = np.asarray(coordinates.either)
     acted_on = lambda column: known(column) and np.any(np.asarray(column)[massless] != 0)
-    for at, column in nonlinear(system):
+    for at, column in nonlinear_columns(system):
         if acted_on(column):
             raise ValueError(
                 f"A contact or balls act at {float(at):g} m, where the rotor has no mass; "
@@ -449,7 +267,7 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
 
 @eqx.filter_jit
 def _massless(scene: Scene) -> tuple[System, MasslessCoordinates, Scalar]:
-    """Equations, coordinates without mass, and the condition number of what determines these."""
+    """Equations, coordinates without mass, and the condition number of the equations for these."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), "unknown")
     assert transient.massless is not None
     return transient.system, transient.massless, transient.condition_of_massless()

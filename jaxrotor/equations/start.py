@@ -12,13 +12,13 @@ from .system import System
 
 
 class AbstractStart(AbstractPart):
-    """Where a motion begins, at revolution angle zero."""
+    """State in which a motion begins, at angle of revolution zero."""
 
     @abc.abstractmethod
     def state(
         self, system: System, at: Scalar
     ) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
-        """Coordinates [m] and velocities [m/s]; `at` is the observed station."""
+        """Coordinates [m] and velocities [m/s]; `at` [m] is the observed station."""
 
 
 class AtRest(AbstractStart):
@@ -30,7 +30,7 @@ class AtRest(AbstractStart):
 
 
 class Whirl(AbstractStart):
-    """Bent as by a force at the observed station and whirling: `z = radius e^(i angle)`, `z. = i rate z`.
+    """Bent by a force at the observed station and whirling: `z = radius e^(i angle)`, `z. = i rate z`.
 
     `rate` 0 releases the bent shaft from rest; a negative rate starts a backward whirl.
     """
@@ -47,14 +47,14 @@ class Whirl(AbstractStart):
             raise ValueError(
                 "A whirl cannot start at a station that is held fast; observe another with `at`."
             )
-        # Not known yet: whoever finds that the motion is not finite asks again.
+        # While traced: the caller sees a motion that is not finite, and calls this again to raise.
         shape = shape / jnp.where(held, jnp.nan, there)
         q = self.radius * jnp.exp(1j * self.angle) * shape
         return q, 1j * self.rate * q
 
 
 class Continued(AbstractStart):
-    """A state that another run ended with: `simulate(scene, 10, start=response.end)`."""
+    """State at the end of another run: `simulate(scene, 10, start=response.end)`."""
 
     q: Complex[Array, " n"]
     velocity: Complex[Array, " n"]
@@ -70,23 +70,25 @@ class Continued(AbstractStart):
 
 
 class Balls(eqx.Module):
-    """Bodies of one race, seen from the shaft."""
+    """Angles of the bodies of one race, relative to the shaft."""
 
     angle: Float[Array, "*T b"]  # psi = phi - theta [rad]
     rate: Float[Array, "*T b"]  # [rad/s]
 
 
 class Launch(eqx.Module):
-    """State a run begins with.
+    """State in which a run begins.
 
-    `balls` has an entry for every race; None spreads them evenly. `speed` other than None is what a
-    `Drive` begins with, and what a `SpeedProfile` must have at its `time`; a `ConstantSpeed` jumps to
-    its own. To go on with another profile, `dataclasses.replace(run.end, time=0.0)`.
+    `balls` has an entry for every race; None spreads them evenly. `speed`, unless None, is the first
+    speed of a `Drive`, and must be that of a `SpeedProfile` at its `time`; a `ConstantSpeed` jumps to
+    its own. To continue with another profile, take `dataclasses.replace(run.end, time=0.0)`.
     """
 
     shaft: AbstractStart = eqx.field(default_factory=AtRest)
     angle: Scalar = real("angle [rad]", default=0.0)
     balls: tuple[Balls, ...] | None = None
     speed: Scalar = real("speed [rad/s]", default=None)
-    time: Scalar = real("time [s]", default=0.0)  # of a profile, at which the run begins
-    stopped: Bool[Array, ""] = eqx.field(default=False, converter=jnp.asarray)  # for good
+    time: Scalar = real("time [s]", default=0.0)  # of the profile at which the run begins
+    stopped: Bool[Array, ""] = eqx.field(
+        default=False, converter=jnp.asarray
+    )  # and never starts again

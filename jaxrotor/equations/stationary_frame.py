@@ -1,9 +1,13 @@
-"""Motion: a system's equations as a first-order vector field over the angle of revolution."""
+"""Equations of motion at constant speed as a first-order vector field over the angle of revolution.
+
+Axes are fixed in space, see docs/concepts/frames.md.
+"""
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..core.blocks import Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from .pencil import check_moves
@@ -15,13 +19,18 @@ State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in 
 
 
 class Motion(eqx.Module):
-    """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + b F`, `' = d/dtheta`.
+    """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + b F + ..`, `' = d/dtheta`.
+
+    Unequal axes that are fixed in space add `-k_f q* - c_f q'*`, those that turn with the shaft
+    `-exp(2 i s theta) (k_r q* + c_r (q' - i s q)*)`.
 
     All fields are real; a complex vector is its [x, y] parts.
 
     `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
-    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms that no effect draws
-    are None and absent from the compiled program. Called as a diffrax vector field.
+    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms to which no effect
+    contributes are None and absent from the compiled program. Called as a diffrax vector field.
+
+    `loads=False` leaves out `f0` and `f1`, for a state that is the deviation from the steady response.
     """
 
     rate: Scalar  # [rad/s]
@@ -30,7 +39,7 @@ class Motion(eqx.Module):
     damping: Float[Array, "n n"] | None
     gyroscopic: Float[Array, "n n"] | None
     circulatory: Float[Array, "n n"] | None
-    fixed_stiffness: Float[Array, "2 n n"] | None  # [Re, Im], of q*
+    fixed_stiffness: Float[Array, "2 n n"] | None  # [Re, Im], acting on q*
     fixed_damping: Float[Array, "2 n n"] | None
     rotating_stiffness: Float[Array, "2 n n"] | None  # the same in axes that turn with the shaft
     rotating_damping: Float[Array, "2 n n"] | None
@@ -41,12 +50,13 @@ class Motion(eqx.Module):
     ports: tuple[Port, ...]
     speed: Scalar  # [rad/s]
 
-    def __init__(self, system: System, rate: Scalar):
-        blocks, load = system.blocks, system.load
+    def __init__(self, system: System, rate: Scalar, *, loads: bool = True):
+        blocks = system.blocks
         check_moves(system)
         check_known_in_time(system)
         check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
-        speed = system.spin.speed
+        speed, s = system.spin.speed, system.spin.speed / rate
+        load = system.load if loads else Load()
         columns = rows = None
         if system.ports:
             columns = jnp.stack([port.column for port in system.ports], axis=1)
@@ -64,7 +74,7 @@ class Motion(eqx.Module):
             "rotating_stiffness": (blocks.rotating_stiffness, 1 / rate**2),
             "rotating_damping": (blocks.rotating_damping, 1 / rate),
             "constant": (load.constant, 1 / rate**2),
-            "unbalance": (load.unbalance, (speed / rate) ** 2),
+            "unbalance": (load.unbalance_force(s), 1.0),  # `s` is the speed by the angle
             "columns": (columns, 1 / rate**2),
         }
         inverse = jnp.linalg.inv(blocks.inertia)
@@ -73,7 +83,7 @@ class Motion(eqx.Module):
             if scaled is not None and jnp.iscomplexobj(scaled):
                 scaled = plane(scaled)
             setattr(self, name, scaled)
-        self.rate, self.s = rate, speed / rate
+        self.rate, self.s = rate, s
         self.rows, self.ports, self.speed = rows, system.ports, speed
 
     def __call__(self, theta: Scalar, y: State, args: None = None) -> State:
@@ -81,16 +91,16 @@ class Motion(eqx.Module):
         return linear if self.rows is None else linear + self.contact(theta, y)
 
     def linear(self, theta: Scalar, y: State, args: None = None) -> State:
-        """The stiff part: all but contact."""
+        """The part that may be stiff: all but contact."""
         del args
         q, rate = y
         acceleration = -(q @ self.stiffness.T)
         if self.damping is not None:
             acceleration -= rate @ self.damping.T
         if self.gyroscopic is not None:
-            acceleration += _turn(rate @ self.gyroscopic.T)
+            acceleration += _times_i(rate @ self.gyroscopic.T)
         if self.circulatory is not None:
-            acceleration += _turn(q @ self.circulatory.T)
+            acceleration += _times_i(q @ self.circulatory.T)
         if self.fixed_stiffness is not None:
             acceleration -= _conjugated(self.fixed_stiffness, q)
         if self.fixed_damping is not None:
@@ -102,7 +112,7 @@ class Motion(eqx.Module):
         if self.unbalance is not None:
             phase = self.s * theta
             acceleration += jnp.cos(phase) * self.unbalance
-            acceleration += jnp.sin(phase) * _turn(self.unbalance)
+            acceleration += jnp.sin(phase) * _times_i(self.unbalance)
         return jnp.stack([rate, acceleration])
 
     def _turning_with_the_shaft(self, theta: Scalar, q: Array, rate: Array) -> Array:
@@ -111,12 +121,12 @@ class Motion(eqx.Module):
         if self.rotating_stiffness is not None:
             force += _conjugated(self.rotating_stiffness, q)
         if self.rotating_damping is not None:
-            force += _conjugated(self.rotating_damping, rate - self.s * _turn(q))
+            force += _conjugated(self.rotating_damping, rate - self.s * _times_i(q))
         twice = 2 * self.s * theta
-        return jnp.cos(twice) * force + jnp.sin(twice) * _turn(force)
+        return jnp.cos(twice) * force + jnp.sin(twice) * _times_i(force)
 
     def contact(self, theta: Scalar, y: State, args: None = None) -> State:
-        """The part that is not smooth."""
+        """The part that may have jumps and kinks: contact."""
         del theta, args
         if self.rows is None or self.columns is None:
             return jnp.zeros_like(y)
@@ -154,7 +164,7 @@ def _sum(*terms: tuple[Scalar | float, Array | None]) -> Array | None:
 
 
 def check_known_in_time(system: System) -> None:
-    """Refuse what is defined for harmonic motions only."""
+    """Raise if hysteretic damping, defined for harmonic motions only, is present."""
     if system.blocks.hysteretic is not None:
         raise ValueError(
             f"Hysteretic damping ({system.owners_of('hysteretic')}) is known for harmonic motions only "
@@ -164,7 +174,7 @@ def check_known_in_time(system: System) -> None:
 
 
 def check_no_balls(system: System, what: str, instead: str) -> None:
-    """Refuse bodies that run round the shaft."""
+    """Raise if bodies run round the shaft; `what` is for rotors without them, do `instead`."""
     if system.races:
         raise ValueError(
             f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."
@@ -177,6 +187,6 @@ def _conjugated(block: Float[Array, "2 n n"], v: Float[Array, "2 n"]) -> Float[A
     return jnp.stack([real @ x + imag @ y, imag @ x - real @ y])
 
 
-def _turn(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
+def _times_i(v: Float[Array, "2 n"]) -> Float[Array, "2 n"]:
     """`i v`."""
     return jnp.stack([-v[1], v[0]])

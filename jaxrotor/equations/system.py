@@ -1,4 +1,4 @@
-"""System: the equations of motion of a scene."""
+"""System: the equations of motion of a scene. See docs/concepts/ports.md for its ports."""
 
 from collections.abc import Iterator
 
@@ -27,7 +27,7 @@ from ..spins.constant import constant
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
-Branches = tuple[Float[Array, "k c"], ...]  # of laws of equal make, stacked
+Branches = tuple[Float[Array, "k c"], ...]  # one entry for every stack of laws of equal structure
 
 
 class Port(eqx.Module):
@@ -36,23 +36,23 @@ class Port(eqx.Module):
     row: Float[Array, " n"]
     column: Float[Array, " n"]
     at: Scalar  # [m]
-    laws: tuple[AbstractLaw, ...]  # laws of equal make stacked along a leading axis
+    laws: tuple[AbstractLaw, ...]  # laws of equal structure stacked along a leading axis
 
     def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
-        """Force of every law at this port, in the order of `members` [N]."""
+        """Force of every law at this port [N], in the order of `System.members`."""
         return jnp.concatenate(
             [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
         )
 
     def branches(self, displacement: Array, velocity: Array, speed: Scalar) -> Branches:
-        """The branch of every law."""
-        seen = displacement, velocity, speed
-        return tuple(jax.vmap(lambda law: law.branch(*seen))(stack) for stack in self.laws)
+        """Branch of every law in a motion."""
+        motion = displacement, velocity, speed
+        return tuple(jax.vmap(lambda law: law.branch(*motion))(stack) for stack in self.laws)
 
     def along(
         self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
     ) -> Float[Array, "k 2"]:
-        """Force of every law by the formula of a branch [N]."""
+        """Force of every law by the formula of a given branch, also beyond its ends [N]."""
         along = lambda law, branch: law.along(branch, displacement, velocity, speed)
         pairs = zip(self.laws, branches, strict=True)
         return jnp.concatenate([jax.vmap(along)(stack, branch) for stack, branch in pairs])
@@ -60,20 +60,20 @@ class Port(eqx.Module):
     def margins(
         self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
     ) -> Branches:
-        """How far every condition of every law is from changing."""
+        """Margin of every condition of every law: how far it is from changing."""
         margins = lambda law, branch: law.margins(branch, displacement, velocity, speed)
         pairs = zip(self.laws, branches, strict=True)
         return tuple(jax.vmap(margins)(stack, branch) for stack, branch in pairs)
 
     def hardness(self) -> Float[Array, "2"]:
-        """Stiffness [N/m] and damping [N s/m] of all laws against a motion where that is most."""
+        """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
         stacks = [jax.vmap(lambda law: law.hardness())(stack) for stack in self.laws]
         stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
-        share = larger(out @ out.T, 0.0) ** 2  # of law i in a motion toward law j
+        share = larger(out @ out.T, 0.0) ** 2  # of law i in a motion outward along law j
         return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:
-        """Of every law, the distance left until it acts [m]."""
+        """Distance of every law until it acts [m]."""
         stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
         return jnp.concatenate(stacks)
 
@@ -87,7 +87,7 @@ class Port(eqx.Module):
 
 
 class Race(eqx.Module):
-    """One station where bodies roll around the shaft: reads `row . q`, adds `column F`."""
+    """One station where bodies roll round the shaft: reads `row . q`, adds `column F`."""
 
     row: Float[Array, " n"]
     column: Float[Array, " n"]
@@ -106,19 +106,19 @@ class System(eqx.Module):
     load: Load
     ports: tuple[Port, ...]
     races: tuple[Race, ...]
-    between: tuple[AbstractBetween, ...]  # what acts between the bodies of every race
+    between: tuple[AbstractBetween, ...]  # forces between the bodies of every race
     spin: AbstractSpin
     n: int = eqx.field(static=True)  # number of complex coordinates
-    members: tuple[int, ...] = eqx.field(static=True)  # scene's contact behind each law
-    owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # what, and a part that adds to it
+    members: tuple[int, ...] = eqx.field(static=True)  # index of each law's contact in the scene
+    owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # (block, part that adds to it)
 
     def owners_of(self, *what: str) -> str:
-        """Parts of the scene that add to some blocks, are a "contact" or have "bodies", in words."""
-        names = list(dict.fromkeys(part for one, part in self.owners if one in what))
+        """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
+        names = list(dict.fromkeys(part for block, part in self.owners if block in what))
         return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
     def at_speed(self, speed: ArrayLike) -> "System":
-        """The same rotor at a constant speed: nothing assembled depends on how it turns."""
+        """The same rotor at a constant speed; nothing else that is assembled depends on the spin."""
         return eqx.tree_at(lambda system: system.spin, self, constant(speed))
 
     def contact_forces(
@@ -131,7 +131,7 @@ class System(eqx.Module):
         return forces[self._order]
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:
-        """Of each contact of the scene, the distance left until it acts [m], see `contact_forces`."""
+        """Distance of each contact of the scene until it acts [m], arguments as in `contact_forces`."""
         found = [port.clearances(displacement[i]) for i, port in enumerate(self.ports)]
         return jnp.concatenate(found)[self._order]
 
@@ -142,9 +142,15 @@ class System(eqx.Module):
 
 
 def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
-    """Equations of motion of a scene, by one program for all scenes that are alike.
+    """Equations of motion of a scene, by one program for all scenes of the same structure.
 
-    `together` groups contacts that share a port; by default those known to be at one station.
+    Args:
+        scene: rotor to assemble.
+        together: groups of contacts, by their number in the scene, that share a port; by default
+            contacts at one station, where their stations are known.
+
+    Returns:
+        The equations as a `System`.
     """
     return _assembled(scene, port_groups(scene) if together is None else together)
 
@@ -208,21 +214,21 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
 
 
 def structure(scene: Scene) -> System:
-    """Which blocks, loads and ports a scene has: shapes alone, without the cost of `assemble`."""
+    """Blocks, loads and ports of a scene as shapes alone, without the cost of `assemble`."""
     return eqx.filter_eval_shape(assemble, scene)
 
 
 def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     """Whether some coordinates of a scene have no inertia; None where that is traced.
 
-    `system` are its equations, where they are at hand. Raises where the others have some and yet a
-    motion of them together has none.
+    `system` are its equations, where they are at hand. Raises where a combined motion of coordinates
+    with inertia has none.
     """
     if scene.shaft.has_mass:
         return False
     system = assemble(scene) if system is None else system
     inertia = system.blocks.inertia
-    if not system.n:  # nothing moves but its angle
+    if not system.n:  # a rigid axis held fast, which rotates only
         return False
     if inertia is None:
         return True
@@ -233,7 +239,7 @@ def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     scaled = np.asarray(inertia)[np.ix_(massive, massive)] / np.outer(sizes, sizes)
     if sizes.size and np.linalg.cond(scaled) * np.finfo(scaled.dtype).eps > LEAST_DIGITS:
         raise ValueError(
-            "What sits on the shaft gives it no inertia against one of its motions; give a Disc a "
+            "The parts on the shaft give it no inertia against one of its motions; give a Disc a "
             "`diametral` moment of inertia, or put another one elsewhere."
         )
     return not massive.all()
@@ -245,10 +251,10 @@ def polar_inertia(scene: Scene) -> Scalar | None:
 
 
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
-    """Contacts of a scene that act at one station.
+    """Groups of contacts of a scene that act at one station and share a port.
 
-    Stations share a port when they are the same traced value or known and equal. Traced apart
-    they do not, so that a derivative by one station moves that contact alone.
+    Stations are the same if they are one traced value, or known and equal. Contacts with separately
+    traced stations have ports of their own, so that a derivative by one station moves that contact alone.
     """
     groups: list[tuple[Scalar, list[int]]] = []
     for i, contact in enumerate(scene.of(AbstractContact)):

@@ -1,4 +1,4 @@
-"""What is decided before a motion is traced, and what one revolution of it shows."""
+"""Settings of a motion by whole revolutions, and the samples of one revolution."""
 
 import diffrax as dfx
 import equinox as eqx
@@ -9,7 +9,7 @@ from ..solvers.exponential import Exponential
 
 
 class Plan(eqx.Module):
-    """What is decided before anything is traced: solver, steps, and which contacts share a port."""
+    """Settings that are fixed before tracing: solver, steps, and the contacts that share a port."""
 
     solver: Exponential | dfx.AbstractSolver
     controller: dfx.AbstractStepSizeController | None
@@ -20,16 +20,18 @@ class Plan(eqx.Module):
     contacts: bool = eqx.field(static=True)  # whether ports are read
     coordinates: bool = eqx.field(static=True)  # whether all coordinates are read
     together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
-    batch: bool = eqx.field(static=True, default=False)  # lanes under vmap are stepped as one
+    batch: bool = eqx.field(
+        static=True, default=False
+    )  # whether lanes under vmap are stepped as one
 
 
 class RevolutionSamples(eqx.Module):
-    """One revolution seen at the stations, its first and last samples included."""
+    """Motion of the stations in one revolution, with its first and last samples."""
 
     displacement: Complex[Array, "T s"]  # [m]
     velocity: Complex[Array, "T s"]  # [m/s]
     slope: Complex[Array, "T s"] | None
     contact_force: Complex[Array, "T k"] | None  # [N]
-    coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # and their rates
+    coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # with their rates
     seconds: Scalar  # in a radian of revolution
     s: Scalar  # sign of the spin

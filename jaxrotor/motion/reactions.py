@@ -1,4 +1,4 @@
-"""Reactions: what bearings, constraints and stops do to the rotor."""
+"""Reactions: forces and moments of bearings, constraints and stops on the rotor."""
 
 from collections.abc import Callable
 
@@ -11,8 +11,10 @@ from jaxtyping import Array, Complex, Float
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..effects import AbstractContact, Support
+from ..equations.forces import applied_force, body_force, contact_force, resistance
+from ..equations.kinematics import Kinematics, RotatingState
 from ..equations.pencil import Pencil, frame
-from ..equations.rotating_frame import Kinematics, RotatingState, Transient, acting, resistance
+from ..equations.rotating_frame import Transient
 from ..equations.system import System, assemble_blocks, assemble_load
 from ..scene import Scene
 from ..shafts.influence import Influence
@@ -31,22 +33,22 @@ class Reactions(eqx.Module):
     time: Float[Array, " T"]  # [s]
     angle: Float[Array, " T"]  # of rotation [rad]
     force: Complex[Array, "T k"]  # x + i y [N]
-    moment: Complex[Array, "T k"]  # that turns the tangent, positive with the slope [N m]
+    moment: Complex[Array, "T k"]  # rotates the tangent, positive with the slope [N m]
     static: Complex[Array, " k"]  # force of the rotor at rest under weight [N], NaN if it has none
     static_moment: Complex[Array, " k"]  # [N m]
     names: tuple[str, ...] = eqx.field(static=True)
     scene: Scene
-    solver: str = eqx.field(static=True)  # of the motion
+    solver: str = eqx.field(static=True)  # by which the motion was computed
 
     @property
     def rotating(self) -> Complex[Array, "T k"]:
         """Force in the axes of the shaft [N]."""
-        return self._turned(self.force)
+        return self._in_axes_of_shaft(self.force)
 
     @property
     def rotating_moment(self) -> Complex[Array, "T k"]:
         """Moment in the axes of the shaft [N m]."""
-        return self._turned(self.moment)
+        return self._in_axes_of_shaft(self.moment)
 
     @property
     def dynamic(self) -> Complex[Array, "T k"]:
@@ -61,53 +63,53 @@ class Reactions(eqx.Module):
     @property
     def rotating_dynamic(self) -> Complex[Array, "T k"]:
         """Force less that at rest [N], in the axes of the shaft."""
-        return self._turned(self.dynamic)
+        return self._in_axes_of_shaft(self.dynamic)
 
     @property
     def rotating_dynamic_moment(self) -> Complex[Array, "T k"]:
         """Moment less that at rest [N m], in the axes of the shaft."""
-        return self._turned(self.dynamic_moment)
+        return self._in_axes_of_shaft(self.dynamic_moment)
 
-    def _turned(self, vectors: Complex[Array, "T k"]) -> Complex[Array, "T k"]:
+    def _in_axes_of_shaft(self, vectors: Complex[Array, "T k"]) -> Complex[Array, "T k"]:
         return vectors * jnp.exp(-1j * self.angle)[:, None]
 
     def _determined(self, static: Complex[Array, " k"]) -> Complex[Array, " k"]:
         if known(static) and not np.isfinite(static).all():
             raise ValueError(
-                "Nothing elastic holds the rotor against its weight, so it has no place at rest and its "
-                "reactions no static part; look at `force` and `moment`, or add a Support."
+                "Nothing elastic holds the rotor against its weight, so it has no rest position and its "
+                "reactions have no static part; use `force` and `moment`, or add a Support."
             )
         return static
 
     def of(self, name: str) -> Complex[Array, " T"]:
-        """Force of one, by its name [N]."""
+        """Force of one support, constraint or contact, by its name [N]."""
         if name not in self.names:
             raise ValueError(f"There is no {name!r}; there are: {', '.join(self.names)}.")
         return self.force[:, self.names.index(name)]
 
 
 def reactions(response: RunUp | Response) -> Reactions:
-    """Reactions of supports, constraints and contacts, on the rotor, at every sample.
+    """Reactions of supports, constraints and contacts on the rotor, at every sample.
 
         support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.)
         constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
 
-    The work of all loads and inertia forces on the displacement `phi_k` that a unit motion of the
-    constraint makes is minus its reaction (Betti; d'Alembert), whatever the shaft, rigid or flexible,
-    and however many the constraints. Contacts are named after their effects; they carry no static
-    part, also where the rotor lies on one. Where nothing elastic holds the rotor against its weight (a
-    pivot alone) the static part is not determined: it is NaN.
+    The reaction of a constraint is minus the work of all loads and inertia forces on the displacement
+    `phi_k` by a unit motion of the constraint (Betti; d'Alembert), for rigid and flexible shafts and any
+    number of constraints. Contacts are named after their effects; they have no static part, even where
+    the rotor rests on one. Where nothing elastic holds the rotor against its weight (a pivot alone) the
+    static part is not determined, and is NaN.
 
-    Of a flexible shaft, reactions of constraints hang on accelerations, and so on its highest modes,
-    of which an adaptive solver keeps fewer digits than of displacements: started by a `Whirl`, a shaft
-    in two pins is right to 5e-8 of its displacement, but 1.4e-3 of its reactions at the default
+    In a flexible shaft, reactions of constraints depend on accelerations, and so on the highest modes,
+    which an adaptive solver computes to fewer digits than displacements: started by a `Whirl`, a shaft
+    in two pins has an error of 5e-8 in its displacement, but of 1.4e-3 in its reactions at the default
     tolerance, 3e-5 at `rtol` 1e-9. `simulate` is exact where there is no contact.
 
     Args:
-        response: of `run_up` or `simulate`.
+        response: result of `run_up` or `simulate`.
 
     Returns:
-        `Reactions`; `k` counts supports, then constraints, then contacts.
+        `Reactions`, whose axis `k` has supports, then constraints, then contacts.
 
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
@@ -137,7 +139,7 @@ def reactions(response: RunUp | Response) -> Reactions:
 
 @eqx.filter_jit
 def _all(scene: Scene, instants: Kinematics):
-    """Forces, moments, both of the rotor at rest, and which constraints there are."""
+    """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
     parts = [_support(transient.system, support) for support in scene.of(Support)]
     influence, constraints = scene.shaft.influence(), ()
@@ -172,24 +174,22 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
     line = VirtualLine(line=transient.system.line, shapes=influence.shapes, slopes=influence.slopes)
     blocks = assemble_blocks(scene, line)
     load = assemble_load(scene, line, blocks)
-    inertia, unbalance = blocks.inertia, load.unbalance
-    forces, moments = _places(influence)
+    system, inertia = transient.system, blocks.inertia
+    forces, moments = _selections(influence)
 
     def act(now: Kinematics):
-        reaction = resistance(blocks, now) - acting(load, now)
-        reaction -= transient.contact(now, lambda port: line.column(port.at))
-        reaction -= transient.thrust(now, lambda race: line.column(race.at))
+        reaction = resistance(blocks, now) - applied_force(load, now)
+        reaction -= contact_force(system, now, lambda port: line.column(port.at))
+        reaction -= body_force(system, now, lambda race: line.column(race.at))
         if inertia is not None:
             reaction += inertia @ now.absolute
-        if unbalance is not None:
-            reaction += 1j * now.turning.acceleration * unbalance
         return jnp.asarray(forces) @ reaction, jnp.asarray(moments) @ reaction
 
     return act
 
 
-def _places(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
-    """Which line gives the force and which the moment of every constraint: 0 or 1 of (c, r)."""
+def _selections(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
+    """Matrices (c, r) of 0 and 1 that select the force and the moment of every constraint."""
     owned = np.arange(max(influence.owners) + 1)[:, None] == np.array(influence.owners)
     turns = np.array(influence.holds_slope)
     return 1.0 * (owned & ~turns), 1.0 * (owned & turns)
@@ -217,7 +217,7 @@ def _at_rest(system: System) -> Kinematics:
 
 @eqx.filter_jit
 def _instants(scene: Scene, response: Response) -> Kinematics:
-    """What moves how, at the samples of a motion at constant speed."""
+    """Kinematics at the samples of a motion at constant speed."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
     speed, none = scene.spin.speed, jnp.zeros(0)
 

@@ -1,4 +1,4 @@
-"""March: a motion made ready to step, revolution after revolution."""
+"""March: a motion at constant speed, advanced revolution by revolution."""
 
 import math
 from collections.abc import Callable
@@ -27,14 +27,14 @@ from ..spins.constant import ConstantSpeed
 from .base import Plan, RevolutionSamples
 
 
-SHORT = 20  # revolutions of which every one may be a checkpoint
+SHORT = 20  # revolutions, below which every one is a checkpoint
 
 
 class March(eqx.Module):
-    """One scene's motion from revolution to revolution.
+    """Motion of one scene, advanced by whole revolutions.
 
-    Time restarts at zero with every revolution, so the phase of the unbalance is exact however
-    long the run. A scene with contact and without unbalance may march by another `span` of angle.
+    The angle restarts at zero with every revolution, so the phase of the unbalance is exact however
+    long the run. A scene with contact and without unbalance may advance by another `span` of angle.
     """
 
     system: System
@@ -42,10 +42,9 @@ class March(eqx.Module):
     form: AbstractForm
     plan: Plan
     step: ExponentialStep | LocatedStep | None
-    free: (
-        Rotation | SlotRotation | Dense | None
-    )  # `span` of what is stepped, as it would be without contact
-    span: Scalar  # [rad] of what counts as a revolution
+    # Propagator over `span` without contact, where there is contact:
+    free: Rotation | SlotRotation | Dense | None
+    span: Scalar  # angle that counts as a revolution [rad]
 
     @classmethod
     def build(cls, scene: Scene, plan: Plan, rate: Scalar, stations: Float[Array, " s"]) -> "March":
@@ -61,9 +60,9 @@ class March(eqx.Module):
         stations: Float[Array, " s"],
         span: ArrayLike = 2 * jnp.pi,
     ) -> "March":
-        """The same of a system already assembled."""
+        """The march of an assembled system, see `build`."""
         span = jnp.asarray(span)
-        motion = Motion(system, rate)
+        motion = Motion(system, rate, loads=not isinstance(plan.solver, Exponential))
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:
             rows.append(jax.vmap(system.line.slope_row)(stations))
@@ -85,49 +84,49 @@ class March(eqx.Module):
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "2"]:
-        """Force with which a stop answers a unit of force held over one step, of the hardest port.
+        """Force of a stop after a unit of force is held for one step, at the hardest port.
 
-        `k d` and `c v`, with the stop's stiffness `k` and damping `c`, and the displacement `d` and
-        velocity `v` that the unit of force gives the port in a step `h`. Of a mass `m` on the stop
-        alone `k h^2 / (2 m)` and `c h / m`. Zero where nothing is stepped by `Exponential`.
+        `k d` and `c v`, with the stiffness `k` and damping `c` of the stop, and the displacement `d` and
+        velocity `v` that the unit force gives the port in a step `h`. A mass `m` on the stop alone has
+        `k h^2 / (2 m)` and `c h / m`. Zero where `Exponential` steps no contact.
         """
         if self.step is None:
             return jnp.zeros(2)
         form = self.form
         assert isinstance(form, PortForm) and form.contacts is not None
-        goes, moves = self.step.tableau.answer(form.contacts.reading)
+        response = self.step.tableau.port_response(form.contacts.reading)
         ports = jnp.stack([port.hardness() for port in self.system.ports])  # (p, 2)
-        found = ports * jnp.stack([goes, moves], axis=1)
+        found = ports * jnp.stack(response, axis=1)
         return found[jnp.argmax(found.sum(1))]
 
     def skip(self, y: Array, revolutions: Count) -> tuple[Array, Outcome]:
-        """State after whole revolutions, and how they went.
+        """State after whole revolutions, and their outcome.
 
-        A traced number of revolutions serves any length by one program, in forward mode alone.
+        With a traced number of revolutions one program serves all lengths, in forward mode alone.
         """
-        if self.step is None and isinstance(self.form, PortForm):  # linear: no stepping
+        if self.step is None and isinstance(self.form, PortForm):  # linear: no steps
             return self.form.advance_free(y, revolutions), Outcome.good()
 
-        def turn(carry, _):
+        def one(carry, _):
             y, good = carry
             end, _, ok = self._step(y, sample=False)
             return (end, good & ok), None
 
         begin = y, Outcome.good()
         if not isinstance(revolutions, int):
-            return jax.lax.fori_loop(0, revolutions, lambda _, carry: turn(carry, None)[0], begin)
+            return jax.lax.fori_loop(0, revolutions, lambda _, carry: one(carry, None)[0], begin)
         if not revolutions:
             return begin
-        return self._scan(turn, begin, revolutions)[0]
+        return self._scan(one, begin, revolutions)[0]
 
     def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
-        """One revolution: state at its end, stations at its S + 1 samples, outcome."""
+        """One revolution: state at its end, readings at its `steps + 1` samples, outcome."""
         if self.step is None and isinstance(self.form, PortForm):
             return self._sample_free(self.form, y)
         return self._step(y, sample=True)
 
     def _sample_free(self, form: PortForm, y: Array):
-        """One revolution of a linear scene: exact hops from sample to sample."""
+        """One revolution of a linear scene, exact from sample to sample."""
         advance, grid = form.free_propagator(self.span / self.plan.steps), self._grid()
         one = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(one, y, grid[:-1])
@@ -136,25 +135,28 @@ class March(eqx.Module):
         return y, jnp.concatenate([samples, last[None]]), done
 
     def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
-        """Carry through whole revolutions: `carry, out = update(carry, orbit)` at each."""
+        """Whole revolutions, with `carry, out = update(carry, samples)` after each.
 
-        def turn(state, _):
+        Returns `(state at the end, carry, outcome)` and the stacked `out` of all revolutions.
+        """
+
+        def one(state, _):
             y, carry, good = state
             y, samples, ok = self.sample(y)
-            carry, out = update(carry, self.orbit(samples))
+            carry, out = update(carry, self.named(samples))
             return (y, carry, good & ok), out
 
-        return self._scan(turn, (y, carry, Outcome.good()), revolutions)
+        return self._scan(one, (y, carry, Outcome.good()), revolutions)
 
-    def orbit(self, samples: Float[Array, "T 2 2 r"]) -> "RevolutionSamples":
-        """What the samples of a revolution say, by name."""
-        seen = samples[:, 0] + 1j * samples[:, 1]  # (S + 1, displacement or velocity, rows)
+    def named(self, samples: Float[Array, "T 2 2 r"]) -> RevolutionSamples:
+        """The readings of `sample` by name."""
+        seen = samples[:, 0] + 1j * samples[:, 1]  # (T, displacement or velocity, rows)
         s = self.stations.size
         displacement, velocity = seen[:, 0], seen[:, 1]
         forces = None
         if self.plan.contacts and self.system.ports:
             p = len(self.system.ports)
-            ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (S + 1, 2, p, xy)
+            ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (T, 2, p, xy)
             speed = jnp.broadcast_to(self.system.spin.speed, ports.shape[:1])
             vectors = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
             forces = vectors[..., 0] + 1j * vectors[..., 1]
@@ -177,7 +179,7 @@ class March(eqx.Module):
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
 
     def _scan(self, body: Callable, carry: Any, length: int) -> Any:
-        """Revolutions; in reverse mode their memory grows as the root of their number."""
+        """Scan over revolutions; in reverse mode memory grows as the root of their number."""
         repeat = lambda body, carry, length: jax.lax.scan(body, carry, None, length=length)
         if isinstance(self.plan.adjoint, dfx.ForwardMode):
             return repeat(body, carry, length)
@@ -187,12 +189,12 @@ class March(eqx.Module):
         segment = _segment(length)
         whole, rest = divmod(length, segment)
         several = jax.checkpoint(lambda carry, _: repeat(body, carry, segment))
-        carry, turns = repeat(several, carry, whole)
-        turns = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), turns)
+        carry, out = repeat(several, carry, whole)
+        out = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), out)
         if not rest:
-            return carry, turns
+            return carry, out
         carry, last = repeat(body, carry, rest)
-        return carry, jax.tree.map(lambda *parts: jnp.concatenate(parts), turns, last)
+        return carry, jax.tree.map(lambda *parts: jnp.concatenate(parts), out, last)
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution, by plain steps, by located ones or by diffrax."""
@@ -259,19 +261,19 @@ class March(eqx.Module):
         return y1, saved[1] if sample else None, self._outcome(y, y1, solved)
 
     def _outcome(self, y: Array, y1: Array, solved: Any = True, unresolved: Any = 0) -> Outcome:
-        """How a revolution from `y` to `y1` went."""
+        """Outcome of a revolution from `y` to `y1`."""
         touched = jnp.zeros((), bool)
-        if self.free is not None:  # samples may miss a short touch, but not what it leaves behind
-            left = jnp.max(jnp.abs(y1 - self.free(y)))
-            about = jnp.finfo(y.dtype)  # of a state that has died out nothing can be said
-            touched = left > about.eps**0.5 * jnp.max(jnp.abs(y1)) + about.tiny**0.5
+        if self.free is not None:  # a contact between samples shows in the state at the end
+            change = jnp.max(jnp.abs(y1 - self.free(y)))
+            info = jnp.finfo(y.dtype)  # with `tiny`, a state that has decayed to zero shows nothing
+            touched = change > info.eps**0.5 * jnp.max(jnp.abs(y1)) + info.tiny**0.5
         return Outcome(_bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
 
 
 def _segment(length: int) -> int:
-    """Revolutions from checkpoint to checkpoint: the divisor next to the root of their number.
+    """Revolutions from checkpoint to checkpoint: the divisor of their number nearest its root.
 
-    The root itself where none is near: what is left over is compiled a second time.
+    Where no divisor is near, it is the root itself, and the remainder is compiled a second time.
     """
     root = math.isqrt(length)
     near = [n for n in range(root // 2 + 1, 2 * root + 1) if length % n == 0]
@@ -279,31 +281,41 @@ def _segment(length: int) -> int:
 
 
 def _bounded(y: Array) -> Bool[Array, ""]:
-    """Whether a state and its squares, which observables take, are finite."""
+    """Whether a state and its squares, which observables compute, are finite."""
     return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4)
 
 
 def _splits(solver: dfx.AbstractSolver) -> bool:
-    """Whether a solver takes an explicit and an implicit part (KenCarp4 and its like)."""
+    """Whether a solver takes an explicit and an implicit part, as KenCarp4 does."""
     structure = solver.term_structure
     return getattr(structure, "__origin__", structure) is dfx.MultiTerm
 
 
-def joined(turns: Array) -> Array:
-    """(revolutions, S + 1, ...) -> (revolutions S + 1, ...): neighbours share a sample."""
-    flat = turns[:, :-1].reshape(-1, *turns.shape[2:])
-    return jnp.concatenate([flat, turns[-1:, -1]])
+def joined(revolutions: Array) -> Array:
+    """(R, steps + 1, ..) -> (R steps + 1, ..): neighbouring revolutions share a sample."""
+    flat = revolutions[:, :-1].reshape(-1, *revolutions.shape[2:])
+    return jnp.concatenate([flat, revolutions[-1:, -1]])
 
 
 def check_constant(scene: Scene, what: str) -> None:
-    """Raise unless a scene has a constant speed, and mass at all its coordinates."""
+    """Raise unless a scene has a constant speed and mass at all its coordinates; `what` needs both."""
+    check_constant_speed(scene, what)
+    check_mass(scene, what)
+
+
+def check_constant_speed(scene: Scene, what: str) -> None:
+    """Raise unless the speed of a scene is constant; `what` needs it."""
     if not isinstance(scene.spin, ConstantSpeed):
         raise ValueError(
             f"{what} is for constant speed, but the spin of the scene is a "
             f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
         )
-    if has_massless(scene):
-        check_moves(assemble(scene))  # says so where nothing has mass
+
+
+def check_mass(scene: Scene, what: str, system: System | None = None) -> None:
+    """Raise unless all coordinates of a scene have mass; `what` needs it, `system` are its equations."""
+    if has_massless(scene, system):
+        check_moves(assemble(scene) if system is None else system)  # raises where nothing has mass
         raise ValueError(
             f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
             "or use `jaxrotor.run_up`."
@@ -311,14 +323,14 @@ def check_constant(scene: Scene, what: str) -> None:
 
 
 def revolution_rate(scene: Scene, period: float | None) -> Scalar:
-    """`|Omega|`, or at zero speed 2 pi over the period the user names."""
+    """2 pi over the length of a revolution [rad/s]: `|Omega|`, or at zero speed by `period` [s]."""
     speed = scene.spin.speed
     if not known(speed):
         if period is None:
             return jnp.abs(speed)
         rate = jnp.asarray(2 * jnp.pi / period)
         return eqx.error_if(rate, speed != 0, "`period` is for zero speed only.")
-    value = float(speed)  # known, also while other parameters are traced
+    value = float(speed)  # may be known while other parameters are traced
     if value == 0 and period is None:
         raise ValueError(
             "At zero speed a revolution has no length; give `period`, the seconds to count as one."

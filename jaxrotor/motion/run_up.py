@@ -1,4 +1,4 @@
-"""Run-up: motion of a scene at any spin: run-up, coast-down, a drive of limited power, balls."""
+"""Run-up: motion of a scene at any spin, such as run-up, coast-down or a drive of limited power."""
 
 import dataclasses
 from typing import Any, NamedTuple
@@ -15,7 +15,8 @@ from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
 from ..effects.base import AbstractBodies
-from ..equations.rotating_frame import Kinematics, massless_of
+from ..equations.kinematics import Kinematics
+from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, AtRest, Balls, Continued, Launch
 from ..equations.system import assemble
 from ..scene import Scene
@@ -23,11 +24,11 @@ from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
-from .transient import Integration, control, integrate, suited
+from .transient import Integration, controller_for, default_solver, integrate
 
 
 class RunUp(eqx.Module):
-    """Motion of a scene at the times asked for, `T` of them, at `s` stations."""
+    """Motion of a scene at `T` given times and `s` stations."""
 
     time: Float[Array, " T"]  # [s]
     angle: Float[Array, " T"]  # of rotation [rad]
@@ -38,9 +39,9 @@ class RunUp(eqx.Module):
     contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
     balls: tuple[Balls, ...]
     stations: Float[Array, " s"]  # [m]
-    stopped: Scalar  # when the rotor came to rest for good [s], infinite if never
-    instants: Kinematics  # of everything, (T, ..)
-    end: Launch  # to go on from
+    stopped: Scalar  # time at which the rotor came to rest for good [s], infinite if never
+    instants: Kinematics  # of all moving parts, (T, ..)
+    end: Launch  # state at the end, from which another run may continue
     scene: Scene
     solver: str = eqx.field(static=True)
 
@@ -82,20 +83,20 @@ def run_up(
     max_stops: int = 64,
     progress: bool | None = None,
 ) -> RunUp:
-    """Motion at a speed that varies, whatever the spin: `ConstantSpeed`, `SpeedProfile`, `Drive`.
+    """Motion at any spin, `ConstantSpeed`, `SpeedProfile` or `Drive`, in time.
 
         M q.. + (C - i Omega G) q. + (K - i Omega H) q = (Omega^2 - i Omega.) u exp(i theta) + ..
 
-    Integrated in the axes of the shaft, where the response to unbalance is slow. Axes may be unequal;
-    balls and a drive that feels the rotor are solved with it. Coordinates without mass are eliminated:
-    damped ones follow equations of first order, others algebraic ones. A rotation known in closed
-    form is not integrated unless a solver is named.
+    The equations are integrated in the axes of the shaft, where the response to unbalance varies slowly.
+    Axes may be unequal; balls, and a drive with feedback from the rotor, are part of the equations.
+    Coordinates without mass are eliminated: damped ones follow equations of first order, others
+    algebraic ones. A rotation known in closed form is not integrated unless a solver is given.
 
     Args:
-        scene: what moves.
-        times: ascending [s], of the samples; the run begins at 0, also one that goes on.
+        scene: rotor with any spin.
+        times: ascending times of the samples [s]; every run begins at 0, also one that continues another.
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
-        at: station(s) [m] to observe, by default as `simulate`.
+        at: station(s) [m] to observe, by default as in `simulate`.
         solver: any diffrax solver; by default Dopri8 for a rigid or massless shaft, Kvaerno5 for a
             flexible one, whose high modes are stiff, and where coordinates have no mass.
         controller: step control, by default rtol 1e-7 and atol 1e-10 of m and rad.
@@ -103,10 +104,16 @@ def run_up(
         adjoint: diffrax adjoint for derivatives, forward mode by default.
         max_steps: steps an adaptive solver may take.
         max_stops: how often a drive with feedback may come to rest or break loose.
-        progress: whether to say after two seconds that it is under way; by default on a terminal.
+        progress: whether to report progress after two seconds; by default only on a terminal.
 
     Returns:
-        A `RunUp`. A run that fails raises; when traced, it is not finite.
+        A `RunUp`. If a run fails while values are traced, it is not finite.
+
+    Raises:
+        ValueError: if an argument is not as described, the solver cannot integrate the spin, or the
+            motion of coordinates without mass is not determined.
+        RuntimeError: if the motion does not stay finite, or the solver does not meet its tolerance; not
+            while values are traced.
 
     Sources: Filimonikhin, Goncharov (2011); course project of `turbine-run-up`.
     """
@@ -117,13 +124,13 @@ def run_up(
     begun = scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
     drives = isinstance(spin, Drive) and spin.polar is None
     system = assemble(begun) if drives or not begun.shaft.has_mass else None
-    chosen: Any = checked_solver(suited(begun, system) if solver is None else solver)
+    chosen: Any = checked_solver(default_solver(begun, system) if solver is None else solver)
     if isinstance(chosen, Exponential):
         raise ValueError(
             "`solver` Exponential() is for constant speed; give a diffrax solver or none."
         )
     times, stations = jnp.asarray(times, float), scene.stations(at)
-    controller = controller or control(chosen, begun)
+    controller = controller or controller_for(chosen, begun)
     plan = Integration(
         solver=tuned(chosen),
         controller=controller,
@@ -141,22 +148,23 @@ def run_up(
             "estimate, such as diffrax.Tsit5()."
         )
     if isinstance(spin, Drive) and spin.polar is None and system is not None:
-        spin.inertia(system.blocks.polar)  # refuses what cannot turn
-    launch = _whole(launch, counts)
+        spin.inertia(system.blocks.polar)  # raises unless it is positive
+    launch = _with_balls(launch, counts)
     with waiting(progress, "run-up"):
         motion = _motion(begun, times, launch, stations, plan)
         failed = known(motion.good) and not bool(motion.good)
     if failed:
-        launch.shaft.state(assemble(begun), stations[0])  # says so if the start is what is wrong
+        launch.shaft.state(assemble(begun), stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
-            "`max_steps` or more `substeps`, look whether the drive runs away (`Drive(odd=True)` "
+            "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
             "brakes at any sign of the speed), or take more `max_stops` if it stops often."
         )
     return _result(scene, times, stations, motion, solver_name(chosen))
 
 
 def _checked_times(times: Any) -> Any:
+    """Times as an array, if known; raises unless they ascend from 0 or later."""
     if not known(times):
         return times
     values = np.atleast_1d(np.asarray(times, float))
@@ -167,8 +175,8 @@ def _checked_times(times: Any) -> Any:
     return values
 
 
-def _whole(launch: Launch, counts: list[int]) -> Launch:
-    """A launch with an entry for every race."""
+def _with_balls(launch: Launch, counts: list[int]) -> Launch:
+    """The launch with balls for every race; raises unless their numbers are those of the races."""
     if not counts and launch.balls is None:
         return launch
     if launch.balls is None:
@@ -185,7 +193,7 @@ def _whole(launch: Launch, counts: list[int]) -> Launch:
 
 
 class _Motion(NamedTuple):
-    """What a run computes, and the state it ends with."""
+    """Results of the compiled program of a run, and the state at its end."""
 
     instants: Kinematics
     stopped: Scalar
@@ -197,18 +205,18 @@ class _Motion(NamedTuple):
 
 @eqx.filter_jit
 def _motion(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
-    """All of a run in one program: array by array outside, it would cost more than the integration."""
+    """Motion of a run in one program; what follows the integration would take longer than it outside."""
     instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
     rates = instants.bodies_speed - instants.turning.speed[:, None]
     pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
     balls = tuple(Balls(*pair) for pair in pairs)
     last: Any = jax.tree.map(lambda leaf: leaf[-1], (instants, balls))
-    end, thrown = last
+    end, balls_at_end = last
     stops = isinstance(scene.spin, Drive) and scene.spin.stops
     state = {
         "shaft": Continued(end.r * end.turn, end.velocity * end.turn),
         "angle": end.turning.angle,
-        "balls": thrown,
+        "balls": balls_at_end,
         "speed": end.turning.speed,
         "time": launch.time + times[-1],
         "stopped": jnp.isfinite(stopped) & stops,
@@ -238,7 +246,7 @@ def _result(scene: Scene, times: Array, stations: Array, motion: _Motion, name: 
 
 
 def by_race(scene: Scene, values: Array) -> list[Array]:
-    """Values of all bodies, along the last axis, parted by their races."""
+    """Values of all bodies, along the last axis, split by their races."""
     races = scene.of(AbstractBodies)
     ends = np.cumsum([race.places for race in races])
     return jnp.split(values, ends[:-1], axis=-1) if races else []

@@ -1,4 +1,4 @@
-"""Simulate: one trajectory of one scene."""
+"""Simulate: one trajectory of one scene at constant speed."""
 
 import contextlib
 from typing import Any, Literal
@@ -18,17 +18,18 @@ from ..core.progress import waiting
 from ..core.quantities import known
 from ..core.tables import notebook_table
 from ..equations.start import AbstractStart, AtRest, Continued
-from ..equations.system import assemble, port_groups
+from ..equations.system import System, assemble, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .base import Plan
-from .revolutions import March, check_constant, joined, revolution_rate
+from .revolutions import March, check_constant_speed, check_mass, joined, revolution_rate
 
 
-PILOT = 20  # revolutions at the end of a run by which steps are chosen
+PILOT = 20  # revolutions at the end of a run, on which steps are chosen
 LADDER = (64, 128, 256, 512, 1024, 2048, 4096)  # steps a revolution that are tried
+KEPT = ("displacement", "velocity", "slope", "contact_force", "coordinates")  # of every sample
 
 
 class Response(eqx.Module):
@@ -43,12 +44,16 @@ class Response(eqx.Module):
     coordinates: Complex[Array, "T n"]  # of the equations of motion
     rates: Complex[Array, "T n"]  # [1/s] of them
     stations: Float[Array, " s"]  # [m]
-    end: Continued  # state to go on from
-    unresolved: Int[Array, ""]  # steps whose changes of contact were not located, though asked for
+    end: Continued  # state at the end, from which another run may continue
+    unresolved: Int[
+        Array, ""
+    ]  # steps in which `located=True` did not resolve all changes of contact
     scene: Scene
     steps_per_revolution: int = eqx.field(static=True)
     solver: str = eqx.field(static=True)
-    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # what chose "auto" settings
+    pilots: tuple[Pilot, ...] = eqx.field(
+        default=(), static=True
+    )  # runs that chose "auto" settings
 
     def _repr_html_(self) -> str:
         largest = np.abs(self.displacement).max(axis=0)
@@ -85,14 +90,14 @@ def simulate(
     """Motion `M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contact forces` in time.
 
     Args:
-        scene: what moves, at constant speed.
+        scene: rotor at constant speed.
         revolutions: length of the run in revolutions.
         steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
             diffrax solvers without an error estimate. A scene without contact is exact at any. "auto"
-            chooses them by a pilot, see `chosen_steps`.
-        nodes: of the shaft, by default its own; "auto" chooses them, see `chosen_nodes`.
-        tolerance: of "auto": of the motion over its largest displacement, of the roots.
-        solver: `Exponential()` (default) or any diffrax solver, `diffrax.Kvaerno5()`.
+            chooses them by a pilot run, see `chosen_steps`.
+        nodes: number of nodes of the shaft, by default its own; "auto" chooses it, see `chosen_nodes`.
+        tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes.
+        solver: `Exponential()` (default) or any diffrax solver, such as `diffrax.Kvaerno5()`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
             atol 1e-10 m.
         start: starting state, by default `AtRest()`; `response.end` continues a run.
@@ -103,11 +108,16 @@ def simulate(
         adjoint: diffrax adjoint for derivatives: forward mode by default,
             `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
         max_steps: steps an adaptive solver may take in one revolution.
-        progress: whether to say after two seconds that it is under way; by default on a terminal.
+        progress: whether to report progress after two seconds; by default only on a terminal.
 
     Returns:
-        A `Response`. A run that fails or overflows raises; when traced, it is not finite. One that
-        touched a stop too stiff for its steps raises as well, unless traced.
+        A `Response`. If a run fails while values are traced, it is not finite.
+
+    Raises:
+        ValueError: if an argument is not as described, or the scene is not: a speed that varies,
+            coordinates without mass, unequal axes, balls, hysteretic damping, an undamped resonance.
+        RuntimeError: if the motion does not stay finite, the solver does not meet its tolerance, or a
+            stop was touched that is too stiff for the steps; not while values are traced.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
     """
@@ -122,40 +132,32 @@ def simulate(
     check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
-    check_constant(scene, "`simulate`")
-    start = AtRest() if start is None else start
-    if not isinstance(start, AbstractStart):
-        raise ValueError(
-            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `response.end`, but is {start!r}."
-        )
-    stations = scene.stations(at)
-    rate = revolution_rate(scene, period)
-    adjoint = dfx.ForwardMode() if adjoint is None else adjoint
-    if getattr(solver, "located", False) and not isinstance(adjoint, dfx.ForwardMode):
-        raise ValueError(
-            f"Located steps have derivatives in forward mode alone, but `adjoint` is "
-            f"{type(adjoint).__name__}; use jax.jvp or jax.jacfwd, or Exponential(located=False)."
-        )
+    check_constant_speed(scene, "`simulate`")
+    groups = port_groups(scene)
+    system = assemble(scene, groups)
+    check_mass(scene, "`simulate`", system)
+    start = _checked_start(start)
+    stations, rate = scene.stations(at), revolution_rate(scene, period)
     plan = Plan(
-        choose(solver, scene, rate, start),
+        choose(solver, system, rate, start),
         controller,
-        adjoint,
+        _checked_adjoint(adjoint, solver),
         max_steps,
         steps_per_revolution,
         slopes=True,
         contacts=True,
         coordinates=True,
-        together=port_groups(scene),
+        together=groups,
     )
     skip = revolutions - keep
-    # One program serves runs of any length, but for reverse mode.
-    if skip and plan.together and isinstance(adjoint, dfx.ForwardMode):
+    # One program serves runs of any length, except in reverse mode.
+    if skip and groups and isinstance(plan.adjoint, dfx.ForwardMode):
         skip = jnp.asarray(skip)
     with waiting(progress, "simulation"):
-        end, orbit, good, ratio = _run(scene, plan, start, rate, stations, skip, keep)
+        end, motion, good, ratio = _run(system, plan, start, rate, stations, skip, keep)
         failed = known(good.ok) and not bool(good.ok)
     if failed:
-        start.state(assemble(scene), stations[0])  # says so if the start is what is wrong
+        start.state(system, stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
@@ -164,14 +166,11 @@ def simulate(
         check_steps(good, ratio, plan.solver.order, steps_per_revolution)
     count = jnp.arange(keep * steps_per_revolution + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
-    displacement, velocity, slope, contact_force, (coordinates, rates) = orbit
+    coordinates, rates = motion.pop("coordinates")
     return Response(
         time=angle / rate,
         angle=angle,
-        displacement=displacement,
-        velocity=velocity,
-        slope=slope,
-        contact_force=contact_force,
+        **motion,
         coordinates=coordinates,
         rates=rates,
         stations=stations,
@@ -184,10 +183,31 @@ def simulate(
     )
 
 
+def _checked_start(start: Any) -> AbstractStart:
+    """The starting state, by default at rest; raises unless it is one."""
+    start = AtRest() if start is None else start
+    if not isinstance(start, AbstractStart):
+        raise ValueError(
+            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `response.end`, but is {start!r}."
+        )
+    return start
+
+
+def _checked_adjoint(adjoint: dfx.AbstractAdjoint | None, solver: Any) -> dfx.AbstractAdjoint:
+    """The adjoint, by default forward mode; raises if the solver has no derivative of that kind."""
+    adjoint = dfx.ForwardMode() if adjoint is None else adjoint
+    if getattr(solver, "located", False) and not isinstance(adjoint, dfx.ForwardMode):
+        raise ValueError(
+            f"Located steps have derivatives in forward mode alone, but `adjoint` is "
+            f"{type(adjoint).__name__}; use jax.jvp or jax.jacfwd, or Exponential(located=False)."
+        )
+    return adjoint
+
+
 def with_nodes(
     scene: Scene, nodes: int | Literal["auto"] | None, tolerance: float | int
 ) -> tuple[Scene, tuple[Pilot, ...]]:
-    """The scene with other nodes, and the pilot that chose them."""
+    """The scene with the nodes asked for, and the pilot that chose them, if "auto"."""
     if nodes is None:
         return scene, ()
     if nodes != "auto":
@@ -201,16 +221,22 @@ def chosen_steps(
 ) -> Pilot:
     """Steps a revolution at which half as many give the same end of a run.
 
-    The run goes to its last `PILOT` revolutions by the fewest steps of `LADDER` that stay finite; from
-    there it is repeated with twice the steps until two displacements in a row agree to `tolerance` of
-    the largest at all samples; if none do, `converged` is False and the most steps are taken. Nothing is
-    promised for longer: motions that part exponentially (chaos) may agree over so short a window.
+    The run advances to its last 20 revolutions by the fewest steps that stay finite. From there it is
+    repeated with twice the steps until two successive displacements agree at all samples; if none do,
+    `converged` is False and the most steps are taken. Nothing is promised for longer runs: motions that
+    diverge exponentially (chaos) may agree over so short a window.
 
     Args:
-        scene: what moves.
-        revolutions: of the run.
-        tolerance: relative, of the displacement.
-        **run: `solver`, `start` and others of `simulate`.
+        scene: rotor at constant speed.
+        revolutions: length of the run in revolutions.
+        tolerance: largest difference of two displacements, over the largest displacement.
+        **run: `solver`, `start` and other arguments of `simulate`.
+
+    Returns:
+        A `Pilot`, whose `setting` is the number of steps a revolution.
+
+    Raises:
+        ValueError: if the scene is traced, the solver is adaptive, or `tolerance` is not positive.
     """
     if not all(known(leaf) for leaf in jax.tree.leaves(scene)):
         raise ValueError(
@@ -226,18 +252,18 @@ def chosen_steps(
     if revolutions > window:
         run |= {"start": _end(scene, revolutions - window, run)}
 
-    def answer(steps: int) -> np.ndarray | None:
+    def displacement(steps: int) -> np.ndarray | None:
         try:
-            seen = simulate(scene, window, steps, **run).displacement
-        except RuntimeError:  # not finite, or energy from nowhere: too few steps
+            found = simulate(scene, window, steps, **run).displacement
+        except RuntimeError:  # not finite, or a stop too stiff for the steps: too few steps
             return None
-        return np.asarray(seen)[:: steps // LADDER[0]]
+        return np.asarray(found)[:: steps // LADDER[0]]
 
-    return refined("steps a revolution", answer, LADDER, tolerance)
+    return refined("steps a revolution", displacement, LADDER, tolerance)
 
 
 def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
-    """End of a run by the fewest steps that it may have."""
+    """End of a run by the fewest steps that stay finite."""
     for steps in LADDER[:-1]:
         with contextlib.suppress(RuntimeError):
             return simulate(scene, revolutions, steps, keep=1, **run).end
@@ -245,29 +271,21 @@ def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
 
 
 @eqx.filter_jit
-def _run(scene, plan: Plan, start, rate, stations, skip: Count, keep: int):
-    march = March.build(scene, plan, rate, stations)
+def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: int):
+    """State at the end, the kept motion, the outcome, and the contact stiffness ratio."""
+    march = March.of(system, plan, rate, stations)
     y, first = march.skip(march.begin(start, stations[0]), skip)
-
-    def update(carry, orbit):
-        return carry, (
-            orbit.displacement,
-            orbit.velocity,
-            orbit.slope,
-            orbit.contact_force,
-            orbit.coordinates,
-        )
-
-    (y, _, good), turns = march.collect(y, None, update, keep)
-    orbit = jax.tree.map(joined, turns)
-    return march.form.decode(y), orbit, first & good, march.contact_stiffness_ratio
+    update = lambda carry, samples: (carry, {name: getattr(samples, name) for name in KEPT})
+    (y, _, good), revolutions = march.collect(y, None, update, keep)
+    motion = jax.tree.map(joined, revolutions)
+    return march.form.decode(y), motion, first & good, march.contact_stiffness_ratio
 
 
 def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:
-    """Refuse a motion that touched a stop with steps that cannot follow the bounce."""
+    """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
     if known(ratio) and known(good.touched) and bool(good.touched) and too_long(ratio, order):
         raise RuntimeError(
-            "A stop was touched that is too stiff for the steps, so its bounce would gain energy: take "
-            f"{steps_needed(ratio, order, steps)} `steps_per_revolution` at the least instead of "
+            "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
+            f"take at least {steps_needed(ratio, order, steps)} `steps_per_revolution` instead of "
             f"{steps}, or a softer stop."
         )

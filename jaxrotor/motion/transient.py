@@ -1,4 +1,4 @@
-"""Transient: integration in time at a speed that varies, a drive that comes to rest included."""
+"""Integration in time at a speed that varies, also of a drive that comes to rest."""
 
 from typing import Any, Literal, NamedTuple, cast
 
@@ -13,8 +13,9 @@ from ..core.extremes import larger
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
+from ..equations.kinematics import Kinematics, RotatingState
 from ..equations.massless_coordinates import Known
-from ..equations.rotating_frame import Kinematics, RotatingState, Transient
+from ..equations.rotating_frame import Transient
 from ..equations.start import Launch
 from ..equations.system import System, has_massless
 from ..scene import Scene
@@ -22,8 +23,8 @@ from ..solvers.control import step_control
 from ..spins.drive import Drive
 
 
-def suited(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
-    """Implicit where a flexible shaft has high modes, or dampers act on coordinates without mass."""
+def default_solver(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
+    """Solver for a run: implicit for a flexible shaft, whose high modes are stiff, or massless parts."""
     if has_massless(scene, system):
         return dfx.Kvaerno5()
     line = lambda scene: scene.line().stiffness
@@ -31,10 +32,10 @@ def suited(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
     return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
 
 
-def control(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:
-    """Adaptive steps that step over no jump of the acceleration and no impact of bodies.
+def controller_for(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:
+    """Adaptive steps that end at jumps of the acceleration and resolve impacts between bodies.
 
-    Free bodies move without error, so nothing else would keep a step from leaping over an impact.
+    Bodies move freely without error between impacts, so an error estimate alone could miss an impact.
     """
     impacts = [
         between.duration(race.rolling * jnp.max(race.masses)) / 4
@@ -49,7 +50,7 @@ def control(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController |
 
 
 class Integration(eqx.Module):
-    """How a run is integrated."""
+    """Settings of the integration of a run."""
 
     solver: dfx.AbstractSolver
     controller: dfx.AbstractStepSizeController | None
@@ -62,7 +63,7 @@ class Integration(eqx.Module):
     massless: Known | Literal["unknown"] | None = eqx.field(static=True)  # see `massless_of`
 
     def solve(self, field: Transient, begin: Scalar, y: RotatingState, times: Array, event=None):
-        """States at `times`, whether all went well, and when and where the run ended."""
+        """States at `times`, whether the solver succeeded, and time and state at the end."""
         controller, max_steps = self.controller, self.max_steps
         if controller is None:
             grid = times if self.from_start else jnp.append(begin, times)
@@ -71,7 +72,7 @@ class Integration(eqx.Module):
             controller, max_steps = dfx.StepTo(ts=grid), grid.size - 1
         last = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
-            # Closed over rather than given: diffrax warns of complex leaves.
+            # A closure, since diffrax warns of complex leaves in a vector field.
             dfx.ODETerm(lambda t, y, args: field(cast(Any, t), y)),
             self.solver,
             begin,
@@ -94,7 +95,7 @@ class Integration(eqx.Module):
 
 @eqx.filter_jit
 def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
-    """Instants at the times, when the rotor stopped, whether all went well, motion of the stations."""
+    """Kinematics at the times, time of the last stop, success, and motion of the stations."""
     field, senses = Transient.of(scene, None, launch.angle, plan.massless), None
     stopped = jnp.asarray(jnp.inf)
     system = field.system
@@ -108,9 +109,10 @@ def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan:
     if senses is None:
         instants = jax.vmap(field.instant)(times, path)
     else:
-        look = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
-        instants = jax.vmap(look)(times, path, senses)
-    return instants, stopped, good & _finite(instants), _seen(system, instants, stations)
+        held = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
+        instants = jax.vmap(held)(times, path, senses)
+    motion = _motion_of_stations(system, instants, stations)
+    return instants, stopped, good & _finite(instants), motion
 
 
 def _first_state(
@@ -133,7 +135,7 @@ def _first_state(
 
 
 class _Stage(NamedTuple):
-    """A run up to where its spin came to rest or broke loose."""
+    """A run up to the instant at which its spin came to rest or broke loose."""
 
     time: Scalar
     y: RotatingState
@@ -141,51 +143,51 @@ class _Stage(NamedTuple):
     senses: Float[Array, " T"]  # of rotation at the samples: 1, -1, or 0 at rest
     sense: Scalar
     stays: Array  # whether it came to rest for good
-    stopped: Scalar  # when, infinite while it turns
+    stopped: Scalar  # time of the last stop [s], infinite while it rotates
     good: Array
 
 
 def _run_to_rest(
     field: Transient, plan: Integration, launch: Launch, y: RotatingState, times: Array
 ):
-    """A run whose spin comes to rest, stays there, turns back or breaks loose again.
+    """A run whose spin comes to rest and then stays, reverses or breaks loose again.
 
-    Dry friction holds a rotor while the torque of all else is not above it. Without feedback that
-    torque is constant at rest and one-signed after, so two stages are all there can be.
+    Dry friction holds a rotor while the torque of all other moments does not exceed it. Without feedback
+    that torque is constant at rest and of one sign afterwards, so there are at most two stages.
     """
     spin: Any = field.system.spin
     dry = jnp.zeros(()) if spin.coulomb is None else jnp.asarray(spin.coulomb)
 
     def loosened(time: Scalar, y: RotatingState) -> tuple[Scalar, Scalar]:
-        """The sense in which a rotor at rest starts to turn, 0 if none, and what friction spares."""
-        load = field.breakaway_torque(time, y)
-        spared = dry - jnp.abs(load)
-        return jnp.where(spared >= 0, 0.0, jnp.sign(load)), spared
+        """Sense in which a rotor at rest starts to rotate, 0 if it stays, and margin of friction."""
+        torque = field.breakaway_torque(time, y)
+        margin = dry - jnp.abs(torque)
+        return jnp.where(margin >= 0, 0.0, jnp.sign(torque)), margin
 
     def stage(at: _Stage, _) -> tuple[_Stage, None]:
-        turns = jnp.asarray(at.sense != 0)
+        rotates = jnp.asarray(at.sense != 0)
 
         def margin(t, y, args, **_):
             held = loosened(t, y)[1] if spin.feedback and spin.coulomb is not None else 1.0
-            left = jnp.where(turns, at.sense * y.speed[0], jnp.where(at.stays, 1.0, held))
+            left = jnp.where(rotates, at.sense * y.speed[0], jnp.where(at.stays, 1.0, held))
             return jnp.where(t <= at.time, 1.0, left)
 
         path, fine, last, end = plan.solve(
-            field.hold(~turns, at.sense),
+            field.hold(~rotates, at.sense),
             at.time,
             at.y,
             larger(times, at.time),
             dfx.Event(margin, optx.Newton(1e-12, 1e-12), direction=False),
         )
-        there = last < times[-1]
-        halts = there & turns
+        ended = last < times[-1]  # the stage, before the run
+        halts = ended & rotates
         end = eqx.tree_at(lambda y: y.speed, end, jnp.where(halts, 0.0, end.speed))
         stays = at.stays | (halts & spin.stops)
         sense = jnp.where(stays, 0.0, loosened(last, end)[0])
-        # What broke loose turns, though its margin may be zero to rounding.
-        sense = jnp.where(there & ~turns, jnp.sign(field.breakaway_torque(last, end)), sense)
-        sense = jnp.where(there, sense, at.sense)
-        stopped = jnp.where(there, jnp.where(sense == 0, last, jnp.inf), at.stopped)
+        # A rotor that breaks loose must rotate even if its margin rounds to zero.
+        sense = jnp.where(ended & ~rotates, jnp.sign(field.breakaway_torque(last, end)), sense)
+        sense = jnp.where(ended, sense, at.sense)
+        stopped = jnp.where(ended, jnp.where(sense == 0, last, jnp.inf), at.stopped)
         later = (times > at.time) | (at.time <= 0)
         pick = lambda a, b: jnp.where(jnp.reshape(later, (-1,) + (1,) * (a.ndim - 1)), a, b)
         return (
@@ -223,11 +225,12 @@ def _run_to_rest(
 
 
 def _finite(instants: Kinematics) -> Array:
+    """Whether all of a motion is finite."""
     return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(instants)]))
 
 
-def _seen(system: System, instants: Kinematics, stations: Array):
-    """Displacement, velocity and contact forces in fixed axes."""
+def _motion_of_stations(system: System, instants: Kinematics, stations: Array):
+    """Displacement and velocity of the stations, and contact forces, in fixed axes."""
     turn = jnp.exp(1j * instants.turning.angle)[:, None]
     rows = jax.vmap(system.line.row)(stations)
     velocity = jax.vmap(lambda now: now.velocity)(instants)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.pencil import Pencil
 from ..equations.system import System
@@ -73,7 +74,7 @@ class Balance(eqx.Module):
         """Harmonics of the port forces [N] from those of the displacements there [m]."""
         rates = 1j * self.frequencies[:, None] * ports
         in_time = (self._sampled(part) for part in (ports, rates))
-        parts = [jnp.stack([part.real, part.imag], axis=-1) for part in in_time]
+        parts = [plane(part, axis=-1) for part in in_time]
         speed = self.system.spin.speed
         totals = [
             jax.vmap(lambda z, v, port=port: port.forces(z, v, speed).sum(0))(

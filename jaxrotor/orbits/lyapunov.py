@@ -121,7 +121,7 @@ def lyapunov(
             f"`count` must be at most {4 * system.n}, four a coordinate, but is {count}."
         )
     rate = revolution_rate(scene, period)
-    chosen: Any = choose(differentiable(solver, system), scene, rate, start)
+    chosen: Any = choose(differentiable(solver, system), system, rate, start)
     options = {"slopes": False, "contacts": False, "coordinates": False, "together": together}
     steps = steps_per_revolution
     plan = Plan(chosen, None, dfx.ForwardMode(), steps, steps, **options)

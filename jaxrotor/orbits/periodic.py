@@ -113,7 +113,7 @@ def periodic(
         start = start_of(guess).state(system, stations[0])
         first = OrbitGuess(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
     finder = optx.Newton(tolerance, tolerance) if finder is None else finder
-    chosen: Any = choose(solver, scene, first.rate, first.start)
+    chosen: Any = choose(solver, system, first.rate, first.start)
     settings = chosen, together, finder, tolerance
     traced = not all(map(known, jax.tree.leaves((system, first))))
     find = _COMPILED if traced else _COMPILED_QUICKLY

@@ -1,3 +1,3 @@
-"""Solvers: how a motion is carried through time."""
+"""Solvers: how a motion is advanced in time."""
 
 from .exponential import Exponential as Exponential

@@ -13,9 +13,9 @@ from .lanes import product
 from .phi import phi_dense, phi_scalar
 
 
-Count = int | Int[Array, ""]  # of revolutions; one that is traced compiles once for all
+Count = int | Int[Array, ""]  # of revolutions; with a traced one, one program serves all counts
 
-WORST_CONDITION = 1e5  # of the eigenvectors: beyond it modal coordinates cost over 5 digits
+WORST_CONDITION = 1e5  # of the eigenvectors: beyond it, modal coordinates cost over 5 digits
 
 
 class ModalBasis(eqx.Module):
@@ -34,22 +34,26 @@ class ModalBasis(eqx.Module):
         return jnp.diag(self.values)
 
     def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
-        """`exp(span A)` and `span phi_k(span A) b`, in this basis."""
+        """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         first, *rest = phi_scalar(span * self.values, count)
         return first, [span * phi[:, None] * b for phi in rest]
 
     def apply(self, flow: Complex[Array, " m"], b: Complex[Array, "m p"]) -> Complex[Array, "m p"]:
+        """`exp(span A) b`."""
         return flow[:, None] * b
 
-    def look(self, see: Complex[Array, "s m"], flow: Complex[Array, " m"]) -> Complex[Array, "s m"]:
-        """Reading by `see` after the flow."""
-        return see * flow
+    def output_after(
+        self, output: Complex[Array, "s m"], flow: Complex[Array, " m"]
+    ) -> Complex[Array, "s m"]:
+        """`C exp(span A)`: outputs at the end of a span by the state at its start."""
+        return output * flow
 
-    def step(self, flow: Complex[Array, " m"]) -> "Rotation":
+    def propagator(self, flow: Complex[Array, " m"]) -> "Rotation":
+        """The flow as it acts on `[re, im]`."""
         return Rotation(flow.real, flow.imag)
 
-    def revolutions(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
-        """State after whole free revolutions."""
+    def advance_free(self, count: Count, w: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        """State after `count` revolutions without contact."""
         return jnp.exp(2 * jnp.pi * count * self.values) * w
 
 
@@ -62,16 +66,16 @@ def _modes(a: Inexact[Array, "m m"]) -> tuple[Array, Array, Array]:
 
 @_modes.defjvp
 def _modes_jvp(primals, tangents):
-    """`dV = V F`, `F_ij = (V^-1 dA V)_ij / (lambda_j - lambda_i)`, lengths kept in first order.
+    """`dV = V F`, `F_ij = (V^-1 dA V)_ij / (lambda_j - lambda_i)`, with `F_ii = 0`.
 
-    How eigenvectors are scaled does not matter to what is written in them.
+    This fixes the scales of the eigenvectors to first order; results do not depend on them.
     """
     values, vectors, inverse = _modes(*primals)
     coupled = inverse @ tangents[0] @ vectors
-    apart = values[None, :] - values[:, None]
+    differences = values[None, :] - values[:, None]
     other = ~jnp.eye(values.size, dtype=bool)
-    turned = jnp.where(other, coupled / jnp.where(other, apart, 1.0), 0.0)
-    changes = jnp.diagonal(coupled), vectors @ turned, -turned @ inverse
+    mixing = jnp.where(other, coupled / jnp.where(other, differences, 1.0), 0.0)
+    changes = jnp.diagonal(coupled), vectors @ mixing, -mixing @ inverse
     return (values, vectors, inverse), changes
 
 
@@ -117,27 +121,28 @@ class SlotBasis(eqx.Module):
         return jnp.block([[one, two], [three, four]])
 
     def flow(self, span: Scalar, b: Float[Array, "m p"], count: int):
-        """`exp(span A)` and `span phi_k(span A) b`, in this basis."""
+        """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         first, *rest = phi_scalar((span * self.values).ravel(), count)
         blocks = lambda phi: self._blocks(phi.reshape(2, -1))
         return blocks(first), [span * self.apply(blocks(phi), b) for phi in rest]
 
     def apply(self, flow: SlotFlow, b: Float[Array, "m p"]) -> Float[Array, "m p"]:
-        return self.step(flow)(b)
+        """`exp(span A) b`."""
+        return self.propagator(flow)(b)
 
-    def look(self, see: Float[Array, "s m"], flow: SlotFlow) -> Float[Array, "s m"]:
-        """Reading by `see` after the flow."""
-        a, b = jnp.split(see, 2, axis=1)
+    def output_after(self, output: Float[Array, "s m"], flow: SlotFlow) -> Float[Array, "s m"]:
+        """`C exp(span A)`: outputs at the end of a span by the state at its start."""
+        a, b = jnp.split(output, 2, axis=1)
         one, two, three, four = flow
         return jnp.concatenate([a * one + b * three, a * two + b * four], axis=1)
 
-    def step(self, flow: SlotFlow) -> "SlotRotation":
+    def propagator(self, flow: SlotFlow) -> "SlotRotation":
+        """The flow as it acts on the state."""
         return SlotRotation(*flow)
 
-    def revolutions(self, count: Count, w: Float[Array, " m"]) -> Float[Array, " m"]:
-        """State after whole free revolutions."""
-        flow = self._blocks(jnp.exp(2 * jnp.pi * count * self.values))
-        return self.step(flow)(w)
+    def advance_free(self, count: Count, w: Float[Array, " m"]) -> Float[Array, " m"]:
+        """State after `count` revolutions without contact."""
+        return self.propagator(self._blocks(jnp.exp(2 * jnp.pi * count * self.values)))(w)
 
     def _blocks(self, f: Complex[Array, "2 j"]) -> SlotFlow:
         """A function of `A`, by its values at the eigenvalues, in every slot."""
@@ -146,7 +151,7 @@ class SlotBasis(eqx.Module):
 
 
 class DenseBasis(eqx.Module):
-    """Coordinates are the state itself: no eigenvectors needed, or differentiated."""
+    """Coordinates are the state itself: no eigenvectors are needed or differentiated."""
 
     a: Inexact[Array, "m m"]
     vectors: Inexact[Array, "m m"]
@@ -162,21 +167,25 @@ class DenseBasis(eqx.Module):
         return self.a
 
     def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int):
+        """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         return phi_dense(span * self.a, span * b, count)
 
     def apply(self, flow: Inexact[Array, "m m"], b: Inexact[Array, "m p"]) -> Inexact[Array, "m p"]:
+        """`exp(span A) b`."""
         return flow @ b
 
-    def look(
-        self, see: Inexact[Array, "s m"], flow: Inexact[Array, "m m"]
+    def output_after(
+        self, output: Inexact[Array, "s m"], flow: Inexact[Array, "m m"]
     ) -> Inexact[Array, "s m"]:
-        """Reading by `see` after the flow."""
-        return see @ flow
+        """`C exp(span A)`: outputs at the end of a span by the state at its start."""
+        return output @ flow
 
-    def step(self, flow: Inexact[Array, "m m"]) -> "Dense":
+    def propagator(self, flow: Inexact[Array, "m m"]) -> "Dense":
+        """The flow as it acts on `[re, im]`."""
         return Dense(as_real(flow))
 
-    def revolutions(self, count: Count, w: Inexact[Array, " m"]) -> Inexact[Array, " m"]:
+    def advance_free(self, count: Count, w: Inexact[Array, " m"]) -> Inexact[Array, " m"]:
+        """State after `count` revolutions without contact."""
         once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), self.a.dtype), 0)
         if isinstance(count, int):
             return jnp.linalg.matrix_power(once, count) @ w
@@ -189,7 +198,7 @@ class DenseBasis(eqx.Module):
 
 
 class Rotation(eqx.Module):
-    """Advance of modal amplitudes: one complex factor a mode, on `[re, im]`."""
+    """Propagator of modal amplitudes `[re, im]`: one complex factor a mode."""
 
     real: Float[Array, " m"]
     imag: Float[Array, " m"]
@@ -200,7 +209,7 @@ class Rotation(eqx.Module):
 
 
 class SlotRotation(eqx.Module):
-    """Advance of real modal coordinates: a 2 by 2 block a slot, of which a pair's is a rotation."""
+    """Propagator of real modal coordinates: a 2 by 2 block a slot, that of a pair a rotation."""
 
     one: Float[Array, " j"]
     two: Float[Array, " j"]
@@ -217,7 +226,7 @@ class SlotRotation(eqx.Module):
 
 
 class Dense(eqx.Module):
-    """Advance by a full matrix, on `[re, im]`."""
+    """Propagator of a state `[re, im]`: a full matrix."""
 
     matrix: Float[Array, "m2 m2"]
 
@@ -226,27 +235,27 @@ class Dense(eqx.Module):
 
 
 def well_conditioned(vectors: Array | np.ndarray) -> bool:
-    """Whether the eigenvectors of every (known) matrix are far enough from merging."""
+    """Whether the eigenvectors of all matrices, (.., m, m) and known, are far enough from merging."""
     return bool(np.all(np.linalg.cond(vectors) < WORST_CONDITION))
 
 
-def as_real(z: Complex[Array, "a b"] | Float[Array, "a2 b2"]) -> Float[Array, "a2 b2"]:
-    """Complex matrix as it acts on `[re, im]`; one that is real acts there already."""
+def as_real(z: Inexact[Array, "..."]) -> Float[Array, "a2 b2"]:
+    """Real matrix that acts on `[re, im]` as a complex one does on `re + i im`; a real one is kept."""
     if not jnp.iscomplexobj(z):
         return z
     return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
 
 
-def unpacked(basis: "Basis", y: Float[Array, " m2"]) -> Complex[Array, " m"] | Float[Array, " m2"]:
-    """`re + i im` of a state or a force where the basis is complex; the same where it is real."""
+def unpacked(basis: "Basis", y: Float[Array, " m2"]) -> Inexact[Array, " m"]:
+    """`re + i im` of a state or of forces `[re, im]` in a complex basis; unchanged in a real one."""
     if not jnp.iscomplexobj(basis.vectors):
         return y
     real, imag = jnp.split(y, 2)
     return jax.lax.complex(real, imag)
 
 
-def packed(w: Complex[Array, " m"] | Float[Array, " m2"]) -> Float[Array, " m2"]:
-    """`[re, im]` of what is complex; the same where it is real."""
+def packed(w: Inexact[Array, " m"]) -> Float[Array, " m2"]:
+    """`[re, im]` of complex numbers; real ones unchanged."""
     return jnp.concatenate([w.real, w.imag]) if jnp.iscomplexobj(w) else w
 
 

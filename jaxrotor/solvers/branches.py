@@ -1,4 +1,4 @@
-"""Branches of contact: forces continued smoothly, and how far they are from changing their law."""
+"""Branches of contact laws: forces continued smoothly past the ends of a branch, and margins to these."""
 
 import equinox as eqx
 import jax
@@ -14,7 +14,7 @@ from .ports import Contacts, PortForm, Reading, phase_at
 
 
 class BranchedPorts(eqx.Module):
-    """Ports that read displacement, velocity and, but for contact, acceleration.
+    """Ports that read displacement, velocity and the acceleration without contact.
 
     Readings are `[Re, Im]` of the three by port, (2, 3, p) raveled; the acceleration is the rate
     of the velocity by the angle of revolution.
@@ -22,38 +22,39 @@ class BranchedPorts(eqx.Module):
 
     motion: Motion
     contacts: Contacts
-    feed: Float[Array, "p p"]  # acceleration by forces
+    accelerance: Float[Array, "p p"]  # acceleration of the ports by a unit of force at each
 
     @classmethod
     def build(cls, form: PortForm) -> "BranchedPorts":
         motion, contacts = form.motion, form.contacts
         assert contacts is not None and motion.rows is not None and motion.columns is not None
         p = motion.rows.shape[0]
-        old, generator = contacts.reading, form.basis.matrix()
+        output, old, generator = contacts.output_matrix, contacts.reading, form.basis.matrix()
         if form.axes is None:
-            see = jnp.concatenate([contacts.see, contacts.see[p:] @ generator])
+            output = jnp.concatenate([output, output[p:] @ generator])
         else:
-            velocity = contacts.see.reshape(2, 2, p, -1)[:, 1]
-            see = _with_third(contacts.see, _carried(velocity @ generator, velocity, old.turn))
+            velocity = output.reshape(2, 2, p, -1)[:, 1]
+            output = _with_third(output, _rate(velocity @ generator, velocity, old.turn))
         still, cos, sin = old.still, old.cos, old.sin
         if still is not None:
             velocity = still.reshape(2, 2, p)[:, 1]
-            still = _with_third(still, _carried(jnp.zeros((2, p)), velocity, old.turn))
+            still = _with_third(still, _rate(jnp.zeros((2, p)), velocity, old.turn))
         if cos is not None and sin is not None:
             along, across = (part.reshape(2, 2, p)[:, 1] for part in (cos, sin))
-            cos = _with_third(cos, _carried(across, along, old.turn))
-            sin = _with_third(sin, _carried(-along, across, old.turn))
+            cos = _with_third(cos, _rate(across, along, old.turn))
+            sin = _with_third(sin, _rate(-along, across, old.turn))
         reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin, old.turn)
-        feed = motion.rate * motion.rows @ motion.columns
-        return cls(motion, Contacts(see, contacts.drive, reading), feed)
+        accelerance = motion.rate * motion.rows @ motion.columns
+        return cls(motion, Contacts(output, contacts.input_matrix, reading), accelerance)
 
     def read(self, w: Inexact[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
-        """The ports in a state, along fixed axes."""
+        """Readings of the ports in a state, along fixed axes."""
         phase, reading = phase_at(theta), self.contacts.reading
-        return reading.fixed(lambda: phase, packed(self.contacts.see @ w) + reading.steady(phase))
+        output = packed(self.contacts.output_matrix @ w)
+        return reading.fixed(lambda: phase, output + reading.steady(phase))
 
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
-        """The branches that hold."""
+        """Branches of all laws in a state."""
         d, v, _ = self._parts(seen)
         speed = self.motion.speed
         ports = enumerate(self.motion.ports)
@@ -66,15 +67,15 @@ class BranchedPorts(eqx.Module):
         along = [port.along(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
         return jnp.stack([force.sum(0) for force in along], axis=1).ravel()
 
-    def as_they_are(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
-        """`[Re, Im]` of the port forces, jumps and all."""
+    def actual_forces(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
+        """`[Re, Im]` of the port forces, with their jumps."""
         d, v, _ = self._parts(seen)
         return self.motion.port_forces(d, v).ravel()
 
     def crossing(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]) -> Crossing:
-        """How near the branches are to their ends."""
+        """Margins of the conditions of given branches, and their rates."""
         d, v, a = self._parts(seen)
-        a = a + self.forces(branches, seen).reshape(2, -1) @ self.feed.T
+        a = a + self.forces(branches, seen).reshape(2, -1) @ self.accelerance.T
 
         def margins(d, v):
             ports = enumerate(zip(self.motion.ports, branches, strict=True))
@@ -84,19 +85,20 @@ class BranchedPorts(eqx.Module):
         return Crossing(*jax.jvp(margins, (d, v), (v / self.motion.rate, a)))
 
     def _parts(self, seen: Float[Array, " p6"]) -> tuple[Array, Array, Array]:
+        """Displacement, velocity and acceleration, (2, p) each."""
         d, v, a = jnp.moveaxis(seen.reshape(2, 3, -1), 1, 0)
         return d, v, a
 
 
 def _with_third(part: Float[Array, "p4 ..."], third: Float[Array, "2 p ..."]) -> Array:
-    """Displacement and velocity with an acceleration behind them, each of its ports."""
+    """Readings of displacement and velocity, with a third quantity."""
     pair = part.reshape(2, 2, *third.shape[1:])
     return jnp.concatenate([pair, third[:, None]], axis=1).reshape(-1, *third.shape[2:])
 
 
-def _carried(rate: Float[Array, "2 ..."], velocity: Float[Array, "2 ..."], turn: Scalar | None):
-    """Rate of a velocity whose axes turn: `v' + i s v`."""
+def _rate(change: Float[Array, "2 ..."], velocity: Float[Array, "2 ..."], turn: Scalar | None):
+    """Rate of a velocity that changes by `change` in axes that turn: `v' + i s v`."""
     if turn is None:
-        return rate
+        return change
     x, y = velocity
-    return rate + turn * jnp.stack([-y, x])
+    return change + turn * jnp.stack([-y, x])

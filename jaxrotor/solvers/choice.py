@@ -1,72 +1,77 @@
-"""Choice of a solver: what may be asked for, and modal or dense steps, decided once."""
+"""Choice of a solver: which ones are accepted, and whether exponential steps are modal or dense."""
 
 import dataclasses
 from typing import Any
 
 import diffrax as dfx
-import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Array, Inexact
 
+from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
-from ..equations.system import assemble
-from ..scene import Scene
+from ..equations.system import System
 from .basis import well_conditioned
 from .exponential import Exponential
 
 
 def choose(
-    solver: Exponential | dfx.AbstractSolver | None, scene: Scene, rate: Scalar, start=None
+    solver: Exponential | dfx.AbstractSolver | None, system: System, rate: Scalar, start: Any = None
 ) -> Exponential | dfx.AbstractSolver:
-    """The solver with its basis settled: modal where eigenvectors serve, else dense."""
+    """The solver with its basis decided for a system; `rate` is 2 pi over the length of a revolution.
+
+    Basis "auto" becomes "dense" where the system, the rate or the start is traced.
+    """
     solver = checked_solver(solver)
     if not isinstance(solver, Exponential) or solver.basis == "dense":
         return solver
-    traced = not all(known(leaf) for leaf in jax.tree.leaves((scene, rate, start)))
-    if traced:
-        return dataclasses.replace(
-            solver, basis="dense" if solver.basis == "auto" else solver.basis
-        )
-    matrix, frequencies = _linear(scene, rate)
-    _check_resonance(scene, np.asarray(matrix), [float(frequency) for frequency in frequencies])
-    if solver.basis == "auto":
-        _, vectors = np.linalg.eig(np.asarray(matrix))
-        return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
-    return solver
+    if not all(known(leaf) for leaf in jax.tree.leaves((system, rate, start))):
+        return dataclasses.replace(solver, basis="dense") if solver.basis == "auto" else solver
+    matrix, frequencies = _matrix(system, rate)
+    roots, vectors = np.linalg.eig(np.asarray(matrix))
+    _check_resonance(system, roots, [float(frequency) for frequency in frequencies])
+    return decide_basis(solver, vectors) if solver.basis == "auto" else solver
 
 
-@eqx.filter_jit
-def _linear(scene: Scene, rate: Scalar):
-    """`A` by the angle of revolution, and the frequencies at which unbalance and weight act on it."""
-    system = assemble(scene)
-    s, load = scene.spin.speed / rate, system.load
+def decide_basis(solver: Exponential, vectors: Array | np.ndarray) -> Exponential:
+    """The solver in a modal basis if all eigenvectors, (.., m, m), are well conditioned, else a dense."""
+    return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
+
+
+@compiled_quickly
+def _matrix(system: System, rate: Scalar) -> tuple[Inexact[Array, "m m"], list[Scalar]]:
+    """Matrix of the linear equations, and the frequencies, by the angle, of loads that go round in them.
+
+    In turning axes the unbalance stands still, and weight goes round.
+    """
+    s, load = system.spin.speed / rate, system.load
     if isotropic(system.blocks):
-        matrix, turns = Motion(system, rate).matrix(), False
+        matrix, own = Motion(system, rate, loads=False).matrix(), 0.0
     else:
         axes = ConstantFrame.of(system, rate)
-        matrix, turns = axes.matrix, axes.turn is not None
-    own = s if turns else 0.0
+        matrix, own = axes.matrix, 0.0 if axes.turn is None else s
     frequencies = [] if load.unbalance is None else [s - own]
-    if turns and load.constant is not None:  # weight, which goes round in turning axes
+    if load.constant is not None and not isinstance(own, float):
         frequencies.append(-own)
     return matrix, frequencies
 
 
-def _check_resonance(scene: Scene, matrix: np.ndarray, frequencies: list[float]) -> None:
-    roots = np.linalg.eigvals(matrix)
-    if scene.spin.speed and any(np.min(np.abs(1j * f - roots)) < 1e-9 for f in frequencies):
+def _check_resonance(system: System, roots: np.ndarray, frequencies: list[float]) -> None:
+    """Raise if unbalance or weight excites an undamped mode at its natural frequency."""
+    turns = bool(system.spin.speed)
+    if turns and any(np.min(np.abs(1j * f - roots)) < 1e-9 for f in frequencies):
         raise ValueError(
-            f"The speed, {float(scene.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
+            f"The speed, {float(system.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
             "where the response to unbalance or weight grows without bound: add damping, move the speed, "
             "or give a diffrax solver."
         )
 
 
 def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
-    """The solver asked for, by default the exponential one; refuses what is none."""
+    """The solver, by default `Exponential()`; raises unless it is one."""
     solver = Exponential() if solver is None else solver
     if not isinstance(solver, Exponential | dfx.AbstractSolver):
         raise ValueError(

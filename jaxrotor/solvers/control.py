@@ -1,4 +1,4 @@
-"""Settings of diffrax solvers on rotors."""
+"""Settings of diffrax solvers for rotors."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import equinox as eqx
 import optimistix as optx
 
 
-RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute in metres of q and dq/dtheta
+RTOL, ATOL = 1e-7, 1e-10  # relative, and absolute [m], of q and dq/dtheta
 
 
 def step_control(
@@ -19,7 +19,7 @@ def step_control(
 ) -> dfx.AbstractStepSizeController | None:
     """Adaptive steps at `rtol`, `atol` [m] where the solver estimates its error, else None.
 
-    A run that would need steps below `dtmin` [s] ends and has failed.
+    A run that would need steps below `dtmin` [s] fails.
     """
     if not isinstance(solver, dfx.AbstractAdaptiveSolver):
         return None
@@ -35,12 +35,12 @@ def step_control(
 
 
 def tuned(solver: dfx.AbstractSolver) -> dfx.AbstractSolver:
-    """The solver with a root finder that stops in time.
+    """The solver with a root finder whose tolerance can be met.
 
-    diffrax solves for the derivative of a stage with the tolerance of the state, out of reach on
-    the accelerations of a stiff rotor. Here the state is scaled (metres, radians of revolution) and
-    Kvaerno5 bears it; KenCarp4 takes 18 times the steps. A root finder with tolerances of its own
-    is left as it is.
+    diffrax solves for the derivative of a stage with the tolerance of the state, which cannot be met by
+    the accelerations of a stiff rotor. Here the state is scaled (metres, radians of revolution), and
+    Kvaerno5 tolerates it, but KenCarp4 takes 18 times as many steps. A root finder with tolerances of its
+    own is left unchanged.
     """
     if not isinstance(solver, dfx.AbstractImplicitSolver):
         return solver

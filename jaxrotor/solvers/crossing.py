@@ -1,4 +1,4 @@
-"""Crossings: where within a step a margin first falls through zero, by cubics of Hermite."""
+"""Crossings: where in a step a margin first falls through zero, by Hermite cubics."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from ..core.quantities import Scalar
 
 
 class Crossing(eqx.Module):
-    """Margins of all conditions at an instant and their rates; a margin is infinite if no matter."""
+    """Margins of all conditions at an instant, infinite where a condition is inactive, and their rates."""
 
     margin: Float[Array, " c"]
     rate: Float[Array, " c"]  # [1 / rad]
@@ -28,10 +28,10 @@ class Cubic(NamedTuple):
 
     @classmethod
     def of(cls, begin: Crossing, end: Crossing, span: Scalar) -> "Cubic":
-        """By values and rates at both ends; constant where it is no matter."""
-        matters = jnp.isfinite(begin.margin) & jnp.isfinite(end.margin)
-        m0, m1 = (jnp.where(matters, one.margin, 1.0) for one in (begin, end))
-        r0, r1 = (jnp.where(matters, one.rate, 0.0) * span for one in (begin, end))
+        """The cubic of the values and rates at both ends; constant where a condition is inactive."""
+        active = jnp.isfinite(begin.margin) & jnp.isfinite(end.margin)
+        m0, m1 = (jnp.where(active, one.margin, 1.0) for one in (begin, end))
+        r0, r1 = (jnp.where(active, one.rate, 0.0) * span for one in (begin, end))
         return cls(m0, r0, 3 * (m1 - m0) - 2 * r0 - r1, 2 * (m0 - m1) + r0 + r1)
 
     def __call__(self, u: Array | float) -> Array:
@@ -41,34 +41,37 @@ class Cubic(NamedTuple):
         return self.c1 + u * (2 * self.c2 + u * 3 * self.c3)
 
     def extrema(self) -> tuple[Array, Array]:
-        """Where it is greatest and where least between 0 and 1; 0 where there is none."""
+        """Positions of the local maximum and minimum, clipped to 0..1; 0 where there are none."""
         square = self.c2**2 - 3 * self.c1 * self.c3
-        turns = square > 0
-        root = jnp.sqrt(jnp.where(turns, square, 1.0))
-        q = self.c2 + jnp.where(self.c2 < 0, -root, root)  # no difference of near equals
+        exist = square > 0
+        root = jnp.sqrt(jnp.where(exist, square, 1.0))
+        q = self.c2 + jnp.where(self.c2 < 0, -root, root)  # without cancellation
         far, near = _ratio(-q, 3 * self.c3), _ratio(-self.c1, q)
-        clip = lambda u: bounded(jnp.where(turns, u, 0.0), 0.0, 1.0)
-        up = self.c2 < 0  # then `far` is the minimum
-        return clip(jnp.where(up, near, far)), clip(jnp.where(up, far, near))
+        clip = lambda u: bounded(jnp.where(exist, u, 0.0), 0.0, 1.0)
+        far_is_minimum = self.c2 < 0
+        return (
+            clip(jnp.where(far_is_minimum, near, far)),
+            clip(jnp.where(far_is_minimum, far, near)),
+        )
 
 
 def _ratio(a: Array, b: Array) -> Array:
     return jnp.where(b == 0, 0.0, a / jnp.where(b == 0, 1.0, b))
 
 
-def leaves(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
-    """Which margins descend through zero within the span."""
+def falls_through_zero(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
+    """Whether each margin descends through zero within the span."""
     cubic = jax.lax.stop_gradient(Cubic.of(begin, end, span))
     top, bottom = cubic.extrema()
     end_falls = (cubic(1.0) < 0) & (cubic(1.0) < larger(cubic.c0, cubic(top)))
     return end_falls | ((cubic(bottom) < 0) & (cubic(bottom) < cubic.c0))
 
 
-def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
+def first_crossing(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     """Share of the span at which a margin first descends through zero, 2 if none does.
 
-    A cubic is monotone from 0 to one extremum, to the other, to 1. The derivative of the share is
-    that of the root, however it was found.
+    A cubic is monotone between 0, its extrema and 1, so each piece is bisected three times, and Newton's
+    method continues. The derivative of the share is that of the root, by the implicit function theorem.
     """
     cubic = Cubic.of(begin, end, span)
     found = jax.lax.stop_gradient(cubic)
@@ -76,10 +79,10 @@ def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     low, high = smaller(low, high), larger(low, high)
     nodes = (jnp.zeros_like(low), low, high, jnp.ones_like(low))
     a, b = jnp.full_like(low, 2.0), jnp.full_like(low, 2.0)
-    for begin_, end_ in ((nodes[2], nodes[3]), (nodes[1], nodes[2]), (nodes[0], nodes[1])):
-        falls = (found(end_) < 0) & (found(end_) < found(begin_))
-        a, b = jnp.where(falls, begin_, a), jnp.where(falls, end_, b)
-    leaving, start = a < 2, a
+    for left, right in ((nodes[2], nodes[3]), (nodes[1], nodes[2]), (nodes[0], nodes[1])):
+        falls = (found(right) < 0) & (found(right) < found(left))
+        a, b = jnp.where(falls, left, a), jnp.where(falls, right, b)
+    crosses, start = a < 2, a
     for _ in range(3):
         middle = (a + b) / 2
         above = found(middle) > 0
@@ -90,5 +93,5 @@ def first_end(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
         u = bounded(u - found(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
     rate = found.slope(u)
     u = bounded(u - cubic(u) / jnp.where(rate < 0, rate, -jnp.inf), a, b)
-    u = jnp.where(found(start) <= 0, start, u)  # just begun, and ends at once
-    return -largest(-jnp.append(jnp.where(leaving, u, 2.0), 2.0))
+    u = jnp.where(found(start) <= 0, start, u)  # a condition that began just now ends at once
+    return -largest(-jnp.append(jnp.where(crosses, u, 2.0), 2.0))

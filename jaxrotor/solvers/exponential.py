@@ -2,9 +2,9 @@
 
     w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
 
-The eigenvalues of `A`, however stiff, set no step limit, and free flight is exact at any step. The
-contact forces see the state only through a few ports, so a step needs one product from the state
-to the stage values of the ports, the forces, and one product back.
+The eigenvalues of `A`, however stiff, set no step limit, and motion without contact is exact at any
+step. Contact forces depend on the state only through a few ports, so a step needs one product from the
+state to the stage values of the ports, the forces, and one product back. See docs/concepts/ports.md.
 """
 
 from typing import Literal
@@ -21,23 +21,23 @@ from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import DenseBasis, ModalBasis, SlotBasis
-from .lanes import each, together
+from .lanes import lanes_last, per_lane
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading
 from .tableau import AbstractStep, Tableau, tableau_of
 
 
 class Exponential(eqx.Module):
-    """Choice of the exponential integrator: `order` 2 or 4, `basis` "modal", "dense" or "auto".
+    """Exponential integrator of `order` 2 or 4, with `basis` "modal", "dense" or "auto".
 
-    `located=True` ends a step where a stop is met or left or its friction reverses, and so keeps
-    the order through impacts; otherwise those steps are of first order. It takes several times the
-    time of a step and of compilation, pays where the state is wanted to better than 1e-4 or a whirl
-    rate to better than 1e-6, and is differentiable in forward mode.
+    `located=True` ends a step where contact begins or ends or friction reverses, and so keeps the order
+    through impacts; otherwise those steps are of first order. A step and its compilation then take several
+    times as long, which pays where the state is wanted to better than 1e-4 or a whirl rate to better than
+    1e-6. Its derivatives are in forward mode alone.
 
-    Modal coordinates take the fewest operations. They, and more so their derivatives, which are in
-    forward and reverse mode, fail where eigenvectors merge (over-damped or defective pairs); "auto"
-    takes the dense matrix exponential there and whenever parameters are being traced.
+    Modal coordinates take the fewest operations. They fail where eigenvectors merge (over-damped or
+    defective pairs), and their derivatives, in forward and reverse mode, fail earlier; "auto" takes the
+    dense matrix exponential there and whenever parameters are traced.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)
@@ -51,7 +51,7 @@ class Exponential(eqx.Module):
             raise ValueError(f"`basis` must be 'auto', 'modal' or 'dense', but is {self.basis!r}.")
 
     def form(self, system: System, motion: Motion, rows: Float[Array, "s n"]) -> PortForm:
-        """The motion in the coordinates this solver steps."""
+        """The motion in the coordinates of this solver's basis, with stations `rows` to read."""
         dense = self.basis == "dense"
         if isotropic(system.blocks):
             build = DenseBasis.build if dense else ModalBasis.build
@@ -63,9 +63,9 @@ class Exponential(eqx.Module):
     def stepper(
         self, form: PortForm, steps: int, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
     ) -> "ExponentialStep | LocatedStep | None":
-        """One of `steps` in an angle [rad] of revolution, or None where no contact needs stepping.
+        """A step, of `steps` in an angle `span` [rad]; None without contact, where no steps are needed.
 
-        `batch`: of lanes under `jax.vmap`, those whose steps are split run together.
+        With `batch`, lanes under `jax.vmap` whose steps are split run together.
         """
         field = form.field
         if form.contacts is None or field.reading is None:
@@ -81,7 +81,7 @@ class Exponential(eqx.Module):
 
 
 class ExponentialStep(AbstractStep):
-    """A step as if no force changed its law within."""
+    """A step of fixed size that ignores changes of contact inside it."""
 
     tableau: Tableau
     field: PortField
@@ -99,18 +99,19 @@ class ExponentialStep(AbstractStep):
     def advance(self, theta: Scalar, y: Float[Array, " m2"]) -> Float[Array, " m2"]:
         """State after a step from `theta`."""
         phases = self.tableau.phases(theta)
-        return together(lambda step, y: step.of_lanes(phases, y), self, y, batch=False)
+        return lanes_last(lambda step, y: step.of_lanes(phases, y), self, y, batch=False)
 
     def of_lanes(self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"]) -> Array:
         """States after a step, lanes last."""
-        seen = self.tableau.seen(phases, y, self.reading)
+        free = self.tableau.free_readings(phases, y, self.reading)
         reading = self.reading
 
         def forces(stage: Array, time: int) -> Array:
-            seen = reading.fixed(lambda: phases[time], stage)
-            return reading.turned(lambda: phases[time], each(PortField.forces, self.field, seen))
+            phase = lambda: phases[time]
+            seen = reading.fixed(phase, stage)
+            return reading.turned(phase, per_lane(PortField.forces, self.field, seen))
 
-        return self.tableau.advance(y) + self.tableau.fed(seen, forces)
+        return self.tableau.advance(y) + self.tableau.increment(free, forces)
 
 
 def revolution(
@@ -121,12 +122,12 @@ def revolution(
     *,
     batch: bool = False,
 ) -> tuple[Float[Array, " m2"], Float[Array, "T s4"] | None]:
-    """State after so many steps from angle 0, and the stations at the start and after each.
+    """State after `steps` from angle 0, and readings of the stations at the start and after each step.
 
-    `batch`: under `jax.vmap` all lanes are stepped as one.
+    With `batch`, all lanes under `jax.vmap` are stepped as one array.
     """
 
-    def turn(parts, y):
+    def run(parts, y):
         step, stations = parts
         phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
 
@@ -139,4 +140,4 @@ def revolution(
             return y, None
         return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
 
-    return together(turn, (step, stations), y, batch=batch)
+    return lanes_last(run, (step, stations), y, batch=batch)

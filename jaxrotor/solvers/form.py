@@ -1,4 +1,4 @@
-"""Forms: how the state of a motion is written for a solver."""
+"""Forms: the coordinates in which a solver steps a motion."""
 
 import abc
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from ..equations.stationary_frame import Motion
 
 
 class AbstractForm(eqx.Module):
-    """Coordinates `y` of a motion, its vector field there, and stations read from them.
+    """Coordinates `y` of a motion, its vector field in them, and the stations read from them.
 
     A station is read by a row of the elastic line; `rows` (s, n) are fixed when a form is built.
     """
@@ -39,7 +39,7 @@ class AbstractForm(eqx.Module):
 
 
 class PhysicalForm(AbstractForm):
-    """Coordinates and their angular rates, (2, 2, n): what any diffrax solver steps."""
+    """Coordinates and their rates by angle, (2, 2, n), for any diffrax solver."""
 
     motion: Motion
     rows: Float[Array, "s n"]

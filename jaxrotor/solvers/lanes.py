@@ -1,8 +1,6 @@
-"""Lanes: trajectories stepped together, their states and coefficients with lanes last.
+"""Lanes: trajectories that are stepped as one array, whose last axis is that of the lanes.
 
-What all lanes share has one lane. Rows of lanes are what the vectors of a processor want, and what
-is summed column by column fuses with its neighbours: a small product by the matrix kernel costs
-more than its work.
+An array that all lanes share has a last axis of length one. See docs/concepts/lanes.md.
 """
 
 from collections.abc import Callable
@@ -14,11 +12,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-THIN = 8  # columns of a matrix that is summed by hand
+THIN = 8  # columns, up to which a product is a sum over columns
 
 
 def one_lane(tree: Any) -> Any:
-    """Arrays of one trajectory as a lane of its own."""
+    """Arrays of one trajectory with a last axis of one lane."""
     return jax.tree.map(lambda leaf: leaf[..., None] if eqx.is_array(leaf) else leaf, tree)
 
 
@@ -32,8 +30,8 @@ def product(matrix: Float[Array, "a b l"], x: Float[Array, "b lanes"]) -> Float[
     return jnp.sum(matrix * x, axis=1)
 
 
-def each(call: Callable, tree: Any, x: Float[Array, "a lanes"]) -> Float[Array, "b lanes"]:
-    """`call(tree, x)`, which knows of no lanes, in every lane."""
+def per_lane(call: Callable, tree: Any, x: Float[Array, "a lanes"]) -> Float[Array, "b lanes"]:
+    """`call(tree, x)`, written for one trajectory, in every lane."""
     arrays, constant = eqx.partition(tree, eqx.is_array)
     leaves, treedef = jax.tree.flatten(arrays)
     axes = [None if leaf.shape[-1] == 1 else -1 for leaf in leaves]
@@ -44,10 +42,10 @@ def each(call: Callable, tree: Any, x: Float[Array, "a lanes"]) -> Float[Array, 
     return jax.vmap(one, in_axes=(axes, -1), out_axes=-1)(leaves, x)
 
 
-def together(call: Callable, tree: Any, y: Float[Array, " m"], *, batch: bool = True) -> Any:
-    """`call(tree, y)`, which has lanes last, for one trajectory; under `jax.vmap` for all at once.
+def lanes_last(call: Callable, tree: Any, y: Float[Array, " m"], *, batch: bool = True) -> Any:
+    """`call(tree, y)`, written for lanes last, of one trajectory, or under `jax.vmap` of all at once.
 
-    `batch` False: derivatives in reverse mode, for which lanes stay apart.
+    Without `batch`, `jax.vmap` maps over `call`, and derivatives are in reverse mode too.
     """
     arrays, constant = eqx.partition(tree, eqx.is_array)
 
@@ -61,9 +59,9 @@ def together(call: Callable, tree: Any, y: Float[Array, " m"], *, batch: bool = 
 
     @run.def_vmap
     def _(size, batched, arrays, y):
-        turned = lambda leaf, own: jnp.moveaxis(leaf, 0, -1) if own else leaf[..., None]
+        last = lambda leaf, own: jnp.moveaxis(leaf, 0, -1) if own else leaf[..., None]
         own, y_own = batched
-        arrays, y = jax.tree.map(turned, arrays, own), turned(y, y_own)
+        arrays, y = jax.tree.map(last, arrays, own), last(y, y_own)
         out = call(eqx.combine(arrays, constant), jnp.broadcast_to(y, (*y.shape[:-1], size)))
         return jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), out), jax.tree.map(
             lambda _: True, out

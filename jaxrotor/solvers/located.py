@@ -1,13 +1,15 @@
-"""Located steps: the instant at which a force changes its law splits the step there.
+"""Located steps: a step is split at the instants at which a force changes its branch.
 
 Between two such instants every force follows one smooth branch of its law, so an exponential step
 keeps its order. A step is tried along the branches that hold at its start. Every condition of a
-branch has a margin, positive while it holds; margins and rates at both ends of the step, free from
-the ports, give cubics, and the first descent of one through zero is where the step ends instead.
-What a cubic misses, `dt = -margin / rate` there, is put right by the jump of the force, so that
-neither order nor derivatives feel how the instant was found:
+branch has a margin, positive while it holds; margins and rates at both ends of the step, which the
+readings of the ports give, define cubics, and the step ends at the first descent of one through zero.
+The error of a cubic there, `dt = -margin / rate`, is corrected by the jump of the force, so that neither
+order nor derivatives depend on how the instant was found:
 
     w <- w + B (f_before - f_after) dt
+
+See docs/concepts/lanes.md for lanes that are split at different instants.
 """
 
 import diffrax as dfx
@@ -21,23 +23,23 @@ from ..core.quantities import Scalar
 from ..equations.system import Branches
 from .basis import as_real, packed, unpacked
 from .branches import BranchedPorts
-from .crossing import Crossing, first_end, leaves
+from .crossing import Crossing, falls_through_zero, first_crossing
 from .lanes import one_lane
 from .ports import PortForm, phase_at
 from .tableau import AbstractStep, Tableau, step_of, tableau_of
 
 
-NEAR = 1e-2  # of a full step: how far from a crossing it may be split
-TRIES = 24  # substeps of one step; what is left after them is stepped as if nothing crossed
-BLOCK = 16  # lanes whose splits run together
+NEAR = 1e-2  # of a full step: largest distance of a split from the crossing
+TRIES = 24  # most attempts in one step; the rest is then stepped without splitting
+BLOCK = 16  # lanes whose splits run at once
 
 
 class Split(eqx.Module):
-    """A step on its way: the state so far, and what was learnt from the span last tried."""
+    """State of a partly completed step, and the crossings found in the span last tried."""
 
     y: Float[Array, " m2"]
     theta: Scalar
-    left: Scalar
+    left: Scalar  # of the step [rad]
     span: Scalar  # tried last, from `theta`
     begin: Crossing
     end: Crossing
@@ -46,11 +48,11 @@ class Split(eqx.Module):
 
 
 class LocatedStep(AbstractStep):
-    """A step split where a force changes its law.
+    """A step that is split where a force changes its branch.
 
-    The state of the solver counts the steps that more than `TRIES` splits did not resolve. `batch`:
-    of lanes under `jax.vmap`, those that are split run together; otherwise one lane runs with all
-    its tangents, which is what a Jacobian takes.
+    The state of the solver counts the steps that `TRIES` attempts did not resolve. With `batch`, lanes
+    under `jax.vmap` that are split run at once; otherwise one lane runs with all its tangents, as a
+    Jacobian needs.
     """
 
     tableau: Tableau
@@ -79,20 +81,20 @@ class LocatedStep(AbstractStep):
         h, ports = self.tableau.h, self.ports
         tableau, reading = one_lane((self.tableau, ports.contacts.reading))
         phases = self.tableau.phases(theta)
-        seen = tableau.seen(phases, y[:, None], reading)
+        free = tableau.free_readings(phases, y[:, None], reading)
         fixed, turned = ports.contacts.reading.fixed, ports.contacts.reading.turned
-        now, then = fixed(lambda: phases[0], seen[0][:, 0]), seen[-1][:, 0]
+        now, then = fixed(lambda: phases[0], free[0][:, 0]), free[-1][:, 0]
         branches = ports.branches(now)
 
         def force(stage: Array, time: int) -> Array:
-            found = ports.forces(branches, fixed(lambda: phases[time], stage[:, 0]))
-            return turned(lambda: phases[time], found)[:, None]
+            phase = lambda: phases[time]
+            return turned(phase, ports.forces(branches, fixed(phase, stage[:, 0])))[:, None]
 
-        fed = tableau.fed(seen, force)[:, 0]
-        y1 = self.tableau.advance(y) + fed
-        finish = fixed(lambda: phases[-1], then + as_real(ports.contacts.see) @ fed)
+        added = tableau.increment(free, force)[:, 0]
+        y1 = self.tableau.advance(y) + added
+        finish = fixed(lambda: phases[-1], then + as_real(ports.contacts.output_matrix) @ added)
         begin, end = ports.crossing(branches, now), ports.crossing(branches, finish)
-        whole = ~jnp.any(leaves(begin, end, h))
+        whole = ~jnp.any(falls_through_zero(begin, end, h))
         split = Split(
             jnp.where(whole, y1, y),
             theta,
@@ -107,41 +109,42 @@ class LocatedStep(AbstractStep):
         return split.y, (split.tries > TRIES) + 0
 
     def attempt(self, split: Split) -> Split:
-        """Go where the first condition ends, or as far as is left, and see whether that was right."""
+        """Step to the first crossing or the end; accepted unless another crossing is on the way."""
         h, ports, branches = self.tableau.h, self.ports, split.branches
         exhausted = split.tries >= TRIES
-        share = first_end(split.begin, split.end, split.span)
+        share = first_crossing(split.begin, split.end, split.span)
         span = jnp.where(exhausted | (share > 1), split.left, share * split.span)
-        see = lambda w, after: ports.read(w, split.theta + after)
-        basis, reading = self.form.basis, ports.contacts.reading
-        along = lambda force, after: unpacked(
-            basis, reading.turned(lambda: phase_at(split.theta + after), force)
-        )
+        input_matrix = ports.contacts.input_matrix
+        basis, turned = self.form.basis, ports.contacts.reading.turned
+        read = lambda w, after: ports.read(w, split.theta + after)
 
-        def act(w, after):
-            seen = see(w, after)
-            found = jnp.where(exhausted, ports.as_they_are(seen), ports.forces(branches, seen))
-            return along(found, after)
+        def applied(force, after):  # as the input matrix takes it
+            return unpacked(basis, turned(lambda: phase_at(split.theta + after), force))
+
+        def force(w, after):
+            seen = read(w, after)
+            found = jnp.where(exhausted, ports.actual_forces(seen), ports.forces(branches, seen))
+            return applied(found, after)
 
         w = unpacked(basis, split.y)
-        begin = ports.crossing(branches, see(w, 0.0))
-        w = step_of(self.order_, basis, ports.contacts.drive, w, span, act)
-        finish = see(w, span)
+        begin = ports.crossing(branches, read(w, 0.0))
+        w = step_of(self.order_, basis, input_matrix, w, span, force)
+        finish = read(w, span)
         end = ports.crossing(branches, finish)
-        leaving = leaves(begin, end, span)
-        # Which conditions end here, and how far off: on the grid late alone, between it early too.
+        falling = falls_through_zero(begin, end, span)
+        # The condition that ends here, and its distance; at the end of the step it must be past.
         last = span >= split.left
         off = -end.margin / jnp.where(end.rate < 0, end.rate, -1.0)
         ends = (end.rate < 0) & (jnp.abs(off) < NEAR * h) & (~last | (end.margin <= 0))
         first = jnp.argmin(jnp.where(ends, off, jnp.inf))
         ends &= (jnp.arange(ends.size) == first) & ~exhausted
-        taken = exhausted | ~jnp.any(leaving & ~ends)
-        after = self._turned(ends, end, branches, finish)
-        jump = along(ports.forces(branches, finish) - ports.forces(after, finish), span)
-        w = w + ports.contacts.drive @ (jump * jnp.sum(jnp.where(ends, off, 0.0)))
+        accepted = exhausted | ~jnp.any(falling & ~ends)
+        after = self._branches_after(ends, end, branches, finish)
+        jump = applied(ports.forces(branches, finish) - ports.forces(after, finish), span)
+        w = w + input_matrix @ (jump * jnp.sum(jnp.where(ends, off, 0.0)))
         left = jnp.where(last, 0.0, split.left - span)
-        keep = lambda new, old: jax.tree.map(lambda a, b: jnp.where(taken, a, b), new, old)
-        # What comes next is not known after a span that was taken: try all that is left.
+        keep = lambda new, old: jax.tree.map(lambda a, b: jnp.where(accepted, a, b), new, old)
+        # After an accepted span nothing is known of the next crossing: the rest is tried whole.
         unknown = jax.tree.map(lambda one: jnp.full_like(one, jnp.inf), end)
         return Split(
             keep(packed(w), split.y),
@@ -154,8 +157,8 @@ class LocatedStep(AbstractStep):
             split.tries + 1,
         )
 
-    def _turned(self, ends: Bool[Array, " c"], end: Crossing, branches, seen: Array):
-        """Branches after some conditions end; those that were no matter are looked up."""
+    def _branches_after(self, ends: Bool[Array, " c"], end: Crossing, branches, seen: Array):
+        """Branches after some conditions end; inactive conditions are evaluated anew."""
         flat, rebuild = ravel_pytree(branches)
         now, _ = ravel_pytree(self.ports.branches(seen))
         stay = jnp.where(jnp.isfinite(end.margin), flat, now)
@@ -163,7 +166,7 @@ class LocatedStep(AbstractStep):
 
 
 def _finish(step: LocatedStep, split: Split) -> Split:
-    """Attempts until nothing is left; of many lanes, blocks of those that still go on."""
+    """Attempts until the step is complete; of many lanes, by blocks of those that are not."""
     if not step.batch:
         return jax.lax.while_loop(lambda s: s.left > 0, lambda s: step.attempt(s), split)
     arrays, constant = eqx.partition(step, eqx.is_array)
@@ -188,14 +191,14 @@ def _finish(step: LocatedStep, split: Split) -> Split:
 
         def block(split):
             left, lanes = jax.lax.top_k(split.left, min(size, BLOCK))
-            lanes = jnp.where(left > 0, lanes, size)  # none: out of range, dropped
+            lanes = jnp.where(left > 0, lanes, size)  # complete lanes: out of range, dropped
             take = lambda leaf: leaf.at[lanes].get(mode="clip")
             some = [
                 take(leaf) if is_own else leaf for leaf, is_own in zip(leaves, own, strict=True)
             ]
-            went = jax.vmap(attempt, in_axes=(axes, 0))(some, jax.tree.map(take, split))
+            tried = jax.vmap(attempt, in_axes=(axes, 0))(some, jax.tree.map(take, split))
             put = lambda old, new: old.at[lanes].set(new, mode="drop")
-            return jax.tree.map(put, split, went)
+            return jax.tree.map(put, split, tried)
 
         split = jax.lax.while_loop(lambda s: jnp.any(s.left > 0), block, split)
         return split, jax.tree.map(lambda _: True, split)

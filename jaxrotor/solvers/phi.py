@@ -14,8 +14,8 @@ from jax.scipy.linalg import expm
 from jaxtyping import Array, Complex, Inexact
 
 
-NEAR = 0.5  # within, the series; beyond, the recurrence loses three digits at most
-TERMS = 14  # of the series: the remainder is below 0.5^14 / 15! < 1e-16
+NEAR = 0.5  # below it, the series; above it, the recurrence, which loses three digits at most
+TERMS = 14  # of the series, whose remainder is below 0.5^14 / 15! < 1e-16
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
@@ -24,12 +24,12 @@ def phi_scalar(z: Complex[Array, " m"], count: int) -> list[Complex[Array, " m"]
     small = jnp.abs(z) < NEAR
     near, far = jnp.where(small, z, 0.0), jnp.where(small, 1.0, z)
     values = [jnp.exp(z)]
-    for k in range(1, count + 1):  # up, away from zero
+    for k in range(1, count + 1):  # recurrence upwards, away from zero
         values.append((values[-1] - 1 / math.factorial(k - 1)) / far)
     series = jnp.zeros_like(z)
     for j in reversed(range(TERMS)):
         series = series * near + 1 / math.factorial(j + count)
-    for k in reversed(range(1, count + 1)):  # and down from the series of the last
+    for k in reversed(range(1, count + 1)):  # recurrence downwards from the series of the last
         values[k] = jnp.where(small, series, values[k])
         series = series * near + 1 / math.factorial(k - 1)
     return values

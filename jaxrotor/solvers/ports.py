@@ -1,6 +1,8 @@
-"""Ports: the motion seen by contact forces, in coordinates that advance exactly.
+"""Ports: inputs and outputs of the linear rotor at contacts, in coordinates that are advanced exactly.
 
-w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
+    w' = A w + B f(C w + steady(theta)),   w = state less the exact steady response
+
+See docs/concepts/ports.md.
 """
 
 from collections.abc import Callable
@@ -36,7 +38,7 @@ Phase = Callable[[], Float[Array, "2"]]  # cosine and sine of an angle of revolu
 class Reading(eqx.Module):
     """`[Re, Im]` of displacement and velocity of stations: linear in `y`, plus the steady response.
 
-    The parts of a load that no effect draws are None. Works with lanes last as well.
+    Parts of the steady response without a load are None. All fields may have lanes last.
     """
 
     matrix: Float[Array, "s4 m2"]
@@ -46,21 +48,21 @@ class Reading(eqx.Module):
     turn: Scalar | None = None  # s, where all of these are along axes that turn by s theta
 
     def steady(self, phase: Float[Array, "2"]) -> Float[Array, "s4 ..."] | float:
-        """What the stations do in the steady response, at the cosine and the sine of an angle."""
+        """Readings of the steady response, by cosine and sine of the angle of revolution."""
         steady = 0.0 if self.still is None else self.still
         if self.cos is not None and self.sin is not None:
             steady = steady + phase[0] * self.cos + phase[1] * self.sin
         return steady
 
     def fixed(self, phase: Phase, seen: Float[Array, "s4 ..."]) -> Array:
-        """What was read, along fixed axes; `phase` is asked for where the axes turn."""
+        """Readings along fixed axes; `phase` is computed only where the axes turn."""
         if self.turn is None:
             return seen
         cos, sin = phase()
         return _turned(cos, self.turn * sin, seen)
 
     def turned(self, phase: Phase, force: Float[Array, "p2 ..."]) -> Array:
-        """A force along fixed axes, along those of the reading."""
+        """A force given along fixed axes, along those of the readings."""
         if self.turn is None:
             return force
         cos, sin = phase()
@@ -71,7 +73,7 @@ class Reading(eqx.Module):
         return self.fixed(lambda: phase, self.matrix @ y + self.steady(phase))
 
     def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
-        """The same of all lanes."""
+        """Readings of all lanes, by cosine and sine of the angle of revolution."""
         return self.fixed(lambda: phase, product(self.matrix, y) + self.steady(phase))
 
 
@@ -81,27 +83,27 @@ def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
 
 
 class Contacts(eqx.Module):
-    """Ports of a scene with contact: how they see the state, and how they drive it."""
+    """Input and output matrices of the ports of a scene with contact."""
 
-    see: Inexact[Array, "p2 m"]  # C
-    drive: Inexact[Array, "m p"]  # B
+    output_matrix: Inexact[Array, "p2 m"]  # C
+    input_matrix: Inexact[Array, "m p"]  # B
     reading: Reading
 
 
 class PortField(eqx.Module):
-    """`dy/dtheta = A y + B f(C y + steady)`, all real; diffrax can step it too."""
+    """`dy/dtheta = A y + B f(C y + steady)`, all real; a vector field for diffrax."""
 
     motion: Motion
     generator: Float[Array, "m2 m2"]
-    drive: Float[Array, "m2 p2"] | None
+    input_matrix: Float[Array, "m2 p2"] | None
     reading: Reading | None
 
     def __call__(self, theta: Scalar, y: Array, args: None = None) -> Array:
         del args
         rate = self.generator @ y
-        if self.reading is not None and self.drive is not None:
+        if self.reading is not None and self.input_matrix is not None:
             force = self.forces(self.reading(theta, y))
-            rate = rate + self.drive @ self.reading.turned(lambda: phase_at(theta), force)
+            rate = rate + self.input_matrix @ self.reading.turned(lambda: phase_at(theta), force)
         return rate
 
     def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
@@ -125,23 +127,23 @@ class PortForm(AbstractForm):
 
     @classmethod
     def along_axes(cls, axes: ConstantFrame, motion: Motion, rows: Array, basis: Basis):
-        """The form of a rotor with unequal axes, with stations `rows` (s, n) to read."""
+        """Form of the motion of a rotor with unequal axes, with stations `rows` (s, n) to read."""
+        parts = axes.still, axes.cos, axes.sin
 
-        def reading(see: Array) -> Reading:
-            parts = (
-                None if part is None else see @ part for part in (axes.still, axes.cos, axes.sin)
-            )
-            return Reading(see @ basis.vectors, *parts, axes.turn)
+        def reading(output: Array) -> Reading:
+            steady = (None if part is None else output @ part for part in parts)
+            return Reading(output @ basis.vectors, *steady, axes.turn)
 
         contacts = None
         if axes.drive is not None and motion.rows is not None:
-            see = axes.gain(motion.rows)
-            contacts = Contacts(see @ basis.vectors, basis.inverse @ axes.drive, reading(see))
-        return cls(motion, basis, contacts, reading(axes.gain(rows)), axes.steady, axes)
+            output = axes.output(motion.rows)
+            forced = basis.inverse @ axes.drive
+            contacts = Contacts(output @ basis.vectors, forced, reading(output))
+        return cls(motion, basis, contacts, reading(axes.output(rows)), axes.steady, axes)
 
     @classmethod
     def build(cls, system: System, motion: Motion, rows: Array, basis: ModalBasis | DenseBasis):
-        """The form of a system's motion, with stations `rows` (s, n) to read."""
+        """Form of a system's motion, with stations `rows` (s, n) to read."""
         still, whirling = steady_response(system)
         if still is not None:
             still = jnp.concatenate([still, jnp.zeros_like(still)])
@@ -149,12 +151,14 @@ class PortForm(AbstractForm):
             whirling = jnp.concatenate([whirling, 1j * motion.s * whirling])
         contacts = None
         if motion.columns is not None and motion.rows is not None:
-            drive = basis.inverse @ jnp.concatenate([0 * motion.columns, motion.columns])
-            see = _gain(motion, motion.rows)
+            forced = jnp.concatenate([0 * motion.columns, motion.columns])
+            output = _output(motion, motion.rows)
             contacts = Contacts(
-                see @ basis.vectors, drive, _reading(motion, see, basis, still, whirling)
+                output @ basis.vectors,
+                basis.inverse @ forced,
+                _reading(motion, output, basis, still, whirling),
             )
-        stations = _reading(motion, _gain(motion, rows), basis, still, whirling)
+        stations = _reading(motion, _output(motion, rows), basis, still, whirling)
         steady = sum((part for part in (still, whirling) if part is not None), 0 * basis.vectors[0])
         return cls(motion, basis, contacts, stations, steady)
 
@@ -163,7 +167,7 @@ class PortForm(AbstractForm):
         generator, contacts = as_real(self.basis.matrix()), self.contacts
         if contacts is None:
             return PortField(self.motion, generator, None, None)
-        return PortField(self.motion, generator, as_real(contacts.drive), contacts.reading)
+        return PortField(self.motion, generator, as_real(contacts.input_matrix), contacts.reading)
 
     def encode(self, q, velocity):
         if self.axes is not None:
@@ -183,28 +187,29 @@ class PortForm(AbstractForm):
         return self.stations(theta, y).reshape(2, 2, -1)
 
     def free_propagator(self, span: Scalar) -> Rotation | SlotRotation | Dense:
-        """Advance by an angle of revolution without contact."""
+        """Propagator over an angle of revolution without contact."""
         nothing = jnp.zeros((self.steady.size, 0), self.basis.vectors.dtype)
         flow, _ = self.basis.flow(span, nothing, 0)
-        return self.basis.step(flow)
+        return self.basis.propagator(flow)
 
     def advance_free(self, y: Array, revolutions: Count) -> Array:
         """State after whole revolutions without contact, in closed form."""
-        return packed(self.basis.revolutions(revolutions, unpacked(self.basis, y)))
+        return packed(self.basis.advance_free(revolutions, unpacked(self.basis, y)))
 
 
-def _gain(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
-    """Displacement and velocity of stations from `(q, dq/dtheta)`."""
+def _output(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
+    """Output matrix of displacement and velocity of stations, on `(q, dq/dtheta)`."""
     zero = jnp.zeros_like(rows)
     return jnp.block([[rows, zero], [zero, motion.rate * rows]])
 
 
-def _reading(motion: Motion, see, basis, still, whirling) -> Reading:
-    matrix = as_real(see @ basis.vectors)
-    offset = None if still is None else _stack(see @ still)
+def _reading(motion: Motion, output, basis, still, whirling) -> Reading:
+    """Reading of the deviation in a basis, with the steady response."""
+    matrix = as_real(output @ basis.vectors)
+    offset = None if still is None else _stack(output @ still)
     if whirling is None:
         return Reading(matrix, offset, None, None)
-    whirl = see @ whirling
+    whirl = output @ whirling
     return Reading(matrix, offset, _stack(whirl), _stack(1j * motion.s * whirl))
 
 

@@ -19,7 +19,7 @@ from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, AtRest, Balls, Launch
 from ..files.toml import dumps
 from ..motion.run_up import by_race, imbalance_of
-from ..motion.transient import Integration, control, integrate
+from ..motion.transient import Integration, controller_for, integrate
 from ..results.provenance import as_json, assumed, versions
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
@@ -175,7 +175,9 @@ def _plan(
     max_steps: int,
 ) -> Integration:
     """How the runs are integrated, by steps that an error estimate chooses."""
-    steps = controller or control(solver, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration)
+    steps = controller or controller_for(
+        solver, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration
+    )
     if isinstance(solver, Exponential) or steps is None:
         raise ValueError(
             f"`solver` must choose its steps by an error estimate, but {solver_name(solver)} has none; "

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,7 +18,7 @@ from ..equations.start import AbstractStart
 from ..motion.base import Plan
 from ..motion.revolutions import March, revolution_rate
 from ..scene import Scene
-from ..solvers.basis import well_conditioned
+from ..solvers.choice import decide_basis
 from ..solvers.exponential import Exponential
 from ..solvers.ports import PortForm
 from .observe import AbstractObservable, Turn
@@ -146,11 +146,12 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     """
     plan = context.plan
     if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
-        modal = _with_basis(plan, plan.solver, "modal")
-        march, y, ratio = _build_lanes(context, modal, points, begin)
-        if isinstance(march.form, PortForm) and not well_conditioned(march.form.basis.vectors):
-            dense = _with_basis(plan, plan.solver, "dense")
-            march, y, ratio = _build_lanes(context, dense, points, begin)
+        modal = dataclasses.replace(plan.solver, basis="modal")
+        march, y, ratio = _build_lanes(context, _with_solver(plan, modal), points, begin)
+        assert isinstance(march.form, PortForm)
+        chosen = decide_basis(plan.solver, march.form.basis.vectors)
+        if chosen != modal:
+            march, y, ratio = _build_lanes(context, _with_solver(plan, chosen), points, begin)
     else:
         march, y, ratio = _build_lanes(context, plan, points, begin)
     arrays, constant = eqx.partition(march, eqx.is_array)
@@ -162,9 +163,9 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     return eqx.combine(shared, constant), own, jax.device_put(y), ratio
 
 
-def _with_basis(plan: Plan, solver: Exponential, basis: Literal["modal", "dense"]) -> Plan:
-    """The plan with another basis of its exponential solver."""
-    return eqx.tree_at(lambda p: p.solver, plan, dataclasses.replace(solver, basis=basis))
+def _with_solver(plan: Plan, solver: Exponential) -> Plan:
+    """The plan with another solver."""
+    return eqx.tree_at(lambda p: p.solver, plan, solver)
 
 
 def _build_lanes(

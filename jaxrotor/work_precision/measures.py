@@ -12,7 +12,7 @@ from ..core.outcome import failed
 from ..equations.start import AbstractStart, Launch
 from ..motion.reactions import reactions
 from ..motion.run_up import RunUp, run_up
-from ..motion.transient import control, suited
+from ..motion.transient import controller_for, default_solver
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from ..sweeps import observe
@@ -72,7 +72,7 @@ class AbstractRunUp(AbstractMeasure):
         return of_run_up()
 
     def reference(self, scene):
-        return Setting(suited(scene), tolerance=FINE_TOLERANCE)
+        return Setting(default_solver(scene), tolerance=FINE_TOLERANCE)
 
 
 class OnsetSpeed(AbstractLinear):
@@ -213,11 +213,11 @@ class FinalState(AbstractRunUp):
 def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> RunUp:
     """A run-up by the solver and the steps of a setting."""
     times = np.asarray(times, float)
-    solver = suited(scene) if setting.solver is None else setting.solver
+    solver = default_solver(scene) if setting.solver is None else setting.solver
     steps: dict[str, Any] = {}
     if setting.tolerance is not None:
         options = {"rtol": setting.tolerance, "atol": ATOL * setting.tolerance}
-        steps["controller"] = control(solver, scene, **options)
+        steps["controller"] = controller_for(solver, scene, **options)
     elif setting.steps is not None:
         share = np.arange(setting.steps) / setting.steps
         whole = times if times[0] == 0 else np.append(0.0, times)

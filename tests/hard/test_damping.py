@@ -40,7 +40,7 @@ def condition(scene: jr.Scene) -> float:
 
 def simulated(scene: jr.Scene) -> tuple[np.ndarray, str]:
     """Displacement of the tip over two periods, and the basis it was computed in."""
-    chosen = choose(None, scene, jnp.asarray(2 * np.pi / PERIOD))
+    chosen = choose(None, assemble(scene), jnp.asarray(2 * np.pi / PERIOD))
     assert isinstance(chosen, jr.Exponential)
     r = jr.simulate(scene, 2, STEPS, start=START, period=PERIOD)
     assert f"'{chosen.basis}'" in r.solver

@@ -255,7 +255,7 @@ def test_near_a_double_root_the_basis_is_dense_and_right(record_property):
     motion = Motion(assemble(scene), rate)
     a = np.asarray(motion.matrix())
     assert merged(scene, period) > 1e5
-    chosen = choose(None, scene, rate)
+    chosen = choose(None, assemble(scene), rate)
     assert isinstance(chosen, jr.Exponential)
     assert chosen.basis == "dense"
     start = jr.Whirl(1e-3, 40.0)

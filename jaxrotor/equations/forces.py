@@ -1,0 +1,115 @@
+"""Forces on the shaft in its own axes: of the linear blocks, loads, contacts and rolling bodies."""
+
+from collections.abc import Callable, Iterator
+
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..core.blocks import Blocks, Load
+from ..core.plane import plane
+from ..core.quantities import Scalar
+from .kinematics import Kinematics
+from .system import Port, Race, System
+
+
+def resistance(blocks: Blocks, now: Kinematics) -> Array:
+    """`(C - i Omega G) q. + (K - i Omega H) q + ..` times `exp(-i theta)`: all blocks but the inertia.
+
+    Its rows are those of the blocks: equations of motion, or work on virtual displacements.
+    """
+    speed, r, v = now.turning.speed, now.r, now.velocity
+    back = jnp.conj(now.turn) ** 2  # conj(q) exp(-i theta) = conj(r) exp(-2 i theta)
+    parts = [
+        (blocks.damping, v),
+        (blocks.gyroscopic, -1j * speed * v),
+        (blocks.stiffness, r),
+        (blocks.circulatory, -1j * speed * r),
+        (blocks.skew_damping, 1j * v),
+        (blocks.skew_stiffness, 1j * r),
+        (blocks.skew_circulatory, speed * r),
+        (blocks.fixed_damping, back * jnp.conj(v)),
+        (blocks.fixed_stiffness, back * jnp.conj(r)),
+        (blocks.rotating_damping, jnp.conj(now.drift)),
+        (blocks.rotating_stiffness, jnp.conj(r)),
+    ]
+    return sum((part @ vector for part, vector in parts if part is not None), start=jnp.zeros(()))
+
+
+def applied_force(load: Load, now: Kinematics) -> Array:
+    """`constant exp(-i theta) + (Omega^2 - i Omega.) unbalance`."""
+    force = jnp.zeros(())
+    if load.constant is not None:
+        force = force + load.constant / now.turn
+    unbalance = load.unbalance_force(now.turning.speed, now.turning.acceleration)
+    return force if unbalance is None else force + unbalance
+
+
+# === contacts
+
+
+def contact_force(system: System, now: Kinematics, column: Callable[[Port], Array]) -> Array:
+    """`Sum_ports column F exp(-i theta)`: force of all contacts."""
+    force = jnp.zeros(())
+    displacement, velocity = port_motion(system, now)
+    for i, port in enumerate(system.ports):
+        both = port.forces(displacement[i], velocity[i], now.turning.speed).sum(0)
+        force = force + column(port) * (both[0] + 1j * both[1]) / now.turn
+    return force
+
+
+def port_motion(system: System, now: Kinematics) -> tuple[list[Array], list[Array]]:
+    """Displacement and velocity [x, y] of every port, in fixed axes."""
+    rows = [port.row for port in system.ports]
+    displacement = [plane(row @ now.r * now.turn) for row in rows]
+    return displacement, [plane(row @ now.velocity * now.turn) for row in rows]
+
+
+# === rolling bodies
+
+
+def races_of(system: System) -> Iterator[tuple[Race, slice]]:
+    """Every race with the slice of its bodies."""
+    start = 0
+    for race in system.races:
+        stop = start + race.bodies.places
+        yield race, slice(start, stop)
+        start = stop
+
+
+def body_force(system: System, now: Kinematics, column: Callable[[Race], Array]) -> Array:
+    """`-Sum column m R (i phi.. - phi.^2) exp(i psi)`: force of all bodies.
+
+    The inertia of bodies carried along with the shaft, `m z..`, is in the blocks.
+    """
+    force = jnp.zeros(())
+    for race, part in races_of(system):
+        whirl = 1j * now.bodies_acceleration[part] - now.bodies_speed[part] ** 2
+        whirl = race.bodies.masses * whirl * jnp.exp(1j * now.bodies[part])
+        force = force - column(race) * race.bodies.race_radius * jnp.sum(whirl)
+    return force
+
+
+def body_accelerations(
+    system: System, now: Kinematics, races: Complex[Array, " p"], spin: Scalar
+) -> Float[Array, " b"]:
+    """`phi..` of all bodies where the centres of their races accelerate by `races exp(i theta)`."""
+    found = [jnp.zeros(0)]
+    gravity = system.load.gravity
+    for (race, part), acceleration in zip(races_of(system), races, strict=True):
+        bodies, psi = race.bodies, now.bodies[part]
+        rate = now.bodies_speed[part] - now.turning.speed
+        force = bodies.drag(rate)
+        for between in system.between:
+            force = force + between.between(psi, rate, bodies)
+        if gravity is not None:
+            acceleration = acceleration - gravity / now.turn
+        push = force / jnp.where(bodies.masses > 0, bodies.masses, 1.0)
+        push = push - jnp.imag(jnp.exp(-1j * psi) * acceleration)
+        lag = (bodies.rolling - 1) * spin
+        found.append((push / bodies.race_radius + lag) / bodies.rolling)
+    return jnp.concatenate(found)
+
+
+def nonlinear_columns(system: System) -> list[tuple[Scalar, Array]]:
+    """Station [m] and column of every contact and every race, which act by laws of their own."""
+    return [(part.at, part.column) for part in (*system.ports, *system.races)]

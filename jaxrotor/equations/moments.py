@@ -1,0 +1,90 @@
+"""Balance of moments about the axis: what drives and brakes a spin that feels the rotor."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core.blocks import Blocks, Load
+from ..core.quantities import Scalar
+from ..scene import Scene
+from ..shafts.virtual import VirtualLine
+from ..spins.drive import Drive
+from .forces import port_motion, races_of, resistance
+from .kinematics import Kinematics
+from .system import System, assemble_blocks, assemble_load
+
+
+class MomentBalance(eqx.Module):
+    """`I Omega. = M_drive - Im(u_row* b) + Im(r* (c r. + k_a r*)) + contacts - bodies`.
+
+    Here `b = q.. exp(-i theta)`, `u_row` is the unbalance, and `c` and `k_a` are the blocks of the parts
+    that rotate with the shaft: internal damping, unequal axes. Weight adds its moment about the axis.
+    """
+
+    galerkin: Load  # work of the loads on the coordinates
+    resultant: Load  # their resultants
+    corotating: Blocks | None  # work, by all that rotates with the shaft; None where nothing does
+
+    @classmethod
+    def of(cls, scene: Scene, system: System) -> "MomentBalance | None":
+        """The balance of a scene whose drive has feedback, else None."""
+        if not (isinstance(scene.spin, Drive) and scene.spin.feedback):
+            return None
+        line = VirtualLine.galerkin(system.line)
+        return cls(
+            assemble_load(scene, line, Blocks()),
+            assemble_load(scene, VirtualLine.resultant(system.line), Blocks()),
+            _corotating(assemble_blocks(scene, line)),
+        )
+
+    def torque(self, system: System, now: Kinematics, sense: Scalar | None) -> Array:
+        """Torque on the shaft without the part that depends on accelerations [N m].
+
+        Coulomb friction of the drive opposes `sense`, by default that of the speed.
+        """
+        torque = drive_of(system).moment(now.turning.speed, sense)
+        if self.corotating is not None:
+            torque = torque + jnp.imag(jnp.vdot(now.r, resistance(self.corotating, now)))
+        displacement, velocity = port_motion(system, now)
+        for i, port in enumerate(system.ports):
+            torque = torque + port.torque(displacement[i], velocity[i], now.turning.speed)
+        for race, part in races_of(system):
+            rate = now.bodies_speed[part] - now.turning.speed
+            torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))
+        return torque
+
+    def with_inertia(self, system: System, now: Kinematics, torque: Array) -> Array:
+        """`torque` and the part that depends on the accelerations `now` [N m]."""
+        whole = self.resultant.unbalance
+        if self.galerkin.unbalance is not None:
+            torque = torque - jnp.imag(jnp.vdot(self.galerkin.unbalance, now.absolute))
+            gravity = system.load.gravity
+            if gravity is not None and whole is not None:
+                pull = jnp.conj(whole[0]) * gravity / now.turn
+                torque = torque + pull.imag
+        for race, part in races_of(system):
+            bodies = race.bodies
+            share = (bodies.rolling - 1) * bodies.race_radius**2 * bodies.masses
+            late = now.bodies_acceleration[part] - now.turning.acceleration
+            torque = torque + jnp.sum(share * late)
+        return torque
+
+
+def drive_of(system: System) -> Drive:
+    """The drive of a system whose spin is integrated."""
+    assert isinstance(system.spin, Drive), "only a drive is integrated"
+    return system.spin
+
+
+def _corotating(blocks: Blocks) -> Blocks | None:
+    """Dampers and unequal stiffness that rotate with the shaft; None where there are none."""
+    found = Blocks(
+        damping=blocks.circulatory,
+        circulatory=blocks.circulatory,
+        skew_damping=blocks.skew_circulatory,
+        skew_circulatory=blocks.skew_circulatory,
+        rotating_damping=blocks.rotating_damping,
+        rotating_stiffness=blocks.rotating_stiffness,
+    )
+    return found if jax.tree.leaves(found) else None
