@@ -524,7 +524,7 @@ def test_times_are_checked(times):
 
 def test_refusals():
     scene = jeffcott(spin=jr.Drive(1.0, 1.0), polar=0.0)
-    with pytest.raises(ValueError, match=r"inertia above zero, but that of the scene is 0"):
+    with pytest.raises(ValueError, match=r"positive moment of inertia, but that of the scene is 0"):
         jr.run_up(scene, [0.0, 1.0])
     with pytest.raises(ValueError, match=r"Exponential\(\) is for constant speed"):
         jr.run_up(jeffcott(spin=jr.ConstantSpeed(1.0)), [0.0, 1.0], solver=jr.Exponential())
