@@ -1,4 +1,4 @@
-"""Machine of `benchmarks/against_ross.py`: jaxrotor's numbers are what ROSS's elements tend to."""
+"""Machine of `benchmarks/against_ross.py`: ROSS's elements converge to the numbers of jaxrotor."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ MODES = [
 
 @pytest.fixture
 def machine(monkeypatch):
-    """The module that answers for jaxrotor, and the machine."""
+    """The benchmark's module for jaxrotor, and the machine."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     from peers import turbomachines, with_jaxrotor
 

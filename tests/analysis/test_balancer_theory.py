@@ -36,7 +36,7 @@ PSI0 = ([0.3, 2.0], [4.0, 5.0, 1.0])
 
 
 def put(groups, **values):
-    """Groups with other numbers."""
+    """Groups with some values replaced."""
     names = list(values)
     new = [jnp.asarray(value, float) for value in values.values()]
     return eqx.tree_at(lambda g: [getattr(g, name) for name in names], groups, new)
@@ -46,17 +46,17 @@ def lighter(groups, share):
     return put(groups, mass=groups.mass * share)
 
 
-# === the own model
+# === an independent model
 
 
 def imbalance_of(groups, psi):
-    """`s_z` of flat angles (n, ...)."""
+    """`s_z` for angles of all balls (n, ...)."""
     moment = np.repeat(np.asarray(groups.moment), groups.balls)
     return float(groups.imbalance) + np.tensordot(moment, np.exp(1j * np.asarray(psi)), 1)
 
 
 def matched(found, expected, **tolerance):
-    """The same numbers in any order: greedy, each with its nearest."""
+    """Compare numbers in any order, each with the closest left."""
     left = list(np.asarray(found))
     assert len(left) == len(expected)
     for value in expected:
@@ -470,7 +470,7 @@ def test_chart_is_drawn_beside_a11():
     ax = plot.stability_chart(balancer.stability_chart(R, BETA, over))
     dashed = [c for c in ax.collections if c.get_linestyle() != [(0.0, None)] and c.get_paths()]
     line = np.concatenate([path.vertices for path in dashed[0].get_paths()])
-    # Straight between the points of the grid, so near the curve om = 1 / sqrt(1 - C).
+    # The contour is linear between points of the grid, so close to the curve om = 1 / sqrt(1 - C).
     assert_allclose(line[:, 0], 1 / np.sqrt(1 - line[:, 1]), atol=0.01)
     legend = ax.get_legend()
     assert legend is not None
@@ -535,7 +535,7 @@ def test_zeros_of_a_critical_position():
     matched(balancer.spectrum(groups, balancer.second_harmonics(line)), known, atol=1e-11)
     model = Model(SI_R | dict(unbalance=1.8e-3))
     roots = np.linalg.eigvals(model.jacobian(model.at(line)))
-    # Its zeros are defective in rounding: of the differences they keep half their digits.
+    # Its zeros are defective, so rounding leaves half their digits in the differences.
     assert np.sum(np.abs(roots) < 1e-6) == 4
     matched(balancer.ball_spectrum(groups, line), roots, atol=1e-6)
 
@@ -544,7 +544,7 @@ def test_zeros_of_a_critical_position():
 
 
 def test_final_position_from_the_first_integral_of_the_sheet():
-    """The sheet gives the integral of its random state, and where that state ends."""
+    """The integral and the end of the sheet's random state equal its printed values."""
     known = 267.199180412 - 229.304171088j
     # Any momenta with this integral: B_1 S_2 = C_z, S_1 = 0.
     momenta = jnp.array([0.0, known / (1 - abs(BETA[0]) ** 2)])
@@ -636,7 +636,7 @@ def test_critical_count_of_the_sheet(n1, n2, p1, p2, count):
 
 
 def test_critical_count_against_enumeration():
-    """All coprime p up to 12 and all n up to 12: 13104 cases, in whole numbers."""
+    """The formula holds for all coprime p and all n up to 12: 13104 cases, counted in integers."""
     cases = 0
     for p1, p2 in itertools.product(range(1, 13), repeat=2):
         if gcd(p1, p2) > 1:
@@ -644,7 +644,7 @@ def test_critical_count_against_enumeration():
         for n1, n2 in itertools.product(range(1, 13), repeat=2):
             one, two = np.arange(-n1, n1 + 1, 2) * p1, np.arange(-n2, n2 + 1, 2) * p2
             pairs = int(np.sum(one[:, None] + two == 0))
-            # Every case pairs off with its half-turn but the one that is its own.
+            # Every case pairs with its half-turn, except one that is its own.
             assert balancer.critical_count((n1, n2), p2, p1) == (pairs + 1) // 2
             cases += 1
     assert cases == 13104
@@ -733,7 +733,7 @@ def test_at_capacity_the_slow_model_creeps():
     assert_allclose(left[-1].imag / left[-1].real, -0.181818, atol=1e-3)
 
 
-# === 3.3 the wrong side
+# === 3.3 balls on the heavy side
 
 
 def test_wrong_side_state():
@@ -772,7 +772,7 @@ def test_no_unbalanced_synchronous_state_is_stable_above():
 
 # === 3.10 lag whirl
 
-# The tilt at L, 1.5 is 34.41795119 in the sheet: its own Om and angle make 34.4179519184.
+# The tilt at L, 1.5 is 34.41795119 in the sheet, but its own Om and angle give 34.4179519184.
 LAG = [
     ("R", 0.9, 0.884598349321, -0.105571999801, 8.261399152, -0.0292750825),
     ("R", 1.2, 1.07887644163, -0.528002375505, 20.97835784, -0.0155850766),
@@ -792,7 +792,7 @@ def test_lag_whirl(name, speed, rate, angle, tilt, growth):
     assert_allclose(found.angles, [0.0, angle], rtol=1e-11)
     assert_allclose(abs(found.delta), tilt, rtol=1e-9)
     assert_allclose(found.growth, growth, atol=1e-10)
-    # The own model agrees that this motion is steady: nothing but a turn at Om - om.
+    # In the independent model this motion is steady too: only a rotation at Om - om.
     machine = {"R": SI_R, "L": SI_L}[name] | dict(speed=100 * speed, unbalance=0.0)
     model = Model(machine)
     slip = float(found.rate) - speed

@@ -1,4 +1,4 @@
-"""Balancing: point masses by hand, a flexible rotor with real trial masses, the standard's numbers."""
+"""Balancing, against point masses, trial runs of a flexible rotor, and numbers of the standard."""
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ def test_two_corrections_cancel_every_moment_of_point_masses(planes):
 
 
 def test_the_course_rotor_by_its_bearing_coefficients():
-    """Variant 31 of the sheet: J / z_B and u - J / z_B are what its bearings A, B feel."""
+    """Variant 31 of the sheet: the forces of its bearings follow from J / z_B and u - J / z_B."""
     b = 0.267
     at_b = 0.0464503149 - 0.0111481005j
     u, j = at_b + (-0.0346290060 + 0.0076297334j), at_b * b
@@ -42,7 +42,7 @@ def test_the_course_rotor_by_its_bearing_coefficients():
 
 
 def test_no_reaction_of_the_course_rotor_remains():
-    """Two masses by the sheet's u and J on wheels 1, 2, at 0.133 and 0.36 m from A."""
+    """Two masses that balance the sheet's u and J, on wheels 1, 2 at 0.133 and 0.36 m from A."""
     at_b = 0.0464503149 - 0.0111481005j  # kg m
     u, j = at_b + (-0.0346290060 + 0.0076297334j), at_b * 0.267
     scene, planes = jr.load("turbine-run-up"), np.array([0.133, 0.36])
@@ -93,7 +93,7 @@ SPEEDS, SENSORS = np.array([90.0, 210.0]), np.array([0.4, 0.7, 1.0])
 
 
 def piece(at, moment):
-    """A mass of 0.05 kg where `moment` [kg m] puts it."""
+    """A mass of 0.05 kg at the radius that gives `moment` [kg m]."""
     return jr.Unbalance(at, 0.05, abs(moment) / 0.05, np.angle(moment))
 
 
@@ -261,7 +261,7 @@ def test_a_balanced_rotor_is_of_the_finest_grade():
 
 @pytest.mark.parametrize(("u", "j"), [(2e-3 + 1e-3j, 0.0), (0.0, 1e-3j), (1e-3, -2e-3)])
 def test_grade_by_what_each_bearing_is_allotted(u, j):
-    """By hand, and at the limit just what `allocated_unbalance` permits."""
+    """The grade equals a direct calculation, and at the limit the share of `allocated_unbalance`."""
     bearings, centre, mass, speed = np.array([0.2, 1.0]), 0.5, 7.3, 123.4
     loads = np.abs(np.linalg.solve([[1, 1], bearings], [u, j]))
     by_hand = max(loads / [0.625, 0.375]) * speed / mass * 1e3
@@ -299,7 +299,7 @@ def test_where_a_rotor_is_held_and_heavy():
 
 
 def test_first_moments_of_a_scene():
-    """Offset, unbalance, and a tilted disc's couple; steel of 20 mm, 0.5 m long, weighs 1.233 kg."""
+    """A scene with offset, unbalance and a tilted disc; its steel shaft (20 mm, 0.5 m) has 1.233 kg."""
     scene = jr.Scene(
         jr.FlexibleShaft(length=0.5, diameter=0.02),
         jr.Disc(0.2, 3.0, 0.01, 0.04, offset=1e-3, offset_angle=0.7),

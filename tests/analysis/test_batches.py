@@ -1,4 +1,4 @@
-"""Analyses under jax.vmap are those of a loop; what has no answer says so in its lane alone."""
+"""Analyses under jax.vmap equal those in a loop; a lane without a result does not affect the others."""
 
 import jax
 import jax.numpy as jnp
@@ -47,7 +47,7 @@ def test_mapped_equals_one_by_one(name):
 @pytest.mark.slow
 @pytest.mark.hard("2.12 one rotor of a batch has no onset", outcome="flagged")
 def test_a_rotor_without_an_onset_does_not_end_the_batch():
-    """Internal damping loses to external damping up to `Omega = (c_i + c_e) / c_i sqrt(k / m)`."""
+    """Internal damping destabilises from `Omega = (c_i + c_e) / c_i sqrt(k / m)` on."""
     scene = jr.Scene(
         jr.MasslessShaft(1.0, 0.5, 1e5, damping=40.0),
         jr.Disc(0.5, 10.0),

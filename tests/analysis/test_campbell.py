@@ -1,4 +1,4 @@
-"""Campbell diagrams keep every branch: through crossings and bands where a pair parts."""
+"""Campbell diagrams follow every branch through crossings and bands of real roots."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ import jaxrotor as jr
 
 
 def unequal(delta=0.02, ratio=0.1):
-    """Unit mass and mean stiffness; speeds are p of sheet 2."""
+    """A rotor of unit mass and mean stiffness; its speeds are p of sheet 2."""
     shaft = jr.MasslessShaft(0.6, 0.3, 1.0, anisotropy=ratio)
     on_it = jr.Disc(0.3, 1.0), jr.DiscDamping(0.3, delta)
     return jr.Scene(shaft, *on_it, spin=jr.ConstantSpeed(1.0))
@@ -24,7 +24,7 @@ def quartic(p, delta=0.02, ratio=0.1):
 
 @pytest.mark.parametrize("speeds", [(0.8, 1.2, 3), (0.8, 1.2, 15), (0.8, 1.2, 60), (0.96, 1.04, 9)])
 def test_a_pair_that_parts_keeps_both_of_its_roots(speeds):
-    """Between the critical speeds one of two real roots grows: no branch may hide it."""
+    """Between the critical speeds one of two real roots is unstable; a branch must show it."""
     speeds = np.linspace(*speeds)
     found = jr.campbell(unequal(), speeds, count=4)
     assert not found.circular and found.frame == "rotating"
@@ -45,7 +45,7 @@ def test_pairs_that_stay_conjugate_are_drawn_once():
 @pytest.mark.slow
 @pytest.mark.parametrize("discs", [(), (jr.Disc(0.4, 3.0, 0.01, 0.018),)])
 def test_a_free_shaft_has_no_critical_speed_of_zero(discs):
-    """Its rigid motions have the frequency zero, which rounding makes 4e-6 rad/s."""
+    """The frequency of its rigid motions is zero, computed as 4e-6 rad/s by rounding."""
     shaft = jr.FlexibleShaft(1.0, 0.03, constraints=())
     found = jr.critical_speeds(jr.Scene(shaft, *discs, spin=jr.ConstantSpeed(0.0)), 2)
     if not discs:  # cosh b cos b = 1, with rotary inertia a little less
@@ -57,7 +57,7 @@ def test_a_free_shaft_has_no_critical_speed_of_zero(discs):
 
 @pytest.mark.slow
 def test_branches_cross():
-    """Forward whirl of a slow mode and backward whirl of a fast one keep their names."""
+    """Forward whirl of a slow mode and backward whirl of a fast one stay on their branches."""
     rotor = jr.load("two-discs")
     speeds = np.linspace(0.0, 900.0, 31)
     found = jr.campbell(rotor, speeds, count=6)
@@ -86,7 +86,7 @@ def tilt(speed, sense):
 
 @pytest.mark.parametrize("speeds", [(0.0, 1.5, n) for n in (2, 3, 8, 61)] + [(0.0, 0.88, 3)])
 def test_like_modes_cross_where_they_are_not_coupled(speeds):
-    """Both whirl backward: translation stays, tilt passes it at 0.44, on any speeds and this one."""
+    """Both modes whirl backward; the tilt crosses the translation at 0.44, whatever the grid of speeds."""
     speeds = np.linspace(*speeds)
     points = len(speeds)
     found = np.asarray(jr.campbell(tilting(0.0), speeds, 4).values).imag
@@ -97,7 +97,7 @@ def test_like_modes_cross_where_they_are_not_coupled(speeds):
 
 
 def backward(speeds, coupling):
-    """The two backward whirls by numpy: no root passes another, so the larger stays so."""
+    """The two backward whirls by numpy; as they do not cross, they are sorted by magnitude."""
     found = []
     for speed in speeds:
         # (1 - w^2)(1.44 + W w - w^2) = coupling^2
@@ -110,7 +110,7 @@ def backward(speeds, coupling):
 @pytest.mark.parametrize("coupling", [0.02, 0.002])
 @pytest.mark.parametrize("points", [2, 4, 8, 301])
 def test_like_modes_part_where_they_are_coupled(points, coupling):
-    """Coupled, the same two veer: the branch of the slower stays that of the slower."""
+    """With coupling the same two modes veer, so the slower branch stays the slower."""
     speeds = np.linspace(0.0, 1.5, points)
     found = np.asarray(jr.campbell(tilting(coupling), speeds, 4).values).imag
     for branch in backward(speeds, coupling).T:
@@ -130,7 +130,7 @@ def test_campbell_says_that_it_cannot_be_traced():
 
 @pytest.mark.parametrize("points", [5, 12])
 def test_branches_keep_their_direction(points):
-    """Round rotors with no over-damped mode: forward whirl stays forward at every speed."""
+    """In round rotors without overdamped modes forward whirl stays forward at every speed."""
     branches = jr.campbell(jr.load("two-discs"), np.linspace(0.0, 400.0, points), count=8).values
     sides = np.sign(np.imag(np.asarray(branches)))
     assert (sides[1:] == sides[1]).all()

@@ -1,4 +1,4 @@
-"""Critical speeds and the way they whirl, beside finite elements that share no code with them."""
+"""Critical speeds and their whirl, against finite elements that share no code with them."""
 
 import fem
 import jax
@@ -9,7 +9,7 @@ import jaxrotor as jr
 
 
 STEEL = (2.1e11, 7850.0, 2.1e11 / 2.6)
-OIL = np.array([[8e7, 1e7], [-2e7, 4e7]])  # [N/m], of an oil film
+OIL = np.array([[8e7, 1e7], [-2e7, 4e7]])  # stiffness of an oil film [N/m]
 
 
 def fan(*more):
@@ -27,7 +27,7 @@ def two(*more):
 
 
 SPIN = jr.ConstantSpeed(100.0)
-# Of cross-coupled stiffness what pushes across does not count.
+# The skew part of a cross-coupled stiffness does not count.
 FAN = fem.critical_speeds(
     [fem.Stretch(0.3, 0.08), fem.Stretch(0.9, 0.1), fem.Stretch(1.2, 0.07)],
     [(1.15, 80.0, 2.0, 3.8)],
@@ -55,7 +55,7 @@ STOPS = [jr.Limiter(at, 0.0, 3e-4, 1e6) for at in (0.07, 0.6)]
 )
 @pytest.mark.parametrize("scene, expected", [(fan, FAN), (two, TWO)], ids=["fan", "two-discs"])
 def test_speeds_and_senses_are_those_of_finite_elements(scene, expected, more):
-    """And stops, which add stations and nothing else, do not move them."""
+    """Stops only add stations, so they do not change the critical speeds."""
     nodes, speeds, shares, senses = expected
     found = jr.critical_speeds(scene(*more))
     np.testing.assert_allclose(found.speeds[:8], speeds, rtol=1e-7)
@@ -78,7 +78,7 @@ def test_as_many_of_each_kind_as_asked_for():
 
 @pytest.mark.slow
 def test_traced_speeds_are_those_of_each_kind():
-    """Infinite ones stand for those that do not exist."""
+    """Infinite speeds fill up the result where traced."""
     scene = two()
     own = jax.jit(lambda k: jr.critical_speeds(scene.put({"supports.0.stiffness": k}), 3))(9e5)
     known = jr.critical_speeds(scene, 3)

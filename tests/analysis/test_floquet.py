@@ -21,7 +21,7 @@ BASE = {"mu": 0.2, "kappa": 0.16, "delta": 0.1, "alpha": 1.0, "nu": 0.3, "angle"
 
 
 def rotor(p, *, mu, kappa, delta, alpha, nu, angle, support=0.16, mass=None):
-    """Disc of unit mass, unit mean shaft stiffness, two supports of stiffness 1 / alpha each."""
+    """Disc of unit mass on a shaft of unit mean stiffness, in two supports of stiffness 1 / alpha each."""
     ends = [] if mass is None else [jr.Disc(0.0, mass)]
     supports = [
         jr.Support(at, 1 / alpha, damping=support, anisotropy=nu, angle=angle) for at in (0.0, 1.0)
@@ -43,12 +43,12 @@ def along(mean, share, angle):
 
 
 def integrated(p, *, mu, kappa, delta, alpha, nu, angle, support=0.16, mass=None):
-    """Multipliers of one revolution by scipy, those of massless supports left out."""
+    """Multipliers of one revolution by scipy, without those of the massless supports."""
     kappa, support = kappa or 0.0, support or 0.0
     bearing = along(2 / alpha, nu, angle)
 
     def force(t, q, v, q0, v0):
-        """Of the shaft, on the disc."""
+        """Force of the shaft on the disc."""
         return along(1.0, mu, p * t) @ (q - q0) + kappa * ((v - v0) - p * J @ (q - q0))
 
     def field(t, y):
@@ -79,7 +79,7 @@ def monodromy(field, size, period):
 
 
 def paired(found, expected):
-    """The found values that belong to the expected ones, and the rest."""
+    """The found values that match the expected ones, and the rest."""
     found, expected = np.asarray(found), np.asarray(expected)
     _, columns = linear_sum_assignment(np.abs(expected[:, None] - found[None]))
     return found[columns], np.delete(found, columns)
@@ -111,7 +111,7 @@ def test_against_integration(name, p):
 
 @pytest.mark.parametrize("p", [-0.8, 0.8])
 def test_sense_of_rotation(p):
-    """Against the spin the supports' axis is mirrored: x, -y obeys the equations of -p."""
+    """Reversing the spin mirrors the supports' axis: x, -y obeys the equations of -p."""
     values = BASE | {"angle": np.sign(p) * BASE["angle"]}
     found = jr.floquet_multipliers(rotor(p, **values))
     np.testing.assert_allclose(
@@ -123,7 +123,7 @@ def test_sense_of_rotation(p):
 @pytest.mark.parametrize("p", [0.5, 0.83, 2.5])
 @pytest.mark.parametrize("equal", ["supports", "shaft", "both"])
 def test_constant_coefficients_in_some_frame(equal, p):
-    """Zero anisotropy, which is integrated, against absent anisotropy, which has roots."""
+    """Zero anisotropy, which is integrated, gives the multipliers of absent anisotropy, by its roots."""
     names = {"supports": ["nu"], "shaft": ["mu"], "both": ["nu", "mu"]}[equal]
     integrated_ = jr.floquet_multipliers(rotor(p, **BASE | dict.fromkeys(names, 0.0)))
     autonomous = rotor(p, **BASE | dict.fromkeys(names))
@@ -139,7 +139,7 @@ def test_constant_coefficients_in_some_frame(equal, p):
     assert float(growth[0]) == pytest.approx(float(growth[1]), abs=1e-10)
 
 
-# === a flexible shaft that its bearings hold
+# === a flexible shaft in bearings
 
 LENGTH, DIAMETER, YOUNG, DENSITY = 0.7, 0.02, 2.1e11, 7850.0
 DISC = (0.35, 2.0, 0.004, 0.007)
@@ -188,7 +188,7 @@ def by_elements(speed, modes):
 
     def field(t, y):
         q, v = y.reshape(2, size, -1)
-        # Voigt: stress of the rate of strain too, seen in the axes of the shaft
+        # Voigt: the stress depends on the rate of strain too, in the axes of the shaft.
         strain = q + VOIGT * (v - speed * np.kron(J, np.eye(modes)) @ q)
         force = np.kron(along(1.0, SHAFT, speed * t), elastic) @ strain
         return np.concatenate([v, -damping @ v - fixed @ q - force]).ravel()
@@ -205,14 +205,14 @@ def test_flexible_shaft_against_finite_elements():
     expected = by_elements(speed, modes=8)
     expected = expected[np.argsort(-np.abs(expected))][:8]
     found, _ = paired(jr.floquet_multipliers(flexible(speed)), expected)
-    # The elements' own error in the second pair of modes is that of their eight modes.
+    # In the second pair of modes the error of the elements is that of truncation to eight modes.
     np.testing.assert_allclose(found[:4], expected[:4], rtol=0, atol=1e-7)
     np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6)
 
 
 @pytest.mark.slow
 def test_error_is_seen_by_doubling_the_steps():
-    """Order 13 of a mode of 2.4 times the speed, 2.5 rad a step and then half of it."""
+    """The order is 13, for a mode of 2.4 times the speed with 2.5 rad per step and half of it."""
     scene = flexible(100.0)
     exact = jr.floquet_multipliers(scene, steps=32)
     slow = np.asarray(exact)[np.abs(exact) > 0.1]
@@ -250,11 +250,11 @@ def test_growth_rate(p):
 
 
 def test_growth_rate_at_rest():
-    """A rotor that stands is one of fixed axes: its own stiff axis is x."""
+    """A rotor at rest has fixed axes: its own stiff axis is x."""
     stands = {name: value for name, value in BASE.items() if name != "mu"}
     scene = rotor(0.0, **BASE)
     m = np.eye(2)
-    # quadratic in the disc's place alone, from the massless supports' equation at each root
+    # Quadratic in the displacement of the disc alone, by the massless supports' equation at each root.
     bearing, shaft = along(2.0, stands["nu"], stands["angle"]), along(1.0, BASE["mu"], 0.0)
     zero = np.zeros((2, 2))
     kappa, support = 0.16, 0.16
@@ -276,7 +276,7 @@ PATHS = ("shaft.anisotropy", "supports.anisotropy", "supports.stiffness", "spin.
 @pytest.mark.slow
 @pytest.mark.parametrize("support", [None, 0.16])
 def test_gradient(support):
-    """Massless supports have zero multipliers, defective without damping, which must not spoil it."""
+    """Massless supports have zero multipliers, defective without damping; the others stay correct."""
     values = BASE | {"support": support, "kappa": 0.05}
     scene = rotor(1.3, **values)
     middle = {path: jnp.ravel(scene.get(path))[0] for path in PATHS}

@@ -21,7 +21,7 @@ J = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 def special(alpha, mu=MU):
-    """nu0: supports that even out the two stiffnesses of the shaft, eq. (10)."""
+    """nu0: supports that compensate the two stiffnesses of the shaft, eq. (10)."""
     root = np.sqrt(alpha**2 * (1 - mu**2) ** 2 + 16 * mu**2)
     return -4 * mu / (alpha * (1 - mu**2) + root)
 
@@ -80,7 +80,7 @@ TABLE = {  # scheme: p, 0x, 2x, 1x of e = (1, 0), of e = (0, 1)
 
 @pytest.mark.parametrize("name", TABLE)
 def test_table_of_responses(name):
-    """Sheet, 3.8, to the digits given."""
+    """The response equals sheet 3.8 to the digits given."""
     p, sag, twice, along, across = np.transpose(TABLE[name])
     weight = jr.weight_response(dual(**SCHEMES[name]), p)
     np.testing.assert_allclose(np.abs(weight.deflection[:, 0]), sag, rtol=0, atol=5.1e-9)
@@ -93,7 +93,7 @@ def test_table_of_responses(name):
 
 @pytest.mark.hard("2.8 weight in turning and fixed axes")
 def test_weight_response_in_closed_form():
-    """Scheme 1 with damping, complex, so the phases too; and without any by K_xi, K_eta."""
+    """Scheme 1 with damping, amplitudes and phases; and without damping by K_xi, K_eta."""
     p = np.array([0.2, 0.7, 1.9])
     found = jr.weight_response(dual(1), p)
     still = 1 / ((1 - 1j * KAPPA * p) - MU**2 / (1 - 4 * p**2 - 1j * (2 * DELTA + KAPPA) * p))
@@ -154,7 +154,7 @@ def test_detuned_from_the_special_anisotropy():
 
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0, 2.0, 5.0, 10.0])
 def test_special_anisotropy_ends_the_twice_per_revolution_response(alpha):
-    """At nu0 without internal damping it vanishes at every speed, and the sag is 1 / K."""
+    """At nu0 without internal damping the response vanishes at every speed, and the sag is 1 / K."""
     scene = dual(3, alpha=alpha, nu=special(alpha), kappa=None)
     found = jr.weight_response(scene, [0.05, 0.2, 0.4, 0.45, 0.7, 1.0, 2.0])
     nu = special(alpha)
@@ -165,7 +165,7 @@ def test_special_anisotropy_ends_the_twice_per_revolution_response(alpha):
         assert 1 / stiffness == pytest.approx(1.6170937365, abs=5e-11)
 
 
-# === put into the equations of motion
+# === substitution into the equations of motion
 
 
 def along(mean, share, angle):
@@ -194,7 +194,7 @@ def unequal(p, turning):
 
 
 def left_over(p, turning, t, disc, support, force):
-    """Of the equations of disc and supports; a motion is `z, z., z..` as planar vectors."""
+    """Residual of the equations of disc and supports; a motion is `z, z., z..` as planar vectors."""
     shaft = along(1.0, MU if turning else 0.0, p * t)
     bearing = along(2.0, 0.0 if turning else FIXED["nu"], FIXED["angle"])
     (q, v, a), (q0, v0, _) = disc, support
@@ -205,7 +205,7 @@ def left_over(p, turning, t, disc, support, force):
 
 
 def motion(parts, t):
-    """`z, z., z..` at a time of `sum A exp(i w t)`, as planar vectors."""
+    """`z, z., z..` of `sum A exp(i w t)` at a time, as planar vectors."""
     z = [sum(a * (1j * w) ** k * np.exp(1j * w * t) for w, a in parts) for k in range(3)]
     return [np.array([one.real, one.imag]) for one in z]
 
@@ -265,7 +265,7 @@ def test_forced_response_obeys_the_equations(turning, whirl):
 
 @pytest.mark.slow
 def test_forced_response_is_reached_from_rest():
-    """By scipy, a two-stiffness shaft; the supports' first-order equation solved for v0."""
+    """Integration by scipy of a two-stiffness shaft, the supports' first-order equation solved for v0."""
     p, w = 0.6, 0.85
     scene = unequal(p, True)
     force = jr.HarmonicForce(0.5, 1.0, 0.3)
@@ -288,7 +288,7 @@ def test_forced_response_is_reached_from_rest():
 
 
 def test_jeffcott_rotor_on_unequal_supports():
-    """Each axis an oscillator: z = X cos, Y sin; the orbit's axes, and backward whirl in between."""
+    """Each axis is an oscillator, z = X cos, Y sin; between the resonances whirl is backward."""
     m, k, c, e, ks, share = 2.0, 3e5, 40.0, 1e-4, 2e5, 0.4
     scene = jr.Scene(
         jr.MasslessShaft(1.0, 0.5, k),
@@ -314,7 +314,7 @@ def test_jeffcott_rotor_on_unequal_supports():
 
 
 def test_hysteresis_by_whirl_and_spin():
-    """Loss with the sign of whirl less spin for each part; none of synchronous whirl."""
+    """The loss has the sign of whirl minus spin for each part, and is zero for synchronous whirl."""
     m, k, eta, p = 1.5, 2.0, 0.1, 0.8
     scene = jr.Scene(
         jr.MasslessShaft(1.0, 0.5, k),
@@ -339,7 +339,7 @@ def test_hysteresis_by_whirl_and_spin():
 
 @pytest.mark.slow
 def test_forced_response_against_finite_elements():
-    """A force where the scene has no station of its own, forward and backward at once."""
+    """A force at a station where the scene has no effect, forward and backward."""
     p, place, stations = 300.0, 0.21, [0.14, 0.21, 0.35, 0.7]
     elements = Beam(LENGTH, DIAMETER, YOUNG, DENSITY, elements=100)
     elements.disc(0.35, MASS, DIAMETRAL, 2 * DIAMETRAL, 0.6, 0.05).damp(8.0, 1e-4)
@@ -423,7 +423,7 @@ def test_refusals():
 
 
 def test_steady_state_of_a_disc_on_a_spring():
-    """`m e W^2 / (k - m W^2 + i c W)` turns, `-m g i / k` stays."""
+    """The steady state is a circle `m e W^2 / (k - m W^2 + i c W)` about the sag `-m g i / k`."""
     k, c, m, e, speed = 5e3, 30.0, 2.0, 1e-3, 60.0
     shaft = jr.MasslessShaft(0.4, 0.2, k)
     parts = (
@@ -440,7 +440,7 @@ def test_steady_state_of_a_disc_on_a_spring():
 
 
 def test_steady_state_of_a_shaft_of_two_stiffnesses_repeats():
-    """Weight is answered twice a turn: an own integration is back after half a turn."""
+    """Weight causes a twice-per-revolution response: an integration repeats after half a revolution."""
     k, part, m, speed, c = 5e3, 0.2, 2.0, 60.0, 40.0
     shaft = jr.MasslessShaft(0.4, 0.2, k, anisotropy=part)
     parts = jr.Disc(0.2, m), jr.DiscDamping(0.2, c), jr.Gravity()

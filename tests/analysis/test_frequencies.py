@@ -39,7 +39,7 @@ def forward(values, count):
 
 
 def paired(found, expected):
-    """Found roots in the order of the expected ones, each the nearest."""
+    """The found roots, each the closest to an expected one, in the order of these."""
     gap = np.abs(np.asarray(found)[:, None] - np.asarray(expected)[None])
     order = gap.argmin(axis=0)
     assert len(set(order)) == len(order)
@@ -60,14 +60,14 @@ def test_conservative_frequencies():
 @pytest.mark.parametrize("N", [0.0, 15.0])
 def test_conservative_roots_are_imaginary(nodes, N):
     scene = limiter_rotor(N=N, nodes=nodes, **UNDAMPED)
-    values = np.asarray(eigenvalues(Pencil.of(jr.assemble(scene))))  # `roots` takes rounding away
+    values = np.asarray(eigenvalues(Pencil.of(jr.assemble(scene))))  # `roots` sets rounding to zero
     assert values.size == 2 * nodes
-    # Rounding is relative to 1 / lambda of the slowest, so the slowest have the most digits.
+    # Rounding is relative to 1 / lambda of the slowest root, so the slowest have the most digits.
     assert np.all(np.abs(values.real) < 1e-13 * np.abs(values) ** 2 / np.min(np.abs(values)))
 
 
 def test_uniform_cantilever():
-    """Without disc and rotary inertia: cos b cosh b = -1, omega = b^2 sqrt(EI / (m l^4))."""
+    """Without disc and rotary inertia cos b cosh b = -1, omega = b^2 sqrt(EI / (m l^4))."""
     characteristic = lambda b: np.cos(b) + 1 / np.cosh(b)
     b = np.array([brentq(characteristic, k * np.pi, (k + 1) * np.pi, xtol=1e-15) for k in range(5)])
     expected = b**2 * np.sqrt(RIGIDITY / (PER_LENGTH * LENGTH**4))
@@ -121,7 +121,7 @@ SPECTRAL = {  # nodes: N_crit and its tolerance, stiffest eigenvalue [R]
 
 
 def onset_and_stiffest(**shaft):
-    """By scipy on the roots, which compiles faster than `onset_speed` for every new size."""
+    """Onset by scipy from the roots, which compiles faster than `onset_speed` for every new size."""
     scene = limiter_rotor(contact=False, **shaft)
     at = lambda N: np.asarray(jr.roots(scene.replace({"spin.speed": N / TIME})))
     speed = brentq(lambda N: at(N).real.max(), 13.0, 15.0, xtol=1e-11)
@@ -145,7 +145,7 @@ def test_spectral_converges_exponentially():
     for n, (speed, tolerance, stiffest) in SPECTRAL.items():
         assert found[n][0] == pytest.approx(speed, abs=tolerance)
         assert found[n][1] == pytest.approx(stiffest, rel=0.05)
-    nodes = [4, 5, 6, 8]  # beyond, the error is below the digits of EXACT
+    nodes = [4, 5, 6, 8]  # with more nodes the error is below the digits of EXACT
     errors = np.log([abs(found[n][0] - EXACT) for n in nodes])
     exponential, *_ = np.polyfit(nodes, errors, 1, full=True)
     factor = np.exp(-exponential[0])  # gained by every node
@@ -178,11 +178,11 @@ SEVERAL = {
 @pytest.mark.slow
 @pytest.mark.parametrize("discs", SEVERAL)
 def test_discs_against_finite_elements(discs):
-    """Undamped whirl with gyroscopics, forward and backward, at three speeds."""
+    """Undamped forward and backward whirl with gyroscopic moments equals elements at three speeds."""
     elements = beam()
     for disc in SEVERAL[discs]:
         elements.disc(*disc)
-    nodes = {"none": 14, "end": 14}.get(discs, 12)  # a span
+    nodes = {"none": 14, "end": 14}.get(discs, 12)  # nodes per span
     scene = bare(*(Disc(*disc) for disc in SEVERAL[discs]), nodes=nodes)
     for N in (0.0, 15.0, 60.0):
         expected = elements.roots(N / TIME, 6)
@@ -196,14 +196,14 @@ def test_discs_against_finite_elements(discs):
 @pytest.mark.hard("1.6 no spurious mode grows")
 @pytest.mark.parametrize(("reach", "nodes"), [(0.65, 8), (0.65, 5), (0.6, 5), (0.03, 12)])
 def test_no_spurious_mode_grows(reach, nodes):
-    """A disc near the end of the shaft, below its onset speed: every root is stable."""
+    """With a disc near the end of the shaft every root is stable below the onset speed."""
     scene = limiter_rotor(N=1.0, eta_i=None, station=reach / LENGTH, nodes=nodes, contact=False)
     assert np.max(np.asarray(jr.roots(scene)).real) < 0
 
 
 @pytest.mark.parametrize("reach", [0.35, 0.7])
 def test_damped_roots_against_finite_elements(reach):
-    """All kinds of damping at once, disc inside the shaft and at its end."""
+    """Roots with all kinds of damping together, the disc inside the shaft and at its end."""
     elements = beam().disc(reach, MASS, DIAMETRAL, 2 * DIAMETRAL, 0.6, 0.05).damp(8.0, 1e-4)
     scene = bare(
         Disc(reach, MASS, DIAMETRAL, 2 * DIAMETRAL),
@@ -242,7 +242,7 @@ def test_static_deflection(reach, rule):
 
 
 def test_internal_damping_turns_the_static_deflection():
-    """A shaft that spins in its own Voigt material hangs askew: z = z_0 / (1 - i Omega T)."""
+    """A rotating shaft of Voigt material sags askew: z = z_0 / (1 - i Omega T)."""
     scene = bare(Disc(LENGTH, MASS), InternalDamping(3e-4), ExternalDamping(8.0), Gravity(9.81))
     speeds = np.array([-400.0, 0.0, 250.0, 900.0])
     found = np.asarray(jr.weight_response(scene, speeds, at=LENGTH).deflection[:, 0])
@@ -271,7 +271,7 @@ def test_unbalance_response_against_finite_elements():
 
 @pytest.mark.slow
 def test_long_run_settles_on_the_closed_form():
-    """Stepped by diffrax, which knows no closed form, from rest until transients are gone."""
+    """The steady response equals an integration by diffrax from rest until transients have decayed."""
     scene = limiter_rotor(N=1.2, eta_e=0.3, eps=0.001, phase=0.4, contact=False, nodes=3)
     run = jr.simulate(scene, 24, 16, solver=dfx.Kvaerno5(), keep=1)
     amplitude = jr.unbalance_response(scene, scene.spin.speed).forward[0, 0]

@@ -40,7 +40,7 @@ def quartic(m, I, k11, k12, k22, speed, polar, eta):  # noqa: E741
 
 
 def exact(name, speed, polar=POLAR, eta=None):
-    """Its roots, each by the sign of its own: those slower than the shaft are conjugated (hard case 1)."""
+    """Roots of the quartic; those slower than the shaft are conjugated, as their loss changes sign."""
     data = SETS[name] | ({} if eta is None else {"eta": eta})
     values = np.roots(
         quartic(**data, speed=speed, polar=polar)
@@ -51,7 +51,7 @@ def exact(name, speed, polar=POLAR, eta=None):
 
 
 def close(found, expected, digits=9):
-    """Real and imaginary parts to a unit of the last digit printed."""
+    """Compare real and imaginary parts to a unit of the last digit printed."""
     np.testing.assert_allclose(
         np.asarray(found), np.asarray(expected), rtol=0, atol=1.01 * 10.0**-digits
     )
@@ -101,7 +101,7 @@ def closed_form_mass(pinned, at, disc, per_length):
 @pytest.mark.slow
 @pytest.mark.parametrize("case", COEFFICIENTS, ids=str)
 def test_stiffness_and_mass(case):
-    """By reduction of the shaft, by the closed forms of MasslessShaft, and printed."""
+    """The reduction of the shaft equals the closed forms of MasslessShaft and the printed values."""
     pinned, which = case
     k11, k12, k22, condensed, mass = COEFFICIENTS[case]
     rigidity, per_length = MATERIALS[which]
@@ -118,7 +118,7 @@ def test_stiffness_and_mass(case):
 
 
 def test_printed_coefficients():
-    """They follow from the derived set, not from the EI and mass per length printed (erratum E5)."""
+    """The coefficients follow from the derived set, not from the printed EI and mass per length (E5)."""
     for name, pinned in (("CAN", False), ("PIN", True)):
         found = jr.reduction(beam(pinned), STATION)
         for key in ("k11", "k12", "k22"):
@@ -133,7 +133,7 @@ def test_printed_coefficients():
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.75, 1.0])
 @pytest.mark.parametrize("pinned", [False, True])
 def test_reduced_mass_along_the_shaft(pinned, share):
-    """Closed forms; at the free end 33/140 of the shaft, at the pin none (hard case 11)."""
+    """The mass follows closed forms: 33/140 of the shaft at a free end, none at a pin (case 11)."""
     at = share * LENGTH
     if pinned and share == 1.0:
         with pytest.raises(ValueError, match="cannot be reduced to 0.645 m, where it is held"):
@@ -228,7 +228,7 @@ def test_continuous_shaft_that_turns():
 
 @pytest.mark.slow
 def test_rigid_hub():
-    """The shaft stiff over the disc's 6.2 mm: the second frequency of the propped rotor rises to 783."""
+    """If the disc stiffens the shaft over 6.2 mm, the second frequency of the propped rotor is 783."""
     published = {
         False: ((84.1576, 389.582), 8.57663e-3),
         True: ((300.139, 783.058), 2.62829e-3),
@@ -245,7 +245,7 @@ def test_rigid_hub():
 
 
 def test_what_the_reduction_is_worth():
-    """The second frequency by construction, the first 10 % high or 6 % low; condensed: twice too high."""
+    """The second frequency is exact, the first 10 % high or 6 % low; condensed, the second is doubled."""
     first = {"CAN": (92.0706 / 83.5108 - 1, 0.102), "PIN": (283.227 / 299.834 - 1, -0.055)}
     for name, (error, expected) in first.items():
         assert error == pytest.approx(expected, abs=6e-4)
@@ -464,7 +464,7 @@ def test_roots_against_the_companion_form(name):
     ],
 )
 def test_error_of_the_first_order(name, polar, real, imaginary):
-    """Largest mismatch in per cent up to the second frequency, all roots with the same sign."""
+    """Largest mismatch in per cent up to the second frequency, with one sign of loss for all roots."""
     worst = np.max([mismatch(name, polar, speed) for speed in speeds_of(name)], axis=0)
     np.testing.assert_allclose(100 * worst, [real, imaginary], rtol=0.003)
 
@@ -474,7 +474,7 @@ def speeds_of(name):
 
 
 def mismatch(name, polar, speed, eta=None):
-    """Relative error of Re and |Im|, the largest of the four roots."""
+    """Largest relative error of Re and |Im| over the four roots."""
     scene = rotor(name, speed, polar, eta)
     one, two = frequencies(scene), -1j * np.asarray(jr.perturbed_roots(scene).values)
     return np.max(np.abs([two.real / one.real - 1, np.abs(two.imag / one.imag) - 1]), axis=1)
@@ -484,7 +484,7 @@ def mismatch(name, polar, speed, eta=None):
     ("name", "real", "imaginary"), [("CAN", 0.277968, 0.291822), ("PIN", 0.268882, 0.283864)]
 )
 def test_limit_of_validity(name, real, imaginary):
-    """5 % of Re, 15 % of |Im| up to the second frequency: I0 / I of 0.27 to 0.29, not 0.05."""
+    """Errors reach 5 % of Re and 15 % of |Im| at I0 / I of 0.27 to 0.29, not 0.05."""
     second = AT_REST[name][1]
     for part, (limit, error) in enumerate(((real, 0.05), (imaginary, 0.15))):
         excess = lambda ratio, part=part, error=error: (
@@ -496,7 +496,7 @@ def test_limit_of_validity(name, real, imaginary):
 
 
 def test_better_first_order_damping():
-    """Sheet 3.5: loss by the energy of the undamped mode: 0.0105 % to 0.0128 % at every speed."""
+    """Sheet 3.5: the loss from the energy of the undamped mode is within 0.0105 % to 0.0128 %."""
     for name, data in SETS.items():
         for speed in np.linspace(0, 2 * AT_REST[name][1], 9):
             undamped = frequencies(rotor(name, speed, eta=0.0)).real
@@ -544,7 +544,7 @@ def test_critical_speeds(case):
 
 
 def test_backward_critical_speed_of_the_first_order():
-    """Error of the second one: 5 % only at I0 / I = 0.657 and 0.667, not at 0.09."""
+    """The error of the second critical speed reaches 5 % only at I0 / I = 0.657 and 0.667, not at 0.09."""
 
     def error(name, ratio):
         polar, guess = ratio * SETS[name]["I"], AT_REST[name][1]
@@ -571,7 +571,7 @@ ONSET = {  # set, I0: first and second forward whirl, growth on either side
 @pytest.mark.hard("3.2 exactly at a synchronous whirl")
 @pytest.mark.parametrize("case", ONSET, ids=str)
 def test_onset_of_unstable_whirl(case):
-    """Where a whirl is synchronous; its damping turns into as much growth."""
+    """Onset is where a whirl is synchronous; its damping changes to equal growth."""
     name, polar = case
     (first, growth), _ = ONSET[case]
     onset = jr.onset_speed(rotor(name, polar=polar))
@@ -633,7 +633,7 @@ def test_limits_at_great_speed():
 @pytest.mark.hard("3.1 the sign of hysteresis switches")
 @pytest.mark.hard("3.2 exactly at a synchronous whirl")
 def test_sign_exactly_at_a_synchronous_whirl():
-    """Cases 1, 2: no oscillation, no NaN; either sign on either side, both finite at equality."""
+    """Cases 1, 2: no oscillation and no NaN; the sign changes across equality, where both are finite."""
     speed = float(jr.onset_speed(rotor("CAN")).speed)
     for at in speed * (1 + np.array([-1e-12, 0.0, 1e-12])):
         values = frequencies(rotor("CAN", at))
@@ -643,7 +643,7 @@ def test_sign_exactly_at_a_synchronous_whirl():
 
 @pytest.mark.hard("3.3 the first order and the exact root differ in sign")
 def test_between_the_undamped_and_the_damped_threshold():
-    """Case 3: L and Lambda on either side of w: the first order has the other sign of damping."""
+    """Case 3: with L and Lambda on either side of w the first order has the wrong sign of damping."""
     scene = rotor("CAN", 92.6107, 4e-4)
     one = frequencies(scene)[0]
     two = -1j * np.asarray(jr.perturbed_roots(scene).values)[0]
@@ -661,7 +661,7 @@ def test_backward_whirl_is_always_damped():
 
 @pytest.mark.hard("3.6 the pole of the first-order formula", outcome="flagged")
 def test_first_order_says_where_it_ends():
-    """Case 6: pole of (5) at I0 w = 0.6967 I lambda2 (CAN), 0.6580 (PIN); flagged well before."""
+    """Case 6: (5) has a pole at I0 w = 0.6967 I lambda2 (CAN), 0.6580 (PIN), flagged well before."""
     for name, pole in (("CAN", 0.696656), ("PIN", 0.657965)):
         inertia, second = SETS[name]["I"], AT_REST[name][1]
         at = lambda turn, name=name, inertia=inertia: jr.perturbed_roots(
@@ -671,7 +671,7 @@ def test_first_order_says_where_it_ends():
         assert brentq(shift, 0.6, 0.75, xtol=1e-10) == pytest.approx(pole, abs=0.6e-6)
         assert np.asarray(at(0.05).valid).all() and not bool(at(0.95 * pole).valid[1])
         assert abs(float(at(0.9999 * pole).undamped[1])) > 100 * second
-        # With the exact undamped frequency the damping never changes its sign (case E9).
+        # With the exact undamped frequency the damping does not change its sign (case E9).
         values = frequencies(rotor(name, 3 * pole * inertia * second / POLAR))
         assert np.all(values[2:].imag > 0)
 
@@ -704,7 +704,7 @@ def test_first_order_refuses_what_it_does_not_know(name):
 
 
 def test_first_order_of_two_discs_and_loads():
-    """Discs at one station are one, and what does not move by itself does not matter."""
+    """Discs at one station act as one, and loads do not matter."""
     parts = jr.Disc(0.3, 1.5, 0.004, 0.02), jr.Disc(0.3, 0.5, 0.006)
     loads = jr.Gravity(), jr.Unbalance(0.3, 2.0, 1e-4)
     spin = jr.ConstantSpeed(10.0)
@@ -718,7 +718,7 @@ def test_first_order_of_two_discs_and_loads():
 
 @pytest.mark.hard("3.7 a flat disc has one forward critical speed")
 def test_no_second_forward_critical_speed_of_a_flat_disc():
-    """Case 7: I0 >= I leaves one; at I0 = I it is sqrt(det / (m k22))."""
+    """Case 7: for I0 >= I one critical speed remains; at I0 = I it is sqrt(det / (m k22))."""
     data = CAN
     for polar in (data["I"], 1.5 * data["I"]):
         found = jr.critical_speeds(rotor("CAN", polar=polar))
@@ -744,7 +744,7 @@ def test_decoupled_modes_cross_and_keep_their_identity():
     faster, slower = np.hypot(turn, own) + turn, np.hypot(turn, own) - turn
     expected = np.sort(np.stack([0 * turn + own, 0 * turn + own, faster, slower], axis=1), axis=1)
     np.testing.assert_allclose(straight, expected, rtol=1e-7)
-    # Of the double root each gets the mean of the derivatives: half of that of the tilt.
+    # The derivative of the double root is the mean of both: half of that of the tilt.
     values = lambda k22: jr.roots(rotor("CAN", eta=0.0, k12=0.0).put({"shaft.k22": k22})).imag
     slope = np.asarray(jax.jvp(values, (k22,), (1.0,))[1])
     np.testing.assert_allclose(np.abs(slope), own / (4 * k22), rtol=1e-6)
@@ -752,7 +752,7 @@ def test_decoupled_modes_cross_and_keep_their_identity():
 
 @pytest.mark.hard("3.9 decoupled modes cross, coupled ones veer")
 def test_veering_branches_do_not_cross():
-    """k12 != 0: by frequency is by branch; lines of the diagram are those of `roots`."""
+    """For k12 != 0 the order by frequency is that by branch, and the diagram has the values of `roots`."""
     speeds = np.linspace(0, 600, 25)
     shown = jr.campbell(rotor("CAN"), speeds, 4)
     for i, speed in enumerate(speeds):

@@ -29,7 +29,7 @@ LOADS = ("unbalance", "gravity")
 
 
 def parameters(scene):
-    """Every parameter; those of like effects together, so that the ends move alike."""
+    """Every parameter; those of equal effects are varied together, so that both ends stay equal."""
     return {path: jnp.ravel(value)[0] for path, value in leaf_values(scene).items()}
 
 
@@ -75,7 +75,7 @@ def test_by_every_parameter(name, what):
     assert acting >= {"roots": 5, "onset": 4, "critical": 3}[what]
 
 
-# === what the README says
+# === claims of the README
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 STATED = re.findall(r"`(\w+)`", re.search(r"^Differentiable: (.*?)\.$", README, re.S | re.M)[1])

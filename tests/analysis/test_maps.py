@@ -10,7 +10,7 @@ import jaxrotor as jr
 
 
 def rotor(damping=None, ratio=0.2, **shaft):
-    """Unit mass and stiffness: speeds are p, the damping is delta, of the sheet."""
+    """A rotor of unit mass and stiffness: speeds are p and the damping is delta of the sheet."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=ratio, **shaft)
     on_it = [jr.Disc(0.5, 1.0)] + ([] if damping is None else [jr.DiscDamping(0.5, damping)])
     return jr.Scene(shaft, *on_it, spin=jr.ConstantSpeed(1.0))
@@ -30,7 +30,7 @@ def test_boundary_along_the_speed(damping):
 
 
 def test_boundary_along_another_parameter():
-    """At p = 0.95 the shaft must differ by `mu^2 = (1 - p^2)^2 + delta^2 p^2` to be unstable."""
+    """At p = 0.95 the rotor is unstable from `mu^2 = (1 - p^2)^2 + delta^2 p^2` on."""
     scene = rotor(0.05).replace({"spin.speed": 0.95})
     found = jr.stability_boundary(scene, "shaft.anisotropy", np.linspace(0.0, 0.5, 9))
     expected = np.hypot(1 - 0.95**2, 0.05 * 0.95)
@@ -41,7 +41,7 @@ def test_boundary_along_another_parameter():
 
 
 def test_map_and_its_curves():
-    """Every point of the traced curves is on the closed form; the grid has its sign and size."""
+    """Every point of the curves is on the closed-form boundary, and the grid agrees with it."""
     speeds, ratios = np.linspace(0.6, 1.4, 33), np.linspace(0.0, 0.5, 21)
     over = {"spin.speed": speeds, "shaft.anisotropy": ratios}
     found = jr.stability_map(rotor(0.05), over)
@@ -58,7 +58,7 @@ def test_map_and_its_curves():
 
 @pytest.mark.slow
 def test_map_of_a_rotor_on_supports_of_two_stiffnesses():
-    """Periodic coefficients: at a ratio of zero, where they are constant, growth is that of roots."""
+    """At a ratio of zero, where the periodic coefficients are constant, growth is that of the roots."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=0.1, damping=0.02, ends="elastic")
     supports = [jr.Support(x, 2.0, 0.01, anisotropy=0.1) for x in (0.0, 1.0)]
     scene = jr.Scene(
@@ -80,7 +80,7 @@ def test_map_of_a_rotor_on_supports_of_two_stiffnesses():
 
 
 def test_a_map_is_one_compiled_program():
-    """However many its points and curves, and whatever the values."""
+    """One program serves any number of points and curves, and any values."""
     axes = lambda count: {
         "spin.speed": np.linspace(0.6, 1.4, count),
         "shaft.anisotropy": np.linspace(0.0, 0.5, count - 2),
@@ -96,11 +96,11 @@ def test_a_map_is_one_compiled_program():
     found = jr.stability_map(rotor(0.07), axes(14))
     assert len(found.boundaries[0]) > 10 and not compiled
     jax.jit(lambda x: jnp.sin(x) + 1.7182)(jnp.zeros(11))
-    assert compiled  # the list fills
+    assert compiled  # the list is filled by compilations
 
 
 def slow(cross, damping=None):
-    """Driven by its supports; of a ratio next to zero whirl is circular, though coefficients vary."""
+    """Supports drive the rotor; at a ratio close to zero whirl is circular, though coefficients vary."""
     shaft = jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=0.0, ends="elastic")
     supports = [jr.Support(x, 2.0, cross_stiffness=2 * cross, anisotropy=1e-12) for x in (0.0, 1.0)]
     on_it = [jr.Disc(0.5, 1.0)] + ([] if damping is None else [jr.DiscDamping(0.5, damping)])
@@ -115,7 +115,7 @@ def slow_growth(cross, damping=0.0):
 
 @pytest.mark.slow
 def test_slow_rotors_take_the_steps_they_need():
-    """From 1/30 of the first frequency down 32 steps of half a revolution do not suffice."""
+    """Below 1/30 of the first frequency 32 steps per half revolution do not suffice."""
     assert float(jr.growth_rate(slow(0.4))) == pytest.approx(slow_growth(0.4), rel=1e-6)
     over = {"spin.speed": [0.008, 0.1], "supports.cross_stiffness": [0.6, 0.8]}
     found = jr.stability_map(slow(0.4), over)

@@ -1,4 +1,4 @@
-"""Modes: how they whirl and lose amplitude as seen from fixed axes, and their derivatives."""
+"""Modes: whirl and damping in fixed axes, and derivatives."""
 
 import jax
 import jax.numpy as jnp
@@ -35,7 +35,7 @@ def turning(speed, mu=MU):
 
 
 def winding(value, shape, counter, speed):
-    """Mean angular speed in fixed axes, the phase of the motion followed for a long time."""
+    """Mean angular speed in fixed axes, from the phase of the motion over a long time."""
     t = np.linspace(0.0, 4000.0, 400_001)
     turned = shape * np.exp(1j * value.imag * t) + np.conj(counter * np.exp(1j * value.imag * t))
     phase = np.unwrap(np.angle(turned * np.exp(1j * speed * t)))
@@ -52,7 +52,7 @@ def test_whirl_in_turning_axes_is_that_seen_from_fixed_ones(speed):
         one = int(np.argmin(np.abs(values - value)))
         assert values[one] == pytest.approx(value, rel=1e-10)
         seen = winding(values[one], shapes[one], counters[one], speed)
-        exact = np.array([speed + value.imag, speed - value.imag])  # one of them, to all digits
+        exact = np.array([speed + value.imag, speed - value.imag])  # one of the two, to all digits
         (seen,) = exact[np.abs(exact - seen) < 2e-3]
         assert float(found.fixed_values[k].imag) == pytest.approx(seen, rel=1e-9)
         way = np.sign(seen * speed)
@@ -69,7 +69,7 @@ def test_whirl_in_turning_axes_is_that_seen_from_fixed_ones(speed):
 
 @pytest.mark.parametrize("speed", [1.3, -1.3])
 def test_equal_axes_whirl_alike_in_both_axes(speed):
-    """`m l^2 + c l + k - i W c_i = 0`: circles, whatever the axes they are computed in."""
+    """The roots obey `m l^2 + c l + k - i W c_i = 0` and orbits are circles in any axes of computation."""
     exact = np.roots([MASS, INNER + OUTER, STIFFNESS - 1j * speed * INNER])
     for scene in (unequal(speed, mu=0.0), unequal(speed).put({"shaft.anisotropy": None})):
         found = jr.modes(scene)
@@ -94,7 +94,7 @@ def test_forward_is_with_the_spin(speed):
     found = jr.modes(scene)
     sense = -1.0 if speed < 0 else 1.0
     np.testing.assert_array_equal(found.forward, sense * np.sign(np.asarray(found.values).imag))
-    if speed:  # ratio of the tilting pair
+    if speed:  # frequency ratio of the tilting pair
         fast = np.argsort(-np.abs(np.asarray(found.values)))[:2]
         assert float(found.forward[fast[0]]) == 1.0 and float(found.forward[fast[1]]) == -1.0
     branches = jr.campbell(scene, [-0.6, -0.3, 0.0, 0.3, 0.6])
@@ -115,7 +115,7 @@ def ordered(speed, mu):
 
 @pytest.mark.slow
 def test_modes_are_differentiable():
-    """By the share of the two stiffnesses, against central differences of numpy."""
+    """Derivatives by the anisotropy equal central differences of numpy."""
     speed, h = 0.7, 1e-4
     weights = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}
     near = {k: ordered(speed, MU + k * h) for k in weights}
@@ -144,7 +144,7 @@ def test_modes_are_differentiable():
 
 @pytest.mark.slow
 def test_equal_roots_hold_their_shapes():
-    """On supports unequal by nothing, two roots in a plane are one: the mean, and no NaN."""
+    """On supports with zero anisotropy two roots are equal: the derivative is their mean, not NaN."""
     shaft = jr.MasslessShaft(1.0, 0.5, STIFFNESS)
     support = jr.Support(0.5, 1.0, anisotropy=0.0)
     scene = jr.Scene(shaft, jr.Disc(0.5, MASS), support, spin=jr.ConstantSpeed(1.0))

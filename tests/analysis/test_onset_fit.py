@@ -12,7 +12,7 @@ import jaxrotor as jr
 
 
 ETA_E = 0.025
-PRINTED = (2.47, 1.64, -0.024, 1.58)  # in the paper, by an unstated fit
+PRINTED = (2.47, 1.64, -0.024, 1.58)  # coefficients of the paper, whose fit is not described
 
 
 def fit(ratios, speeds, whirls):
@@ -36,7 +36,7 @@ def computed(sign, ratios):
 @pytest.mark.slow
 @pytest.mark.parametrize(("sign", "column"), [(1, 1), (-1, 2)])
 def test_fit_through_the_sheets_onset_speeds(sign, column):
-    """The same four ratios as section 3.2 [R], so the coefficients have its digits."""
+    """The four ratios are those of section 3.2 [R], so the coefficients have its digits."""
     rows = [row for row in ONSET if ETA_E / row[0] <= 5]
     ratios = [ETA_E / row[0] for row in rows]
     expected = fit(ratios, *zip(*(row[column] for row in rows), strict=True))

@@ -1,4 +1,4 @@
-"""State spaces: closed forms, responses and motions that are worked out in other ways."""
+"""State spaces, against closed forms and independently computed responses and motions."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def jeffcott(*effects, speed=15.0, damping=DAMPING):
 
 
 def flexible(k=((4e5, 5e4), (-2e4, 7e5))):
-    """Two discs on a shaft in bearings, unequal and cross-coupled unless told otherwise."""
+    """Two discs on a shaft in bearings, by default unequal and cross-coupled."""
     bearings = [jr.Support(at, k, [[90.0, 0.0], [0.0, 90.0]]) for at in (0.0, 1.0)]
     discs = [jr.Disc(0.4, 9.0, 0.03, 0.05), jr.Disc(0.7, 4.0, 0.01, 0.02)]
     shaft = jr.FlexibleShaft(1.0, 0.03, nodes=3, constraints=())
@@ -35,7 +35,7 @@ def gain(system, frequency):
 
 
 def whirls(system, frequency, angle):
-    """Parts of `z` turning forward and backward under a force along `angle` at the first station."""
+    """Forward and backward parts of `z` under a force along `angle` at the first station."""
     force = np.zeros(system.B.shape[1])
     force[:2] = np.cos(angle), np.sin(angle)
     x, y = (gain(system, frequency) @ force).reshape(-1, 2).T
@@ -43,7 +43,7 @@ def whirls(system, frequency, angle):
 
 
 def test_one_mass_in_closed_form():
-    """`z = F / (k - m w^2 + i w c)`, no cross-talk: a disc that does not tilt feels no spin."""
+    """`z = F / (k - m w^2 + i w c)` without cross-coupling, as the disc does not tilt."""
     system = jr.state_space(jeffcott())
     assert isinstance(system, StateSpace)
     assert [part.shape for part in (system.A, system.B, system.C, system.D)] == [
@@ -56,7 +56,7 @@ def test_one_mass_in_closed_form():
 
 
 def test_push_from_rest():
-    """A weight that sets in, by `simulate`; and by the closed form of a damped oscillator."""
+    """The step response to weight equals `simulate` and the closed form of a damped oscillator."""
     scene = jeffcott(jr.Gravity(9.81, angle=0.0))
     run = jr.simulate(scene, 3, 64, start=jr.AtRest())
     time = np.asarray(run.time)
@@ -83,7 +83,7 @@ def unequal():
 
 @pytest.mark.slow
 def test_roots_are_the_eigenvalues(unequal):
-    """The slowest to the last digits, which they would lose in a matrix of displacements."""
+    """The slowest roots have all digits, which they would lose with displacements as states."""
     scene, system = unequal
     roots = np.asarray(jr.roots(scene))
     assert system.A.shape == (roots.size, roots.size)
@@ -120,7 +120,7 @@ ONE, OTHER = np.diag([4e5, 7e5]), np.diag([7e5, 4e5])
     ("ats", "damping"), [(((0.0, 1.0), (0.0, 1.0)), 0.0), (((0.0,), (1.0,)), 90.0)]
 )
 def test_equal_roots(ats, damping):
-    """Along x as along y, both supports at a bearing or in mirrored ones: all roots are there twice."""
+    """The x and y axes are alike, by equal or by mirrored supports, so all roots are double."""
     loss = damping * np.eye(2) if damping else None
     supports = [
         jr.Support(at, k, loss)
@@ -142,7 +142,7 @@ def test_equal_roots(ats, damping):
 
 @pytest.mark.slow
 def test_roots_at_zero():
-    """Two discs of a free shaft in a medium drift and tilt at no cost: `C (i w)^-1` as `w` falls."""
+    """Two discs of a free shaft in a medium drift and tilt freely: the gain tends to `C (i w)^-1`."""
     scene = mirrored(*(jr.DiscDamping(at, DAMPING) for at in (0.3, 0.7)))
     slow = 1e-3
     expected = 1 / (1j * slow * DAMPING)
@@ -159,7 +159,7 @@ def test_roots_at_zero():
 @pytest.mark.slow
 @pytest.mark.parametrize("equal", [True, False])
 def test_few_modes(unequal, equal):
-    """What is left out is still in the static response, and hardly missed below its own frequency."""
+    """Modes left out are in the static response, so the error is small below their frequencies."""
     scene, at = (
         (unequal[0], [0.4, 0.7]) if not equal else (flexible(((5e5, 3e4), (-3e4, 5e5))), 0.7)
     )
@@ -176,7 +176,7 @@ def test_few_modes(unequal, equal):
 
 
 def test_axes_that_turn_with_the_shaft():
-    """There an unbalance is a force at rest: `Omega^2 m e` times the gain at 0, and a circle."""
+    """In rotating axes unbalance is a constant force: the circle is `Omega^2 m e` times the gain at 0."""
     unbalance = jr.Unbalance(0.5, MASS, 1e-3, phase=0.7)
     shaft = jr.MasslessShaft(1.0, 0.5, STIFFNESS, anisotropy=0.2)
     effects = jr.Disc(0.5, MASS), jr.DiscDamping(0.5, DAMPING), unbalance

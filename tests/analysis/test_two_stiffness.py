@@ -30,7 +30,7 @@ def shipped(scheme):
 
 
 def put(scene, mu=MU, kappa=KAPPA, delta=0.1, alpha=1.0, nu=None, p=None):
-    """Numbers of a scene by the groups of the paper, traced or not."""
+    """Parameters of a scene from the groups of the paper, traced or not."""
     unit = MASS * RATE
     values = {"shaft.anisotropy": mu}
     if delta is not None:
@@ -85,7 +85,7 @@ def _finite(values):
 
 
 def boundaries(scene, low=0.3, high=3.0, samples=100):
-    """Static ones, lost and regained, then oscillatory ones: speeds and frequency, over omega_0."""
+    """Static boundaries (lost, regained), then oscillatory ones: speeds and frequency over omega_0."""
     found = jr.stability_crossings(scene, within=(low * RATE, high * RATE), samples=samples)
     rows = [(float(o.speed) / RATE, float(o.whirl_frequency) / RATE, lost) for o, lost in found]
     static = [(speed, lost) for speed, whirl, lost in rows if whirl < 1e-6]
@@ -95,7 +95,7 @@ def boundaries(scene, low=0.3, high=3.0, samples=100):
 
 
 def check_boundaries(scene, static, third, digits, *search, **options):
-    """Numbers of a sheet's row to half a unit of their last digit; None for a dash."""
+    """Numbers of a row of the sheet, to half a unit of their last digit; None for a dash."""
     expected = [x for x in static if x is not None]
     found, flutter = boundaries(scene, *search, **options)
     tolerance = 0.51 * 10.0**-digits
@@ -108,7 +108,7 @@ def check_boundaries(scene, static, third, digits, *search, **options):
     return flutter
 
 
-# === what shares no code with the library
+# === references that share no code with the library
 
 
 def matrices(scheme, mu, kappa, delta, alpha, nu, p):
@@ -156,7 +156,7 @@ def polynomial(scheme, root, mu, kappa, delta, alpha, nu, p):
 
 
 def correction(scheme, root, **case):
-    """What one step of Newton on the polynomial changes in a root, relative."""
+    """Relative change of a root by one Newton step on the polynomial."""
     h = 1e-5 * abs(root)
     slope = polynomial(scheme, root + h, **case) - polynomial(scheme, root - h, **case)
     return abs(polynomial(scheme, root, **case) * 2 * h / slope / root)
@@ -192,7 +192,7 @@ def test_roots_against_the_descriptor_pencil_and_the_polynomial(scheme, case):
 @pytest.mark.hard("2.9 static stiffness that is not symmetric")
 @pytest.mark.parametrize("scheme", [2, 3])
 def test_roots_against_integration_in_fixed_axes(scheme):
-    """One revolution returns the shaft's axes to themselves: multipliers are `exp(lambda T)`."""
+    """After one revolution the shaft's axes coincide with fixed ones: multipliers are `exp(lambda T)`."""
     case = {"mu": 0.3, "kappa": 0.16, "delta": 0.05, "alpha": 1.5, "nu": -0.4, "p": 0.9}
     p = case["p"]
 
@@ -243,7 +243,7 @@ TO_NO_FRICTION = {
 @pytest.mark.hard("2.5 friction of the shaft vanishes")
 @pytest.mark.parametrize("kappa", TO_NO_FRICTION)
 def test_friction_may_vanish(kappa, record_property):
-    """Scheme 3, by number and by construction; the explicit form turns unstable below 1e-12."""
+    """Scheme 3 by a small number and by construction; the explicit form is unstable below 1e-12."""
     found = roots(rotor(3, kappa=kappa, p=0.5))
     error = abs(found.real.max() - TO_NO_FRICTION[kappa])
     record_property("measured", f"kappa = {kappa or 0:g}: {error:.0e}")
@@ -333,7 +333,7 @@ def test_scheme_1_zone_in_closed_form(delta, kappa):
 
 
 def top(scheme, low, high, **groups):
-    """Greatest growth rate between two speeds, one peak there."""
+    """Largest growth rate between two speeds with a single peak between."""
     function = abscissa(scheme)
     best = minimize_scalar(
         lambda p: -function(p=p, **groups),
@@ -432,12 +432,12 @@ TIPS = {  # delta, kappa: alpha, p
 @pytest.mark.hard("2.2 no third boundary, or stability regained far above it")
 @pytest.mark.parametrize("point", TIPS, ids=str)
 def test_scheme_2_tip_of_the_unstable_tongue(point):
-    """Beyond it a rotor with both dampings is stable at every speed."""
+    """Beyond the tip a rotor with both dampings is stable at every speed."""
     (delta, kappa), (alpha, p) = point, TIPS[point]
     function = abscissa(2)
 
     def peak(alpha):
-        # Between the speeds 2 and 60 the growth rate has one peak; it turns fastest on a log scale.
+        # Between the speeds 2 and 60 the growth rate has one peak, narrowest on a logarithmic scale.
         at = lambda x: -function(p=np.exp(x), alpha=alpha, delta=delta, kappa=kappa)
         return minimize_scalar(
             at, bounds=np.log([2, 60]), method="bounded", options={"xatol": 1e-8}
@@ -951,7 +951,7 @@ SHARE = [  # scheme, groups, |p32| / |p31|
 
 @pytest.mark.parametrize(("scheme", "groups", "share", "tolerance"), SHARE)
 def test_claim_8_flutter_is_forward_and_slower_than_the_shaft(scheme, groups, share, tolerance):
-    """True: the part that whirls at p31 = P_G3 - p03 outweighs that at p32, in fixed axes."""
+    """True: in fixed axes the part that whirls at p31 = P_G3 - p03 exceeds that at p32."""
     speed, whirl = third(scheme, **groups)
     shown = jr.modes(rotor(scheme, p=speed, **groups))
     assert shown.frame == "rotating" and 0 < whirl < speed
@@ -968,7 +968,7 @@ def test_claim_9_scheme_2_has_no_zone_at_equal_stiffness():
 
 
 def test_claims_10_and_11_scheme_2_third_boundary_has_a_maximum_at_alpha_3():
-    """False: it rises without end and is gone from 2.2921 on; 3 to 4 mean speeds at 1.05 to 1.45."""
+    """False: it grows without bound and vanishes from 2.2921 on; 3 to 4 mean speeds at 1.05 to 1.45."""
     speed = {a: third(2, alpha=a, high=8.0)[0] for a in (0.1, 0.5, 1.0, 1.05, 1.45, 1.5, 2.0, 2.25)}
     assert np.all(np.diff(list(speed.values())) > 0)
     ratio = {alpha: one / np.mean(zone_of(alpha)) for alpha, one in speed.items()}
@@ -993,7 +993,7 @@ def test_claim_12_scheme_2_damping_widens_the_range_linearly():
 
 
 def test_claims_13_and_14_scheme_3_near_the_right_anisotropy_needs_no_damping():
-    """True for the zone; but 4.4 % above the critical speed flutter waits at delta = 0.005."""
+    """True for the zone; but flutter begins 4.4 % above the critical speed at delta = 0.005."""
     assert boundaries(rotor(3, nu=NU0, delta=1e-4), 0.3, 0.7)[0] == []
     speed, _ = third(3, nu=NU0, delta=0.005)
     (one, two) = np.asarray(jr.critical_speeds(rotor(3, nu=NU0)).forward) / RATE
@@ -1042,7 +1042,7 @@ def derivative(function, at, h=1e-4):
 
 @pytest.mark.slow
 def test_derivative_of_the_third_boundary():
-    """By nu, through the implicit function theorem."""
+    """The derivative by nu follows from the implicit function theorem."""
 
     def boundary(nu):
         found = jr.onset_speed(put(bare(3), nu=nu), (1.2 * RATE, 1.8 * RATE), 100)
@@ -1056,7 +1056,7 @@ def test_derivative_of_the_third_boundary():
 
 @pytest.mark.hard("2.7 critical speeds cross")
 def test_derivative_of_the_critical_speeds_through_their_crossing():
-    """P_eta falls and P_xi rises by nu; at nu0 they are one, and get the mean of both."""
+    """P_eta decreases and P_xi increases with nu; at nu0 they are equal and get the mean derivative."""
     speeds = lambda nu: jr.critical_speeds(put(bare(3), nu=nu)).forward / RATE
     apart = jax.jacfwd(lambda nu: speeds(nu)[:2])(NU0 + 1e-4)
     np.testing.assert_allclose(apart, [-0.065532, 0.298720], rtol=0, atol=1e-4)
@@ -1068,7 +1068,7 @@ def test_derivative_of_the_critical_speeds_through_their_crossing():
 
 @pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_double_root_gets_the_mean_of_the_derivatives():
-    """kappa = 0 at nu0: two slow roots are one, and the abscissa has a kink of slopes +-0.140196."""
+    """At kappa = 0 and nu0 two slow roots are equal, and the abscissa has a kink of slopes +-0.140196."""
     scene, p = bare(3, False), 0.784789
     values = lambda nu: jr.roots(put(scene, kappa=None, nu=nu, p=p))[:4] / RATE
     at_rest = np.asarray(values(NU0))
@@ -1085,7 +1085,7 @@ def test_double_root_gets_the_mean_of_the_derivatives():
 @pytest.mark.slow
 @pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_derivative_grows_towards_an_exceptional_point():
-    """kappa = 0, p = 0.75: the abscissa is flat between -0.46614 and 0.03830, left as square roots."""
+    """At kappa = 0, p = 0.75 the abscissa is flat from -0.46614 to 0.03830, with square roots beyond."""
     growth = lambda nu: jnp.max(_finite(jr.roots(put(bare(3, False), kappa=None, nu=nu, p=0.75))))
     slope = jax.jit(jax.grad(lambda nu: growth(nu) / RATE))
     inside = lambda nu: np.ptp(roots(rotor(3, kappa=None, nu=nu, p=0.75)).real[:2]) - 1e-9
@@ -1099,7 +1099,7 @@ def test_derivative_grows_towards_an_exceptional_point():
 
 @pytest.mark.hard("2.11 derivatives at double and defective roots")
 def test_friction_makes_the_abscissa_smooth_where_it_had_a_kink():
-    """kappa = 0.16 at nu0: roots -0.049731 +- 0.003649i, slope -0.008465: not the least abscissa."""
+    """At kappa = 0.16 and nu0 the roots are -0.049731 +- 0.003649i, and the slope is -0.008465, not 0."""
     p = 0.784789
     slow = roots(rotor(3, nu=NU0, p=p))[:2]
     np.testing.assert_allclose(slow.real, -0.049731, rtol=0, atol=1e-6)
@@ -1127,7 +1127,7 @@ def test_no_damping_at_all_is_marginal_beside_the_band(record_property):
 
 @pytest.mark.hard("2.6 internal friction alone")
 def test_internal_friction_alone():
-    """Scheme 1: unstable from the first boundary on; scheme 2: the supports damp."""
+    """Scheme 1 is unstable from the first boundary on; in scheme 2 the supports damp."""
     static, flutter = boundaries(rotor(1, delta=0.0), 0.3, 30.0)
     assert len(static) == 1 and flutter == []
     assert third(2, delta=0.0)[0] == pytest.approx(1.1955152, abs=0.51e-7)
@@ -1146,7 +1146,7 @@ def test_no_third_boundary_without_internal_friction():
 
 @pytest.mark.hard("2.7 either axis may be the stiff one")
 def test_stiff_axis_may_be_either():
-    """-mu turns the axes by a quarter: the same roots."""
+    """-mu rotates the axes by 90 degrees, so the roots are the same."""
     same_set(roots(rotor(1, mu=-0.2, p=1.3)), roots(rotor(1, p=1.3)), 1e-12)
     same_set(roots(rotor(3, mu=-0.2, nu=0.3, p=1.3)), roots(rotor(3, nu=-0.3, p=1.3)), 1e-12)
 

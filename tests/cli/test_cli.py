@@ -1,4 +1,4 @@
-"""Command line: the numbers it prints, the files it leaves, and one sentence for every slip."""
+"""Command line: the numbers it prints, the files it writes, and one sentence for every mistake."""
 
 import importlib
 import json
@@ -32,7 +32,7 @@ def call(*args, code=0):
 
 
 def answered(*args):
-    """JSON of a command; NaN and Infinity, which are no JSON, are refused."""
+    """JSON answer of a command; raises for NaN and Infinity, which are not JSON."""
     result = call(*args, "--json")
     assert not result.stderr
     return json.loads(result.stdout, parse_constant=lambda text: pytest.fail(text))
@@ -56,7 +56,7 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-# === looking at scenes
+# === show and roots
 
 
 def test_scenes():
@@ -66,7 +66,7 @@ def test_scenes():
 
 @pytest.fixture
 def quick_onset(monkeypatch):
-    """An onset search that costs no compilation; `test_onset` runs the true one."""
+    """Replace the onset search, to save its compilation; `test_onset` runs the true one."""
     module = importlib.import_module("jaxrotor.cli.show")
     monkeypatch.setattr(module, "onset_speed", lambda scene: jr.Onset(600.0, 76.0))
     return monkeypatch, module
@@ -85,7 +85,7 @@ def test_show(quick_onset):
     found = answered("show", "limiter-rotor")
     critical, whirl = found["critical_speeds"], found["whirl_frequencies"]
     for way, speeds in critical.items():
-        for speed in speeds:  # there the spin meets a whirl of the rotor without damping
+        for speed in speeds:  # the spin equals a whirl frequency of the undamped rotor
             still = {"external_damping.per_length": 0.0, "internal_damping.voigt_time": 0.0}
             still |= {"disc_damping.translational": 0.0, "disc_damping.angular": 0.0}
             met = jr.roots(jr.load("limiter-rotor").replace(still | {"spin.speed": speed}))
@@ -180,7 +180,7 @@ def test_campbell(place):
     with xr.open_zarr("run/campbell.zarr") as data:
         assert data.attrs["frame"] == "fixed" and data.frequency.attrs["units"] == "rad/s"
         assert data.speed.values.tolist() == shown["speeds"]
-        signed = data.frequency.values.T  # backward is negative
+        signed = data.frequency.values.T  # backward whirl is negative
         for found, one in zip(signed, shown["branches"], strict=True):
             sign = 1 if one["direction"] == "forward" else -1
             assert found.tolist() == [sign * f for f in one["frequency"]]
@@ -200,7 +200,7 @@ def test_campbell_ends_above_the_second_critical_speed():
 
 
 def test_campbell_in_the_axes_of_the_shaft():
-    """`w^2 = k / m`, 10 % more and less along two axes: unstable between the critical speeds."""
+    """A disc with `w^2 = k / m`, 10 % more and less along two axes; unstable between critical speeds."""
     shaft = jr.MasslessShaft(0.6, 0.3, 1e5, anisotropy=0.1)
     jr.save(jr.Scene(shaft, jr.Disc(0.3, 10.0), spin=jr.ConstantSpeed(50.0)), "two.toml")
     shown = answered("campbell", "two.toml", "--from", 90, "--to", 110, "--points", 3)
@@ -231,7 +231,7 @@ def test_critical():
 
 
 def damped(damping=100.0, *more):
-    """A disc of 10 kg on 1e5 N/m, `w` = 100 rad/s, `D` = 0.05 for 100 N s/m; 0.1 kg off by 1 cm."""
+    """A disc of 10 kg on 1e5 N/m (`w` = 100 rad/s, `D` = 0.05 for 100 N s/m), 0.1 kg at 1 cm off axis."""
     parts = [jr.Disc(0.3, 10.0), jr.Unbalance(0.3, 0.1, 0.01), *more]
     parts += [jr.DiscDamping(0.3, damping, 0.0)] if damping else []
     shaft, spin = jr.MasslessShaft(0.6, 0.3, 1e5), jr.ConstantSpeed(50.0)
@@ -285,7 +285,7 @@ def test_a_speed_that_is_critical_but_for_rounding_is_no_peak(place):
 
 @pytest.mark.slow
 def test_response_at_critical_speeds_of_every_kind(place):
-    """Without damping it is unbounded at backward and mixed ones, too: on unequal supports."""
+    """On unequal supports without damping the response is unbounded at backward and mixed ones too."""
     run = ["response", "two-discs-unequal", "--to", 300, "--points", 31]
     shown = answered(*run, "--out", "run")
     assert [one["kind"] for one in shown["critical"]] == ["mixed", "mixed", "backward", "forward"]
@@ -297,13 +297,13 @@ def test_response_at_critical_speeds_of_every_kind(place):
 @pytest.mark.slow
 @pytest.mark.hard("2.1 finite response inside the unstable band")
 def test_response_says_where_it_is_unstable(place):
-    """Sheet, 3.8: +0.049703 of w_0 = 100 rad/s at p = 1, in a band from 0.906 to 1.081."""
+    """Sheet 3.8: growth +0.049703 of w_0 = 100 rad/s at p = 1, in a band from 0.906 to 1.081."""
     run = ["response", "dual-stiffness-rigid", "--from", 99, "--to", 101, "--points", 5]
     run += ["--set", "unbalance.eccentricity=1um"]
     assert answered(*run, "--out", "run")["unstable_share"] == 1.0
     with xr.open_zarr("run/response.zarr") as data:
         assert float(data.growth.sel(speed=100.0)) == pytest.approx(4.9703, abs=5.1e-5)
-    assert "where nothing settles" in call(*run).stdout
+    assert "where no response is attained" in call(*run).stdout
 
 
 def test_response_of_a_balanced_rotor(place):
@@ -313,7 +313,7 @@ def test_response_of_a_balanced_rotor(place):
 
 
 def test_roots_in_axes_that_turn_with_the_shaft():
-    """One of each conjugate pair, seen in fixed axes too: the larger part tells how it whirls."""
+    """One of each conjugate pair is listed, in fixed axes too; its whirl is that of the larger part."""
     shown = answered("roots", "dual-stiffness-rigid", "--speed", "50")
     assert shown["axes"] == "rotating" and len(shown["roots"]) == 2
     slow, fast = shown["roots"]
@@ -329,7 +329,7 @@ def test_roots_in_axes_that_turn_with_the_shaft():
 
 
 def test_roots_on_unequal_supports(place):
-    """Fixed axes, elliptic orbits: each whirls as the larger of its two circles."""
+    """In fixed axes with elliptic orbits, each whirl is that of the larger of its two circles."""
     text = """
     [shaft]
     model = "massless"
@@ -459,7 +459,7 @@ def fake(monkeypatch):
 
 
 def lanes(axes, index=None, spectrum=False):
-    """Dataset as of a sweep; the index falls from 1 to -1 over the lanes."""
+    """Dataset like that of a sweep; the index falls from 1 to -1 over the lanes."""
     dims = tuple(axes)
     shape = tuple(len(v) for v in axes.values())
     if index is None:
@@ -559,7 +559,7 @@ def test_overwrite_replaces_its_own_files_only(fake, place):
 
 @pytest.mark.slow
 def test_data_of_two_commands_are_not_mixed(fake, place):
-    """What is left of the same command's run is no other's; a drawing of the rotor may lie beside any."""
+    """An unfinished run of the same command is accepted, others are not; a drawing is no obstacle."""
     fake(lanes)
     (place / "out" / "response.zarr").mkdir(parents=True)
     for more in ((), ("--overwrite",)):
@@ -628,10 +628,10 @@ def test_a_failed_move_puts_everything_back(fake, place, monkeypatch):
     assert "Input/output error" in sentence
     after = everything_below(place)
     assert [name for name in after if "partial" not in name] == before
-    assert "out/sweep-partial.zarr" in after  # the new run is kept as well
+    assert "out/sweep-partial.zarr" in after  # the new run is kept too
 
 
-# === slips
+# === mistakes
 
 
 def test_stability(place):
@@ -666,7 +666,7 @@ def ramp(*effects, spin=None, name="ramp.toml"):
 
 
 def test_run_up(place):
-    """Let go 1 mm off the axis, a mass on a spring swings as a cosine, whatever the speed does."""
+    """Released 1 mm off the axis, a mass on a spring oscillates as a cosine at any speed."""
     shaft = jr.MasslessShaft(0.4, 0.2, 5e3)
     spin = jr.SpeedProfile.ramp(10.0, 20.0, 0.1)
     jr.save(jr.Scene(shaft, jr.Disc(0.2, 2.0), spin=spin), "spring.toml")
@@ -692,14 +692,14 @@ def test_run_up_of_what_cannot_move(place):
 
 @pytest.mark.slow
 def test_run_up_looks_at_what_moves():
-    """Balls are 0.14 m above the joint, where disc and springs are; 50 revolutions are run."""
+    """The moving station is that of the balls, 0.14 m above the joint; the run has 50 revolutions."""
     shown = answered("run-up", "ball-balancer", "--samples", 11)
     assert shown["station"] == 0.14 and shown["moves"] and shown["peak"]["radius"] > 1e-5
     assert shown["revolutions"] == pytest.approx(50)
 
 
 def test_run_up_until_a_drive_is_steady():
-    """Course rotor: by partial fractions, until 0.1 % above 204.3827 rad/s."""
+    """The duration, until 0.1 % above 204.3827 rad/s, equals that by partial fractions."""
     root, high, low = 17.511850273, 204.382695814, -244.639106070
     ratio = (600 - high) / (600 - low) * (1.001 * high - low) / (1e-3 * high)
     shown = answered("run-up", "turbine-run-up", "--samples", 11)
@@ -750,7 +750,7 @@ def test_reactions_of_a_steady_state(place):
 
 @pytest.mark.slow
 def test_layouts_are_said_to_be_assumed(place):
-    """Row 3 by the printed cells: masses of 60 and 70 kg at 0.12 and 0.23 m of 0.37 m."""
+    """Row 3 of the printed table: masses of 60 and 70 kg at 0.12 and 0.23 m of 0.37 m."""
     row = ["turbine-variants", "--row", 3]
     layout = "layout assumed: chain"
     shown = answered("balance", *row)
@@ -798,7 +798,7 @@ def test_balance_in_two_planes(place):
 
 
 def test_grade_of_the_course_rotor():
-    """R_A, R_B of the sheet over the square of its steady speed, shares by its centre of mass."""
+    """Grade from R_A, R_B of the sheet over its steady speed squared, shares by the centre of mass."""
     shown = answered("balance", "turbine-run-up")
     assert shown["speed"] == pytest.approx(204.382695814, rel=1e-9)
     assert shown["speed_of"] == "steady speed of the drive"
@@ -947,7 +947,7 @@ def test_help(command):
     assert "Usage" in text and (command in ("", "scenes") or f"jaxrotor {command} " in text)
 
 
-# === a scene of one's own
+# === new scenes
 
 
 @pytest.mark.slow
@@ -979,7 +979,7 @@ def test_a_new_scene_is_stable_at_the_speeds_it_sweeps(place):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["two-discs-unequal", "limiter-rotor"])
 def test_standstill_frequencies_are_those_of_roots(name):
-    """Each once, whether or not both planes have it."""
+    """Each frequency is listed once, whether or not both planes have it."""
     values = np.abs(np.asarray(jr.roots(jr.load(name).at_speed(0.0), 20)).imag)
     values = np.unique(np.round(values[values > 1e-3], 5))[:3]
     shown = answered("show", name)["whirl_frequencies"]["standstill"]
@@ -987,12 +987,12 @@ def test_standstill_frequencies_are_those_of_roots(name):
 
 
 def test_all_that_a_new_scene_prepares_is_valid(place):
-    """Every table that is commented out, taken in."""
+    """Every table that is commented out is valid when uncommented."""
     call("new", "mine.toml")
     _, _, rest = (place / "mine.toml").read_text().partition("title =")
     lines = [line.removeprefix("# ") for line in rest.splitlines()]
     whole = "title =" + "\n".join(lines).replace("\n[disc]", "\n[[disc]]")
-    first, second, third = whole.split("[spin]")  # the second of them in place of the first
+    first, second, third = whole.split("[spin]")  # the second one instead of the first
     scene = jr.loads(f"{first}[spin]{third.partition('[sweep]')[0]}")
     assert isinstance(scene.spin, jr.SpeedProfile) and 'speed = "1500 rpm"' in second
     assert [float(step.diameter) for step in scene.shaft.steps] == [0.04, 0.03]
@@ -1029,7 +1029,7 @@ def test_new_scene_like_another(place):
     assert not (place / "other.toml").exists()
 
 
-# === as a program
+# === as a program of its own
 
 
 @pytest.mark.slow
@@ -1062,7 +1062,7 @@ from jaxrotor.cli.interrupt import stop_on_ctrl_c
 lost = []
 
 def freed(phase, info):
-    if len(lost) < 3:  # again, and again
+    if len(lost) < 3:  # several times
         lost.append(phase)
         signal.raise_signal(signal.SIGINT)
 
@@ -1090,11 +1090,11 @@ print(len(lost) > 1)
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_ctrl_c_while_memory_is_freed():
-    """Python cannot pass on what is raised there; the interruption comes a moment later, and once."""
+    """Python cannot propagate what is raised there; the interrupt follows a moment later, once."""
     run = [sys.executable, "-c", INTERRUPTED_AS_MEMORY_IS_FREED]
     done = subprocess.run(
         run, capture_output=True, text=True, timeout=25
-    )  # whoever sleeps is woken
+    )  # a sleeping thread is woken
     assert done.returncode == 0 and not done.stderr, done.stderr
     assert done.stdout.splitlines() == ["garbage collection", "weak reference", "True"]
 
@@ -1102,7 +1102,7 @@ def test_ctrl_c_while_memory_is_freed():
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupted_sweep_goes_on(place):
-    """What is done is kept and named; the same command ends with the data of a run left alone."""
+    """Completed lanes are kept and reported; the same command ends with the data of a whole run."""
     over = ["--over", "start.angle=0:3:24", "--start-radius", "1mm", "--steps", "16"]
     small = ["sweep", "limiter-rotor", *over, "--settle", "0", "--keep", "8", "--workers", "1"]
     call(*small, "--out", "whole")
@@ -1125,7 +1125,7 @@ def test_interrupted_sweep_goes_on(place):
         f"Interrupted; 6 of 24 lanes are kept in {where}; the same command continues from there.\n"
     )
     assert os.listdir("run") == ["sweep-partial.zarr"]
-    with pytest.MonkeyPatch.context() as patch:  # also as its picture is drawn
+    with pytest.MonkeyPatch.context() as patch:  # also while its picture is drawn
         drawing = importlib.import_module("jaxrotor.cli.sweep")
         patch.setattr(drawing, "draw", Mock(side_effect=KeyboardInterrupt))
         assert "24 of 24 lanes are kept" in call(*small, "--out", "run", code=130).stderr

@@ -1,4 +1,4 @@
-"""Refusals name the parts of the scene that are in the way, and what to do from where one is."""
+"""Errors name the parts of the scene that cause them, and what to do in Python or at a prompt."""
 
 import types
 

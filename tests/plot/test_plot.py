@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("rendered")
 
 
 def test_rotor_is_drawn_to_scale():
-    """The disc of the limiter rotor is 200 mm across and 10 mm thick, its stops 7.5 mm off the rim."""
+    """The disc of the limiter rotor has a diameter of 200 mm, 10 mm width and stops 7.5 mm off its rim."""
     ax = plot.rotor(jr.load("limiter-rotor"))
     boxes = {box.get_label(): box for box in ax.patches if not box.get_label().startswith("_")}
     assert list(boxes) == ["shaft", "disc", "limiter"]
@@ -33,7 +33,7 @@ def test_rotor_is_drawn_to_scale():
     near = [min(abs(box.get_y()), abs(box.get_y() + box.get_height())) for box in stops]
     assert (
         near == pytest.approx([107.5] * len(near)) and len(near) == 4
-    )  # the one aside is seen twice
+    )  # the one at the side is drawn twice
     assert ax.get_xlabel().endswith("not drawn: external damping, disc damping, internal damping")
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names == ["shaft", "disc", "limiter", "clamp", "unbalance"]
@@ -70,7 +70,7 @@ def test_draws_in_given_axes_or_a_figure_of_its_own(draw):
 
 
 def stability(shift=0.0, growth=None, paths=("unbalance.eccentricity", "spin.speed")):
-    """Unstable right of the circle's arc `x = 0.002 + shift + (y / 1000 - 0.3)^2 / 50`."""
+    """A map that is unstable right of the parabola `x = 0.002 + shift + (y / 1000 - 0.3)^2 / 50`."""
     x, y = np.linspace(0.0, 0.01, 41), np.linspace(100.0, 500.0, 31)
     arc = lambda y: 0.002 + shift + (y / 1000 - 0.3) ** 2 / 50
     values = 1e3 * (x[:, None] - arc(y))
@@ -104,7 +104,7 @@ def test_stability_map_shades_what_is_unstable():
 
 
 def test_stability_map_of_internal_damping():
-    """Stable below `w (1 + c / h)`: 100 rad/s, c at the disc against h = 4 N s/m in the shaft."""
+    """A rotor stable below `w (1 + c / h)`: w = 100 rad/s, c at the disc and h = 4 N s/m in the shaft."""
     scene = jr.Scene(
         jr.MasslessShaft(0.6, 0.3, 2e4, damping=4.0),
         jr.Disc(0.3, 2.0),
@@ -184,7 +184,7 @@ def test_error_map_of_no_error():
 
 
 def charted(growth):
-    """Stable above speed 2 - mass / 2, promised above 1; over speed and mass."""
+    """A chart over speed and mass, stable above speed 2 - mass / 2, predicted stable above 1."""
     x, y = np.linspace(0.5, 2.5, 5), np.linspace(0.0, 2.0, 3)
     a11 = np.broadcast_to(1 - x[:, None] ** 2, (5, 3))
     boundary = (np.array([[1.0, 0.0], [2.0, 2.0]]),)

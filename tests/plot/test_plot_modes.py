@@ -26,7 +26,7 @@ def motions(values, shapes, counter=None, stations=(0.0, 0.5, 1.0), frame="fixed
         for part in (shapes, counter)
         if part is not None
     ]
-    sizes = np.stack([*sizes, 0 * sizes[0]][:2], axis=1)  # of equal masses at the stations
+    sizes = np.stack([*sizes, 0 * sizes[0]][:2], axis=1)  # for equal masses at the stations
     shares = jnp.asarray(sizes / sizes.sum(axis=1, keepdims=True))
     return jr.Modes(to(values), to(shapes), to(counter), shares, at, speed, frame)
 
@@ -65,7 +65,7 @@ def test_onset_draws_speed_and_frequency():
 
 
 def branches(slopes, growth, frame="fixed", speeds=(0.0, 10.0, 20.0, 30.0)):
-    """Branches `frequency + slope Omega` of a constant growth rate."""
+    """Branches `frequency + slope Omega` with a constant growth rate."""
     speeds = jnp.asarray(speeds)
     values = [g + 1j * (f + s * speeds) for (f, s), g in zip(slopes, growth, strict=True)]
     circular = frame == "fixed" and any(f < 0 for f, _ in slopes)
@@ -122,7 +122,7 @@ def test_campbell_marks_critical_speeds():
 
 
 def test_campbell_tells_damped_from_undamped_critical_speeds():
-    """A ring has its damping ratio beside it; none is drawn where damping leaves no peak."""
+    """A ring has its damping ratio beside it, and none is drawn where damping leaves no peak."""
     damped = branches(GYROSCOPIC, [-2.0, -20.0, -1.0, -1.0])
     upper, _ = plot.campbell(damped, critical=undamped([20 / 0.9, 150.0]))
     ratios = [note.get_text() for note in upper.texts]
@@ -263,7 +263,7 @@ def test_modes3d_draws_ellipses_by_their_direction_at_each_station():
         [[0.25, 0.75, 0.5], [0.25, 0.75, 0.5]],
         stations=(1.0, 0.0, 0.5),
     )
-    (ax,) = plot.modes3d(pair)  # of the conjugate pair one
+    (ax,) = plot.modes3d(pair)  # one of the conjugate pair
     found = orbits(ax)
     for way, at, turned in (("forward", 1.0, 1), ("backward", 0.0, -1)):
         ((station, path),) = found[way]
@@ -277,7 +277,7 @@ def test_modes3d_draws_ellipses_by_their_direction_at_each_station():
 
 
 def test_modes3d_of_negative_spin():
-    """Against the positive sense of turning is with the spin."""
+    """At negative speed whirl from y to x is with the spin."""
     drawn = plot.modes3d(motions([70j, -60j], np.ones((2, 3)), speed=-30.0))
     assert [list(orbits(ax)) for ax in drawn] == [["backward"], ["forward"]]
     assert (
@@ -287,7 +287,7 @@ def test_modes3d_of_negative_spin():
 
 
 def test_modes3d_in_the_axes_of_the_shaft():
-    """At 30 rad/s, 50 in turning axes is 80 with the spin and 20 against it in fixed ones."""
+    """At 30 rad/s, 50 rad/s in rotating axes is 80 with the spin and 20 against it in fixed axes."""
     ahead, behind, bent = plot.modes3d(
         motions(
             [50j, 50j, 3.0],
@@ -299,7 +299,7 @@ def test_modes3d_in_the_axes_of_the_shaft():
     assert ahead.get_title() == "forward, 80 rad/s, undamped"
     assert behind.get_title() == "backward, 20 rad/s, undamped"
     assert bent.get_title() == "forward, 30 rad/s, growth 3 /s" and not orbits(bent)
-    ((_, path), *_) = orbits(ahead)["forward"]  # drawn as it is in the axes of the shaft
+    ((_, path), *_) = orbits(ahead)["forward"]  # drawn in the axes of the shaft
     np.testing.assert_allclose(np.ptp(path.real) / np.ptp(path.imag), 5 / 3, rtol=1e-2)
     assert ahead.get_ylabel() == "x of the shaft [1]"
 
@@ -332,7 +332,7 @@ def test_modes3d_in_given_axes():
 
 
 def resonance(damping=0.05, speeds=None):
-    """`z = e W^2 / (w^2 - W^2 + 2 i D w W)` of w = 100 rad/s, and twice it at a second station."""
+    """`z = e W^2 / (w^2 - W^2 + 2 i D w W)` with w = 100 rad/s, and twice this at a second station."""
     scene = jr.Scene(
         jr.RigidShaft(0.4, (jr.Constraint(0.0),)),
         jr.Disc(0.4, 1.0),
@@ -380,7 +380,7 @@ def test_response_in_micrometres_and_decades():
 
 
 def test_response_phase_runs_on():
-    """Two resonances turn the phase by a whole turn; of no damping it falls by half a turn."""
+    """Two resonances shift the phase by 360 degrees; without damping it drops by 180 degrees."""
     speeds = np.linspace(1.0, 400.0, 800)
     product = np.prod([w**2 / (w**2 - speeds**2 + 4j * speeds) for w in (100.0, 250.0)], axis=0)
     both = jnp.asarray(product[:, None], complex)
@@ -392,7 +392,7 @@ def test_response_phase_runs_on():
 
 
 def test_response_draws_the_parts_there_are():
-    """Forward and backward of an ellipse, against frequency at one speed; of weight its one part."""
+    """Both parts of an ellipse are drawn over frequency at one speed, and the one part of weight."""
     frequencies, one = jnp.linspace(10.0, 90.0, 5), jnp.array([0.2])
     forward = jnp.full((5, 1), 2e-3 + 0j)
     found = jr.HarmonicResponse(jnp.full(5, 300.0), frequencies, one, forward, 0.5j * forward, None)

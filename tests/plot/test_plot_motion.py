@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("rendered")
 STEPS = 64
 SPEED = 662.0  # [rad/s]
 RADIUS = 0.01  # [m]
-SHARES = jnp.array([1.0, 0.5])  # of the displacement, at the end of the shaft and half way
+SHARES = jnp.array([1.0, 0.5])  # of the displacement, at the end and the middle of the shaft
 DRIVEN = 1.0 / (1 - 0.3**2)  # [mm] of `driven`: `e W^2 / (W^2 - w^2)`
 
 
@@ -36,18 +36,18 @@ def pivoted(whirl, speed=SPEED):
 
 
 def driven():
-    """The same 1 mm off centre, well above its critical speed."""
+    """The same rotor with its centre of mass 1 mm off axis, well above its critical speed."""
     return pivoted(0.3).replace({"unbalance.eccentricity": 1e-3})
 
 
 def whirling(whirl, speed=SPEED):
-    """Eight revolutions of it, x = 10 mm at first; runs of other values use the same program."""
+    """Eight revolutions of the rotor from x = 10 mm; other values use the same program."""
     start = jr.Whirl(RADIUS, whirl * SPEED)
     return jr.simulate(pivoted(whirl, speed), 8, STEPS, start=start, at=[0.7, 0.35])
 
 
 def rippling(whirl, ripple, speed=SPEED):
-    """The same with a motion of `Lambda = whirl + ripple cos 3 theta`."""
+    """The same response with a motion of `Lambda = whirl + ripple cos 3 theta`."""
     response = whirling(whirl, speed)
     angle = response.angle
     z = RADIUS * jnp.exp(1j * (whirl * angle + ripple / 3 * jnp.sin(3 * angle)))
@@ -59,7 +59,7 @@ def rippling(whirl, ripple, speed=SPEED):
 
 
 def beside(result, *limiters):
-    """The result with limiters in its scene, which it did not feel."""
+    """The result with limiters in its scene, computed without them."""
     scene = result.scene
     return dataclasses.replace(result, scene=scene.of_parts(*scene.effects, *limiters))
 
@@ -85,7 +85,7 @@ def test_orbit_is_in_millimetres_with_equal_scales():
 
 def test_orbit_marks_each_revolution_in_red():
     points = lines(plot.orbit(whirling(0.25)))["once a revolution"]
-    # A quarter of a turn of whirl each revolution, from angle 0 to the end of the 8th.
+    # The whirl advances by a quarter of a revolution each, from angle 0 to the end of the 8th.
     np.testing.assert_allclose(points.get_xdata(), [10, 0, -10, 0, 10, 0, -10, 0, 10], atol=1e-9)
     assert to_hex(points.get_color()).upper() == colours.RED
 
@@ -135,7 +135,7 @@ def test_periodic_orbit_goes_on_by_its_turn():
     left, _ = plot.periodic(found)
     path = lines(left)["one period"]
     np.testing.assert_allclose(np.hypot(path.get_xdata(), path.get_ydata()), DRIVEN)
-    assert "next periods" not in lines(left)  # it is closed
+    assert "next periods" not in lines(left)  # the orbit is closed
 
     z = 0.01 * np.exp(1j * np.linspace(0.0, -2 * np.pi / 3, STEPS + 1))
     turned = dataclasses.replace(
@@ -149,7 +149,7 @@ def test_periodic_orbit_goes_on_by_its_turn():
     drawn = lines(left)
     np.testing.assert_allclose(drawn["one period"].get_xdata(), 1e3 * z.real)
     greys = [line for line in left.lines if to_hex(line.get_color()).upper() == colours.GREY]
-    assert len(greys) == 2  # and then it is closed
+    assert len(greys) == 2  # the orbit closes after these
     np.testing.assert_allclose(greys[1].get_xdata()[-1], 10.0)
     assert "limiter" in drawn
     drawn = lines(right)
@@ -159,7 +159,7 @@ def test_periodic_orbit_goes_on_by_its_turn():
 
 
 def test_harmonics_forward_and_backward():
-    """Every circle by its whirl, and what is far below the largest left out."""
+    """Every harmonic is drawn by its direction; those far below the largest are left out."""
     found = jr.harmonic_balance(driven(), harmonics=2, revolutions=2)
     drawn = lines(plot.harmonics(found))
     np.testing.assert_allclose(drawn["forward"].get_xydata(), [[1.0, DRIVEN]])
@@ -191,7 +191,7 @@ def test_history_is_in_revolutions_and_millimetres():
 
 
 def test_history_of_slope_is_in_milliradians():
-    """A straight axis tilts by displacement over length, turned by what it whirls."""
+    """A straight axis has the slope displacement over length, in the direction of its whirl."""
     ax = plot.history(whirling(-0.25), slope=True)
     turn, size = -np.pi / 2 * np.arange(8 * STEPS + 1) / STEPS, 1e3 * RADIUS / 0.7
     np.testing.assert_allclose(lines(ax)["x'"].get_ydata(), size * np.cos(turn), atol=1e-9)

@@ -1,4 +1,4 @@
-"""Plots of what turns at any speed: run-ups, reactions, balancers, films."""
+"""Plots of motions at any speed: run-ups, reactions, balancers, films."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ STATIC = ("static", "static_moment")
 
 
 def rows(*angles):
-    """Balls at these angles, at rest in the axes of the shaft."""
+    """Motion of balls that are at these angles, at rest in the axes of the shaft."""
     return tuple(jr.Balls(jnp.asarray(row), jnp.zeros(np.shape(row))) for row in angles)
 
 
@@ -111,7 +111,7 @@ def test_amplitude_of_a_run_up(run):
 
 
 def test_passage_marks_contact_and_the_critical_speed():
-    """50 rad/s of 2 kg on 5 kN/m; touches where the amplitude exceeds the gap."""
+    """A mass of 2 kg on 5 kN/m (50 rad/s), in contact where the amplitude exceeds the gap."""
     scene = jr.Scene(
         jr.MasslessShaft(0.4, 0.2, 5e3),
         jr.Disc(0.2, 2.0, 0.0, 0.0, offset=1e-3),
@@ -204,7 +204,7 @@ def test_a_force_that_is_never_there_has_no_legend():
 
 
 def test_a_coarse_hodograph_is_round():
-    """`m e W^2 / 2` = 10 N about the weight, 2 g / 2, at three samples in about three revolutions."""
+    """A reaction `m e W^2 / 2` = 10 N about the weight, 2 g / 2, at three samples in three revolutions."""
     ax = plot.hodograph(symmetric(jr.Gravity()))
     path = ax.lines[0].get_xdata() + 1j * ax.lines[0].get_ydata()
     weight = np.mean([np.min(path.imag), np.max(path.imag)]) * 1j
@@ -214,7 +214,7 @@ def test_a_coarse_hodograph_is_round():
 
 
 def test_a_force_of_rounding_has_no_static_part():
-    """The weight hangs at the support: the pivot carries 2e-15 N of it."""
+    """The support carries all of the weight: the pivot carries 2e-15 N, which is rounding."""
     scene = jr.Scene(
         jr.RigidShaft(0.4, (jr.Constraint(0.0),)),
         jr.Disc(0.4, 1.0, offset=1e-3),
@@ -259,7 +259,7 @@ def test_balls_by_row_and_what_they_leave(run):
     assert [to_hex(line.get_color()).upper() for line in upper.lines] == [blue, blue, orange]
     drawn = lines(upper)["row 1, 2 balls"].get_ydata()
     np.testing.assert_allclose(drawn[:200], 360 * np.linspace(0.0, 1.0, 201)[:200], atol=1e-9)
-    once = upper.lines[1].get_ydata()  # begins at 90 degrees, goes round at three quarters
+    once = upper.lines[1].get_ydata()  # begins at 90 degrees, passes 360 at three quarters
     assert np.isnan(once).sum() == 1 and once[-1] == pytest.approx(90.0)
     assert "row 2, 1 ball" in lines(upper)
     left, turn = lines(lower), 2j * np.pi * run.time
@@ -286,7 +286,7 @@ def test_balancer_is_drawn_to_scale(run):
     expected = [(0, 0, 60), (60, 0, 8), (0, 60, 8), (0, 0, 50), (0, -50, 8)]
     np.testing.assert_allclose(circles, expected, atol=1e-6)
     arrows = {a.get_label(): complex(a.U[0], a.V[0]) for a in ax.collections}
-    each = 60 / 4.0  # mm a g m: the balls can balance 4 g m
+    each = 60 / 4.0  # mm per g m: the balls can balance 4 g m
     assert arrows["rotor"] == pytest.approx(2 * each)
     assert arrows["row 1, 2 balls"] == pytest.approx((1.5 + 1.5j) * each)
     assert arrows["row 2, 1 ball"] == pytest.approx(-1j * each)

@@ -34,7 +34,7 @@ def swept():
 
 @pytest.fixture(scope="module")
 def lanes(swept):
-    """Its three lanes with values that are known: undefined, forward, backward."""
+    """The sweep with known values in its three lanes: undefined, forward, backward."""
     nan = np.nan
     extrema = [
         [[0.0, nan, nan], [nan, nan, nan]],
@@ -47,12 +47,12 @@ def lanes(swept):
 
 @pytest.fixture(scope="module")
 def spectra():
-    """Five spectra of a sweep over the speed, in place of each a peak at 3 cycles a revolution."""
+    """A sweep over five speeds, each spectrum replaced by a peak at 3 cycles per revolution."""
     return peaks("spin.speed")
 
 
 def put(dataset, **values):
-    """The dataset with other values of some variables."""
+    """The dataset with some variables replaced."""
     return dataset.assign({name: dataset[name].copy(data=a) for name, a in values.items()})
 
 
@@ -105,7 +105,7 @@ def test_bifurcation_of_a_free_whirl():
     over = {"start.rate": [SPEED / 2, -SPEED / 2]}
     run = {"settle": 0, "keep": 2, "observe": OBSERVE, "steps_per_revolution": 32}
     dataset = jr.sweep(ROTOR, over, start=jr.Whirl(0.01, angle=1.0), **run)
-    seen = -10 * np.cos(1.0)  # after a revolution, half a turn of whirl
+    seen = -10 * np.cos(1.0)  # after a revolution the whirl has advanced by a half
     for section, expected in ((False, [-10.0, 10.0]), (True, [seen, -seen])):
         upper, lower = plot.bifurcation(dataset, section=section)
         for name, way in (("forward whirl", 0.5), ("backward whirl", -0.5)):

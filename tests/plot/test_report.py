@@ -1,4 +1,4 @@
-"""Reports: one file, parsed as a browser does; everything inside, nothing to fetch."""
+"""Reports: a self-contained file, parsed as by a browser, with nothing to fetch."""
 
 import base64
 import io
