@@ -20,9 +20,7 @@ class Plan(eqx.Module):
     contacts: bool = eqx.field(static=True)  # whether ports are read
     coordinates: bool = eqx.field(static=True)  # whether all coordinates are read
     together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
-    batch: bool = eqx.field(
-        static=True, default=False
-    )  # whether lanes under vmap are stepped as one
+    batch: bool = eqx.field(static=True, default=False)  # whether vmapped lanes are one array
 
 
 class RevolutionSamples(eqx.Module):

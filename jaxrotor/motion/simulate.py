@@ -45,15 +45,11 @@ class Response(eqx.Module):
     rates: Complex[Array, "T n"]  # [1/s] of them
     stations: Float[Array, " s"]  # [m]
     end: Continued  # state at the end, from which another run may continue
-    unresolved: Int[
-        Array, ""
-    ]  # steps in which `located=True` did not resolve all changes of contact
+    unresolved: Int[Array, ""]  # steps in which `located=True` did not find all contact changes
     scene: Scene
     steps_per_revolution: int = eqx.field(static=True)
     solver: str = eqx.field(static=True)
-    pilots: tuple[Pilot, ...] = eqx.field(
-        default=(), static=True
-    )  # runs that chose "auto" settings
+    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # that chose "auto" settings
 
     def _repr_html_(self) -> str:
         largest = np.abs(self.displacement).max(axis=0)

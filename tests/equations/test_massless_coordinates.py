@@ -125,7 +125,7 @@ def test_undamped_supports_on_the_way_up():
 @pytest.mark.slow
 @pytest.mark.parametrize("path", ["supports.stiffness", "supports.damping", "disc.mass"])
 def test_derivatives(path):
-    """Also while masses are traced, which of them are zero being unknown then."""
+    """Also while masses are traced, when it is not known which of them are zero."""
     scene, times = rotor(jr.ConstantSpeed(80.0)), jnp.linspace(0.0, 0.1, 5)
     value = float(np.ravel(scene.get(path))[0])
 
@@ -229,7 +229,7 @@ def test_damped_and_undamped_coordinates_together():
 
 @pytest.mark.slow
 def test_scenes_that_are_traced():
-    """Mapped over a stiffness, whose masses are known, and compiled with a contact, which are not."""
+    """A scene mapped over a stiffness has known masses, one compiled with a contact has not."""
     scene, times = jr.load("dual-stiffness-elastic"), jnp.linspace(0.0, 0.05, 3)
     run = {"solver": dfx.Dopri8(), "max_steps": 500}
     last = lambda scene: jr.run_up(scene, times, **run).displacement[-1, 0]

@@ -1,4 +1,4 @@
-"""Pay only for what is drawn: size of the compiled equations, absence, retracing, closed forms."""
+"""Absent parts cost nothing: size of the compiled equations, strength zero, retracing, closed forms."""
 
 import dataclasses
 
@@ -44,7 +44,7 @@ from jaxrotor.motion.revolutions import March
 
 
 def primitives(jaxpr):
-    """Names of all equations, those of inner jaxprs too."""
+    """Primitives of all equations of a jaxpr, also of inner ones."""
     for equation in jaxpr.eqns:
         inner = [
             getattr(leaf, "jaxpr", leaf)
@@ -116,7 +116,7 @@ def test_equations_grow_only_by_what_was_added(fields):
 
 @pytest.mark.slow
 def test_products(fields):
-    """One product of the state with a matrix for each block that is drawn, two for the ports."""
+    """One product of the state with a matrix for each block that is present, three for the ports."""
     products = {name: names.count("dot_general") for name, (names, *_) in fields.items()}
     assert products == {
         "bare": 2,  # stiffness, gyroscopic
@@ -291,7 +291,7 @@ def test_changing_values_never_retraces(use):
 
 
 def test_new_structure_does_compile():
-    """The list above fills."""
+    """`TRACED` records compilations, so the test above can fail."""
     TRACED.clear()
     jax.jit(lambda x: jnp.sin(x) + 2.71828)(jnp.zeros(7))
     assert TRACED

@@ -32,7 +32,7 @@ ELSEWHERE = ("shaft.constraints", "shaft.material.shear_modulus", "external_damp
 
 
 def parameters(scene):
-    """Every parameter by a path of its own: of like effects together, and apart where they differ."""
+    """Every parameter by a path: one for all effects of a kind, and one for each where they differ."""
     found = {}
     for path, value in leaf_values(scene).items():
         if path.startswith(ELSEWHERE):
@@ -59,7 +59,7 @@ def put(scene, values):
 
 
 def forward(function, values):
-    """Derivative by every entry, one compiled forward-mode pass for each."""
+    """Derivative by every entry, by one compiled forward-mode pass each."""
     push = jax.jit(lambda at, along: jax.jvp(function, (at,), (along,))[1])
     still = {path: jnp.zeros(()) for path in values}
     return {path: float(push(values, still | {path: jnp.ones(())})) for path in values}
@@ -72,7 +72,7 @@ def scale_of(value):
 def agree(function, exact, values, change, most=0.02):
     """Exact derivatives equal central differences to RTOL.
 
-    A parameter steps as far as changes the result by about `change`, at most by a share `most`:
+    A parameter steps so far that the result changes by about `change`, at most by a share `most`:
     little enough for no contact to move to another step of the grid, enough to rise above rounding.
     """
     function, wrong = jax.jit(function), {}

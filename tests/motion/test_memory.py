@@ -16,7 +16,7 @@ STIFFNESS = SCENE.get("limiters.stiffness")[0]
 
 
 def bounced(revolutions, keep=1, **options):
-    """A number of the end of a run that strikes stops, as a function of their stiffness."""
+    """Mean square displacement at the end of a run against stops, as a function of their stiffness."""
 
     def function(stiffness):
         run = jr.simulate(
@@ -35,7 +35,7 @@ def bounced(revolutions, keep=1, **options):
 
 @pytest.mark.slow
 def test_checkpoints_change_no_derivative():
-    """23 revolutions leave some over after the last checkpoint, the 24 that are kept do not."""
+    """23 revolutions leave a remainder after the last checkpoint, the 24 that are kept do not."""
     forward = lambda k: jax.jvp(bounced(47, 24), (k,), (jnp.ones(()),))
     _, exact = jax.jit(forward, **QUICKLY)(STIFFNESS)
     reverse = bounced(47, 24, adjoint=dfx.RecursiveCheckpointAdjoint())
@@ -46,7 +46,7 @@ def test_checkpoints_change_no_derivative():
 
 @pytest.mark.slow
 def test_reverse_mode_keeps_few_revolutions():
-    """By XLA's own count; a state kept at every revolution would be as many states more."""
+    """Counted by XLA; a checkpoint at every revolution would take one more state for each."""
 
     def needed(revolutions):
         reverse = bounced(revolutions, adjoint=dfx.RecursiveCheckpointAdjoint())

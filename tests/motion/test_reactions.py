@@ -58,7 +58,7 @@ TIMES = TABLE[:, 0]
 
 
 def rotor(exact=False, **drive):
-    """The worked example, written anew."""
+    """The rotor of the worked example."""
     return jr.Scene(
         jr.RigidShaft(0.453, (P(A), P(B))),
         jr.Disc.thin(A + 0.133, 47, 0.17, offset=4e-4, offset_angle=0.68 - np.pi / 2, exact=exact),
@@ -264,7 +264,7 @@ def test_rk4_with_the_steps_of_the_course(worked):
     ],
 )
 def test_special_cases_of_the_drive(drive, speed):
-    """Integrated, and the reactions that belong to them; one program, its numbers put in."""
+    """The integrated speed and the reactions that belong to it; one program for all numbers."""
     scene = jr.load("turbine-run-up").replace({f"spin.{name}": x for name, x in drive.items()})
     run, found = forces(scene, TIMES[:2] * 8)
     printed(run.speed[1], speed, 9)
@@ -409,7 +409,7 @@ def test_wheel_at_constant_speed_is_pulled_to_the_axis():
 
 @pytest.mark.hard("4.3 reactions at once on starting from rest")
 def test_starting_from_rest():
-    """Case 3: reactions at once, a quarter turn from those to come."""
+    """Case 3: reactions begin at once, a quarter turn from the later ones."""
     run, found = forces(rotor(speed=0.0), [0.0, 1e3])
     arms = np.abs([-0.0346290060 + 0.0076297334j, 0.0464503149 - 0.0111481005j])
     np.testing.assert_allclose(np.abs(found.force[0]), arms * 1950 / INERTIA, rtol=1e-8)
@@ -526,7 +526,7 @@ def test_stationary_limit_is_of_the_steady_speed(worked):
 
 
 def test_a_rotor_on_a_fixed_axis_has_no_whirl():
-    """Refused in one sentence by all that look for one."""
+    """All analyses of whirl refuse it in one sentence."""
     scene = jr.load("turbine-run-up").at_speed(200.0)
     asked = [
         lambda: jr.simulate(scene, 1, 8),
@@ -544,7 +544,7 @@ def test_a_rotor_on_a_fixed_axis_has_no_whirl():
 
 
 def test_a_pivot_under_weight_has_no_static_part():
-    """It falls: forces are right, but a place at rest it has none."""
+    """It falls: forces are right, but it has no rest position."""
     disc, pivot = jr.Disc(0.5, 2.0, 0.1, 0.2), jr.RigidShaft(1.0, (P(0.0),))
     scene = jr.Scene(pivot, disc, jr.Gravity(9.81), spin=jr.ConstantSpeed(100.0))
     _, found = forces(scene, [0.0, 0.01])

@@ -68,7 +68,7 @@ def test_ramp_through_the_critical_speed():
 
 @pytest.mark.slow
 def test_flexible_rotor_through_its_first_critical_speed():
-    """Gyroscopic, with internal damping; its matrices, integrated by another hand in fixed axes."""
+    """Gyroscopic, with internal damping; scipy integrates its matrices in fixed axes."""
     scene = jr.load("limiter-rotor").without("limiters").replace({"unbalance.eccentricity": 1e-4})
     small = jr.FlexibleShaft(0.7, 0.02, scene.shaft.material, nodes=3)
     scene = jr.Scene(small, *scene.effects, spin=jr.SpeedProfile.ramp(30.0, 130.0, 0.5))
@@ -185,7 +185,7 @@ def lagrangian(q, v):
 
 
 def free_jeffcott(torque, slope):
-    """The same as a scene; about the axis its offset counts too."""
+    """The same as a scene; its moment of inertia about the axis includes the offset."""
     inertia = 0.01 + MASS * (20 * OFFSET) ** 2
     drive = jr.Drive(100.0, torque, slope, polar=inertia, feedback=True)
     return jeffcott(spin=drive, offset=20 * OFFSET)
@@ -214,7 +214,7 @@ def test_feedback_of_unbalance_is_that_of_the_lagrangian():
 
 @pytest.mark.slow
 def test_a_weak_drive_is_captured_at_the_critical_speed():
-    """Sommerfeld: 2 N m hang below 200 rad/s, 12 N m pass; without feedback both pass."""
+    """Sommerfeld effect: 2 N m stay below 200 rad/s, 12 N m pass; without feedback both pass."""
     times = np.linspace(0, 8.0, 81)
     weak, strong = (jr.run_up(free_jeffcott(torque, 0.004), times) for torque in (2.0, 12.0))
     assert float(weak.speed[-1]) < CRITICAL and float(strong.speed[-1]) > 1.5 * CRITICAL
@@ -229,7 +229,7 @@ def test_a_weak_drive_is_captured_at_the_critical_speed():
 
 @pytest.mark.slow
 def test_friction_of_a_stop_brakes_the_drive():
-    """Energy: what the drive gives is stored, or lost in dampers, stop and friction."""
+    """Energy: the work of the drive is stored, or lost in dampers, stop and friction."""
     drive = jr.Drive(150.0, 3.0, 0.01, polar=0.02, feedback=True)
     limiter = jr.Limiter(0.5, 0.3, 1e-4, 4e5, 0.0, 0.2, 0.03)
     scene = jeffcott(limiter, spin=drive, offset=None)
@@ -307,7 +307,7 @@ def test_what_turns_with_the_shaft_makes_no_energy(shaft, effects, spring, dampe
 
 @pytest.mark.slow
 def test_internal_damping_of_a_flexible_shaft_brakes_as_that_of_a_spring():
-    """A disc amid a shaft of next to no mass: k = 48 EI / l^3."""
+    """A disc in the middle of a shaft of almost no mass: k = 48 EI / l^3."""
     bar, times = jr.Material(2e11, 1.0), np.linspace(0, 0.03, 7)
     stiffness = 48 * 2e11 * np.pi * 0.02**4 / 64
     pinned = jr.FlexibleShaft(
@@ -441,7 +441,7 @@ def test_a_run_continues():
 
 @pytest.mark.slow
 def test_a_run_goes_on_at_another_speed():
-    """Displacement and velocity in fixed axes go on; against scipy at both speeds."""
+    """Displacement and velocity in fixed axes are continuous; against scipy at both speeds."""
     times = np.linspace(0, 0.1, 6)
 
     def at(speed, begin):
@@ -473,7 +473,7 @@ def test_a_run_goes_on_at_another_speed():
     ids=["profile", "closed", "free"],
 )
 def test_a_run_goes_on_at_a_speed_that_varies(spin):
-    """In parts or in one piece, and the speed by scipy."""
+    """A run in parts equals one in a single piece; the speed is compared with scipy."""
     scene = jeffcott(spin=spin)
     whole = jr.run_up(scene, [0.1, 0.2, 0.3], controller=FINE)
     first = jr.run_up(scene, [0.02, 0.05, 0.1], controller=FINE)

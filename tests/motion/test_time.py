@@ -20,7 +20,7 @@ PAPER = jr.load("limiter-rotor-2023")
 
 
 def scene(nodes: int = 8, *, reversed_sign: bool = False) -> jr.Scene:
-    """The limiter rotor with a spectral shaft of so many nodes."""
+    """The limiter rotor with a spectral shaft of a given number of nodes."""
     shaft = jr.FlexibleShaft(LENGTH, 0.02, polar_ratio=-2.0 if reversed_sign else 2.0, nodes=nodes)
     built = jr.Scene(shaft, *RIGHT.effects, spin=RIGHT.spin)
     return built.replace({"disc.polar": -RIGHT.get("disc.polar")}) if reversed_sign else built
@@ -36,7 +36,7 @@ def radii(z: np.ndarray) -> tuple[float, float]:
 
 
 def whirl_rate(z: np.ndarray, steps: int) -> float:
-    """Turns per revolution, weighted by a bump that vanishes smoothly at both ends."""
+    """Turns per revolution, weighted by a window that vanishes smoothly at both ends."""
     turned = np.angle(z[1:] * z[:-1].conj()) * steps / (2 * np.pi)
     u = (np.arange(turned.size) + 0.5) / turned.size
     weight = np.exp(-1 / (u * (1 - u)))
@@ -118,7 +118,7 @@ def test_three_attractors_coexist_without_unbalance(width, rate, low, high, reco
 
 
 class Oracle:
-    """The piecewise linear rotor between its contact events, each flown exactly.
+    """The piecewise linear rotor, exact between its contact events.
 
     Ritz basis `zeta^2 P_j(2 zeta - 1)` in the dimensionless variables of the sheet; states are
     real, `[Re q, Re q., Im q, Im q.]`. Rim speed keeps its sign (no rolling).
@@ -284,7 +284,7 @@ def test_adaptive_solver_agrees_on_the_rub(nodes, blend, solver, tolerance, agre
 
 @pytest.mark.slow
 def test_diffrax_solver_meets_the_whirl_rate():
-    """Kvaerno5 carried on from the settled rub, by touch-down times of the same stop."""
+    """Kvaerno5 continues the settled rub; rate by touch-down times of the same stop."""
     settled = rub("right", 2).end
     r = jr.simulate(RIGHT, 60, 256, solver=dfx.Kvaerno5(), start=settled)
     force = abs(np.asarray(r.contact_force))
@@ -332,7 +332,7 @@ def smooth_force(z: complex, v: complex) -> complex:
 
 @functools.cache
 def smooth_reference() -> tuple[jr.Continued, np.ndarray]:
-    """A state well inside the smooth regime, and where scipy takes it in two revolutions."""
+    """A state well inside the smooth regime, and the state two revolutions later by scipy."""
     built = smooth_scene()
     # Sink into the stop slowly: the equilibrium is the start.
     settled = jr.simulate(built, 400, 256, keep=1, start=jr.Whirl(5e-4, angle=-np.pi / 2)).end

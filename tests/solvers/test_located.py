@@ -141,7 +141,7 @@ def test_two_stops_at_once(record_property):
 @pytest.mark.slow
 @pytest.mark.hard("1.3 grazing")
 def test_grazing_is_a_touch_at_most():
-    """The free orbit's radius is the gap to within 1e-9 of it."""
+    """The radius of the free orbit is the gap within 1e-9 of it."""
     rotor = limiter_rotor(N=5.0, eps=1e-3, eta_i=None)
     linear = rotor.without("limiters")
     circle = float(abs(jr.unbalance_response(linear, float(rotor.spin.speed)).forward[0, 0]))
@@ -155,7 +155,7 @@ def test_grazing_is_a_touch_at_most():
 @pytest.mark.slow
 @pytest.mark.hard("1.3 more changes of contact than a step can locate", outcome="flagged")
 def test_steps_that_cannot_be_located_are_counted():
-    """Friction that holds the rim against its slip reverses without end: stepped as it is."""
+    """Friction that holds the rim against its slip reverses without end and is not resolved."""
     stop = jr.Limiter(angle=0.0, gap=0.0, friction=50.0, rim_radius=0.1, **LINE)
     linear = limiter_rotor(N=1.0, contact=False, gravity=True)
     scene = jr.Scene(linear.shaft, *linear.effects, stop, spin=linear.spin)
