@@ -9,6 +9,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import equinox as eqx
@@ -86,6 +87,21 @@ def full_name(parts, name):
     return parts or ("__init__",)
 
 
+LONGEST_MODULE, LONGEST_FUNCTION = 400, 80  # lines; of a function without its docstring
+
+
+def functions(tree):
+    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+
+
+def lines_of(function):
+    """Lines of a function, its docstring not counted."""
+    first = function.body[0]
+    text = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    told = first.end_lineno - first.lineno + 1 if text else 0
+    return function.end_lineno - function.lineno + 1 - told
+
+
 def name_of(path):
     return "/".join(module_of(path))
 
@@ -140,6 +156,61 @@ def test_matplotlib_is_imported_by_plots_alone():
     for path in SOURCES:
         if module_of(path)[0] != "plot":
             assert "matplotlib" not in imports(path)[1], name_of(path)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name_of)
+def test_modules_and_functions_are_short(path):
+    text = path.read_text()
+    assert len(text.splitlines()) <= LONGEST_MODULE
+    long = {f.name: lines_of(f) for f in functions(ast.parse(text))}
+    assert max(long.values(), default=0) <= LONGEST_FUNCTION, long
+
+
+# === words
+
+OPENINGS = ("Of ", "What ")  # of half a sentence
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name_of)
+def test_docstrings_open_with_a_noun_or_a_sentence(path):
+    told = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, told):
+            assert not (ast.get_docstring(node) or "").startswith(OPENINGS), node
+
+
+def public_functions():
+    """Functions that a user calls by name, each once."""
+    places = (jaxrotor, jaxrotor.plot, jaxrotor.objectives, jaxrotor.methods)
+    found = {}
+    for place in places:
+        for name in dir(place):
+            value = inspect.unwrap(getattr(place, name))
+            ours = inspect.isfunction(value) and value.__module__.startswith(place.__name__)
+            if ours and not name.startswith("_"):
+                found[f"{value.__module__}.{value.__qualname__}"] = value
+    return found
+
+
+PUBLIC = public_functions()
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_functions_tell_arguments_result_and_errors(name):
+    function = PUBLIC[name]
+    doc = inspect.getdoc(function) or ""
+    section = lambda head: doc.partition(f"{head}:\n")[2].partition("\n\n")[0]
+    parameters = inspect.signature(function).parameters.values()
+    for one in parameters:
+        said = re.search(rf"^ +(?:\S+, )*\**{one.name}(?:, \S+)*:", section("Args"), re.M)
+        assert said, f"Tell {one.name} of {name} under `Args:`."
+    if inspect.signature(function).return_annotation is not None:
+        assert section("Returns"), f"Tell what {name} returns."
+    body = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    calls = {getattr(node.func, "id", "") for node in ast.walk(body) if isinstance(node, ast.Call)}
+    raises = any(isinstance(node, ast.Raise) for node in ast.walk(body))
+    if raises or any(call.startswith("check_") for call in calls):
+        assert section("Raises"), f"Tell what {name} raises."
 
 
 # === classes
