@@ -115,6 +115,37 @@ def test_layers_import_downwards_only(path):
             assert LEVEL[there[0]] < LEVEL[here[0]], f"{'.'.join(here)} imports {'.'.join(there)}."
 
 
+CONTRIBUTING = (PACKAGE.parent / "CONTRIBUTING.md").read_text()
+
+
+def test_the_rooms_are_those_of_the_table():
+    """CONTRIBUTING has every room with its floor and what it imports from, as it is."""
+    rooms, imported = {}, {}
+    for path in SOURCES:
+        here = module_of(path)[0]
+        if len(module_of(path)) > 1 or here == "scene":
+            rooms[here] = LEVEL[here] + 1
+            own = imported.setdefault(here, set())
+            own |= {there[0] for there in imports(path)[0]} - {here}
+    rows = re.findall(r"^\| (\d+) \| `([\w.]+)` \|.*\| ([^|]*) \|$", CONTRIBUTING, re.M)
+    told = {name.removesuffix(".py"): (int(floor), froms) for floor, name, froms in rows}
+    shown = {name: min(floor, 11) for name, floor in rooms.items()}
+    assert {name: floor for name, (floor, _) in told.items()} == shown
+    for name, (_, froms) in told.items():
+        named = set(re.findall(r"`(\w+)`", froms))
+        if froms.startswith("every room but"):
+            named = {room for room in rooms if room != name} - named
+        assert named == imported[name] & set(rooms), name
+
+
+def test_the_walks_pass_by_what_is_there():
+    stops = re.findall(r"^\d+\. `([\w/]+\.py): (\w+)`", CONTRIBUTING, re.M)
+    assert len(stops) == 21
+    for path, name in stops:
+        defined = {f.name for f in functions(ast.parse((PACKAGE / path).read_text()))}
+        assert name in defined, f"{path}: {name}"
+
+
 DIFFERENTIATED = ("effects", "shafts", "spins", "equations", "solvers", "motion", "design")
 
 
