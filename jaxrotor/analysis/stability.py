@@ -74,8 +74,8 @@ def undamped_side(ends: Any) -> Any:
     The rotor is then marginally stable on that side, where growth has no sign to search by: the boundary
     is where growth exceeds rounding. Two places are tested, as at one growth may be zero by chance.
     """
-    marginal = ends == 0
-    return marginal[:2].all(0) | marginal[2:].all(0)
+    still = ends == 0
+    return still[:2].all(0) | still[2:].all(0)
 
 
 def onset_speed(

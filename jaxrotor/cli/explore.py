@@ -39,7 +39,7 @@ def explore(
     explorer = window(opened(stores(data)))
     if at is not None:
         if not np.isfinite(at):
-            raise ValueError(f"--at must be a finite value on the axis, but is {at:g}.")
+            raise ValueError(f"--at must be a number on the axis of the diagram, but is {at:g}.")
         explorer.show(explorer.near(explorer.lower, at, 0.0))
     if out is None:
         explorer.wait()

@@ -52,7 +52,7 @@ def opened(found: list[Path]) -> Any:
 
     if len(found) != 1:
         names = ", ".join(str(path) for path in found) or "none"
-        raise ValueError(f"DATA must be one store, DIR/NAME.zarr, but these were found: {names}.")
+        raise ValueError(f"DATA must be one store, DIR/NAME.zarr, but there are: {names}.")
     try:
         data = xr.open_zarr(found[0], chunks=None)
     except (OSError, ValueError, KeyError):

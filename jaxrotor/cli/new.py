@@ -47,7 +47,9 @@ def new(
         raise ValueError(f"The name of a scene file must end in .toml, but is {path}.")
     text, notes = _template().replace("NAME.toml", str(path)), ()
     if like is not None and from_ross is not None:
-        raise ValueError("--like and --from-ross exclude each other; give one of them.")
+        raise ValueError(
+            "A new scene takes one of --like and --from-ross, but has both; give only one."
+        )
     if like is not None:
         text = source(like)
     elif from_ross is not None:

@@ -315,7 +315,7 @@ def test_new_scene_from_ross(tmp_path, monkeypatch):
     assert str(jr.load("mine.toml")) == str(scene)
     assert "add --speed" in run("other.toml", *options[:2]).stderr
     assert "one of --like and --from-ross" in run("o.toml", *options, "--like", "x").stderr
-    assert "--speed is that of --from-ross" in run("o.toml", *options[2:]).stderr
+    assert "--speed is for --from-ross" in run("o.toml", *options[2:]).stderr
     assert not (tmp_path / "other.toml").exists()
 
 
