@@ -1,4 +1,4 @@
-"""Balance of moments about the axis: what drives and brakes a spin that feels the rotor."""
+"""Balance of moments about the axis, of a spin with feedback from the rotor."""
 
 import equinox as eqx
 import jax

@@ -53,7 +53,7 @@ def unequal_parts(system: System, *axes: str) -> str:
 
 
 def check_alike(system: System, what: str, instead: str) -> None:
-    """Raise unless axes are equal; `what` is for equal axes alone, do `instead`."""
+    """Raise unless all axes are equal; the message says that `what` needs it, and to do `instead`."""
     if not isotropic(system.blocks):
         raise ValueError(
             f"{what} is for a rotor that is the same along every axis, but the axes of "

@@ -174,7 +174,7 @@ def check_known_in_time(system: System) -> None:
 
 
 def check_no_balls(system: System, what: str, instead: str) -> None:
-    """Raise if bodies run round the shaft; `what` is for rotors without them, do `instead`."""
+    """Raise if bodies run round the shaft; the message names `what`, and says to do `instead`."""
     if system.races:
         raise ValueError(
             f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."

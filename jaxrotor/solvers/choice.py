@@ -37,7 +37,7 @@ def choose(
 
 
 def decide_basis(solver: Exponential, vectors: Array | np.ndarray) -> Exponential:
-    """The solver in a modal basis if all eigenvectors, (.., m, m), are well conditioned, else a dense."""
+    """The solver in a modal basis if all eigenvectors, (.., m, m), are well conditioned, else dense."""
     return dataclasses.replace(solver, basis="modal" if well_conditioned(vectors) else "dense")
 
 

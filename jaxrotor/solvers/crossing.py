@@ -70,8 +70,8 @@ def falls_through_zero(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Arr
 def first_crossing(begin: Crossing, end: Crossing, span: Scalar) -> Scalar:
     """Share of the span at which a margin first descends through zero, 2 if none does.
 
-    A cubic is monotone between 0, its extrema and 1, so each piece is bisected three times, and Newton's
-    method continues. The derivative of the share is that of the root, by the implicit function theorem.
+    A cubic is monotone between 0, its extrema and 1. The first piece that falls through zero is bisected
+    three times, and Newton's method follows. The derivative of the share is that of the exact root.
     """
     cubic = Cubic.of(begin, end, span)
     found = jax.lax.stop_gradient(cubic)

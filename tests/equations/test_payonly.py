@@ -33,6 +33,7 @@ from jaxrotor import (
     Whirl,
     assemble,
 )
+from jaxrotor.core.blocks import Load
 from jaxrotor.equations.rotating_frame import RotatingState, Transient
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import structure
@@ -153,6 +154,27 @@ def test_absent_is_none(fields):
     thin = bare(rotary_inertia=False)
     assert assemble(thin).blocks.gyroscopic is None and field_of(thin)[2].gyroscopic is None
     assert len(field_of(thin)[0]) < len(fields["bare"][0])
+
+
+def test_loads_are_built_where_they_are_asked_for():
+    system = assemble(bare(DISC, ExternalDamping(8.0), Unbalance(LENGTH, MASS, 1e-4), Gravity()))
+    loaded, unloaded = (
+        Motion(system, jnp.asarray(1 / TIME), loads=there) for there in (True, False)
+    )
+    assert loaded.constant is not None and loaded.unbalance is not None
+    assert unloaded.constant is None and unloaded.unbalance is None
+    np.testing.assert_array_equal(loaded.matrix(), unloaded.matrix())
+
+
+def test_force_of_unbalance():
+    """`(Omega^2 - i Omega.) u`, or nothing."""
+    speed, acceleration, u = jnp.asarray(30.0), jnp.asarray(7.0), jnp.array([1e-3 + 2e-3j])
+    load = Load(unbalance=u)
+    np.testing.assert_allclose(load.unbalance_force(speed), 900 * u, rtol=1e-15)
+    np.testing.assert_allclose(
+        load.unbalance_force(speed, acceleration), (900 - 7j) * u, rtol=1e-15
+    )
+    assert Load().unbalance_force(speed, acceleration) is None
 
 
 def test_damping_that_is_known_to_be_the_same_along_every_axis():
@@ -288,6 +310,16 @@ def test_changing_values_never_retraces(use):
     second = USES[use](again)
     assert not TRACED
     assert not np.allclose(first, np.asarray(jax.tree.leaves(second)[0]), rtol=1e-6, atol=0)
+
+
+def test_a_run_assembles_its_scene_once(monkeypatch):
+    """Where its program is traced; another run of the same structure assembles by that program."""
+    assembled, line = [], jr.Scene.line
+    monkeypatch.setattr(jr.Scene, "line", lambda scene: assembled.append(scene) or line(scene))
+    scene = bare(DISC, ExternalDamping(8.0), Unbalance(LENGTH, MASS, 1e-4), nodes=3)
+    for run in (scene, other_values(scene)):
+        jr.simulate(run, 1, 5, start=STARTED)
+        assert len(assembled) == 1
 
 
 def test_new_structure_does_compile():
