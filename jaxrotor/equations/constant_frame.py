@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core.quantities import Scalar
-from .pencil import Pencil, check_axes, frame
+from .pencil import Pencil, check_axes, frame, isotropic, steady_response
 from .system import System
 
 
@@ -98,6 +98,15 @@ class ConstantFrame(eqx.Module):
             carried = self.turn * rate
             along, across = [zero, -carried, rate, zero], [carried, zero, zero, rate]
         return jnp.block([[rows, zero, zero, zero], along, [zero, rows, zero, zero], across])
+
+
+def steady_amplitudes(system: System) -> list[Array]:
+    """Displacements [m] that make up the steady response: its constant and its harmonic parts."""
+    if isotropic(system.blocks):
+        return [part for part in steady_response(system) if part is not None]
+    axes = ConstantFrame.of(system, jnp.ones(()))
+    parts = (axes.still, axes.cos, axes.sin)
+    return [part[: 2 * system.n] for part in parts if part is not None]
 
 
 def _in_axes(z: Complex[Array, " n"]) -> Float[Array, " n2"]:

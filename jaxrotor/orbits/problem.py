@@ -298,7 +298,7 @@ def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
 
 def _basis(scene: Scene, solver: Exponential) -> str:
     rate: Scalar = jnp.abs(scene.spin.speed)
-    chosen: Any = choose(solver, scene, rate)
+    chosen: Any = choose(solver, assemble(scene), rate)
     return chosen.basis
 
 

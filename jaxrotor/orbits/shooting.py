@@ -16,7 +16,7 @@ from jaxtyping import Array, Complex, Float
 from ..analysis.floquet import multipliers_of
 from ..core.plane import plane
 from ..core.quantities import Scalar
-from ..equations.pencil import steady_response
+from ..equations.constant_frame import steady_amplitudes
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from ..motion.base import Plan, RevolutionSamples
@@ -72,7 +72,7 @@ class Shooting(eqx.Module):
         """The problem near a start (q, velocity); with `revolutions=None` the period is unknown."""
         if revolutions is None:  # the equations must be autonomous
             system = without_unbalance(system)
-        steady = (part for part in steady_response(system) if part is not None)
+        steady = steady_amplitudes(system)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *steady])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
         parts = system, plan, stations, rate, span, turn, size

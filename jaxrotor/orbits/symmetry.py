@@ -29,6 +29,13 @@ def symmetry_defects(scene: Scene, system: System, turn: Scalar) -> Float[Array,
         parts.append(_relative(jnp.abs(load.unbalance)))
     if load.constant is not None:
         parts.append(_relative(jnp.abs((jnp.exp(1j * turn) - 1) * load.constant), load.constant))
+    blocks = system.blocks
+    for unequal in (blocks.fixed_stiffness, blocks.fixed_damping):
+        if unequal is not None:
+            parts.append(_relative(jnp.abs((jnp.exp(2j * turn) - 1) * unequal).ravel(), unequal))
+    for unequal in (blocks.rotating_stiffness, blocks.rotating_damping):
+        if unequal is not None:  # no shift in time leaves it as it is
+            parts.append(_relative(jnp.abs(unequal).ravel()))
     groups: dict = {}
     for contact in scene.of(AbstractContact):
         groups.setdefault(jax.tree.structure(contact), []).append(contact)

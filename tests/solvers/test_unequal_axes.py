@@ -91,11 +91,15 @@ class ByHand:
         change = self.inverse @ force
         return np.concatenate([u, v, change.real, change.imag])
 
+    def map(self, seconds, start, **options):
+        """State `(x, y, x., y.)` at the end of a run."""
+        how = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-14, "max_step": seconds / 400}
+        return solve_ivp(self, (0, seconds), start, **(how | options)).y[:, -1]
+
     def end(self, seconds, start=None, **options):
         """Coordinates at the end of a run, from rest."""
-        how = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-14, "max_step": seconds / 400}
         start = np.zeros(4 * self.n) if start is None else start
-        y = solve_ivp(self, (0, seconds), start, **(how | options)).y[:, -1]
+        y = self.map(seconds, start, **options)
         return y[: self.n] + 1j * y[self.n : 2 * self.n]
 
 
@@ -207,6 +211,44 @@ def test_a_sweep_is_a_loop_of_runs(kind):
     for value, largest in zip(values, swept["radius_max"].values, strict=True):
         run = jr.simulate(scene.replace({path: value}), 6, 64, keep=2)
         assert np.abs(run.displacement).max() == pytest.approx(largest, rel=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["fixed", "turning"])
+def test_a_periodic_motion_and_its_multipliers(kind):
+    """Out of reach of the stops the orbit is the steady response, its multipliers those of the roots."""
+    scene = unequal(kind).replace({"unbalance.eccentricity": 1e-5, "limiters.gap": 0.1})
+    orbit = jr.periodic(scene, jr.AtRest(), revolutions=1, solver=jr.Exponential(4, located=True))
+    period = 2 * np.pi / SPEED
+    multipliers = np.exp(np.asarray(jr.roots(scene)) * period)
+    found = np.sort_complex(np.asarray(orbit.multipliers))
+    np.testing.assert_allclose(found, np.sort_complex(multipliers), rtol=1e-6, atol=1e-9)
+    hand = ByHand(scene)
+    q, velocity = orbit.start.q, orbit.start.velocity
+    state = np.concatenate([q.real, q.imag, velocity.real, velocity.imag])
+    np.testing.assert_allclose(hand.end(period, state), q, rtol=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["fixed", "turning"])
+def test_multipliers_of_a_rub_are_those_of_integration(kind):
+    """Central differences of scipy's map over the revolution, about an orbit that touches stops."""
+    softer = {"limiters.stiffness": 5e4, "limiters.friction": 0.02}
+    scene = unequal(kind).replace({"unbalance.eccentricity": 7e-4} | softer)
+    located = jr.Exponential(4, located=True)
+    settled = jr.simulate(scene, 300, 256, keep=1)
+    orbit = jr.periodic(scene, settled, revolutions=1, steps_per_revolution=256, solver=located)
+    assert orbit.converged and np.abs(orbit.contact_force).max() > 1.0
+    hand, period = ByHand(scene), 2 * np.pi / SPEED
+    q, velocity = orbit.start.q, orbit.start.velocity
+    state = np.concatenate([q.real, q.imag, velocity.real, velocity.imag])
+    step = 1e-4 * np.repeat([np.abs(q).max(), np.abs(velocity).max()], 2 * hand.n)
+    change = [hand.map(period, state + d) - hand.map(period, state - d) for d in np.diag(step)]
+    jacobian = np.stack(change, axis=1) / (2 * step)
+    found = np.sort(np.abs(orbit.multipliers))
+    np.testing.assert_allclose(
+        found, np.sort(np.abs(np.linalg.eigvals(jacobian))), rtol=1e-3, atol=1e-5
+    )
 
 
 @pytest.mark.slow
