@@ -10,7 +10,7 @@ from systems import LENGTH, TIME, limiter_rotor
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import assemble
-from jaxrotor.solvers.basis import WORST_CONDITION
+from jaxrotor.solvers.basis import WORST_CONDITION, condition
 from jaxrotor.solvers.choice import choose
 
 
@@ -34,8 +34,8 @@ def matrix(scene: jr.Scene) -> np.ndarray:
     return np.asarray(assembled(scene)[0])
 
 
-def condition(scene: jr.Scene) -> float:
-    return float(np.linalg.cond(np.linalg.eig(matrix(scene))[1]))
+def condition_at(scene: jr.Scene) -> float:
+    return float(condition(np.linalg.eig(matrix(scene))[1]))
 
 
 def simulated(scene: jr.Scene) -> tuple[np.ndarray, str]:
@@ -87,7 +87,7 @@ def test_both_sides_of_the_switch(record_property):
     """At `T = 2 / w` a pair of roots merges: the eigenvectors' condition grows as `|T - 2 / w|^-1/2`."""
     first = np.abs(np.asarray(jr.roots(quiet(0.0)))).min()
     near = [2 / first * (1 + d) for d in np.geomspace(1e-2, 1e-15, 53)]
-    conditions = np.array([condition(quiet(t)) for t in near])
+    conditions = np.array([condition_at(quiet(t)) for t in near])
     before = conditions < WORST_CONDITION
     assert before.any() and not before.all(), "the double root is met"
     last = near[np.flatnonzero(before)[conditions[before].argmax()]]

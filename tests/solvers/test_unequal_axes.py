@@ -264,3 +264,18 @@ def test_a_flexible_rotor_in_a_cross_coupled_bearing():
     found = jr.simulate(scene, 2, 256, solver=jr.Exponential(4, located=True))
     assert np.abs(found.contact_force).max() > 10.0
     np.testing.assert_allclose(found.coordinates[-1], end, rtol=0, atol=1e-6 * np.abs(end).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two-discs", "two-discs-unequal"])
+def test_machines_are_stepped_in_modal_coordinates(name):
+    """Raw eigenvectors have condition 2e5, which is one of units: modal and dense steps agree."""
+    scene = jr.load(name)
+    scene = scene.replace({"spin.speed": float(scene.spin.speed) * 1.03})
+    stop = jr.Limiter.at_angles([0.5, 2.5, 4.5], at=0.5, gap=1e-5, stiffness=1e6, damping=100.0)
+    touching = jr.Scene(scene.shaft, *scene.effects, *stop, spin=scene.spin)
+    chosen = jr.simulate(touching, 3, 64)
+    assert "modal" in chosen.solver and np.abs(chosen.contact_force).max() > 1.0
+    dense = jr.simulate(touching, 3, 64, solver=jr.Exponential(2, basis="dense"))
+    largest = np.abs(dense.displacement).max()
+    np.testing.assert_allclose(chosen.displacement, dense.displacement, rtol=0, atol=1e-9 * largest)
