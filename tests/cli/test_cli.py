@@ -1050,7 +1050,10 @@ def test_ctrl_c(place):
     while not (place / "runs").exists() and time.monotonic() < until:
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    try:
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == 130 and not out
     assert err == "Interrupted; nothing was written.\n" and everything_below(place) == []
 
