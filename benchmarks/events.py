@@ -24,7 +24,7 @@ from rich.table import Table
 
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
-from jaxrotor.solvers.basis import as_complex
+from jaxrotor.solvers.basis import ModalBasis, unpacked
 from jaxrotor.solvers.branches import BranchedPorts
 from jaxrotor.solvers.control import tuned
 from jaxrotor.solvers.exponential import Exponential
@@ -37,15 +37,17 @@ class Switched(eqx.Module):
     """The rotor along given branches of its contact law, and when they end."""
 
     ports: BranchedPorts
+    basis: ModalBasis
     generator: jax.Array
     input_matrix: jax.Array
 
     @classmethod
     def of(cls, form) -> "Switched":
-        return cls(BranchedPorts.build(form), form.field.generator, form.field.input_matrix)
+        field = form.field
+        return cls(BranchedPorts.build(form), form.basis, field.generator, field.input_matrix)
 
     def seen(self, theta, y):
-        return self.ports.read(as_complex(y), theta)
+        return self.ports.read(unpacked(self.basis, y), theta)
 
     def rate(self, theta, y, branches):
         force = self.ports.forces(branches, self.seen(theta, y))

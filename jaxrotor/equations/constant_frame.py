@@ -37,7 +37,7 @@ class ConstantFrame(eqx.Module):
         """The equations of a system whose revolution takes `2 pi / rate` seconds."""
         check_axes(
             system,
-            "Exponential steps need axes of constant coefficients",
+            "No axes have constant coefficients, as exponential steps need,",
             "use `jaxrotor.run_up`, or a diffrax solver such as `solver=diffrax.Kvaerno5()`",
         )
         pencil, speed, load = Pencil.of(system).along_axes, system.spin.speed, system.load
@@ -65,6 +65,9 @@ class ConstantFrame(eqx.Module):
             amplitude = pencil.response(way * speed, force)
             state = jnp.concatenate([amplitude, 1j * way * speed / rate * amplitude])
             cos, sin = state.real, -way * jnp.sign(speed) * state.imag
+            if turns:  # weight stands still beside a rotor at rest
+                rest = jnp.where(speed == 0, cos, 0.0)
+                still, cos = rest if still is None else still + rest, cos - rest
         matrix = jnp.concatenate([high, low])
         return cls(matrix, drive, still, cos, sin, rate, speed / rate if turns else None)
 

@@ -62,7 +62,10 @@ def check_alike(system: System, what: str, instead: str) -> None:
 
 
 def check_axes(system: System, what: str, instead: str) -> None:
-    """Raise unless there are axes of constant coefficients; arguments as in `check_alike`."""
+    """Raise unless there are axes of constant coefficients.
+
+    The message goes on from `what`, a clause such as "There are no roots", and ends with `instead`.
+    """
     if frame(system.blocks) == "periodic":
         still, turning = (unequal_parts(system, axes) for axes in ("fixed", "rotating"))
         raise ValueError(

@@ -111,7 +111,8 @@ def simulate(
 
     Raises:
         ValueError: if an argument is not as described, or the scene is not: a speed that varies,
-            coordinates without mass, unequal axes, balls, hysteretic damping, an undamped resonance.
+            coordinates without mass, unequal axes of which some turn, balls, hysteretic damping, an
+            undamped resonance.
         RuntimeError: if the motion does not stay finite, the solver does not meet its tolerance, or a
             stop was touched that is too stiff for the steps; not while values are traced.
 

@@ -16,7 +16,7 @@ from ..scene import Scene
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit
 from .recurrence import recurrence
-from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order
+from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order, turns_with_shaft
 
 
 LEAST = 16  # steps in a period
@@ -55,7 +55,11 @@ def revolutions_of(scene: Scene, system: System, guess: Any) -> int | None:
     unbalance, speed = system.load.unbalance, scene.spin.speed
     if not system.ports:
         return 1
-    if unbalance is None or (known(speed) and not float(speed)):
+    if known(speed) and not float(speed):
+        return None
+    if turns_with_shaft(system):
+        return 1
+    if unbalance is None:
         return None
     return 1 if not known(unbalance) or bool(jnp.any(unbalance != 0)) else None
 
@@ -147,9 +151,14 @@ def _asymmetry(scene: Scene, system: System, turn: Scalar) -> str:
             "A scene with unbalance repeats itself after whole revolutions, so it takes `revolutions` "
             "and no `turn` or `period`; or set the eccentricity to 0."
         )
+    if turns_with_shaft(system):
+        return (
+            "A shaft of unequal axes repeats itself after whole revolutions, so it takes `revolutions` "
+            "and no `turn` or `period`."
+        )
     count = symmetry_order(scene, system)
     same = f"a turn of {360 / count:g} degrees" if count > 1 else "whole turns alone"
     return (
         f"`turn` must leave the scene as it is, but one of {degrees:g} degrees does not: stops that are "
-        f"equal but for their angles, and weight, allow {same}."
+        f"equal but for their angles, weight and unequal supports allow {same}."
     )

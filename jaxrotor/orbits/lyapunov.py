@@ -69,7 +69,7 @@ def lyapunov(
     seed: int = 0,
     progress: bool | None = None,
 ) -> Lyapunov:
-    """Largest Lyapunov exponents `lim ln |dz(t)| / t` of a motion, and of its volumes.
+    """Largest Lyapunov exponents `lim ln |dz(t)| / t` of a motion, `count` of them.
 
     Small disturbances follow the derivative of every step, jumps at changes of contact included, and
     are made orthonormal after every revolution; the exponents are the means of the logarithms of their

@@ -54,7 +54,7 @@ def periodic(
     rotated, an orbit may return rotated.
 
     Args:
-        scene: the rotor, at constant speed, the same along every axis but for contact and loads.
+        scene: the rotor, at constant speed; unequal axes are either fixed in space or turn with it.
         guess: end of a `Response`, another orbit, or any start. Without unbalance it must be near its
             orbit already: a start is first simulated for 8 revolutions.
         revolutions: in a period, by default 1 in a scene with unbalance. Given for a scene without one

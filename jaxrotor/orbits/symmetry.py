@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.quantities import Scalar
+from ..core.plane import plane
+from ..core.quantities import Scalar, known
 from ..effects.base import AbstractContact
 from ..equations.system import System
 from ..scene import Scene
@@ -24,18 +25,22 @@ def symmetry_defects(scene: Scene, system: System, turn: Scalar) -> Float[Array,
 
     Differentiable: a parameter that breaks the symmetry has a nonzero derivative here.
     """
-    load, parts = system.load, [jnp.zeros(1)]
-    if load.unbalance is not None:
-        parts.append(_relative(jnp.abs(load.unbalance)))
-    if load.constant is not None:
-        parts.append(_relative(jnp.abs((jnp.exp(1j * turn) - 1) * load.constant), load.constant))
-    blocks = system.blocks
-    for unequal in (blocks.fixed_stiffness, blocks.fixed_damping):
-        if unequal is not None:
-            parts.append(_relative(jnp.abs((jnp.exp(2j * turn) - 1) * unequal).ravel(), unequal))
-    for unequal in (blocks.rotating_stiffness, blocks.rotating_damping):
-        if unequal is not None:  # no shift in time leaves it as it is
-            parts.append(_relative(jnp.abs(unequal).ravel()))
+    load, blocks, speed = system.load, system.blocks, system.spin.speed
+    at_rest = known(speed) and not float(speed)
+    once, twice = jnp.exp(1j * turn) - 1, jnp.exp(2j * turn) - 1
+    # By what each part changes: unbalance and axes that turn, by some shift in time.
+    cases = [
+        (load.unbalance, 0.0 if at_rest else 1.0),
+        (load.constant, once),
+        (blocks.fixed_stiffness, twice),
+        (blocks.fixed_damping, twice),
+        (blocks.rotating_stiffness, twice if at_rest else 1.0),
+        (blocks.rotating_damping, twice if at_rest else 1.0),
+    ]
+    parts = [jnp.zeros(1)]
+    for part, change in cases:
+        if part is not None:  # as x and y: the absolute value of zero would have no derivative
+            parts.append(_relative(plane(change * part).ravel(), part))
     groups: dict = {}
     for contact in scene.of(AbstractContact):
         groups.setdefault(jax.tree.structure(contact), []).append(contact)
@@ -58,6 +63,12 @@ def _relative(part: Array, whole: Array | None = None) -> Array:
     return part / jnp.where(scale > 0, scale, 1.0)
 
 
+def turns_with_shaft(system: System) -> bool:
+    """Whether unequal axes turn with the shaft, so that the equations repeat after a revolution."""
+    blocks = system.blocks
+    return blocks.rotating_stiffness is not None or blocks.rotating_damping is not None
+
+
 def symmetry_order(scene: Scene, system: System) -> int:
     """The largest `N` such that a rotation by `2 pi / N` leaves a scene of known values as it is."""
     for count in range(len(scene.of(AbstractContact)), 1, -1):
@@ -69,7 +80,10 @@ def symmetry_order(scene: Scene, system: System) -> int:
 
 @jax.custom_jvp
 def nan_unless_symmetric(turn: Scalar, defects: Float[Array, " d"]) -> Scalar:
-    """The turn; not a number where it changes the scene, as is its derivative by what would."""
+    """The turn, or NaN if it does not leave the scene as it is.
+
+    Its derivative by a parameter that breaks the symmetry is NaN, too.
+    """
     return jnp.where(jnp.max(jnp.abs(defects)) < SAME, turn, jnp.nan)
 
 

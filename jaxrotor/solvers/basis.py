@@ -1,7 +1,5 @@
 """Bases: coordinates in which the linear part of a motion is advanced exactly."""
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -80,15 +78,6 @@ def _modes_jvp(primals, tangents):
     return (values, vectors, inverse), changes
 
 
-class SlotFlow(NamedTuple):
-    """A 2 by 2 block for every slot: `[[one, two], [three, four]]`."""
-
-    one: Float[Array, " j"]
-    two: Float[Array, " j"]
-    three: Float[Array, " j"]
-    four: Float[Array, " j"]
-
-
 class SlotBasis(eqx.Module):
     """Real modal coordinates of a real `A`: two of them, a slot, for every two eigenvalues.
 
@@ -107,7 +96,7 @@ class SlotBasis(eqx.Module):
         values, vectors, _ = _modes(a)
         size = values.size // 2
         half = jnp.where(values.imag > 0, 0, jnp.where(values.imag < 0, 1, 2))
-        order = jnp.argsort(half, stable=True)  # conjugates are neighbours, so pairs stay matched
+        order = jnp.argsort(half, stable=True)  # of a pair only the upper one is read
         upper, slot = jnp.sum(half == 0), jnp.arange(size)
         pairs = slot < upper
         first = order[jnp.where(pairs, slot, 2 * slot)]
@@ -118,7 +107,8 @@ class SlotBasis(eqx.Module):
 
     def matrix(self) -> Float[Array, "m m"]:
         """`A` in this basis."""
-        one, two, three, four = map(jnp.diag, self._blocks(self.values))
+        own = self._blocks(self.values)
+        one, two, three, four = map(jnp.diag, (own.one, own.two, own.three, own.four))
         return jnp.block([[one, two], [three, four]])
 
     def flow(self, span: Scalar, b: Float[Array, "m p"], count: int):
@@ -127,28 +117,30 @@ class SlotBasis(eqx.Module):
         blocks = lambda phi: self._blocks(phi.reshape(2, -1))
         return blocks(first), [span * self.apply(blocks(phi), b) for phi in rest]
 
-    def apply(self, flow: SlotFlow, b: Float[Array, "m p"]) -> Float[Array, "m p"]:
+    def apply(self, flow: "SlotRotation", b: Float[Array, "m p"]) -> Float[Array, "m p"]:
         """`exp(span A) b`."""
-        return self.propagator(flow)(b)
+        return flow(b)
 
-    def output_after(self, output: Float[Array, "s m"], flow: SlotFlow) -> Float[Array, "s m"]:
+    def output_after(
+        self, output: Float[Array, "s m"], flow: "SlotRotation"
+    ) -> Float[Array, "s m"]:
         """`C exp(span A)`: outputs at the end of a span by the state at its start."""
         a, b = jnp.split(output, 2, axis=1)
-        one, two, three, four = flow
-        return jnp.concatenate([a * one + b * three, a * two + b * four], axis=1)
+        ahead = a * flow.one + b * flow.three, a * flow.two + b * flow.four
+        return jnp.concatenate(ahead, axis=1)
 
-    def propagator(self, flow: SlotFlow) -> "SlotRotation":
+    def propagator(self, flow: "SlotRotation") -> "SlotRotation":
         """The flow as it acts on the state."""
-        return SlotRotation(*flow)
+        return flow
 
     def advance_free(self, count: Count, w: Float[Array, " m"]) -> Float[Array, " m"]:
         """State after `count` revolutions without contact."""
-        return self.propagator(self._blocks(jnp.exp(2 * jnp.pi * count * self.values)))(w)
+        return self._blocks(jnp.exp(2 * jnp.pi * count * self.values))(w)
 
-    def _blocks(self, f: Complex[Array, "2 j"]) -> SlotFlow:
+    def _blocks(self, f: Complex[Array, "2 j"]) -> "SlotRotation":
         """A function of `A`, by its values at the eigenvalues, in every slot."""
         turn = jnp.where(self.pairs, f[0].imag, 0.0)
-        return SlotFlow(f[0].real, -turn, turn, jnp.where(self.pairs, f[0], f[1]).real)
+        return SlotRotation(f[0].real, -turn, turn, jnp.where(self.pairs, f[0], f[1]).real)
 
 
 class DenseBasis(eqx.Module):
@@ -240,7 +232,7 @@ def well_conditioned(vectors: Array | np.ndarray) -> bool:
     return bool(np.all(condition(vectors) < WORST_CONDITION))
 
 
-def condition(vectors: Array | np.ndarray) -> np.ndarray | np.floating:
+def condition(vectors: Array | np.ndarray) -> np.ndarray:
     """Condition numbers of matrices, (.., m, m) and known, in units that make rows and columns alike.
 
     Displacements and velocities, slow and fast modes differ by orders of magnitude; that costs no digits.
@@ -248,8 +240,11 @@ def condition(vectors: Array | np.ndarray) -> np.ndarray | np.floating:
     scaled = np.asarray(vectors)
     for _ in range(EQUILIBRATIONS):
         for axis in (-1, -2):
-            scaled = scaled / np.linalg.norm(scaled, axis=axis, keepdims=True)
-    return np.linalg.cond(scaled)
+            norm = np.linalg.norm(scaled, axis=axis, keepdims=True)
+            scaled = scaled / np.where(norm > 0, norm, 1.0)
+    finite = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
+    found = np.linalg.cond(np.where(finite, scaled, 0.0))
+    return np.where(finite[..., 0, 0], found, np.inf)
 
 
 def as_real(z: Inexact[Array, "..."]) -> Float[Array, "a2 b2"]:

@@ -49,13 +49,13 @@ def _matrix(system: System, rate: Scalar) -> tuple[Inexact[Array, "m m"], list[S
     """
     s, load = system.spin.speed / rate, system.load
     if isotropic(system.blocks):
-        matrix, own = Motion(system, rate, loads=False).matrix(), 0.0
+        matrix, turns = Motion(system, rate, loads=False).matrix(), False
     else:
         axes = ConstantFrame.of(system, rate)
-        matrix, own = axes.matrix, 0.0 if axes.turn is None else s
-    frequencies = [] if load.unbalance is None else [s - own]
-    if load.constant is not None and not isinstance(own, float):
-        frequencies.append(-own)
+        matrix, turns = axes.matrix, axes.turn is not None
+    frequencies = [] if load.unbalance is None else [0.0 * s if turns else s]
+    if turns and load.constant is not None:
+        frequencies.append(-s)
     return matrix, frequencies
 
 

@@ -6,6 +6,7 @@ See docs/concepts/ports.md.
 """
 
 from collections.abc import Callable
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -58,15 +59,20 @@ class Reading(eqx.Module):
         """Readings along fixed axes; `phase` is computed only where the axes turn."""
         if self.turn is None:
             return seen
-        cos, sin = phase()
-        return _turned(cos, self.turn * sin, seen)
+        return _turned(*self._angle(phase), seen)
 
     def turned(self, phase: Phase, force: Float[Array, "p2 ..."]) -> Array:
         """A force given along fixed axes, along those of the readings."""
         if self.turn is None:
             return force
+        cos, sin = self._angle(phase)
+        return _turned(cos, -sin, force)
+
+    def _angle(self, phase: Phase) -> tuple[Array, Array]:
+        """Cosine and sine of `s theta`, with `s` -1, 1 or, of a rotor at rest, 0."""
         cos, sin = phase()
-        return _turned(cos, -self.turn * sin, force)
+        turn = cast(Array, self.turn)
+        return 1 + turn**2 * (cos - 1), turn * sin
 
     def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
         phase = phase_at(theta)
@@ -85,8 +91,8 @@ def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
 class Contacts(eqx.Module):
     """Input and output matrices of the ports of a scene with contact."""
 
-    output_matrix: Inexact[Array, "p2 m"]  # C
-    input_matrix: Inexact[Array, "m p"]  # B
+    output_matrix: Inexact[Array, "p2 m"]  # C, (4p, m) in a real basis
+    input_matrix: Inexact[Array, "m p"]  # B, (m, 2p) in a real basis
     reading: Reading
 
 

@@ -8,9 +8,11 @@ from typing import Any, ClassVar
 
 import diffrax as dfx
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
+from ..core.extremes import larger
 from ..core.quantities import Scalar
 from .basis import Basis, Dense, Rotation, SlotRotation, as_real
 from .lanes import product
@@ -63,8 +65,12 @@ class Tableau(eqx.Module):
         plane = (reading.matrix @ constant).reshape(
             2, 2, p, 2, p
         )  # (Re Im, d v, port, Re Im, force)
-        own = jnp.linalg.norm(jnp.einsum("adpbp->dpab", plane), axis=(-2, -1)) / jnp.sqrt(2.0)
-        return own[0], own[1]
+        own = jax.lax.stop_gradient(jnp.einsum("adpbp->dpab", plane))
+        square = jnp.sum(own**2, axis=(-2, -1))
+        product = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] * own[..., 1, 0]
+        # The larger singular value: the softer of two unequal axes counts.
+        most = jnp.sqrt((square + jnp.sqrt(larger(square**2 - 4 * product**2, 0.0))) / 2)
+        return most[0], most[1]
 
 
 class AbstractStep(dfx.AbstractSolver):
@@ -126,7 +132,7 @@ def _etdrk4(basis: Basis, contacts: Contacts, h: Scalar) -> Tableau:
 
 
 def _tableau(basis, output, h, flow, outputs, stages, coupling, weights) -> Tableau:
-    """The complex coefficients as they act on `[re, im]`."""
+    """The coefficients as they act on the real state."""
     return Tableau(
         basis.propagator(flow),
         jnp.concatenate([as_real(part) for part in outputs.values()]),
