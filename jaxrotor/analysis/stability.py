@@ -312,7 +312,7 @@ def _sign_change(
 
     Source: Oliveira, Takahashi, ACM Trans. Math. Softw. 47 (2020), algorithm ITP, kappa_2 = 2, n_0 = 1.
     """
-    width = high - low
+    width = jnp.asarray(high - low)
     precision = jnp.finfo(width.dtype).eps
     narrow = larger(precision * width / 2, precision * jnp.abs(high))
     most = jnp.ceil(jnp.log2(width / (2 * narrow))) + 1

@@ -1,5 +1,7 @@
 """Bases: coordinates in which the linear part of a motion is advanced exactly."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -32,7 +34,7 @@ class ModalBasis(eqx.Module):
         """`A` in this basis."""
         return jnp.diag(self.values)
 
-    def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int):
+    def flow(self, span: Scalar, b: Complex[Array, "m p"], count: int) -> tuple[Any, list[Array]]:
         """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         first, *rest = phi_scalar(span * self.values, count)
         return first, [span * phi[:, None] * b for phi in rest]
@@ -111,7 +113,7 @@ class SlotBasis(eqx.Module):
         one, two, three, four = map(jnp.diag, (own.one, own.two, own.three, own.four))
         return jnp.block([[one, two], [three, four]])
 
-    def flow(self, span: Scalar, b: Float[Array, "m p"], count: int):
+    def flow(self, span: Scalar, b: Float[Array, "m p"], count: int) -> tuple[Any, list[Array]]:
         """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         first, *rest = phi_scalar((span * self.values).ravel(), count)
         blocks = lambda phi: self._blocks(phi.reshape(2, -1))
@@ -159,7 +161,7 @@ class DenseBasis(eqx.Module):
         """`A` in this basis."""
         return self.a
 
-    def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int):
+    def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int) -> tuple[Any, list[Array]]:
         """`exp(span A)` and `span phi_k(span A) b`, k = 1 .. count, in this basis."""
         return phi_dense(span * self.a, span * b, count)
 
@@ -242,9 +244,9 @@ def condition(vectors: Array | np.ndarray) -> np.ndarray:
         for axis in (-1, -2):
             norm = np.linalg.norm(scaled, axis=axis, keepdims=True)
             scaled = scaled / np.where(norm > 0, norm, 1.0)
-    finite = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
-    found = np.linalg.cond(np.where(finite, scaled, 0.0))
-    return np.where(finite[..., 0, 0], found, np.inf)
+    finite = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
+    found = np.linalg.cond(np.where(finite[..., None, None], scaled, 0.0))
+    return np.where(finite, found, np.inf)
 
 
 def as_real(z: Inexact[Array, "..."]) -> Float[Array, "a2 b2"]:

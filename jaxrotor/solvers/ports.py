@@ -137,8 +137,8 @@ class PortForm(AbstractForm):
         parts = axes.still, axes.cos, axes.sin
 
         def reading(output: Array) -> Reading:
-            steady = (None if part is None else output @ part for part in parts)
-            return Reading(output @ basis.vectors, *steady, axes.turn)
+            still, cos, sin = (None if part is None else output @ part for part in parts)
+            return Reading(output @ basis.vectors, still, cos, sin, axes.turn)
 
         contacts = None
         if axes.drive is not None and motion.rows is not None:
