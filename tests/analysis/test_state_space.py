@@ -204,7 +204,7 @@ def test_refusals():
     stops = jr.load("limiter-rotor")
     with pytest.raises(ValueError, match="contacts or balls"):
         jr.state_space(stops)
-    with pytest.raises(ValueError, match="whole number from 1 on, but is 0"):
+    with pytest.raises(ValueError, match="whole number of at least 1, but is 0"):
         jr.state_space(jeffcott(), modes=0)
     with pytest.raises(ValueError, match="on the shaft"):
         jr.state_space(jeffcott(), forces=3.0)

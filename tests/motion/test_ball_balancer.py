@@ -98,7 +98,7 @@ def test_settling_time():
     assert float(settle(0 * time, radius=shrinks).time) == pytest.approx(2.31)
     for never in (settle(1 / (1 + time)), settle(0 * time, rate=3.0)):
         assert not never.converged and np.isinf(never.time) and "Not converged" in str(never)
-    with pytest.raises(ValueError, match="with balls"):
+    with pytest.raises(ValueError, match="that of balls"):
         jr.balancer.settling_time(types.SimpleNamespace(scene=scene.without("ball_balancers")))
 
 

@@ -118,7 +118,7 @@ def rub(request):
 
 @pytest.mark.parametrize(
     ("order", "steps", "error"),
-    [pytest.param(2, 512, 2e-4, marks=pytest.mark.slow), (4, 256, 2e-6)],
+    [pytest.param(2, 2048, 2e-4, marks=pytest.mark.slow), (4, 256, 2e-6)],
 )
 def test_located_steps_follow_impacts(rub, order, steps, error):
     scene, end = rub
