@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.quantities import Scalar, known
+from ..equations.pencil import frame
 from ..equations.start import AbstractStart
 from ..equations.system import System
 from ..motion.simulate import Response, simulate
@@ -16,7 +17,7 @@ from ..scene import Scene
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit
 from .recurrence import recurrence
-from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order, turns_with_shaft
+from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order
 
 
 LEAST = 16  # steps in a period
@@ -57,7 +58,7 @@ def revolutions_of(scene: Scene, system: System, guess: Any) -> int | None:
         return 1
     if known(speed) and not float(speed):
         return None
-    if turns_with_shaft(system):
+    if frame(system.blocks) != "fixed":
         return 1
     if unbalance is None:
         return None
@@ -151,7 +152,7 @@ def _asymmetry(scene: Scene, system: System, turn: Scalar) -> str:
             "A scene with unbalance repeats itself after whole revolutions, so it takes `revolutions` "
             "and no `turn` or `period`; or set the eccentricity to 0."
         )
-    if turns_with_shaft(system):
+    if frame(system.blocks) != "fixed":
         return (
             "A shaft of unequal axes repeats itself after whole revolutions, so it takes `revolutions` "
             "and no `turn` or `period`."

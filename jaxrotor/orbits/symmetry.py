@@ -63,12 +63,6 @@ def _relative(part: Array, whole: Array | None = None) -> Array:
     return part / jnp.where(scale > 0, scale, 1.0)
 
 
-def turns_with_shaft(system: System) -> bool:
-    """Whether unequal axes turn with the shaft, so that the equations repeat after a revolution."""
-    blocks = system.blocks
-    return blocks.rotating_stiffness is not None or blocks.rotating_damping is not None
-
-
 def symmetry_order(scene: Scene, system: System) -> int:
     """The largest `N` such that a rotation by `2 pi / N` leaves a scene of known values as it is."""
     for count in range(len(scene.of(AbstractContact)), 1, -1):

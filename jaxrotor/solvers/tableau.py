@@ -62,14 +62,13 @@ class Tableau(eqx.Module):
         """Displacement [m] and velocity [m/s] of every port after a step under a unit force held there."""
         p = reading.matrix.shape[0] // 4
         constant = self.weights.reshape(self.weights.shape[0], -1, 2 * p).sum(1)  # at all stages
-        plane = (reading.matrix @ constant).reshape(
-            2, 2, p, 2, p
-        )  # (Re Im, d v, port, Re Im, force)
+        # (Re Im, d v, port, Re Im, force)
+        plane = (reading.matrix @ constant).reshape(2, 2, p, 2, p)
         own = jax.lax.stop_gradient(jnp.einsum("adpbp->dpab", plane))
         square = jnp.sum(own**2, axis=(-2, -1))
-        product = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] * own[..., 1, 0]
+        determinant = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] * own[..., 1, 0]
         # The larger singular value: the softer of two unequal axes counts.
-        most = jnp.sqrt((square + jnp.sqrt(larger(square**2 - 4 * product**2, 0.0))) / 2)
+        most = jnp.sqrt((square + jnp.sqrt(larger(square**2 - 4 * determinant**2, 0.0))) / 2)
         return most[0], most[1]
 
 
