@@ -1,6 +1,7 @@
 """Linear blocks: what shafts and effects add to the equations of motion."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array, Complex, Float
@@ -72,8 +73,12 @@ class Load(eqx.Module):
         """
         if self.unbalance is None:
             return None
-        factor = speed**2 if acceleration is None else speed**2 - 1j * acceleration
-        return factor * self.unbalance
+        return unbalance_factor(speed, acceleration) * self.unbalance
+
+
+def unbalance_factor(speed: Any, acceleration: Any = None) -> Any:
+    """`Omega^2 - i Omega.`, the force of a unit of unbalance; without `acceleration` at constant speed."""
+    return speed**2 if acceleration is None else speed**2 - 1j * acceleration
 
 
 def _parts(module: eqx.Module) -> list[str]:

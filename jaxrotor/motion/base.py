@@ -2,7 +2,7 @@
 
 import diffrax as dfx
 import equinox as eqx
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Complex, Float
 
 from ..core.quantities import Scalar
 from ..solvers.exponential import Exponential
@@ -33,3 +33,13 @@ class RevolutionSamples(eqx.Module):
     coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # with their rates
     seconds: Scalar  # in a radian of revolution
     s: Scalar  # sign of the spin
+
+
+class WindowSamples(eqx.Module):
+    """Motion of the stations in one window of a run, with its first and last samples."""
+
+    displacement: Complex[Array, "T s"]  # [m]
+    velocity: Complex[Array, "T s"]  # [m/s]
+    contact_force: Complex[Array, "T k"] | None  # [N]
+    time: Float[Array, " T"]  # [s]
+    speed: Float[Array, " T"]  # of rotation [rad/s]

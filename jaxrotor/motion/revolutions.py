@@ -94,10 +94,24 @@ class March(eqx.Module):
             return jnp.zeros(2)
         form = self.form
         assert isinstance(form, PortForm) and form.contacts is not None
-        response = self.step.tableau.port_response(form.contacts.reading)
+        response = self.step.tableau.port_response(form.contacts.reading.matrix)
         ports = jnp.stack([port.hardness() for port in self.system.ports])  # (p, 2)
         found = ports * jnp.stack(response, axis=1)
         return found[jnp.argmax(found.sum(1))]
+
+    def encode(self, q: Array, velocity: Array) -> Array:
+        """State at a whole revolution of coordinates [m] and their velocities [m/s]."""
+        return self.form.encode(q, velocity)
+
+    def decode(self, y: Array) -> tuple[Array, Array]:
+        """Coordinates [m] and velocities [m/s] of a state at a whole revolution."""
+        return self.form.decode(y)
+
+    @property
+    def eigenvectors(self) -> Array:
+        """Those of the linear equations in modal coordinates, by which the basis is judged."""
+        assert isinstance(self.form, PortForm)
+        return self.form.basis.vectors
 
     def skip(self, y: Array, revolutions: Count) -> tuple[Array, Outcome]:
         """State after whole revolutions, and their outcome.
@@ -268,7 +282,7 @@ class March(eqx.Module):
             change = jnp.max(jnp.abs(y1 - self.free(y)))
             info = jnp.finfo(y.dtype)  # with `tiny`, a state that has decayed to zero shows nothing
             touched = change > info.eps**0.5 * jnp.max(jnp.abs(y1)) + info.tiny**0.5
-        return Outcome(_bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
+        return Outcome(bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
 
 
 def _segment(length: int) -> int:
@@ -281,7 +295,7 @@ def _segment(length: int) -> int:
     return min(near, key=lambda n: abs(n - root), default=root)
 
 
-def _bounded(y: Array) -> Bool[Array, ""]:
+def bounded(y: Array) -> Bool[Array, ""]:
     """Whether a state and its squares, which observables compute, are finite."""
     return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4)
 

@@ -1,7 +1,7 @@
 """Run-up: motion of a scene at any spin, such as run-up, coast-down or a drive of limited power."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..analysis import first_moments
+from ..core.outcome import steps_needed, too_long
+from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
@@ -24,7 +26,11 @@ from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
-from .transient import Integration, controller_for, default_solver, integrate
+from .stepped import Stepping, default_exponential, stepping_of
+from .transient import Integrated, Integration, controller_for, default_solver, integrate
+
+
+DOUBLINGS = 8  # of the steps that "auto" tries
 
 
 class RunUp(eqx.Module):
@@ -44,6 +50,7 @@ class RunUp(eqx.Module):
     end: Launch  # state at the end, from which another run may continue
     scene: Scene
     solver: str = eqx.field(static=True)
+    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # that chose "auto" settings
 
     @property
     def imbalance(self) -> Complex[Array, " T"]:
@@ -63,9 +70,10 @@ class RunUp(eqx.Module):
     def __str__(self) -> str:
         first, last = float(self.speed[0]), float(self.speed[-1])
         turns = float(self.angle[-1] - self.angle[0]) / (2 * np.pi)
+        chosen = "".join(f"; chosen {pilot}" for pilot in self.pilots)
         return (
             f"RunUp from {first:g} to {last:g} rad/s in {float(self.time[-1] - self.time[0]):g} s and "
-            f"{turns:.1f} revolutions, {self.time.size} samples, {self.solver}"
+            f"{turns:.1f} revolutions, {self.time.size} samples, {self.solver}{chosen}"
         )
 
 
@@ -77,7 +85,8 @@ def run_up(
     at: float | Any | None = None,
     solver: dfx.AbstractSolver | Exponential | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
-    substeps: int = 1,
+    substeps: int | Literal["auto"] | None = None,
+    tolerance: float = 1e-3,
     adjoint: dfx.AbstractAdjoint | None = None,
     max_steps: int = 1_000_000,
     max_stops: int = 64,
@@ -87,20 +96,27 @@ def run_up(
 
         M q.. + (C - i Omega G) q. + (K - i Omega H) q = (Omega^2 - i Omega.) u exp(i theta) + ..
 
-    The equations are integrated in the axes of the shaft, where the response to unbalance varies slowly.
-    Axes may be unequal; balls, and a drive with feedback from the rotor, are part of the equations.
+    `Exponential` takes the linear part exactly at one of a few speeds and the rest by its stages. It needs
+    a rotation known in time and mass at all coordinates, and takes no balls and no unequal axes that turn.
+    Without contact and at constant speed it is exact at any times.
+    Diffrax solvers take every scene and integrate in the axes of the shaft, where the response to
+    unbalance varies slowly; a drive with feedback from the rotor and balls are part of the equations.
     Coordinates without mass are eliminated: damped ones follow equations of first order, others
-    algebraic ones. A rotation known in closed form is not integrated unless a solver is given.
+    algebraic ones. A rotation known in closed form is not integrated unless a diffrax solver is given.
 
     Args:
         scene: rotor with any spin.
         times: ascending times of the samples [s]; every run begins at 0, also one that continues another.
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
         at: station(s) [m] to observe, by default as in `simulate`.
-        solver: any diffrax solver; by default Dopri8 for a rigid or massless shaft, Kvaerno5 for a
-            flexible one, whose high modes are stiff, and where coordinates have no mass.
-        controller: step control, by default rtol 1e-7 and atol 1e-10 of m and rad.
-        substeps: steps from sample to sample of a solver without an error estimate.
+        solver: `Exponential(..)` or any diffrax solver; by default Exponential(order=4) for a flexible
+            shaft without contact where it can be taken, Dopri8 for a rigid or massless shaft, else
+            Kvaerno5.
+        controller: step control of a diffrax solver, by default rtol 1e-7 and atol 1e-10 of m and rad.
+        substeps: steps from sample to sample of a solver without an error estimate; of `Exponential` by
+            default as many as follow the unbalance at the highest speed, or 256 a revolution with contact.
+            "auto" doubles them until two successive motions agree within `tolerance` at all samples.
+        tolerance: relative tolerance of "auto".
         adjoint: diffrax adjoint for derivatives, forward mode by default.
         max_steps: steps an adaptive solver may take.
         max_stops: how often a drive with feedback may come to rest or break loose.
@@ -112,8 +128,8 @@ def run_up(
     Raises:
         ValueError: if an argument is not as described, the solver cannot integrate the spin, or the
             motion of coordinates without mass is not determined.
-        RuntimeError: if the motion does not stay finite, or the solver does not meet its tolerance; not
-            while values are traced.
+        RuntimeError: if the motion does not stay finite, the solver does not meet its tolerance, or a stop
+            was touched that is too stiff for the steps; not while values are traced.
 
     Sources: Filimonikhin, Goncharov (2011); course project of `turbine-run-up`.
     """
@@ -122,25 +138,64 @@ def run_up(
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     spin = scene.spin.after(launch.time, launch.speed)
     begun = scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
-    drives = isinstance(spin, Drive) and spin.polar is None
-    system = assemble(begun) if drives or not begun.shaft.has_mass else None
-    chosen: Any = checked_solver(default_solver(begun, system) if solver is None else solver)
-    if isinstance(chosen, Exponential):
-        raise ValueError(
-            "`solver` Exponential() is for constant speed; give a diffrax solver or none."
+    stations = scene.stations(at)
+    if solver is None and controller is None and adjoint is None:
+        solver = default_exponential(begun, times)
+    launch = _with_balls(launch, counts)
+    pilots: tuple[Pilot, ...] = ()
+    if isinstance(solver, Exponential):
+        if controller is not None or adjoint is not None:
+            raise ValueError(
+                "`controller` and `adjoint` are for diffrax solvers, not Exponential()."
+            )
+        stepping = stepping_of(begun, times, solver, None if substeps == "auto" else substeps)
+        if substeps == "auto":
+            stepping, pilot = _refined(begun, times, launch, stations, stepping, tolerance)
+            pilots, substeps = (pilot,), pilot.setting
+        plan: Integration | Stepping = stepping
+    else:
+        if substeps == "auto":
+            raise ValueError(
+                '`substeps` "auto" are for Exponential(); a diffrax solver has a `controller`.'
+            )
+        options = {"adjoint": adjoint, "max_steps": max_steps, "max_stops": max_stops}
+        plan = _integration(begun, times, solver, controller, substeps or 1, options)
+    with waiting(progress, "run-up"):
+        motion = _motion(begun, jnp.asarray(times, float), launch, stations, plan)
+        failed = known(motion.run.good) and not bool(motion.run.good)
+    if isinstance(plan, Stepping):
+        _check_substeps(motion.run, plan)
+    if failed:
+        launch.shaft.state(assemble(begun), stations[0])  # raises if the start is the cause
+        raise RuntimeError(
+            "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
+            "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
+            "brakes at any sign of the speed), or take more `max_stops` if it stops often."
         )
-    times, stations = jnp.asarray(times, float), scene.stations(at)
-    controller = controller or controller_for(chosen, begun)
+    return _result(
+        scene, jnp.asarray(times, float), stations, motion, solver_name(plan.solver), pilots
+    )
+
+
+def _integration(
+    scene: Scene, times: Any, solver: Any, controller: Any, substeps: int, options: dict[str, Any]
+) -> Integration:
+    """Settings of the integration by a diffrax solver, by default one for the scene."""
+    spin = scene.spin
+    drives = isinstance(spin, Drive) and spin.polar is None
+    system = assemble(scene) if drives or not scene.shaft.has_mass else None
+    chosen: Any = checked_solver(default_solver(scene, system) if solver is None else solver)
+    controller = controller or controller_for(chosen, scene)
     plan = Integration(
         solver=tuned(chosen),
         controller=controller,
-        adjoint=dfx.ForwardMode() if adjoint is None else adjoint,
+        adjoint=options["adjoint"] or dfx.ForwardMode(),
         substeps=substeps,
-        max_steps=max_steps,
-        max_stops=max_stops,
+        max_steps=options["max_steps"],
+        max_stops=options["max_stops"],
         free=isinstance(spin, Drive) and (solver is not None or not spin.given),
         from_start=controller is None and known(times) and float(times[0]) == 0,
-        massless=massless_of(begun, system),
+        massless=massless_of(scene, system),
     )
     if controller is None and isinstance(spin, Drive) and spin.can_stop:
         raise ValueError(
@@ -149,18 +204,35 @@ def run_up(
         )
     if isinstance(spin, Drive) and spin.polar is None and system is not None:
         spin.inertia(system.blocks.polar)  # raises unless it is positive
-    launch = _with_balls(launch, counts)
-    with waiting(progress, "run-up"):
-        motion = _motion(begun, times, launch, stations, plan)
-        failed = known(motion.good) and not bool(motion.good)
-    if failed:
-        launch.shaft.state(assemble(begun), stations[0])  # raises if the start is the cause
+    return plan
+
+
+def _refined(
+    scene: Scene, times: Any, launch: Launch, stations: Array, stepping: Stepping, tolerance: float
+) -> tuple[Stepping, Pilot]:
+    """Settings with as many steps as the motion at the samples needs, and the pilot that found them."""
+    first = stepping.substeps
+
+    def displacement(substeps: int) -> np.ndarray | None:
+        finer = dataclasses.replace(stepping, substeps=substeps)
+        run = _motion(scene, jnp.asarray(times, float), launch, stations, finer).run
+        long = bool(run.touched) and too_long(run.contact_stiffness_ratio, stepping.solver.order)
+        return np.asarray(run.seen[0]) if bool(run.good) and not long else None
+
+    ladder = [first * 2**k for k in range(DOUBLINGS)]
+    pilot = refined("steps a piece of the run", displacement, ladder, tolerance)
+    return dataclasses.replace(stepping, substeps=pilot.setting), pilot
+
+
+def _check_substeps(run: Integrated, plan: Stepping) -> None:
+    """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
+    ratio, order = run.contact_stiffness_ratio, plan.solver.order
+    if known(ratio) and known(run.touched) and bool(run.touched) and too_long(ratio, order):
+        more = steps_needed(ratio, order, plan.substeps) / plan.substeps
         raise RuntimeError(
-            "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
-            "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
-            "brakes at any sign of the speed), or take more `max_stops` if it stops often."
+            "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
+            f"take {more:.2g} times as many `substeps`, or a softer stop."
         )
-    return _result(scene, times, stations, motion, solver_name(chosen))
 
 
 def _checked_times(times: Any) -> Any:
@@ -195,18 +267,18 @@ def _with_balls(launch: Launch, counts: list[int]) -> Launch:
 class _Motion(NamedTuple):
     """Results of the compiled program of a run, and the state at its end."""
 
-    instants: Kinematics
-    stopped: Scalar
-    good: Array
-    seen: tuple[Array, Array, Array | None]
+    run: Integrated
     balls: tuple[Balls, ...]
     end: dict[str, Any]
 
 
 @eqx.filter_jit
-def _motion(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
+def _motion(
+    scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration | Stepping
+) -> _Motion:
     """Motion of a run in one program; what follows the integration would take longer than it outside."""
-    instants, stopped, good, seen = integrate(scene, times, launch, stations, plan)
+    run = integrate(scene, times, launch, stations, plan)
+    instants = run.instants
     rates = instants.bodies_speed - instants.turning.speed[:, None]
     pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
     balls = tuple(Balls(*pair) for pair in pairs)
@@ -219,14 +291,14 @@ def _motion(scene: Scene, times: Array, launch: Launch, stations: Array, plan: I
         "balls": balls_at_end,
         "speed": end.turning.speed,
         "time": launch.time + times[-1],
-        "stopped": jnp.isfinite(stopped) & stops,
+        "stopped": jnp.isfinite(run.stopped) & stops,
     }
-    return _Motion(instants, stopped, good, seen, balls, state)
+    return _Motion(run, balls, state)
 
 
-def _result(scene: Scene, times: Array, stations: Array, motion: _Motion, name: str) -> RunUp:
-    turning = motion.instants.turning
-    displacement, velocity, contact_force = motion.seen
+def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> RunUp:
+    turning = motion.run.instants.turning
+    displacement, velocity, contact_force = motion.run.seen
     return RunUp(
         time=times,
         angle=turning.angle,
@@ -237,11 +309,12 @@ def _result(scene: Scene, times: Array, stations: Array, motion: _Motion, name: 
         contact_force=contact_force,
         balls=motion.balls,
         stations=stations,
-        stopped=motion.stopped,
-        instants=motion.instants,
+        stopped=motion.run.stopped,
+        instants=motion.run.instants,
         end=Launch(**motion.end),
         scene=scene,
         solver=name,
+        pilots=pilots,
     )
 
 

@@ -21,6 +21,7 @@ from ..equations.system import System, has_massless
 from ..scene import Scene
 from ..solvers.control import step_control
 from ..spins.drive import Drive
+from .stepped import Stepping, stepped
 
 
 def default_solver(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
@@ -93,9 +94,24 @@ class Integration(eqx.Module):
         return path, good, ended[-1], jax.tree.map(lambda leaf: leaf[-1], end)
 
 
+class Integrated(NamedTuple):
+    """A run: motion at the times, its success, and what tells whether steps of fixed size were enough."""
+
+    instants: Kinematics
+    stopped: Scalar  # time of the last stop [s]
+    good: Array
+    seen: tuple[Array, Array, Array | None]  # motion of the stations and contact forces
+    touched: Array
+    contact_stiffness_ratio: Float[Array, "2"]
+
+
 @eqx.filter_jit
-def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration):
-    """Kinematics at the times, time of the last stop, success, and motion of the stations."""
+def integrate(
+    scene: Scene, times: Array, launch: Launch, stations: Array, plan: "Integration | Stepping"
+) -> Integrated:
+    """Kinematics at the times, success, and motion of the stations."""
+    if isinstance(plan, Stepping):
+        return _step(scene, times, launch, stations, plan)
     field, senses = Transient.of(scene, None, launch.angle, plan.massless), None
     stopped = jnp.asarray(jnp.inf)
     system = field.system
@@ -111,8 +127,31 @@ def integrate(scene: Scene, times: Array, launch: Launch, stations: Array, plan:
     else:
         held = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
         instants = jax.vmap(held)(times, path, senses)
-    motion = _motion_of_stations(system, instants, stations)
-    return instants, stopped, good & _finite(instants), motion
+    seen = _motion_of_stations(system, instants, stations)
+    no = jnp.zeros((), bool), jnp.zeros(2)  # an error estimate tells where steps are too long
+    return Integrated(instants, stopped, good & _finite(instants), seen, *no)
+
+
+def _step(
+    scene: Scene, times: Array, launch: Launch, stations: Array, plan: Stepping
+) -> Integrated:
+    """A run by exponential steps."""
+    field = Transient.of(scene, None, launch.angle)
+    system, none = field.system, jnp.zeros(0)
+    begin = launch.shaft.state(system, stations[0])
+    path = stepped(system, plan, begin, launch.angle)
+
+    def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
+        angle, speed, _ = system.spin.turning(time, system.blocks.polar)
+        back = jnp.exp(-1j * (launch.angle + angle))
+        drift = back * (velocity - 1j * speed * q)
+        parts = plane(back * q), plane(drift) / field.rate
+        return field.instant(time, RotatingState(*parts, none, none, none, none))
+
+    instants = jax.vmap(instant)(times, path.q, path.velocity)
+    seen = _motion_of_stations(system, instants, stations)
+    steps = path.touched, path.contact_stiffness_ratio
+    return Integrated(instants, jnp.asarray(jnp.inf), _finite(instants), seen, *steps)
 
 
 def _first_state(

@@ -74,7 +74,8 @@ class Exponential(eqx.Module):
         kinked = any(law.kinked for port in form.motion.ports for law in port.laws)
         if self.located and kinked:
             return LocatedStep.build(form, self.order, h, batch=batch)
-        tableau = tableau_of(self.order, form.basis, form.contacts, h)
+        ports = form.contacts
+        tableau = tableau_of(self.order, form.basis, ports.output_matrix, ports.input_matrix, h)
         return ExponentialStep(
             tableau=tableau, field=field, reading=field.reading, order_=self.order
         )

@@ -64,7 +64,8 @@ class LocatedStep(AbstractStep):
     @classmethod
     def build(cls, form: PortForm, order: int, h: Scalar, *, batch: bool = False) -> "LocatedStep":
         ports = BranchedPorts.build(form)
-        tableau = tableau_of(order, form.basis, ports.contacts, h)
+        own = ports.contacts
+        tableau = tableau_of(order, form.basis, own.output_matrix, own.input_matrix, h)
         return cls(tableau=tableau, form=form, ports=ports, order_=order, batch=batch)
 
     def init(self, terms, t0, t1, y0, args) -> Int[Array, ""]:

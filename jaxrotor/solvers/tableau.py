@@ -16,7 +16,7 @@ from ..core.extremes import larger
 from ..core.quantities import Scalar
 from .basis import Basis, Dense, Rotation, SlotRotation, as_real
 from .lanes import product
-from .ports import Contacts, Reading, phase_at
+from .ports import Reading, phase_at
 
 
 class Tableau(eqx.Module):
@@ -58,12 +58,18 @@ class Tableau(eqx.Module):
             found.append(forces(stage, time))
         return product(self.weights, jnp.concatenate(found))
 
-    def port_response(self, reading: Reading) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-        """Displacement [m] and velocity [m/s] of every port after a step under a unit force held there."""
-        p = reading.matrix.shape[0] // 4
-        constant = self.weights.reshape(self.weights.shape[0], -1, 2 * p).sum(1)  # at all stages
+    def port_response(
+        self, seen: Float[Array, "p4 m2"]
+    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """Displacement [m] and velocity [m/s] of every port after a step under a unit force held there.
+
+        `seen` reads the ports, whose forces are the first of the inputs.
+        """
+        p = seen.shape[0] // 4
+        inputs = self.weights.shape[1] // (2 * len(self.stages))
+        held = self.weights.reshape(self.weights.shape[0], -1, 2, inputs).sum(1)  # at all stages
         # (Re Im, d v, port, Re Im, force)
-        plane = (reading.matrix @ constant).reshape(2, 2, p, 2, p)
+        plane = jnp.einsum("sm,mif->sif", seen, held[..., :p]).reshape(2, 2, p, 2, p)
         own = jax.lax.stop_gradient(jnp.einsum("adpbp->dpab", plane))
         square = jnp.sum(own**2, axis=(-2, -1))
         determinant = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] * own[..., 1, 0]
@@ -89,13 +95,14 @@ class AbstractStep(dfx.AbstractSolver):
         return terms.vf(t0, y0, args)
 
 
-def tableau_of(order: int, basis: Basis, contacts: Contacts, h: Scalar) -> Tableau:
-    """Tableau of order 2 or 4 for steps of `h` [rad]."""
-    return (_etdrk4 if order == 4 else _etdrk2)(basis, contacts, h)
+def tableau_of(
+    order: int, basis: Basis, output: Inexact[Array, "s m"], b: Inexact[Array, "m p"], h: Scalar
+) -> Tableau:
+    """Tableau of order 2 or 4 for steps of `h` [rad] between outputs and inputs in a basis."""
+    return (_etdrk4 if order == 4 else _etdrk2)(basis, output, b, h)
 
 
-def _etdrk2(basis: Basis, contacts: Contacts, h: Scalar) -> Tableau:
-    output, b = contacts.output_matrix, contacts.input_matrix
+def _etdrk2(basis: Basis, output: Array, b: Array, h: Scalar) -> Tableau:
     flow, (one, two) = basis.flow(h, b, 2)
     return _tableau(
         basis,
@@ -109,8 +116,7 @@ def _etdrk2(basis: Basis, contacts: Contacts, h: Scalar) -> Tableau:
     )
 
 
-def _etdrk4(basis: Basis, contacts: Contacts, h: Scalar) -> Tableau:
-    output, b = contacts.output_matrix, contacts.input_matrix
+def _etdrk4(basis: Basis, output: Array, b: Array, h: Scalar) -> Tableau:
     middle, (half,) = basis.flow(h / 2, b, 1)
     flow, (one, two, three) = basis.flow(h, b, 3)
     both = 2 * two - 4 * three

@@ -213,15 +213,14 @@ def _ends(
     def one(start):
         pairs = zip(by_race(scene, start[0]), by_race(scene, start[1]), strict=True)
         launch = Launch(shaft, 0.0, tuple(Balls(*pair) for pair in pairs))
-        instants, _, good, (displacement, _, _) = integrate(
-            scene, times, launch, jnp.atleast_1d(races[0].at), plan
-        )
+        run = integrate(scene, times, launch, jnp.atleast_1d(races[0].at), plan)
+        instants, displacement = run.instants, run.seen[0]
         total = imbalance_of(scene, instants.bodies)
         span = times[-1] - times[0]
         lag = (instants.bodies[-1] - instants.bodies[0]) / span
         speed = (instants.turning.angle[-1] - instants.turning.angle[0]) / span
         rms = jnp.sqrt(jnp.mean(jnp.abs(total) ** 2))
-        return End(rms, jnp.max(jnp.abs(displacement)), speed + lag, lag, good)
+        return End(rms, jnp.max(jnp.abs(displacement)), speed + lag, lag, run.good)
 
     return jax.vmap(one)(starts)
 

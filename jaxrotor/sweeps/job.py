@@ -184,6 +184,24 @@ def _unit(context: Context, path: str) -> str:
     return context.scene.unit(path)
 
 
+def _pace(context: Context) -> dict[str, Any]:
+    """Attributes of the revolutions or of the times that are observed, and of the steps."""
+    stepping, steps = context.stepping, context.plan.steps
+    if stepping is None:
+        return {
+            "settle": context.settle,
+            "keep": context.keep,
+            "steps_per_revolution": steps,
+        }
+    times = np.asarray(stepping.breaks)
+    return {
+        "duration": float(times[-1]),
+        "samples": times.size,
+        "steps_per_sample": stepping.substeps,
+        "samples_per_window": steps,
+    }
+
+
 def identity(context: Context) -> dict[str, Any]:
     """Attributes that tell a sweep from any other: all its settings, numbers to their last digit."""
     plan = context.plan
@@ -193,9 +211,7 @@ def identity(context: Context) -> dict[str, Any]:
         "start": as_json(context.start),
         "station": float(context.station),
         "period": "that of the spin" if context.period is None else float(context.period),
-        "settle": context.settle,
-        "keep": context.keep,
-        "steps_per_revolution": plan.steps,
+        **_pace(context),
         "solver": solver_name(plan.solver),
         "solver_settings": as_json(plan.solver),
         "observe": as_json(context.observe),

@@ -17,10 +17,11 @@ from ..core.progress import segments
 from ..equations.start import AbstractStart
 from ..motion.base import Plan
 from ..motion.revolutions import March, revolution_rate
+from ..motion.stepped import Stepping
+from ..motion.windows import WindowMarch
 from ..scene import Scene
 from ..solvers.choice import decide_basis
 from ..solvers.exponential import Exponential
-from ..solvers.ports import PortForm
 from .observe import AbstractObservable, Turn
 
 
@@ -34,8 +35,9 @@ class Context(eqx.Module):
     station: Float[Array, ""]
     period: float | None = eqx.field(static=True)
     observe: tuple[AbstractObservable, ...]
-    settle: int = eqx.field(static=True)
+    settle: int = eqx.field(static=True)  # revolutions, or windows of a run
     keep: int = eqx.field(static=True)
+    stepping: Stepping | None = None  # of runs along times; None: whole revolutions
 
 
 class Stages(NamedTuple):
@@ -148,8 +150,7 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
         modal = dataclasses.replace(plan.solver, basis="modal")
         march, y, ratio = _build_lanes(context, _with_solver(plan, modal), points, begin)
-        assert isinstance(march.form, PortForm)
-        chosen = decide_basis(plan.solver, march.form.basis.vectors)
+        chosen = decide_basis(plan.solver, march.eigenvectors)
         if chosen != modal:
             march, y, ratio = _build_lanes(context, _with_solver(plan, chosen), points, begin)
     else:
@@ -170,10 +171,11 @@ def _with_solver(plan: Plan, solver: Exponential) -> Plan:
 
 def _build_lanes(
     context: Context, plan: Plan, points: np.ndarray, begin: Any
-) -> tuple[March, np.ndarray, np.ndarray]:
+) -> tuple[March | WindowMarch, np.ndarray, np.ndarray]:
     """Marches, states at the start and stiffness ratios of all lanes, on the processor."""
     cpu = jax.local_devices(backend="cpu")[0]
-    parts = (context.scene, plan, context.start, context.station, context.period)
+    paced = context.stepping or context.period
+    parts = (context.scene, plan, context.start, context.station, paced)
     with jax.default_device(cpu):  # small matrices, one lane after the other
         lanes, constant = _build_all(
             *parts, context.paths, jax.tree.map(jnp.asarray, (points, begin))
@@ -181,12 +183,12 @@ def _build_lanes(
     return eqx.combine(jax.device_get(lanes), constant)
 
 
-def _build_lane_by_lane(scene, plan, start, station, period, paths, lanes):
+def _build_lane_by_lane(scene, plan, start, station, paced, paths, lanes):
     """`_build` of every lane: its arrays, with lanes in front, and all else, which lanes share."""
     constant = []  # known once a lane is traced
 
     def one(lane):
-        built = _build(scene, plan, start, station, period, paths, *lane)
+        built = _build(scene, plan, start, station, paced, paths, *lane)
         arrays, rest = eqx.partition(built, eqx.is_array)
         constant.append(rest)
         return arrays
@@ -199,17 +201,24 @@ _build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
 
 
 def _build(
-    scene: Scene, plan: Plan, start: AbstractStart, station, period, paths, point, begin
-) -> tuple[March, Array, Float[Array, "2"]]:
-    """March of a lane, its state at the start, and its contact stiffness ratio."""
+    scene: Scene, plan: Plan, start: AbstractStart, station, paced, paths, point, begin
+) -> tuple[March | WindowMarch, Array, Float[Array, "2"]]:
+    """March of a lane, its state at the start, and its contact stiffness ratio.
+
+    `paced` are the steps of a run along times, or the period of a revolution, see `revolution_rate`.
+    """
     values = dict(zip(paths, point, strict=True))
     scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
     for path in values:
         if path.startswith("start."):
             name = path.removeprefix("start.")
             start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
-    march = March.build(scene, plan, revolution_rate(scene, period), station[None])
-    y = march.begin(start, station) if begin is None else march.form.encode(*begin)
+    march: March | WindowMarch
+    if isinstance(paced, Stepping):
+        march = WindowMarch.build(scene, plan, paced, station[None])
+    else:
+        march = March.build(scene, plan, revolution_rate(scene, paced), station[None])
+    y = march.begin(start, station) if begin is None else march.encode(*begin)
     return march, y, march.contact_stiffness_ratio
 
 
@@ -220,20 +229,20 @@ def _skip(shared: March, own: March, y: Array, revolutions: Int[Array, ""]):
 
 
 @eqx.filter_jit
-def _keep(observe, shared: March, own: March, y, carry, number, count: int, revolutions: int):
-    """States, carries and stored arrays after some kept revolutions.
+def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
+    """States, carries and stored arrays after some kept revolutions or windows.
 
     The first of them has the given `number`, of `count` that are kept in all.
     """
 
-    def lane(own: March, y, carry):
+    def lane(own: March | WindowMarch, y, carry):
         def update(state, samples):
             number, carries = state
             turn = Turn.of(samples, number, count)
             pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
             return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
 
-        march = eqx.combine(own, shared)
+        march: Any = eqx.combine(own, shared)
         (y, (_, carry), ok), out = march.collect(y, (number, carry), update, revolutions)
         return (y, carry, ok), out
 
@@ -241,6 +250,6 @@ def _keep(observe, shared: March, own: March, y, carry, number, count: int, revo
 
 
 @eqx.filter_jit
-def _decode(shared: March, own: March, y: Array):
+def _decode(shared, own, y: Array):
     """Coordinates and velocities of every lane."""
-    return jax.vmap(lambda own, y: eqx.combine(own, shared).form.decode(y))(own, y)
+    return jax.vmap(lambda own, y: eqx.combine(own, shared).decode(y))(own, y)

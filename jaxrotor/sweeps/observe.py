@@ -1,84 +1,13 @@
-"""Observables: what a sweep keeps of a motion, one revolution at a time.
+"""Observables: what sweeps keep of whole revolutions, or of the windows of a run."""
 
-An observable receives each kept revolution once and stores no trajectory. `update` runs inside the
-compiled sweep; `report` turns its results, with lanes in front, into named variables.
-"""
-
-import abc
-from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.plane import plane
-from ..core.quantities import Scalar
-from ..motion.base import RevolutionSamples
-
-
-class Variable(NamedTuple):
-    """A reported array: dimensions behind the lanes, values, unit and long name."""
-
-    dims: tuple[str, ...]
-    values: np.ndarray
-    units: str
-    long_name: str
-
-
-class Turn(eqx.Module):
-    """One kept revolution at the observed station, its first and last samples included."""
-
-    z: Complex[Array, " T"]  # displacement [m], T = steps + 1
-    velocity: Complex[Array, " T"]  # [m/s]
-    contact_force: Complex[Array, "T k"] | None  # [N]
-    number: Array  # number of this revolution, from 0
-    step: Scalar  # length of a step [s]
-    s: Scalar  # sign of the spin
-    count: int = eqx.field(static=True)  # revolutions kept
-
-    @classmethod
-    def of(cls, samples: RevolutionSamples, number: Array, count: int) -> "Turn":
-        """The revolution at the first of the sampled stations."""
-        z = samples.displacement[:, 0]
-        step = 2 * jnp.pi * samples.seconds / (z.size - 1)
-        velocity = samples.velocity[:, 0]
-        return cls(z, velocity, samples.contact_force, number, step, samples.s, count)
-
-    def in_centre(self) -> Bool[Array, " T"]:
-        """Whether a sample is in the centre, or passes through it to within rounding."""
-        rounding = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
-        return jnp.abs(self.z) <= rounding * self.step * jnp.abs(self.velocity)
-
-    def turned(self) -> Float[Array, " S"]:
-        """Change of the polar angle `arg z` in every step [rad]."""
-        return jnp.angle(self.z[1:] * jnp.conj(self.z[:-1]))
-
-
-class AbstractObservable(eqx.Module):
-    """A quantity that is kept of each revolution, and how it is reported."""
-
-    needs_contact: eqx.AbstractClassVar[bool]
-
-    @abc.abstractmethod
-    def check(self, steps: int, contacts: int) -> None:
-        """Raise `ValueError` unless so many steps a revolution and contacts can be observed."""
-
-    @abc.abstractmethod
-    def start(self, contacts: int) -> Any:
-        """The carry before the first revolution of a scene with so many contacts."""
-
-    @abc.abstractmethod
-    def update(self, carry: Any, turn: Turn) -> tuple[Any, Any]:
-        """The carry after a revolution, and the arrays that are stored of this revolution."""
-
-    @abc.abstractmethod
-    def report(self, carry: Any, stored: Any, count: int) -> Mapping[str, Variable]:
-        """Variables by name, from the last carry (lanes, ..) and what was stored.
-
-        Stored arrays are (lanes, revolutions, ..); `count` is the number of revolutions.
-        """
+from .observable import AbstractObservable as AbstractObservable, Turn as Turn, Variable as Variable
 
 
 class Section(AbstractObservable):
@@ -195,6 +124,7 @@ class Radius(AbstractObservable):
     """Smallest, largest and root-mean-square distance from the centre."""
 
     needs_contact: ClassVar[bool] = False
+    paced = "any"
 
     def check(self, steps, contacts):
         del steps, contacts
@@ -225,6 +155,7 @@ class Contact(AbstractObservable):
     """Share of time under load and largest resultant force of each contact."""
 
     needs_contact: ClassVar[bool] = True
+    paced = "any"
 
     def check(self, steps, contacts):
         if not contacts:
@@ -244,6 +175,63 @@ class Contact(AbstractObservable):
         return {
             "duty": Variable(("limiter",), duty / count, "1", "share of time in contact"),
             "peak_force": Variable(("limiter",), peak, "N", "largest contact force"),
+        }
+
+
+class Peak(AbstractObservable):
+    """Largest distance from the centre in a run, and the time and speed at which it occurs."""
+
+    needs_contact: ClassVar[bool] = False
+    paced = "times"
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        zero = jnp.zeros(())
+        return -jnp.ones(()), zero, zero
+
+    def update(self, carry, turn: Turn):
+        assert turn.time is not None and turn.speed is not None, "checked before the run"
+        radius = jnp.abs(turn.z)
+        top = jnp.argmax(radius)
+        now = radius[top], turn.time[top], turn.speed[top]
+        larger = now[0] > carry[0]
+        return tuple(jnp.where(larger, new, old) for new, old in zip(now, carry, strict=True)), None
+
+    def report(self, carry, stored, count):
+        radius, time, speed = carry
+        return {
+            "peak": Variable((), radius, "m", "largest radius of the run"),
+            "peak_time": Variable((), time, "s", "time of the largest radius"),
+            "peak_speed": Variable((), speed, "rad/s", "speed at the largest radius"),
+        }
+
+
+class Envelope(AbstractObservable):
+    """Largest distance from the centre in every window of a run, and the speed at its end."""
+
+    needs_contact: ClassVar[bool] = False
+    paced = "times"
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return jnp.zeros(())
+
+    def update(self, carry, turn: Turn):
+        assert turn.time is not None and turn.speed is not None, "checked before the run"
+        kept = jnp.stack([jnp.max(jnp.abs(turn.z)), turn.speed[-1]])
+        return turn.time[-1], kept
+
+    def report(self, carry, stored, count):
+        end = float(np.ravel(carry)[0])
+        times = end * (np.arange(count) + 1) / count
+        return {
+            "envelope": Variable(("window",), stored[..., 0], "m", "largest radius of a window"),
+            "speed": Variable(("window",), stored[..., 1], "rad/s", "speed at the end of a window"),
+            "window": Variable(("window",), times, "s", "time at the end of a window"),
         }
 
 
@@ -329,15 +317,20 @@ class WhirlSpectrum(AbstractObservable):
         }
 
 
-def everything(contacts: bool = False) -> tuple[AbstractObservable, ...]:
+def everything(
+    contacts: bool = False, *, along_times: bool = False
+) -> tuple[AbstractObservable, ...]:
     """The default observables of a sweep: section, extrema, precession and radius.
 
     Args:
         contacts: whether `Contact`, which observes limiters, is among them.
+        along_times: whether the lanes are runs along times, observed by peak, envelope and radius.
 
     Returns:
         The observables, for `sweep(.., observe=..)`.
     """
+    if along_times:
+        return Peak(), Envelope(), Radius(), *[Contact()][:contacts]
     return Section(), Extrema(), Precession(), Radius(), *[Contact()][:contacts]
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,8 @@ from ..equations.system import assemble
 from ..motion.base import Plan
 from ..motion.revolutions import check_constant, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
+from ..motion.stepped import Stepping, check_steppable
+from ..motion.windows import lane_stepping, window_of
 from ..results.provenance import chosen
 from ..scene import Scene
 from ..solvers.choice import checked_solver
@@ -37,6 +40,7 @@ from .store import PENDING, Store, StoreError
 
 
 PILOT_LANES = 4  # lanes by which "auto" steps are chosen
+MOST_CORNERS = 64  # of a grid, at which the highest speed is looked for
 
 
 def sweep(
@@ -44,8 +48,9 @@ def sweep(
     over: Mapping[str, Any],
     *,
     start: AbstractStart | None = None,
-    settle: int = 1000,
-    keep: int = 300,
+    settle: int | None = None,
+    keep: int | None = None,
+    times: Any | None = None,
     observe: Sequence[AbstractObservable] | None = None,
     steps_per_revolution: int | Literal["auto"] = 256,
     nodes: int | Literal["auto"] | None = None,
@@ -63,18 +68,22 @@ def sweep(
     progress: bool | None = None,
     max_steps: int = 4096,
 ) -> xr.Dataset:
-    """Long-run motion over a grid of parameters, observed for `keep` revolutions after `settle` others.
+    """Motion over a grid of parameters, observed for `keep` revolutions after `settle` others.
+
+    With `times` the lanes are runs along these times, at any speed that is known in time, and are observed
+    as a whole.
 
     Args:
-        scene: the rotor, at constant speed.
+        scene: the rotor; without `times` at constant speed.
         over: values by parameter path; paths such as `start.radius` vary the starting state. All
             combinations are run.
         start: starting state of every lane, by default `AtRest()`.
-        settle: revolutions before anything is observed (0 or more).
-        keep: revolutions observed.
+        settle: revolutions before anything is observed (0 or more), by default 1000.
+        keep: revolutions observed, by default 300.
+        times: evenly spaced times from 0 on [s]; `settle`, `keep` and `carry` do not apply to runs.
         observe: observables, by default `observe.everything()`, with contact where there is any.
         steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
-            `PILOT_LANES` lanes, of those that converge.
+            `PILOT_LANES` lanes, of those that converge. Of a run, steps a revolution at the highest speed.
         nodes: as in `simulate`.
         tolerance: as in `simulate`.
         error_sample: number of lanes to run again with twice the steps (and a tenth of the tolerance of
@@ -113,11 +122,17 @@ def sweep(
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
-    check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
+    check_counts(lanes_per_chunk=lanes_per_chunk)
     if steps_per_revolution != "auto":
         check_counts(steps_per_revolution=steps_per_revolution)
-    check_counts(0, error_sample=error_sample, settle=settle)
-    check_constant(scene, "`sweep`")
+    check_counts(0, error_sample=error_sample)
+    along = None if times is None else _checked_run(scene, times, settle, keep, carry, period)
+    settle = 1000 if settle is None else settle
+    keep = 300 if keep is None else keep
+    if along is None:
+        check_counts(keep=keep)
+        check_counts(0, settle=settle)
+        check_constant(scene, "`sweep` without `times`")
     if carry is not None:
         over = with_carried_first(over, carry, error_sample)
     start = AtRest() if start is None else start
@@ -129,23 +144,32 @@ def sweep(
         run |= {"max_steps": max_steps}
         pilots += (_chosen_steps(scene, start, axes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
-    observe = _checked_observables(observe, scene, steps_per_revolution)
+    stepping = None
+    if along is not None:
+        stepping = _stepping(scene, start, axes, along, solver, controller, steps_per_revolution)
+        solver, settle, steps = stepping.solver, 0, window_of(along.size)
+        keep = (along.size - 1) // steps
+    else:
+        steps = steps_per_revolution
+        if "spin.speed" not in axes:
+            revolution_rate(scene, period)
+    observe = _checked_observables(observe, scene, steps, along is not None)
     station = _station(scene, at)
-    if "spin.speed" not in axes:
-        revolution_rate(scene, period)
     plan = Plan(
         checked_solver(solver),
         controller,
         dfx.ForwardMode(),
         max_steps,
-        steps_per_revolution,
+        steps,
         slopes=False,
         coordinates=False,
         contacts=any(one.needs_contact for one in observe),
         together=together,
         batch=True,
     )
-    context = Context(scene, start, tuple(axes), plan, station, period, observe, settle, keep)
+    context = Context(
+        scene, start, tuple(axes), plan, station, period, observe, settle, keep, stepping
+    )
     job = Job(context, axes, carry, Stages.fresh())
     attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
@@ -156,15 +180,68 @@ def sweep(
 # === before the run
 
 
-def _checked_observables(observe: Any, scene: Scene, steps: int) -> tuple[AbstractObservable, ...]:
+def _checked_run(scene: Scene, times: Any, settle, keep, carry, period) -> np.ndarray:
+    """The times of a run; raises unless they are evenly spaced, and alone decide what is observed."""
+    given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"`{name}` is for whole revolutions, but `times` are given; take one of both."
+            )
+    values = np.atleast_1d(np.asarray(times, float))
+    lengths = np.diff(values)
+    if (
+        values.ndim > 1
+        or values.size < 2
+        or values[0] != 0
+        or not lengths.min() > 0
+        or np.ptp(lengths) > 1e-9 * values[-1]
+    ):
+        raise ValueError(
+            f"`times [s]` of a sweep must be two or more evenly spaced times from 0 on, but are {times!r}."
+        )
+    return np.linspace(0.0, values[-1], values.size)
+
+
+def _stepping(
+    scene: Scene, start: AbstractStart, axes, times: np.ndarray, solver, controller, steps
+) -> Stepping:
+    """Steps of all lanes of a sweep over runs, fine enough at the corners of the grid."""
+    if solver is None:
+        solver = Exponential(order=2 if scene.of(AbstractContact) else 4)
+    if not isinstance(solver, Exponential) or controller is not None:
+        raise ValueError(
+            "A sweep along `times` takes Exponential(..) steps; for another solver call `run_up` lane by "
+            "lane."
+        )
+    if steps == "auto":
+        raise ValueError(
+            'Steps "auto" are for whole revolutions; along `times` give `steps_per_revolution`, and '
+            "`error_sample` to see what error they leave."
+        )
+    check_steppable(scene, solver)
+    ends = itertools.product(*({values.min(), values.max()} for values in axes.values()))
+    corners = itertools.islice(ends, MOST_CORNERS)
+    scenes = [at_point(scene, start, dict(zip(axes, point, strict=True)))[0] for point in corners]
+    return lane_stepping([assemble(one) for one in scenes], times, solver, steps)
+
+
+def _checked_observables(
+    observe: Any, scene: Scene, steps: int, along_times: bool
+) -> tuple[AbstractObservable, ...]:
     """The observables asked for, or by default all but the spectrum."""
     contacts = len(scene.of(AbstractContact))
     if observe is None:
-        observe = everything(bool(contacts))
+        observe = everything(bool(contacts), along_times=along_times)
     observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
     for one in observe:
         if not isinstance(one, AbstractObservable):
             raise ValueError(f"`observe` must hold observables such as Section(), but has {one!r}.")
+        if one.paced not in ("any", "times" if along_times else "revolutions"):
+            where = (
+                "along `times`" if one.paced == "times" else "of whole revolutions, without `times`"
+            )
+            raise ValueError(f"`{type(one).__name__}` is an observable of motions {where}.")
         one.check(steps, contacts)
     return observe
 
@@ -247,7 +324,7 @@ def _run(
         if failed(found["status"]).all():  # raises if the start is what is wrong
             context.start.state(assemble(context.scene), context.station)
         if chunks:
-            finer = dataclasses.replace(context, plan=_finer(context.plan))
+            finer = _finer(context)
             repeat = functools.partial(job.repeat, finer=finer, size=sample_size)
             parts = running.each(repeat, chunks, tick)
             repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
@@ -263,11 +340,16 @@ def _chunks(lanes: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray
     return [lanes[i : i + size] for i in range(0, lanes.size, size)], size
 
 
-def _finer(plan: Plan) -> Plan:
-    """The plan with twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
+def _finer(context: Context) -> Context:
+    """The context with twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
+    plan, stepping = context.plan, context.stepping
+    if stepping is not None:
+        twice = dataclasses.replace(stepping, substeps=2 * stepping.substeps)
+        return dataclasses.replace(context, stepping=twice)
     control: Any = plan.controller
     if control is None and isinstance(plan.solver, dfx.AbstractSolver):
         control = step_control(plan.solver)
     if isinstance(control, dfx.PIDController):
         control = dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
-    return dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
+    finer = dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
+    return dataclasses.replace(context, plan=finer)

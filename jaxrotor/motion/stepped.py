@@ -1,0 +1,287 @@
+"""Exponential steps of a run whose speed is known in time.
+
+A run is cut into pieces, from sample to sample or shorter. A piece is stepped in the modal coordinates
+that the rotor has at one of a few speeds, the nearest.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float, Int
+
+from ..core.blocks import unbalance_factor
+from ..core.checks import check_counts
+from ..core.compiled import compiled_quickly
+from ..core.extremes import larger
+from ..core.quantities import Scalar, known
+from ..effects.base import AbstractContact
+from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
+from ..equations.pencil import frame
+from ..equations.stationary_frame import check_known_in_time
+from ..equations.system import System, assemble, has_massless
+from ..scene import Scene
+from ..solvers.basis import Basis, DenseBasis, well_conditioned
+from ..solvers.exponential import Exponential
+from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep, modal_basis
+from ..spins.base import Turning
+from ..spins.constant import ConstantSpeed
+from .exact import exact_motion, has_steady_motion
+
+
+MODES = 8  # in which the change of speed acts within a piece; beyond them the nearest speed counts
+SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates than that
+STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
+RIGID = 2  # coordinates, up to which an explicit solver is as quick
+CONTACT_STEPS = 256  # where there is contact
+INSIDE = 1e-9  # share of a step by which its ends are moved inside, off a jump of the acceleration
+
+
+class Stepping(eqx.Module):
+    """Settings of the steps of a run."""
+
+    solver: Exponential
+    breaks: Float[Array, " b"]  # ends of the pieces [s], the first is 0
+    samples: Int[Array, " T"]  # which of them are samples
+    substeps: int = eqx.field(static=True)  # of every piece
+    even: bool = eqx.field(static=True)  # whether all pieces are of one length
+    modes: int = eqx.field(static=True)  # see `SpeedTerms`; 0 where nothing depends on the speed
+    speeds: int = eqx.field(static=True)  # at which the rotor is decomposed
+    batch: bool = eqx.field(static=True, default=False)  # whether vmapped lanes are one array
+    bases: Basis | None = None  # at all these speeds; None: dense ones, made in the run
+    exact: bool = eqx.field(static=True, default=False)  # whether no steps are needed
+    span: tuple[Scalar, Scalar] | None = None  # lowest and highest speed; None: of the run
+
+    @classmethod
+    def of(
+        cls, system: System, times: Any, solver: Exponential, substeps: int | None, **settings: Any
+    ) -> "Stepping":
+        """Settings for samples at `times`; `substeps` are the steps from sample to sample."""
+        constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
+        modes = 0 if constant else min(MODES, system.n)
+        speeds = 1 if constant or modes == system.n else SPEEDS
+        breaks, samples, even = _breaks(system, times, speeds)
+        pieces = (len(breaks) - 1) / (len(samples) - 1)
+        if substeps is None:
+            each = _steps_of_piece(system, breaks, solver.order)
+        else:
+            each = math.ceil(substeps / pieces)
+        at = jnp.asarray(breaks, float), jnp.asarray(samples)
+        stepping = cls(solver, *at, each, even, modes, speeds, **settings)
+        return stepping.with_bases(system)
+
+    def with_bases(self, system: System) -> "Stepping":
+        """The settings with the bases of the rotor at all speeds, and with basis "auto" decided."""
+        solver, bases = self.solver, None
+        all_known = all(known(leaf) for leaf in jax.tree.leaves((system, self.breaks)))
+        if solver.basis == "modal" or (solver.basis == "auto" and all_known):
+            bases = _modal_bases(system, self)
+        if solver.basis == "auto":
+            modal = bases is not None and well_conditioned(bases.vectors)
+            solver = dataclasses.replace(solver, basis="modal" if modal else "dense")
+        bases, exact = bases if solver.basis == "modal" else None, False
+        if all_known and not isinstance(bases, DenseBasis | None):
+            _, rate = self.centres(system)
+            linear = isinstance(system.spin, ConstantSpeed) and not system.ports
+            exact = linear and has_steady_motion(system, np.asarray(bases.values), float(rate))
+        return dataclasses.replace(self, solver=solver, bases=bases, exact=exact)
+
+    def turning(self, system: System, time: Array) -> Turning:
+        """Rotation at times."""
+        return system.spin.turning(time, system.blocks.polar)
+
+    def centres(self, system: System) -> tuple[Float[Array, " w"], Scalar]:
+        """Speeds at which the rotor is decomposed, and the rate by which time is scaled [rad/s]."""
+        if self.span is None:
+            speed = self.turning(system, self.breaks).speed
+            low, high = jnp.min(speed), jnp.max(speed)
+        else:
+            low, high = map(jnp.asarray, self.span)
+        share = (jnp.arange(self.speeds) + 0.5) / self.speeds
+        fastest = larger(jnp.abs(low), jnp.abs(high))
+        return low + share * (high - low), jnp.where(fastest > 0, fastest, 1.0)
+
+
+def stepping_of(scene: Scene, times: Any, solver: Exponential, substeps: int | None) -> Stepping:
+    """Settings of exponential steps; raises where they do not take the scene."""
+    system = check_steppable(scene, solver)
+    if substeps is not None:
+        check_counts(substeps=substeps)
+    return Stepping.of(system, times, solver, substeps)
+
+
+def check_steppable(scene: Scene, solver: Exponential) -> System:
+    """The equations of a scene; raises where exponential steps do not take its run."""
+    system = assemble(scene)
+    check_known_in_time(system)
+    reason = unsteppable(system)
+    if reason is None and has_massless(scene, system):
+        reason = "a part of the rotor has no mass"
+    if reason is not None:
+        raise ValueError(
+            f"Exponential() does not take this run: {reason}; call `run_up` with a diffrax solver or none."
+        )
+    if solver.located:
+        raise ValueError(
+            "Located steps need a constant speed; take Exponential(order=2) with more steps."
+        )
+    return system
+
+
+def default_exponential(scene: Scene, times: Any) -> Exponential | None:
+    """Exponential steps for a shaft of many coordinates without contact that they can take, else None."""
+    free = scene.spin.given and not scene.of(AbstractContact)
+    if not (free and scene.shaft.has_mass and known(times)):
+        return None
+    system = assemble(scene)
+    if system.n <= RIGID:
+        return None
+    given = jax.tree.leaves((system.spin, system.blocks.polar))
+    takes = unsteppable(system) is None and system.blocks.hysteretic is None
+    return Exponential(order=4) if takes and all(map(known, given)) else None
+
+
+def unsteppable(system: System) -> str | None:
+    """Why exponential steps do not take the run of a system; None if they do."""
+    if not system.n or system.blocks.inertia is None:
+        return "nothing moves but the angle of the rotor"
+    if not system.spin.given:
+        return "the speed of its Drive is not known in advance"
+    if system.races:
+        return f"there are balls ({system.owners_of('bodies')})"
+    if frame(system.blocks) != "fixed":
+        return "unequal axes turn with the shaft"
+    return None
+
+
+def _breaks(system: System, times: Any, speeds: int) -> tuple[Any, np.ndarray, bool]:
+    """Ends of the pieces, which of them are samples, and whether all pieces are of one length."""
+    if not known(times):
+        breaks = jnp.concatenate([jnp.zeros(1), jnp.asarray(times, float)])
+        return breaks, np.arange(1, breaks.size), False
+    times = np.asarray(times, float)
+    several = math.ceil(4 * speeds / times.size) if speeds > 1 else 1
+    share = np.arange(several) / several
+    whole = np.union1d(0.0, times)
+    breaks = np.append((whole[:-1, None] + np.diff(whole)[:, None] * share).ravel(), whole[-1])
+    kinks = system.spin.kinks
+    if kinks is not None and known(kinks):
+        inside = np.asarray(kinks)[(np.asarray(kinks) > 0) & (np.asarray(kinks) < times[-1])]
+        apart = np.abs(breaks - inside[:, None]).min(axis=1, initial=np.inf) > INSIDE * times[-1]
+        breaks = np.union1d(breaks, inside[apart])
+    lengths = np.diff(breaks)
+    even = bool(np.ptp(lengths) <= 1e-9 * lengths.max())
+    if even:
+        breaks = np.linspace(0.0, times[-1], breaks.size)
+    return breaks, np.abs(breaks - times[:, None]).argmin(axis=1), even
+
+
+def _steps_of_piece(system: System, breaks: Any, order: int) -> int:
+    """Steps of a piece that follow the unbalance, and contact, at the highest speed."""
+    speed = system.spin.turning(jnp.asarray(breaks, float), system.blocks.polar).speed
+    if not (known(breaks) and known(speed)):
+        raise ValueError(
+            "`substeps` of Exponential are chosen by the speed and the times, but these are traced; give "
+            "`substeps`, the steps from sample to sample."
+        )
+    revolution = CONTACT_STEPS if system.ports else STEPS[order]
+    longest = float(np.diff(breaks).max() * np.abs(np.asarray(speed)).max()) / (2 * math.pi)
+    return max(1, math.ceil(revolution * longest - 1e-6))
+
+
+@compiled_quickly
+def _modal_bases(system: System, stepping: Stepping) -> Basis:
+    """Modal bases of the linear equations at all speeds of decomposition."""
+    centres, rate = stepping.centres(system)
+    one = lambda speed: modal_basis(FixedAxes.of(system.at_speed(speed), rate))
+    return jax.lax.map(one, centres)
+
+
+class Path(eqx.Module):
+    """Motion at the samples, in fixed axes."""
+
+    q: Complex[Array, "T n"]
+    velocity: Complex[Array, "T n"]  # [1/s] of them
+    touched: Bool[Array, ""]  # whether a contact was loaded
+    contact_stiffness_ratio: Float[Array, "2"]
+
+
+def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angle: Scalar) -> Path:
+    """Motion from coordinates and velocities at time 0, where the rotor is turned by `angle`.
+
+    Without contact and at constant speed it is exact, and nothing is stepped.
+    """
+    centres, rate = stepping.centres(system)
+    if stepping.exact:
+        basis: Any = jax.tree.map(lambda leaf: leaf[0], stepping.bases)
+        times = stepping.breaks[stepping.samples]
+        q, velocity = exact_motion(system, basis, rate, times, begin, angle)
+        return Path(q, velocity, jnp.zeros((), bool), jnp.zeros(2))
+    terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
+    order, bases = stepping.solver.order, stepping.bases
+    build = lambda of: RotorAtSpeed.build(system.at_speed(of[0]), rate, terms, of[1])
+    lengths = jnp.diff(stepping.breaks)
+    h = lambda length: rate * length / stepping.substeps
+    if stepping.speeds == 1:
+        rotors = build(jax.tree.map(lambda leaf: leaf[0], (centres, bases)))
+        step_of = lambda rotor: rotor.step(order, h(jnp.max(lengths)), system.ports)
+        steps = step_of(rotors)
+        at = lambda tree, number: tree
+        middle = steps
+    else:
+        rotors = jax.lax.map(build, (centres, bases))
+        step_of = lambda rotor: rotor.step(order, h(jnp.max(lengths)), ())
+        at = lambda tree, number: jax.tree.map(lambda leaf: leaf[number], tree)
+        steps = jax.lax.map(step_of, rotors)
+        middle = dataclasses.replace(at(steps, stepping.speeds // 2), ports=system.ports)
+
+    def piece(carry, part):
+        state, touched = carry
+        time, length = part
+        speed = stepping.turning(system, time + length / 2).speed
+        number = jnp.argmin(jnp.abs(centres - speed))
+        rotor = at(rotors, number)
+        if stepping.even:
+            step = dataclasses.replace(at(steps, number), ports=system.ports)
+        else:
+            step = rotor.step(order, h(length), system.ports)
+        now = course(system, stepping, rotor, step, centres[number], angle, time, length)
+        y, loaded = step.several(now, rotor.encode(state), batch=stepping.batch)
+        state = rotor.decode(y)
+        return (state, touched | loaded), state
+
+    axes = FixedAxes(at(rotors, 0).axes.matrix, rate)
+    first = axes.state(*begin)
+    times = stepping.breaks[:-1], lengths
+    (_, touched), states = jax.lax.scan(piece, (first, jnp.zeros((), bool)), times)
+    states = jnp.concatenate([first[None], states])[stepping.samples]
+    q, velocity = jax.vmap(axes.coordinates)(states)
+    return Path(q, velocity, touched, middle.contact_stiffness_ratio)
+
+
+def course(
+    system: System,
+    stepping: Stepping,
+    rotor: RotorAtSpeed,
+    step: VaryingStep,
+    centre,
+    angle,
+    time,
+    length,
+) -> Course:
+    """Loads and speeds at the steps of a piece, known in time."""
+    count = 2 * stepping.substeps
+    share = jnp.arange(count + 1) / count
+    if system.spin.kinks is not None:
+        share = share.at[0].add(INSIDE / count).at[-1].add(-INSIDE / count)
+    turning = stepping.turning(system, time + length * share)
+    g = unbalance_factor(turning.speed, turning.acceleration)
+    g = g * jnp.exp(1j * (angle + turning.angle))
+    steps = jnp.arange(stepping.substeps)[:, None] * 2
+    stages = (2 * np.asarray(step.tableau.times)).astype(int)
+    speed = turning.speed[steps + stages]
+    return Course(rotor.load_values(g[steps + np.arange(3)]), speed, speed - centre)

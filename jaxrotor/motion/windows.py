@@ -1,0 +1,159 @@
+"""Windows: a motion at a speed known in time, advanced from window to window of its samples."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core.outcome import Outcome
+from ..core.quantities import Scalar
+from ..equations.fixed_axes import SpeedTerms, depends_on_speed
+from ..equations.start import AbstractStart
+from ..equations.system import System, assemble
+from ..scene import Scene
+from ..solvers.exponential import Exponential
+from ..solvers.varying_speed import RotorAtSpeed, VaryingStep, modal_basis
+from ..spins.constant import ConstantSpeed
+from .base import Plan, WindowSamples
+from .revolutions import bounded
+from .stepped import Stepping, course
+
+
+USUAL = 32  # samples of a window, about
+MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
+
+
+class WindowMarch(eqx.Module):
+    """Motion of one scene along evenly spaced samples, advanced by whole windows of them.
+
+    The rotor is decomposed at one speed, so that lanes whose speeds differ share the coefficients of a
+    step. The last entry of a state counts the windows.
+    """
+
+    system: System
+    rotor: RotorAtSpeed
+    step: VaryingStep
+    reading: Float[
+        Array, "4 m2"
+    ]  # [Re, Im] of displacement and velocity of the station, of a state
+    stepping: Stepping
+    plan: Plan
+    centre: Scalar  # speed of decomposition [rad/s]
+
+    @classmethod
+    def build(
+        cls, scene: Scene, plan: Plan, stepping: Stepping, station: Float[Array, "1"]
+    ) -> "WindowMarch":
+        """Assemble a scene for a plan and its steps, with one station to read."""
+        system = assemble(scene, plan.together)
+        centres, rate = stepping.centres(system)
+        terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
+        at_centre = system.at_speed(centres[0])
+        rotor = RotorAtSpeed.build(at_centre, rate, terms, None)
+        assert isinstance(plan.solver, Exponential)
+        if plan.solver.basis != "dense":
+            rotor = RotorAtSpeed.build(at_centre, rate, terms, modal_basis(rotor.axes))
+        h = rate * (stepping.breaks[1] - stepping.breaks[0]) / stepping.substeps
+        step = rotor.step(plan.solver.order, h, system.ports)
+        row = system.line.row(station[0])[None]
+        seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
+        return cls(system, rotor, step, rotor.read(seen), stepping, plan, centres[0])
+
+    def begin(self, start: AbstractStart, at: Scalar) -> Array:
+        """State at the start."""
+        return self.encode(*start.state(self.system, at))
+
+    def encode(self, q: Array, velocity: Array) -> Array:
+        """State at the first sample of coordinates [m] and their velocities [m/s]."""
+        return jnp.append(self.rotor.encode(self.rotor.axes.state(q, velocity)), 0.0)
+
+    def decode(self, y: Array) -> tuple[Array, Array]:
+        """Coordinates [m] and velocities [m/s] of a state."""
+        return self.rotor.axes.coordinates(self.rotor.decode(y[:-1]))
+
+    @property
+    def eigenvectors(self) -> Array:
+        """Those of the linear equations, by which the basis is judged."""
+        return self.rotor.basis.vectors
+
+    @property
+    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+        """See `VaryingStep.contact_stiffness_ratio`."""
+        return self.step.contact_stiffness_ratio
+
+    def collect(self, y: Array, carry: Any, update: Callable, windows: int) -> Any:
+        """Whole windows, with `carry, out = update(carry, samples)` after each, as `March.collect`."""
+
+        def one(state, _):
+            y, carry, good = state
+            y, samples, ok = self._window(y)
+            carry, out = update(carry, samples)
+            return (y, carry, good & ok), out
+
+        return jax.lax.scan(one, (y, carry, Outcome.good()), None, length=windows)
+
+    def _window(self, y: Array) -> tuple[Array, WindowSamples, Outcome]:
+        """One window: the state at its end, its samples, the first and the last included, and outcome."""
+        breaks, size = self.stepping.breaks, self.plan.steps
+        number, length = y[-1], breaks[1] - breaks[0]
+        times = (number * size + jnp.arange(size + 1)) * length
+
+        def one(carry, time):
+            w, touched = carry
+            now = course(
+                self.system, self.stepping, self.rotor, self.step, self.centre, 0.0, time, length
+            )
+            end, loaded = self.step.several(now, w, batch=True)
+            return (end, touched | loaded), w
+
+        begin = y[:-1], jnp.zeros((), bool)
+        (w, touched), states = jax.lax.scan(one, begin, times[:-1])
+        states = jnp.concatenate([states, w[None]])
+        seen = jnp.moveaxis((states @ self.reading.T).reshape(-1, 2, 2), 1, -1)
+        turning = self.stepping.turning(self.system, times)
+        forces = None
+        if self.plan.contacts and self.system.ports:
+            ports = (states @ self.step.reading.T).reshape(len(states), 2, 2, -1)
+            ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
+            both = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], turning.speed)
+            forces = both[..., 0] + 1j * both[..., 1]
+        z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
+        samples = WindowSamples(z[:, :1], z[:, 1:], forces, times, turning.speed)
+        ok = Outcome(bounded(w), jnp.ones((), bool), jnp.zeros((), int), touched)
+        return jnp.append(w, number + 1), samples, ok
+
+
+def window_of(samples: int) -> int:
+    """Intervals of a window: a divisor of the number of all, near `USUAL`."""
+    divisors = [n for n in range(1, samples) if (samples - 1) % n == 0]
+    return min(divisors, key=lambda n: abs(math.log(n / USUAL)))
+
+
+def lane_stepping(
+    systems: Sequence[System], times: np.ndarray, solver: Exponential, revolution: int
+) -> Stepping:
+    """Steps that all lanes share, of which the `systems` hold the extremes.
+
+    A revolution of the fastest has `revolution` steps or more.
+    """
+    speeds = [np.asarray(one.spin.turning(times, one.blocks.polar).speed) for one in systems]
+    fastest = max(float(np.abs(speed).max()) for speed in speeds)
+    each = max(1, math.ceil(revolution * fastest * times[1] / (2 * math.pi) - 1e-6))
+    first = systems[0]
+    depends = depends_on_speed(first.blocks) and not isinstance(first.spin, ConstantSpeed)
+    return Stepping(
+        solver,
+        jnp.asarray(times),
+        jnp.arange(times.size),
+        each,
+        even=True,
+        modes=min(MOST_MODES, first.n) if depends else 0,
+        speeds=1,
+        batch=True,
+        span=(min(speed.min() for speed in speeds), max(speed.max() for speed in speeds)),
+    )

@@ -1,0 +1,201 @@
+"""Exponential steps at a speed that varies: the linear rotor exactly at one speed, the rest by stages.
+
+    w' = A(Omega_c) w + B f(C w) + P (Omega - Omega_c) R w + U g(t),   g = (Omega^2 - i Omega.) e^(i theta)
+
+Contact forces and the change of the linear terms with the speed enter through ports, as in
+docs/concepts/ports.md. Loads are known in time: a step takes the parabola through their values at its
+beginning, middle and end.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Inexact
+
+from ..core.quantities import Scalar
+from ..equations.fixed_axes import FixedAxes, SpeedTerms
+from ..equations.system import Port, System
+from .basis import Basis, DenseBasis, ModalBasis, SlotBasis, as_real, packed, unpacked
+from .lanes import lanes_last, per_lane, product
+from .tableau import Tableau, tableau_of
+
+
+class Course(eqx.Module):
+    """Loads and speeds of some steps, known in time; `c` are the distinct times of the stages of each."""
+
+    load: Float[Array, "... u"]  # see `load_values`
+    speed: Float[Array, "... c"]  # Omega at the stages [rad/s]
+    change: Float[Array, "... c"]  # Omega - Omega_c there
+
+
+def modal_basis(axes: FixedAxes) -> ModalBasis | SlotBasis:
+    """Modal coordinates of the equations."""
+    return (ModalBasis if axes.equal else SlotBasis).build(axes.matrix)
+
+
+class RotorAtSpeed(eqx.Module):
+    """A rotor in a basis of its linear equations at one speed."""
+
+    axes: FixedAxes
+    basis: Basis
+    output: Inexact[Array, "s m"] | None  # of all ports, then of the speed terms, in the basis
+    input: Inexact[Array, "m p"] | None
+    unbalance: Inexact[Array, "m u"] | None
+    weight: Inexact[Array, "m w"] | None
+    port_count: int = eqx.field(static=True)
+
+    @classmethod
+    def build(
+        cls, system: System, rate: Scalar, terms: SpeedTerms | None, basis: Basis | None
+    ) -> "RotorAtSpeed":
+        """The rotor at the speed of its spin, in a dense basis unless one is given."""
+        axes = FixedAxes.of(system, rate)
+        basis = DenseBasis.build(axes.matrix) if basis is None else basis
+        inverse, load = jnp.linalg.inv(system.blocks.inertia), system.load
+        none = jnp.zeros((0, system.n))
+        position, velocity, columns = [none], [none], [none.T]
+        if system.ports:
+            rows = jnp.stack([port.row for port in system.ports])
+            position += [rows, 0 * rows]
+            velocity += [0 * rows, rows]
+            columns += [inverse @ port.column[:, None] for port in system.ports]
+        if terms is not None:
+            position, velocity = [*position, terms.position], [*velocity, terms.velocity]
+            columns.append(terms.columns)
+        enters = lambda force: basis.inverse @ axes.input((inverse @ force)[:, None])
+        output = entry = None
+        if system.ports or terms is not None:
+            output = axes.output(*map(jnp.concatenate, (position, velocity))) @ basis.vectors
+            entry = basis.inverse @ axes.input(jnp.concatenate(columns, axis=1))
+        unbalance = None if load.unbalance is None else enters(load.unbalance)
+        weight = None if load.constant is None else enters(load.constant)
+        count = len(system.ports)
+        return cls(axes, basis, output, entry, unbalance, weight, count)
+
+    def encode(self, state: Array) -> Float[Array, " m2"]:
+        """State of the steps from one of the equations."""
+        return packed(self.basis.inverse @ state)
+
+    def decode(self, y: Float[Array, " m2"]) -> Array:
+        """State of the equations from one of the steps."""
+        return self.basis.vectors @ unpacked(self.basis, y)
+
+    def read(self, output: Inexact[Array, "s m"]) -> Float[Array, "s2 m2"]:
+        """Output matrix of `[Re, Im]` of the equations' outputs, on a state of the steps."""
+        return as_real(output @ self.basis.vectors)
+
+    def step(self, order: int, h: Scalar, ports: tuple[Port, ...]) -> "VaryingStep":
+        """A step of `h`, in time `tau`, with the laws of these ports, which may be given later."""
+        basis, output, entry = self.basis, self.output, self.input
+        nothing = jnp.zeros((0, basis.vectors.shape[0]), basis.vectors.dtype)
+        seen, enters = (nothing, nothing.T) if output is None or entry is None else (output, entry)
+        tableau = tableau_of(order, basis, seen, enters, h)
+        parts = [self._parabola(share, h) for share in tableau.times[1:]]
+        loads = tuple(as_real(seen) @ part for part in parts)
+        half = as_real(seen).reshape(2, -1, tableau.weights.shape[0])
+        reading = half[:, : 2 * self.port_count].reshape(4 * self.port_count, half.shape[-1])
+        return VaryingStep(tableau, loads, parts[-1], reading, ports)
+
+    def _parabola(self, share: float, h: Scalar) -> Float[Array, "m2 u"]:
+        """Change of the state by the loads of a step after a `share` of it, 1/2 or all.
+
+        The load is `g0 (1 - 3 x + 2 x^2) + g1 (4 x - 4 x^2) + g2 (2 x^2 - x)`, with `x` from 0 to 1 in a
+        step, and `Int exp((1 - x) a) x^k dx = k! phi_(k+1)(a)`.
+        """
+        columns = [jnp.zeros((as_real(self.basis.vectors).shape[0], 0))]
+        if self.unbalance is not None:
+            _, (one, two, three) = self.basis.flow(share * h, self.unbalance, 3)
+            x, x2 = share * two, 2 * share**2 * three
+            parts = one - 3 * x + 2 * x2, 4 * x - 4 * x2, 2 * x2 - x
+            columns += [as_real(part) for part in parts]
+        if self.weight is not None:
+            _, (one,) = self.basis.flow(share * h, self.weight, 1)
+            columns.append(as_real(one)[:, :1])
+        return jnp.concatenate(columns, axis=1)
+
+    def load_values(self, g: Inexact[Array, "... 3"]) -> Float[Array, "... u"]:
+        """Values that the loads of a step take, from `g` at its beginning, middle and end."""
+        values = [jnp.zeros((*g.shape[:-1], 0))]
+        if self.unbalance is not None:
+            values.append(jnp.stack([g.real, g.imag], axis=-1).reshape(*g.shape[:-1], 6))
+        if self.weight is not None:
+            values.append(jnp.ones((*g.shape[:-1], 1)))
+        return jnp.concatenate(values, axis=-1)
+
+
+class VaryingStep(eqx.Module):
+    """A step of fixed size; all arrays may have lanes last."""
+
+    tableau: Tableau
+    load_outputs: tuple[Float[Array, "s u"], ...]  # at the distinct times but the first
+    load: Float[Array, "m2 u"]
+    reading: Float[Array, "p4 m2"]  # of the ports
+    ports: tuple[Port, ...]
+
+    @property
+    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+        """See `March.contact_stiffness_ratio`."""
+        if not self.ports:
+            return jnp.zeros(2)
+        response = self.tableau.port_response(self.reading)
+        ports = jnp.stack([port.hardness() for port in self.ports])  # (p, 2)
+        found = ports * jnp.stack(response, axis=1)
+        return found[jnp.argmax(found.sum(1))]
+
+    def several(
+        self, course: Course, y: Float[Array, " m2"], *, batch: bool
+    ) -> tuple[Array, Bool[Array, ""]]:
+        """State after the steps of a course, and whether a contact was loaded at the start of one."""
+
+        def run(parts, y):
+            step, course = parts
+            begin = y, jnp.zeros(y.shape[1], bool)
+
+            def one(carry, now):
+                y, touched = carry
+                y, loaded = step.of_lanes(now, y)
+                return (y, touched | loaded), None
+
+            return jax.lax.scan(one, begin, course)[0]
+
+        return lanes_last(run, (self, course), y, batch=batch)
+
+    def of_lanes(self, now: Course, y: Float[Array, "m2 lanes"]) -> tuple[Array, Array]:
+        """States after a step, and whether a contact was loaded at its start, lanes last."""
+        tableau, p = self.tableau, len(self.ports)
+        loaded = jnp.zeros(y.shape[1], bool)
+        end = tableau.advance(y)
+        if self.load.shape[1]:
+            end = end + product(self.load, now.load)
+        if not tableau.outputs.shape[0]:
+            return end, loaded
+        free = jnp.split(product(tableau.outputs, y), len(tableau.times))
+        if self.load.shape[1]:
+            added = [product(part, now.load) for part in self.load_outputs]
+            free = [free[0], *(one + more for one, more in zip(free[1:], added, strict=True))]
+        contact: list[Array] = []
+
+        def forces(stage: Array, time: int) -> Array:
+            both = stage.reshape(2, -1, stage.shape[-1])  # (Re Im, signal, lane)
+            parts = []
+            if p:
+                seen = both[:, : 2 * p].reshape(4 * p, -1)
+                found = per_lane(_port_forces, (self.ports, now.speed[time]), seen)
+                contact.append(found)
+                parts.append(found.reshape(2, p, -1))
+            if both.shape[1] > 2 * p:
+                parts.append(now.change[time] * both[:, 2 * p :])
+            return jnp.concatenate(parts, axis=1).reshape(-1, stage.shape[-1])
+
+        end = end + tableau.increment(free, forces)
+        if p:
+            loaded = jnp.any(contact[0] != 0, axis=0)
+        return end, loaded
+
+
+def _port_forces(parts: tuple[tuple[Port, ...], Scalar], seen: Float[Array, " p4"]):
+    """`[Re, Im]` of the forces of all ports, from displacement and velocity."""
+    ports, speed = parts
+    d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
+    forces = [port.forces(d[:, i], v[:, i], speed).sum(0) for i, port in enumerate(ports)]
+    return jnp.stack(forces, axis=1).ravel()

@@ -1,0 +1,86 @@
+"""Observable: a quantity that a sweep keeps of a motion, one revolution or window of a run at a time.
+
+An observable receives each of them once and stores no trajectory. `update` runs inside the compiled
+sweep; `report` turns its results, with lanes in front, into named variables.
+"""
+
+import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from ..core.quantities import Scalar
+from ..motion.base import RevolutionSamples, WindowSamples
+
+
+class Variable(NamedTuple):
+    """A reported array: dimensions behind the lanes, values, unit and long name."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    units: str
+    long_name: str
+
+
+class Turn(eqx.Module):
+    """A kept revolution or window at the observed station, its first and last samples included."""
+
+    z: Complex[Array, " T"]  # displacement [m], T = steps + 1
+    velocity: Complex[Array, " T"]  # [m/s]
+    contact_force: Complex[Array, "T k"] | None  # [N]
+    number: Array  # number of this revolution, from 0
+    step: Scalar  # length of a step [s]
+    s: Scalar  # sign of the spin
+    time: Float[Array, " T"] | None  # since the start of a run [s]; None in revolutions
+    speed: Float[Array, " T"] | None  # of rotation [rad/s]; None in revolutions
+    count: int = eqx.field(static=True)  # revolutions kept
+
+    @classmethod
+    def of(cls, samples: RevolutionSamples | WindowSamples, number: Array, count: int) -> "Turn":
+        """The revolution or window at the first of the sampled stations."""
+        z, velocity = samples.displacement[:, 0], samples.velocity[:, 0]
+        seen = z, velocity, samples.contact_force, number
+        if isinstance(samples, WindowSamples):
+            time, speed = samples.time, samples.speed
+            return cls(*seen, time[1] - time[0], jnp.sign(speed[-1]), time, speed, count)
+        step = 2 * jnp.pi * samples.seconds / (z.size - 1)
+        return cls(*seen, step, samples.s, None, None, count)
+
+    def in_centre(self) -> Bool[Array, " T"]:
+        """Whether a sample is in the centre, or passes through it to within rounding."""
+        rounding = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
+        return jnp.abs(self.z) <= rounding * self.step * jnp.abs(self.velocity)
+
+    def turned(self) -> Float[Array, " S"]:
+        """Change of the polar angle `arg z` in every step [rad]."""
+        return jnp.angle(self.z[1:] * jnp.conj(self.z[:-1]))
+
+
+class AbstractObservable(eqx.Module):
+    """A quantity that is kept of each revolution, and how it is reported."""
+
+    needs_contact: eqx.AbstractClassVar[bool]
+    paced: ClassVar[Literal["any", "revolutions", "times"]] = "revolutions"  # in what it is defined
+
+    @abc.abstractmethod
+    def check(self, steps: int, contacts: int) -> None:
+        """Raise `ValueError` unless so many steps a revolution and contacts can be observed."""
+
+    @abc.abstractmethod
+    def start(self, contacts: int) -> Any:
+        """The carry before the first revolution of a scene with so many contacts."""
+
+    @abc.abstractmethod
+    def update(self, carry: Any, turn: Turn) -> tuple[Any, Any]:
+        """The carry after a revolution, and the arrays that are stored of this revolution."""
+
+    @abc.abstractmethod
+    def report(self, carry: Any, stored: Any, count: int) -> Mapping[str, Variable]:
+        """Variables by name, from the last carry (lanes, ..) and what was stored.
+
+        Stored arrays are (lanes, revolutions, ..); `count` is the number of revolutions.
+        """

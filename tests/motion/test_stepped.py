@@ -1,0 +1,328 @@
+"""Exponential steps at a speed that varies: against scipy on equations written out here."""
+
+import dataclasses
+
+import diffrax as dfx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import jaxrotor as jr
+from jaxrotor.motion import stepped
+
+
+TIMES, SPEEDS = np.array([0.0, 0.31, 0.6]), np.array([30.0, 260.0, 180.0])  # a kink between samples
+FINE = dfx.PIDController(rtol=1e-11, atol=1e-14)
+SAMPLES = np.linspace(0.0, 0.5, 26)
+OFF = {"gap": 7e-4, "stiffness": 4e4, "damping": 20.0, "friction": 0.1, "rim_radius": 0.05}
+DISC = jnp.asarray(0.6)
+SMOOTH = {"blend": 5e-4, "slip": 2.0}
+
+
+def rotor(*effects, shaft=None, speeds=SPEEDS):
+    """Two gyroscopic discs on a shaft with internal damping, under weight and unbalance."""
+    return jr.Scene(
+        shaft or jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2),
+        jr.Disc(0.6, 3.0, 0.02, 0.04),
+        jr.InternalDamping(2e-4),
+        jr.DiscDamping(0.6, 8.0, 0.05),
+        jr.Unbalance(0.6, 3.0, 2e-4, phase=0.4),
+        jr.Gravity(9.81),
+        *effects,
+        spin=jr.SpeedProfile(TIMES, speeds),
+    )
+
+
+def stops(**laws):
+    return jr.Limiter.at_angles([0.3, 2.4, 4.5], at=0.6, **OFF | laws)
+
+
+def bearing():
+    """Unequal, cross-coupled stiffness and damping at mid-span."""
+    return jr.Support(
+        0.3, kxx=6e4, kxy=1e4, kyx=-2e4, kyy=2e4, cxx=60.0, cxy=5.0, cyx=10.0, cyy=30.0
+    )
+
+
+def turning(t, speeds):
+    """Angle, speed and acceleration of the profile, by its formula."""
+    i = 0 if t < TIMES[1] else 1
+    rate = (speeds[i + 1] - speeds[i]) / (TIMES[i + 1] - TIMES[i])
+    before = 0.0 if i == 0 else (speeds[0] + speeds[1]) / 2 * TIMES[1]
+    s = t - TIMES[i]
+    return before + speeds[i] * s + rate * s**2 / 2, speeds[i] + rate * s, rate
+
+
+def by_scipy(scene, times, speeds=SPEEDS):
+    """Displacement of the disc by DOP853, from the blocks of the scene and laws written out here."""
+    system = jr.assemble(scene)
+    blocks, n = system.blocks, system.n
+    part = lambda name: np.asarray(
+        getattr(blocks, name) if getattr(blocks, name) is not None else np.zeros((n, n))
+    )
+    mass = np.linalg.inv(part("inertia"))
+    row, column = np.asarray(system.line.row(DISC)), np.asarray(system.line.column(DISC))
+    weight, unbalance = np.asarray(system.load.constant), np.asarray(system.load.unbalance)
+    limiters = [(float(s.angle), s) for s in scene.effects if isinstance(s, jr.Limiter)]
+    fields = ("damping", "stiffness", "gyroscopic", "circulatory", "skew_damping")
+    c, k, g, h, sc = map(part, fields)
+    sk, fd, fk = map(part, ("skew_stiffness", "fixed_damping", "fixed_stiffness"))
+
+    def push(t, q, v):
+        theta, speed, rate = turning(t, speeds)
+        force = (speed**2 - 1j * rate) * unbalance * np.exp(1j * theta) + weight
+        force = force - c @ v - k @ q + 1j * speed * (g @ v + h @ q)
+        force = force - 1j * (sc @ v + sk @ q) - fd @ v.conj() - fk @ q.conj()
+        for angle, stop in limiters:
+            z, slip = row @ q * np.exp(-1j * angle), row @ v * np.exp(-1j * angle)
+            law = float(stop.blend) if stop.blend is not None else None
+            normal, way = _pressure(z.real - OFF["gap"], slip.real, law), speed * OFF["rim_radius"]
+            way = way + slip.imag
+            if stop.slip is None:
+                way = np.sign(way)
+            else:
+                u = np.clip(way / float(stop.slip), -1, 1)
+                way = u * (15 - 10 * u**2 + 3 * u**4) / 8
+            pressed = -normal * (1 + 1j * OFF["friction"] * way) * np.exp(1j * angle)
+            force = force + column * pressed
+        return mass @ force
+
+    def rates(t, y):
+        q, v = y[:n] + 1j * y[n : 2 * n], y[2 * n : 3 * n] + 1j * y[3 * n :]
+        a = push(t, q, v)
+        return np.concatenate([v.real, v.imag, a.real, a.imag])
+
+    y, path = np.zeros(4 * n), [np.zeros(4 * n)]
+    for begin, end in ((0.0, TIMES[1]), (TIMES[1], times[-1])):  # the acceleration jumps
+        own = times[(times > begin) & (times <= end)]
+        near = min(end, TIMES[1] - 1e-12) if begin == 0 else end
+        found = solve_ivp(
+            rates, (begin, near), y, "DOP853", np.minimum(own, near), rtol=1e-11, atol=1e-15
+        )
+        path += list(found.y.T)
+        y = solve_ivp(rates, (begin, near), y, "DOP853", [near], rtol=1e-11, atol=1e-15).y[:, -1]
+    path = np.array(path)
+    return (path[:, :n] + 1j * path[:, n : 2 * n]) @ row
+
+
+def _pressure(depth, closing, blend):
+    """Normal force of a stop: sharp, or with the smooth onset and release of `Limiter`."""
+    k, c = OFF["stiffness"], OFF["damping"]
+    if blend is None:
+        return max(k * depth + c * closing, 0.0) if depth > 0 else 0.0
+    onset = lambda u: u**3 * (6 - 8 * u + 3 * u**2)
+    depth = max(depth, 0.0)
+    u = min(depth / blend, 1.0)
+    force = k * (depth + blend * (onset(u) - u))
+    force = max(force + c * closing * u**3 * (10 - 15 * u + 6 * u**2), 0.0)
+    v = min(force / (k * blend), 1.0)
+    return force + k * blend * (onset(v) - v)
+
+
+def errors(scene, order, substeps, speeds=SPEEDS, **settings):
+    """Largest errors of the disc's displacement, relative to the largest displacement."""
+    exact, found = by_scipy(scene, SAMPLES, speeds), []
+    for count in substeps:
+        solver = jr.Exponential(order=order, **settings)
+        run = jr.run_up(scene, SAMPLES, solver=solver, substeps=count, at=0.6)
+        found.append(np.abs(run.displacement[:, 0] - exact).max() / np.abs(exact).max())
+    return np.array(found)
+
+
+# === against scipy
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "least", "last"), [(2, 3.5, 3e-5), (4, 12.0, 3e-8)])
+def test_order_of_a_run_up_without_contact(order, least, last):
+    found = errors(rotor(), order, (20, 40, 80))
+    assert np.all(found[:-1] / found[1:] > least)
+    assert found[-1] < last
+
+
+def test_unequal_bearings_at_a_speed_that_varies():
+    assert errors(rotor(bearing()), 4, (40,))[0] < 1e-6
+
+
+@pytest.mark.slow
+def test_order_with_smooth_contact():
+    found = errors(rotor(stops(**SMOOTH)), 4, (80, 320))
+    assert found[0] / found[1] > 8**2
+    assert found[1] < 1e-8
+
+
+@pytest.mark.slow
+def test_sharp_stops_and_unequal_bearings():
+    found = errors(rotor(bearing(), stops()), 2, (100, 1600))
+    assert found[1] < 1e-4 < 100 * found[1]
+    assert found[1] < found[0] / 8
+
+
+@pytest.mark.slow
+def test_dense_and_modal_bases_agree():
+    one, other = (
+        jr.run_up(rotor(), SAMPLES, solver=jr.Exponential(order=4, basis=basis), substeps=20)
+        for basis in ("modal", "dense")
+    )
+    scale = np.abs(one.displacement).max()
+    assert np.allclose(one.displacement, other.displacement, rtol=0, atol=1e-10 * scale)
+
+
+def test_run_down_and_backward_spin():
+    assert errors(rotor(speeds=-SPEEDS), 4, (40,), -SPEEDS)[0] < 1e-6
+
+
+# === against the other ways through time
+
+
+def test_constant_speed_is_that_of_simulate():
+    scene = rotor().at_speed(150.0)
+    exact = jr.simulate(scene, 4, 32)
+    run = jr.run_up(scene, exact.time, at=exact.stations)
+    assert run.solver.startswith("Exponential(order=4")
+    scale = np.abs(exact.displacement).max()
+    assert np.allclose(run.displacement, exact.displacement, rtol=0, atol=1e-12 * scale)
+    assert np.allclose(run.velocity, exact.velocity, rtol=0, atol=1e-9 * scale)
+
+
+def test_unequal_bearings_at_constant_speed_and_another_first_angle():
+    scene, times = rotor(bearing()).at_speed(-150.0), np.array([0.01, 0.02, 0.2])
+    start = jr.Launch(jr.Whirl(1e-4, 20.0), angle=0.7)
+    exact = jr.run_up(scene, times, start=start)
+    other = jr.run_up(scene, times, start=start, solver=dfx.Dopri8(), controller=FINE)
+    scale = np.abs(exact.displacement).max()
+    assert np.allclose(exact.displacement, other.displacement, rtol=0, atol=1e-9 * scale)
+
+
+def test_an_undamped_resonance_is_stepped():
+    shaft = jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2)
+    parts = jr.Disc(0.6, 3.0), jr.Unbalance(0.6, 3.0, 1e-5)
+    scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(1.0))
+    scene = scene.at_speed(jr.critical_speeds(scene, 1).forward[0])
+    run = jr.run_up(scene, np.linspace(0, 1.0, 41), at=0.6)
+    radius = np.abs(run.displacement[:, 0])
+    assert radius[-1] / radius[20] == pytest.approx(2, rel=0.02)
+
+
+def test_accelerations_and_the_end_are_those_of_the_motion():
+    run = jr.run_up(rotor(), SAMPLES, substeps=40)
+    before = jr.run_up(rotor(), SAMPLES[:14], substeps=40)
+    after = jr.run_up(rotor(), SAMPLES[:13], substeps=40, start=before.end)
+    assert np.allclose(after.displacement, run.displacement[13:], rtol=0, atol=1e-9)
+    system, now = jr.assemble(rotor()), jax.tree.map(lambda leaf: leaf[-1], run.instants)
+    b, speed = system.blocks, now.turning.speed
+    q, v, a = (x * now.turn for x in (now.r, now.velocity, now.absolute))
+    left = b.inertia @ a + b.damping @ v + b.stiffness @ q
+    left = left - 1j * speed * (b.gyroscopic @ v + b.circulatory @ q)
+    g = speed**2 - 1j * now.turning.acceleration
+    right = system.load.constant + g * system.load.unbalance * now.turn
+    assert np.allclose(left, right, rtol=0, atol=1e-9 * np.abs(right).max())
+
+
+@pytest.mark.slow
+def test_change_of_speed_in_the_slowest_modes(monkeypatch):
+    """With eight modes at sixteen speeds, and in all modes at one."""
+    scene = jr.load("two-discs")
+    scene = jr.Scene(scene.shaft, *scene.effects, spin=jr.SpeedProfile([0.0, 0.5], [40.0, 160.0]))
+    times = np.linspace(0, 0.5, 51)
+    few = jr.run_up(scene, times)
+    monkeypatch.setattr(stepped, "MODES", 50)
+    every = jr.run_up(scene, times)
+    scale = np.abs(every.displacement).max()
+    assert np.allclose(few.displacement, every.displacement, rtol=0, atol=3e-6 * scale)
+
+
+def test_uneven_times_and_a_first_sample_after_the_start():
+    times = np.array([0.1, 0.18, 0.4, 0.5])
+    even = jr.run_up(rotor(), SAMPLES, substeps=80)
+    found = jr.run_up(rotor(), times, substeps=800).displacement
+    there = np.asarray(even.displacement)[[5, 9, 20, 25]]
+    assert np.allclose(found, there, rtol=0, atol=1e-6 * np.abs(there).max())
+
+
+# === derivatives
+
+
+def after_a_run(eccentricity, damping, *effects):
+    scene = rotor(*effects).put(
+        {"unbalance.eccentricity": eccentricity, "disc_damping.translational": damping}
+    )
+    run = jr.run_up(
+        scene, SAMPLES[:11], solver=jr.Exponential(order=4, basis="dense"), substeps=20, at=0.6
+    )
+    return jnp.abs(run.displacement[-1, 0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effects", [(), (stops(**SMOOTH),)])
+def test_derivatives_are_differences(effects):
+    at, steps = (2e-4, 8.0), (1e-9, 1e-3)
+    last = lambda *values: after_a_run(*values, *effects)
+    forward = jax.jacfwd(last, argnums=(0, 1))(*at)
+    for i, step in enumerate(steps):
+        ends = [[x + s * (i == j) * step for j, x in enumerate(at)] for s in (1, -1)]
+        slope = (last(*ends[0]) - last(*ends[1])) / (2 * step)
+        assert float(forward[i]) == pytest.approx(float(slope), rel=1e-5)
+    if not effects:
+        reverse = jax.grad(last, argnums=(0, 1))(*at)
+        assert np.allclose(reverse, forward, rtol=1e-9)
+
+
+# === steps
+
+
+def test_automatic_steps_say_what_they_leave():
+    run = jr.run_up(
+        rotor(), SAMPLES, solver=jr.Exponential(order=4), substeps="auto", tolerance=1e-5
+    )
+    (pilot,) = run.pilots
+    assert pilot.converged and pilot.difference < 1e-5
+    assert f"chosen {pilot.setting} steps" in str(run)
+    exact = by_scipy(rotor(), SAMPLES)
+    assert np.abs(run.displacement[:, 0] - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_a_stop_too_stiff_for_the_steps_is_told():
+    scene = rotor(stops()).put({"limiters.stiffness": 1e9})
+    with pytest.raises(RuntimeError, match=r"take [\d.e+]+ times as many `substeps`"):
+        jr.run_up(scene, SAMPLES, solver=jr.Exponential(), substeps=100)
+
+
+def test_nothing_depends_on_the_speed_of_a_point_mass():
+    system = jr.assemble(rotor())
+    plain = dataclasses.replace(system.blocks, gyroscopic=None, circulatory=None)
+    system = dataclasses.replace(system, blocks=plain)
+    stepping = stepped.Stepping.of(system, SAMPLES, jr.Exponential(), 4)
+    assert (stepping.modes, stepping.speeds) == (0, 1)
+
+
+# === refusals
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"spin": jr.Drive(1.0, 5.0, feedback=True)}, "the speed of its Drive is not known"),
+        ({"shaft": jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2, anisotropy=0.1)}, "turn with"),
+        ({"shaft": jr.MasslessShaft(0.6, 0.3, 1e5, 1e3, 1e4)}, "has no mass"),
+    ],
+)
+def test_scenes_that_exponential_steps_do_not_take(change, words):
+    effects = (jr.Disc(0.3, 3.0, 0.0, 0.04),) if "shaft" in change else rotor().effects
+    shaft = change.get("shaft", rotor().shaft)
+    scene = jr.Scene(shaft, *effects, spin=change.get("spin", rotor().spin))
+    with pytest.raises(ValueError, match=words):
+        jr.run_up(scene, SAMPLES, solver=jr.Exponential())
+
+
+def test_settings_that_exponential_steps_do_not_take():
+    with pytest.raises(ValueError, match="Located steps need a constant speed"):
+        jr.run_up(rotor(), SAMPLES, solver=jr.Exponential(located=True))
+    with pytest.raises(ValueError, match="for diffrax solvers"):
+        jr.run_up(
+            rotor(), SAMPLES, solver=jr.Exponential(), adjoint=dfx.RecursiveCheckpointAdjoint()
+        )
+    with pytest.raises(ValueError, match='`substeps` "auto" are for Exponential'):
+        jr.run_up(rotor(), SAMPLES, solver=dfx.Kvaerno5(), substeps="auto")
