@@ -6,6 +6,7 @@ import sys
 import types
 
 import diffrax as dfx
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -304,20 +305,24 @@ def test_accelerations_follow_from_the_lagrangian(record_property):
     s = np.array([1, 1, 0.8, 0.8, 0.8])
     mu, damping = np.full(5, 0.005), np.array([1.0, 1.0, 0.8, 0.8, 0.8])
     value = lagrangian(om, 0.2, 1.6, s, mu)
+    momentum = jax.grad(value, 1)
+
+    @jax.jit
+    def by_hand(q, v, tau):
+        mass = jax.jacfwd(momentum, 1)(q, v, tau)
+        along = jax.jvp(lambda q, tau: momentum(q, v, tau), (q, tau), (v, jnp.ones(())))[1]
+        friction = jnp.concatenate([0.2 * v[:2], s * damping / mu * (v[2:] - om)])
+        return jnp.linalg.solve(mass, jax.grad(value)(q, v, tau) - along - friction)
+
     q, v = rng.normal(size=7), rng.normal(size=7)
     tau = 0.7
-    momentum = lambda q, v, tau: jax.grad(value, 1)(q, v, tau)
-    mass = jax.jacfwd(momentum, 1)(q, v, tau)
-    along = jax.jvp(lambda q, tau: momentum(q, v, tau), (q, tau), (v, 1.0))[1]
-    friction = np.concatenate([0.2 * v[:2], s * damping / mu * (v[2:] - om)])
-    expected = np.linalg.solve(mass, jax.grad(value)(q, v, tau) - along - friction)
+    expected = np.asarray(by_hand(q, v, tau))
     # alpha + i beta = i z / d, time in 10 ms, tilts in units of 3 mrad.
     turn = np.exp(-1j * om * tau)
     r = -1j * TILT * (q[0] + 1j * q[1]) * turn
     drift = -1j * TILT * 100 * (v[0] + 1j * v[1]) * turn - 200j * r
     plane = lambda z: jnp.array([[z.real], [z.imag]])
     none = jnp.zeros(0)
-    field = Transient.of(balancer(), jnp.ones(()), jnp.zeros(()))
     posture = RotatingState(
         plane(r),
         plane(drift),
@@ -326,12 +331,19 @@ def test_accelerations_follow_from_the_lagrangian(record_property):
         jnp.array(q[2:] - om * tau),
         jnp.array(100 * (v[2:] - om)),
     )
-    now = field.instant(jnp.array(tau / 100), posture)
-    tilt = 1j * complex(now.absolute[0]) / turn / (TILT * 1e4)
+
+    @eqx.filter_jit
+    def accelerations(scene, posture):
+        field = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+        now = field.instant(jnp.array(tau / 100), posture)
+        return now.absolute, now.bodies_acceleration
+
+    absolute, bodies = map(np.asarray, accelerations(balancer(), posture))
+    tilt = 1j * complex(absolute[0]) / turn / (TILT * 1e4)
     error = abs(tilt / (expected[0] + 1j * expected[1]) - 1)
     record_property("measured", f"relative error {error:.0e}")
     assert error < 1e-11
-    assert np.allclose(now.bodies_acceleration / 1e4, expected[2:], rtol=1e-11, atol=0)
+    assert np.allclose(bodies / 1e4, expected[2:], rtol=1e-11, atol=0)
 
 
 def invariants(result, om, s, mu, polar=0.2, imbalance=0.0):
@@ -374,14 +386,20 @@ def test_invariants_of_the_undamped_balancer(record_property):
 # === spectrum
 
 
-def spectrum(scene, angles):
-    """Roots of the full nonlinear model at a balanced position, in units of 100 rad/s."""
+@eqx.filter_jit
+def jacobian(scene, angles):
+    """Of the full nonlinear model by its state, at a balanced position."""
     field = Transient.of(scene, jnp.asarray(100.0), jnp.zeros(()))
     plane, none = jnp.zeros((2, 1)), jnp.zeros(0)
-    y = RotatingState(plane, plane, none, none, jnp.asarray(angles), jnp.zeros(len(angles)))
+    y = RotatingState(plane, plane, none, none, angles, jnp.zeros(angles.size))
     flat, back = jax.flatten_util.ravel_pytree(y)
     rates = lambda flat: jax.flatten_util.ravel_pytree(field(jnp.zeros(()), back(flat)))[0]
-    return np.linalg.eigvals(np.asarray(jax.jacfwd(rates)(flat))) / 100
+    return jax.jacfwd(rates)(flat)
+
+
+def spectrum(scene, angles):
+    """Roots of the full nonlinear model at a balanced position, in units of 100 rad/s."""
+    return np.linalg.eigvals(np.asarray(jacobian(scene, jnp.asarray(angles)))) / 100
 
 
 @pytest.mark.slow
@@ -510,8 +528,8 @@ def test_outcome_partly_captured():
 def test_outcome_captured():
     """Set R below its critical speed: the lag whirl at 0.8846 without imbalance."""
     scene = balancer(om=0.9, imbalance=0.0)
-    assert outcome(scene, TOGETHER, 5.0)[0] == 3
-    _, ds = outcome(scene, TOGETHER, 5.0, slip=0.02)  # lags by 0.0171
+    assert outcome(scene, TOGETHER, 6.0)[0] == 3
+    _, ds = outcome(scene, TOGETHER, 6.0, slip=0.02)  # lags by 0.0171
     assert int(ds.outcome) == 1
     assert np.allclose(ds.mean_rate, 88.4598, rtol=1e-3)
 

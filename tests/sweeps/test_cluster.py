@@ -213,8 +213,8 @@ def test_a_worker_is_killed(dask, alone, tmp_path):
 def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     """Sent to every process, as a terminal does, it leaves none, and the command can resume later."""
     monkeypatch.chdir(tmp_path)
-    over = ["--over", "unbalance.eccentricity=0:1mm:1280", "--steps", "64", "--keep", "8"]
-    small = ["sweep", "limiter-rotor", *over, "--settle", "400", "--out", "run"]
+    over = ["--over", "unbalance.eccentricity=0:1mm:640", "--steps", "64", "--keep", "8"]
+    small = ["sweep", "limiter-rotor", *over, "--settle", "200", "--out", "run"]
     process = subprocess.Popen(
         [sys.executable, "-m", "jaxrotor", *small, "--cluster", "2"],
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True},
@@ -227,8 +227,8 @@ def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and not out, err
     done = int((xr.open_zarr(partial, chunks=None)["status"] != PENDING).sum())
-    assert 0 < done < 1280 and len(err.splitlines()) == 1
-    assert f"{done} of 1280 lanes are kept in {partial.relative_to(tmp_path)}" in err
+    assert 0 < done < 640 and len(err.splitlines()) == 1
+    assert f"{done} of 640 lanes are kept in {partial.relative_to(tmp_path)}" in err
     until = time.monotonic() + 30
     with pytest.raises(ProcessLookupError):
         while time.monotonic() < until:
