@@ -196,10 +196,11 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
 @compiled_quickly
 def _values_and_slopes(system: System, speed: Scalar, count: int):
     """The slowest roots, somewhat more than `count` (pairs), and their derivatives."""
-    values, slopes = moving_roots(system, speed)
+    number = 4 * count + 8
+    values, slopes = moving_roots(system, speed, number)
     # Massless coordinates have infinite roots; they are placed beyond all others.
     values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
-    chosen = slowest_first(values)[: 4 * count + 8]
+    chosen = slowest_first(values)[:number]
     return values[chosen], _finite(slopes[chosen])
 
 

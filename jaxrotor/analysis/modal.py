@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core.blocks import Blocks
@@ -156,15 +157,15 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
     """
-    values = _roots(scene)
+    values = _roots(scene, count)
     if known(values):
         values = values[jnp.isfinite(values)]
     return values[:count]
 
 
 @compiled_quickly
-def _roots(scene: Scene) -> Complex[Array, " m"]:
-    values = natural_roots(assemble(scene))
+def _roots(scene: Scene, count: int | None) -> Complex[Array, " m"]:
+    values = natural_roots(assemble(scene), count)
     return values[slowest_first(values)]
 
 
@@ -183,7 +184,9 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     found = _modes(scene, count, points)
     if not known(found.values):
         return found
-    there = jnp.isfinite(found.values)
+    there = np.isfinite(found.values)
+    if there.all():
+        return found
     own = lambda modes: [
         part
         for part in (modes.values, modes.shapes, modes.counter, modes.shares)
@@ -196,7 +199,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
 def _modes(scene: Scene, count: int | None, points: int) -> Modes:
     system = assemble(scene)
     if system.blocks.hysteretic is None:
-        values, vectors = eigenvectors(Pencil.of(system))
+        values, vectors = eigenvectors(Pencil.of(system), count)
         values = less_rounding(values, system.blocks)
     else:
         faster, slower = (eigenvectors(Pencil.of(system, whirl)) for whirl in (1, -1))
@@ -232,27 +235,30 @@ def inertia_shares(
     return jnp.where(total > 0, parts / jnp.where(total > 0, total, 1.0), 0.5)
 
 
-def natural_roots(system: System) -> Complex[Array, " m"]:
-    """All eigenvalues [rad/s] of a system, unordered, infinite for coordinates without mass."""
+def natural_roots(system: System, count: int | None = None) -> Complex[Array, " m"]:
+    """Eigenvalues [rad/s] of a system, unordered, infinite for coordinates without mass.
+
+    All of them or, with a `count`, so many of the slowest and some others.
+    """
     if system.blocks.hysteretic is None:
-        return less_rounding(eigenvalues(Pencil.of(system)), system.blocks)
+        return less_rounding(eigenvalues(Pencil.of(system), count), system.blocks)
     pairs = [(values, values) for w in (1, -1) for values in [eigenvalues(Pencil.of(system, w))]]
     return _by_whirl(system.spin.speed, *pairs)[0]
 
 
 def moving_roots(
-    system: System, speed: Scalar
+    system: System, speed: Scalar, count: int
 ) -> tuple[Complex[Array, " m"], Complex[Array, " m"]]:
     """`natural_roots` at a speed and their derivatives by the speed; see `moving_eigenvalues`."""
 
-    def at_whirl(whirl: int):
+    def at_whirl(whirl: int, count: int):
         pencil = lambda speed: Pencil.of(system.at_speed(speed), whirl)
-        return moving_eigenvalues(*jax.jvp(pencil, (speed,), (jnp.ones_like(speed),)))
+        return moving_eigenvalues(*jax.jvp(pencil, (speed,), (jnp.ones_like(speed),)), count)
 
     if system.blocks.hysteretic is None:
-        values, slopes = at_whirl(0)
+        values, slopes = at_whirl(0, count)
         return less_rounding(values, system.blocks), slopes
-    return _by_whirl(speed, at_whirl(1), at_whirl(-1))
+    return _by_whirl(speed, *(at_whirl(whirl, 2 * system.n) for whirl in (1, -1)))
 
 
 def _by_whirl(speed, faster, slower) -> tuple[Array, Array]:

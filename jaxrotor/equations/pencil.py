@@ -3,6 +3,7 @@
 See docs/concepts/frames.md for the axes.
 """
 
+import functools
 from typing import Any, Literal
 
 import equinox as eqx
@@ -13,6 +14,7 @@ from jaxtyping import Array, Bool, Complex, Float, Inexact
 from ..core.blocks import Blocks
 from ..core.extremes import larger
 from ..core.quantities import Scalar
+from .slowest import slowest
 from .system import System
 
 
@@ -195,43 +197,61 @@ class Pencil(eqx.Module):
         lower = upper.at[:, :m].add(jnp.eye(m))
         return jnp.concatenate([upper, lower]) / shift
 
+    def near(self, shift: Scalar) -> Inexact[Array, "m m2"]:
+        """`-P^-1 (shift P', shift^2 M)` at a shift: `P` near it, as `slowest` takes it."""
+        inertia, damping = shift**2 * self.inertia, shift * self.damping
+        fixed = self.stiffness + damping + inertia
+        return jnp.linalg.solve(-fixed, jnp.concatenate([damping + 2 * inertia, inertia], axis=1))
 
-def eigenvalues(pencil: Pencil) -> Complex[Array, " m2"]:
-    """All `lambda` with `det P(lambda) = 0`, unsorted; infinite for coordinates without mass."""
+
+def eigenvalues(pencil: Pencil, count: int | None = None) -> Complex[Array, " m2"]:
+    """All `lambda` with `det P(lambda) = 0`, unsorted; infinite for coordinates without mass.
+
+    With a `count` only so many of the slowest are computed, and some others.
+    """
     own = pencil.along_axes
-    return _eigenvalues(own.inertia, own.damping, own.stiffness)
+    return _eigenvalues(count, own.inertia, own.damping, own.stiffness)
 
 
 def moving_eigenvalues(
-    pencil: Pencil, change: Pencil
-) -> tuple[Complex[Array, " m2"], Complex[Array, " m2"]]:
-    """Eigenvalues and their changes with a change of the pencil, all from one decomposition.
+    pencil: Pencil, change: Pencil, count: int
+) -> tuple[Complex[Array, " k"], Complex[Array, " k"]]:
+    """The slowest eigenvalues and some others, and their changes with a change of the pencil.
 
-    `d mu = (V^-1 dA V)_ii` of `A = V diag(mu) V^-1`, `mu = 1 / (lambda - shift)`. Equal eigenvalues get
-    the mean of their changes; close to a defective pair, whose vectors coincide, the result has few digits
-    or is not finite. See `root_changes` for exact derivatives of single roots.
+    `d lambda = -y dP x / (y P' x)`, with left vectors `y` to some digits, see `slowest`. Equal eigenvalues
+    get the mean of their changes; close to a defective pair, whose vectors coincide, the result has few
+    digits or is not finite. See `root_changes` for exact derivatives of single roots.
     """
-    own, own_change = pencil.along_axes, change.along_axes
-    shift = own.rate
-    inverse, moved = jax.jvp(lambda p: p.inverse(shift), (own,), (own_change,))
-    inverses, vectors = jnp.linalg.eig(inverse)
-    values = _values(inverses, shift)
-    rates = -jnp.diagonal(jnp.linalg.solve(vectors, moved @ vectors)) / inverses**2
+    own, moved = pencil.along_axes, change.along_axes
+    shift, m = own.rate, own.inertia.shape[0]
+    found = slowest(own.near(shift), count, left=True)
+    values = _values(found.values / shift, shift)
     finite = jnp.isfinite(values)
-    rates = jnp.where(finite, rates, 0.0)
     roots = jnp.where(finite, values, 0.0)
+    assert found.left is not None
+    ends = found.left[:, :m].T  # left vectors of the pencil, times `P(shift)`
+    near = own.stiffness + shift * own.damping + shift**2 * own.inertia
+    parts = [ends] if jnp.iscomplexobj(near) else [ends.real, ends.imag]
+    solved = jnp.linalg.solve(near.T, jnp.concatenate(parts, axis=1))
+    left = solved if len(parts) == 1 else jax.lax.complex(*jnp.split(solved, 2, axis=1))
+    way = lambda block: jnp.sum(left * (block @ found.right[:m]), axis=0)
+    slopes = 2 * roots * way(own.inertia) + way(own.damping)
+    changes = roots**2 * way(moved.inertia) + roots * way(moved.damping) + way(moved.stiffness)
+    rates = jnp.where(finite, -changes / jnp.where(finite, slopes, 1.0), 0.0)
     same = finite & (jnp.abs(roots[:, None] - roots) <= ROUNDING * jnp.abs(roots)[:, None])
     same = same | jnp.eye(values.size, dtype=bool)
     return values, (same @ rates) / jnp.sum(same, axis=1)
 
 
-def eigenvectors(pencil: Pencil) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
-    """Eigenvalues and their vectors `q`, one a row, of any scale.
+def eigenvectors(
+    pencil: Pencil, count: int | None = None
+) -> tuple[Complex[Array, " m2"], Complex[Array, "m2 m"]]:
+    """Eigenvalues and their vectors `q`, one a row, of any scale; with a `count` like `eigenvalues`.
 
     Derivatives of vectors are those of simple roots; vectors of equal roots are held constant.
     """
     own = pencil.along_axes
-    values, vectors = _eigenvectors(own.inertia, own.damping, own.stiffness)
+    values, vectors = _eigenvectors(count, own.inertia, own.damping, own.stiffness)
     if pencil.paired:
         x, y = jnp.split(vectors, 2, axis=1)
         vectors = jnp.concatenate([x + 1j * y, x - 1j * y], axis=1)
@@ -245,25 +265,30 @@ def _along_axes(pair: Complex[Array, "m m"]) -> Float[Array, "m m"]:
     return jnp.block([[ahead.real, -across.imag], [ahead.imag, across.real]])
 
 
-@jax.custom_jvp
-def _eigenvalues(inertia, damping, stiffness):
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _eigenvalues(count, inertia, damping, stiffness):
     pencil = Pencil(inertia, damping, stiffness)
     shift = pencil.rate
+    if count is not None:
+        return _values(slowest(pencil.near(shift), count).values / shift, shift)
     return _values(jnp.linalg.eigvals(pencil.inverse(shift)), shift)
 
 
-@jax.custom_jvp
-def _eigenvectors(inertia, damping, stiffness):
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _eigenvectors(count, inertia, damping, stiffness):
     pencil = Pencil(inertia, damping, stiffness)
     shift = pencil.rate
+    if count is not None:
+        found = slowest(pencil.near(shift), count)
+        return _values(found.values / shift, shift), found.right[: inertia.shape[0]].T
     inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
     return _values(inverses, shift), vectors[: inertia.shape[0]].T
 
 
 @_eigenvectors.defjvp
-def _eigenvectors_jvp(primals, tangents):
+def _eigenvectors_jvp(count, primals, tangents):
     """`P dx + P' x d lambda = -dP x` with `dx` orthogonal to `x`."""
-    values, vectors = _eigenvectors(*primals)
+    values, vectors = _eigenvectors(count, *primals)
     pencil, change = Pencil(*primals), Pencil(*tangents)
     simple = jnp.isfinite(values) & ~_twice(values, pencil)
 
@@ -286,8 +311,8 @@ def _values(inverses: Complex[Array, " m2"], shift: Scalar) -> Complex[Array, " 
 
 
 @_eigenvalues.defjvp
-def _eigenvalues_jvp(primals, tangents):
-    values = _eigenvalues(*primals)
+def _eigenvalues_jvp(count, primals, tangents):
+    values = _eigenvalues(count, *primals)
     return values, root_changes(values, Pencil(*primals), Pencil(*tangents))
 
 
