@@ -23,7 +23,7 @@ from ..motion.base import Plan
 from ..motion.revolutions import check_constant, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
-from ..scene import Scene
+from ..scene import Scene, with_shared_nodes
 from ..solvers.choice import checked_solver
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
@@ -123,6 +123,7 @@ def sweep(
     start = AtRest() if start is None else start
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period)
+    scene = with_shared_nodes(scene, axes)
     together = shared_ports(scene, axes)
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
