@@ -188,7 +188,7 @@ def test_limiter_rotor_details():
     np.testing.assert_array_equal(scene.get("limiters.gap"), [0.0075] * 3)
     assert scene.get("shaft.material.youngs_modulus") == 2.1e11
     assert scene.get("shaft.polar_ratio") == 2
-    assert (scene.shaft.nodes, scene.shaft.rule) == (8, "spectral")
+    assert (scene.resolution, scene.shaft.rule) == ((8,), "spectral")
     assert {e.kind for e in scene.effects} == {
         "disc",
         "unbalance",
