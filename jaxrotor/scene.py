@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -17,7 +17,7 @@ from .core.quantities import known, quantity_units
 from .core.representation import number_text
 from .core.tables import notebook_table
 from .effects.base import AbstractContact, AbstractEffect
-from .shafts.line import AbstractLine, AbstractShaft
+from .shafts.line import NODES, AbstractLine, AbstractShaft
 from .spins.base import AbstractSpin
 from .spins.constant import constant
 
@@ -227,7 +227,8 @@ class Scene(eqx.Module):
         Args:
             values: new values in SI by parameter path. `limiters.gap` sets all limiters, `limiters.0.gap`
                 one; a table such as `spin.times` is replaced as a whole. `shaft.nodes` takes a number or
-                "auto". Values may be traced; then the spans of the shaft and their nodes stay as they are.
+                "auto". Nodes that are "auto" are decided anew. Values may be traced; then the spans of
+                the shaft and their nodes stay as they are.
 
         Returns:
             The scene, its values checked as when it was built.
@@ -331,14 +332,15 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     return shaft.spans(stations)
 
 
-def check_fixed_nodes(scene: Scene, path: str) -> None:
-    """Raise if `path` decides the automatic nodes of a shaft, as one program must serve all values."""
-    decides = path.startswith("shaft.") or path.endswith(".at")
+def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
+    """The scene for all values of the parameters at some `paths`, which one program serves.
+
+    Stations and the shaft decide nodes that are "auto"; where one of these varies, every span has 8.
+    """
+    decides = any(path.startswith("shaft.") or path.endswith(".at") for path in paths)
     if decides and getattr(scene.shaft, "nodes", None) == "auto":
-        raise ValueError(
-            f'The shaft\'s `nodes="auto"` depend on `{path}`, which is varied here; give a number, '
-            'such as `scene.replace({"shaft.nodes": 8})`.'
-        )
+        return scene.with_nodes(NODES)
+    return scene
 
 
 def _count_held(effects) -> int:

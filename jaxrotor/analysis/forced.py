@@ -248,8 +248,7 @@ def _times(factor, vector: Array | None) -> Array | None:
 def ending_span(scene: Scene, at: Scalar) -> Scene:
     """The scene with a span that ends at a station, if all values that determine the spans are known."""
     placed = [getattr(effect, "at", at) for effect in scene.effects]
-    decides = scene.shaft if getattr(scene.shaft, "nodes", None) == "auto" else scene.shaft.stations
-    if all(map(known, (at, scene.shaft.length, *jax.tree.leaves(decides), *placed))):
+    if all(map(known, (at, scene.shaft.length, *scene.shaft.stations, *placed))):
         return scene.of_parts(*scene.effects, Disc(at, mass=0.0))
     return scene
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
 from ..equations.system import assemble
-from ..scene import Scene, check_fixed_nodes
+from ..scene import Scene, with_shared_nodes
 from .stability import EDGES, STEPS, growth_of, undamped_side
 
 
@@ -47,13 +47,14 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
 
     Raises:
         ValueError: `over` does not name two parameters, values are not two or more in ascending order,
-            one moves a station past another, or nodes that are "auto" depend on the parameter.
+            or one moves a station past another.
 
     Source: Klochkov, Figs. 2-9.
     """
     if len(over) != 2:
         raise ValueError(f"`over` must name two parameters, but names {len(over)}: {list(over)}.")
     first, second = over
+    scene = with_shared_nodes(scene, over)
     x, y = (_axis(scene, path, values) for path, values in over.items())
     growth, boundaries = traced(functools.partial(_growth, scene, (first, second)), x, y)
     units = scene.unit(first), scene.unit(second)
@@ -100,8 +101,9 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
 
     Raises:
         ValueError: the values are not two or more in ascending order, one moves a station past another,
-            nodes that are "auto" depend on the parameter, or `growth_rate` is NaN at a value.
+            or `growth_rate` is NaN at a value.
     """
+    scene = with_shared_nodes(scene, [path])
     values = _axis(scene, path, values)
     evaluate = functools.partial(_growth, scene, (path,))
     growth = evaluate(values)[0]
@@ -129,7 +131,6 @@ def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
     if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0):
         ends = f"{values.size} from {values[0]:g} to {values[-1]:g}" if values.ndim == 1 else values
         raise ValueError(f"`over['{path}']` must be two or more ascending values, but is {ends}.")
-    check_fixed_nodes(scene, path)
     for value in values:
         if scene.replace({path: value}).spans != scene.spans:
             raise ValueError(

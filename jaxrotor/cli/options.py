@@ -35,8 +35,8 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Change a parameter, as in `--set spin.speed=6000rpm`; may be repeated. "
-        "`jaxrotor show SCENE` lists the paths.",
+        help="Change a parameter, as in `--set spin.speed=6000rpm`, or the nodes of each span of the "
+        "shaft, as in `--set shaft.nodes=12`; may be repeated. `jaxrotor show SCENE` lists the paths.",
     ),
 ]
 Row = Annotated[int | None, typer.Option(help="Row of `turbine-variants`, 1 to 30.")]
@@ -140,8 +140,20 @@ def scene_of(
     """The scene of a name or path (or of a row of its table), with the changes of `--set`."""
     scene, values = load(name, row, layout), {}
     for path, text in assignments("--set", settings, "spin.speed=6000rpm").items():
-        values[path] = quantity(text, scene.unit(path), f"--set {path}")
+        if path == "shaft.nodes":
+            values[path] = _nodes(text)
+        else:
+            values[path] = quantity(text, scene.unit(path), f"--set {path}")
     return scene.replace(values)
+
+
+def _nodes(text: str) -> int | str:
+    """Nodes of `--set shaft.nodes`."""
+    if text == "auto" or text.isdecimal():
+        return text if text == "auto" else int(text)
+    raise ValueError(
+        f'--set shaft.nodes must be a whole number, such as 12, or "auto", but is {text!r}.'
+    )
 
 
 def assignments(option: str, texts: Sequence[str] | None, example: str) -> dict[str, str]:

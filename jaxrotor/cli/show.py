@@ -63,6 +63,7 @@ def show(
             draw(folder / "rotor.png", lambda ax: drawn(rotor, ax), 170, 75)
     written = written_to(out, _FILES)
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
+    nodes = getattr(rotor.shaft, "nodes", None)
     axes, found = described_roots(rotor)
     at_rest = described_roots(rotor.at_speed(0.0))[1]
     still = _still(at_rest)
@@ -79,6 +80,7 @@ def show(
                 "title": name,
                 **assumed(rotor),
                 "parameters": table,
+                "nodes": None if nodes is None else list(rotor.resolution),
                 "coordinates": coordinates,
                 "whirl_frequencies": whirl,
                 "critical_speeds": critical,
@@ -95,6 +97,8 @@ def show(
     summary = [
         *answer.assumed(rotor.assumption),
         *[("absent", "parameters without a value; --json lists them")] * (given != parameters),
+        *[("nodes of each span", f"{_whole(rotor.resolution)} (shaft.nodes = {nodes})")]
+        * (nodes is not None),
         ("coordinates", f"{coordinates}, complex x + iy"),
         ("whirl at standstill", f"{_text(still)} rad/s"),
         ("forward, at speed", f"{_text(forward)} rad/s"),
@@ -144,6 +148,10 @@ def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
     """First whirl frequencies of one direction [rad/s], in fixed axes."""
     moving = [r for r in found if r["frequency"] and r.get("shaft_frequency", 1.0)]
     return [r["frequency"] for r in moving if r["direction"] == direction][:_SHOWN]
+
+
+def _whole(values: tuple[int, ...]) -> str:
+    return ", ".join(map(str, values))
 
 
 def _text(value: Any) -> str:

@@ -14,7 +14,7 @@ from ..core.parallel import cores, spread
 from ..core.progress import progress as bar
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
-from ..scene import Scene
+from ..scene import Scene, with_shared_nodes
 from .bounds import Bounds, bounds
 from .descent import AbstractDescent, descent
 from .iterates import FLAT, Iterates
@@ -143,6 +143,7 @@ def tune(
         raise ValueError(f"`tolerance` must be between 0 and 1, but is {tolerance!r}.")
     pairs = _checked(constraints)
     limits = bounds(scene, where)
+    scene = with_shared_nodes(scene, where)
     for name, excess in pairs:
         shape_of(excess, f"Constraint {name!r}", scene, limits)
     squares = bool(shape_of(loss, "`loss`", scene, limits))

@@ -23,7 +23,8 @@ from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
 from ..motion.base import Plan
 from ..motion.revolutions import Outcome, joined
-from ..scene import Scene, check_fixed_nodes
+from ..scene import Scene, with_shared_nodes
+from ..shafts.line import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit, winding_angle
@@ -220,7 +221,8 @@ def problem_of(
             "The steps of a branch are parts of a revolution, so the rotor must rotate, but its speed is "
             "0; give an orbit of a rotating scene."
         )
-    scene, (low, high) = orbit.scene, _range(orbit.scene, path, between)
+    scene = with_shared_nodes(orbit.scene, [path])
+    low, high = _range(scene, path, between)
     together = port_groups(scene)
     system = assemble(scene, together)
     given = Exponential(4, located=True) if solver is None else solver
@@ -236,7 +238,11 @@ def problem_of(
     autonomous = orbit.revolutions is None
     turn = orbit.turn if autonomous else jnp.zeros(())
     images = _images(scene, path, float(turn), between) if autonomous else 1
-    state: Any = np.concatenate([orbit.start.q, np.asarray(orbit.start.velocity) / rate])
+    q, velocity = orbit.start.q, np.asarray(orbit.start.velocity)
+    if scene.resolution != orbit.scene.resolution:
+        lines = orbit.scene.line(), scene.line()
+        q, velocity = (same_shape(part, *lines) for part in (q, velocity))
+    state: Any = np.concatenate([q, velocity / rate])
     moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
     size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
     problem = ContinuationProblem(
@@ -285,7 +291,6 @@ def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
         )
     if path == "spin.speed" and low * high <= 0:
         raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
-    check_fixed_nodes(scene, path)
     for value in (low, high):
         other = scene.replace({path: value})
         if other.spans != scene.spans or port_groups(other) != port_groups(scene):

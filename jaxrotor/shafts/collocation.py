@@ -212,12 +212,14 @@ def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:
 
 def spread(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array, " nodes"]:
     """Lobatto nodes of all spans [m]; neighbouring spans share the node at their common end."""
-    inner = np.full((len(degrees), max(degrees)), np.nan)
+    inner = np.zeros(
+        (len(degrees), max(degrees))
+    )  # zero beyond a degree: NaN would spoil derivatives
     for k, degree in enumerate(degrees):
         inner[k, :degree] = lobatto(degree)[1:]
     beyond = ends[:-1, None] + jnp.diff(ends)[:, None] * inner
     # If all spans have the same degree, all nodes are used and nothing is gathered.
-    own = np.flatnonzero(np.isfinite(inner))
+    own = np.flatnonzero(inner)
     return jnp.append(ends[0], beyond if own.size == inner.size else beyond.ravel()[own])
 
 

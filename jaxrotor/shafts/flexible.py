@@ -14,7 +14,7 @@ from .collocation import Held, SpectralLine
 from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
-from .line import AbstractLine, AbstractShaft, check_ratio, off_shaft
+from .line import NODES, AbstractLine, AbstractShaft, check_ratio, off_shaft
 from .materials import Material, steel
 from .resolution import nodes_needed
 from .section import Section, Step
@@ -35,8 +35,9 @@ class FlexibleShaft(AbstractShaft):
     that turns with the shaft, and `(1 - mu)` times across it; shear stiffness and rotary inertia remain
     those of the round section.
     `rule="spectral"`: `nodes` per span between stations, with exponential convergence; `nodes="auto"`
-    chooses 2 to 8 for each span, as its part of the bending waves needs.
-    `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, of second order, as published.
+    chooses 2 to 8 for each span, as its part of the bending waves needs, and 8 where sections are traced.
+    `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, of second order, as published; "auto"
+    stands for 8.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """
 
@@ -46,7 +47,7 @@ class FlexibleShaft(AbstractShaft):
     diameter: Scalar = positive("diameter [m]")
     material: Material = eqx.field(default_factory=steel)
     polar_ratio: Scalar = real("polar_ratio [1]", default=2.0)
-    nodes: int | Literal["auto"] = eqx.field(default=8, static=True)
+    nodes: int | Literal["auto"] = eqx.field(default="auto", static=True)
     rule: Literal["spectral", "trapezoid"] = eqx.field(default="spectral", static=True)
     rotary_inertia: bool = eqx.field(default=True, static=True)
     inner_diameter: Scalar = nonnegative("inner_diameter [m]", default=None)
@@ -81,11 +82,10 @@ class FlexibleShaft(AbstractShaft):
 
     def _check_nodes(self) -> None:
         nodes, spectral = self.nodes, self.rule == "spectral"
-        if nodes == "auto" and spectral:
+        if nodes == "auto":
             return
         if isinstance(nodes, bool) or not isinstance(nodes, int):
-            wanted = "a whole number" + (' or "auto"' if spectral else " in the trapezoidal rule")
-            raise ValueError(f"`nodes` must be {wanted}, but is {nodes!r}.")
+            raise ValueError(f'`nodes` must be a whole number or "auto", but is {nodes!r}.')
         least = 2 if spectral else 1
         if nodes < least or (spectral and nodes > 24):
             raise ValueError(
@@ -163,11 +163,8 @@ class FlexibleShaft(AbstractShaft):
     ) -> tuple[int, ...]:
         if self.nodes != "auto":
             return (self.nodes,) * (len(spans) - 1)
-        if not all(map(known, jax.tree.leaves(self))):
-            raise ValueError(
-                '`nodes="auto"` needs a shaft of known sections; build it outside jax.jit or jax.grad '
-                "and give it traced values with `scene.replace`."
-            )
+        if self.rule == "trapezoid" or not all(map(known, jax.tree.leaves(self))):
+            return (NODES,) * (len(spans) - 1)
         held += sum(one.displacement + one.slope for one in self.constraints)
         with jax.ensure_compile_time_eval():
             ends = self._ends(stations, spans)

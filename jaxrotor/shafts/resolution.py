@@ -6,8 +6,10 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from .line import NODES
 
-FEWEST, MOST = 2, 8
+
+FEWEST, MOST = 2, NODES
 
 # Largest phase of a wave [rad] on a span of 2, 3, .. 7 nodes. Up to it the second bending frequency of a
 # uniform beam with equal spans, pinned or clamped, has an error below 1e-9.

@@ -10,7 +10,7 @@ import numpy as np
 from ..equations.start import AbstractStart
 from ..equations.system import port_groups
 from ..motion.revolutions import revolution_rate
-from ..scene import Scene, check_fixed_nodes
+from ..scene import Scene
 
 
 MOST_LANES = 1_000_000_000  # in one sweep, because lists of what is to be computed take memory
@@ -98,8 +98,6 @@ def shared_ports(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[in
 
     Raises where a combination of swept lengths makes no valid scene, or changes the order of stations.
     """
-    for path in axes:
-        check_fixed_nodes(scene, path)
     lengths = {
         path: values
         for path, values in axes.items()

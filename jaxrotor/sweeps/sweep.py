@@ -26,7 +26,7 @@ from ..motion.simulate import chosen_steps, with_nodes
 from ..motion.stepped import Stepping, check_steppable
 from ..motion.windows import lane_stepping, window_of
 from ..results.provenance import chosen
-from ..scene import Scene
+from ..scene import Scene, with_shared_nodes
 from ..solvers.choice import checked_solver
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
@@ -138,6 +138,7 @@ def sweep(
     start = AtRest() if start is None else start
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period)
+    scene = with_shared_nodes(scene, axes)
     together = shared_ports(scene, axes)
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}

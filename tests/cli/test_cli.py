@@ -80,7 +80,9 @@ def test_show(quick_onset):
     )
     assert shown["parameters"]["limiters.blend"] == {"value": None, "unit": "m"}
     assert shown["coordinates"] == 8 and shown["onset"]["speed"] == 600.0
+    assert shown["nodes"] == [8]
     text = call("show", "limiter-rotor").stdout
+    assert "8 (shaft.nodes = auto)" in text
     assert "unbalance.eccentricity" in text and "at 600 rad/s" in text
     found = answered("show", "limiter-rotor")
     critical, whirl = found["critical_speeds"], found["whirl_frequencies"]
@@ -94,6 +96,17 @@ def test_show(quick_onset):
     assert whirl["standstill"][0] == pytest.approx(1.59636651 / TIME, rel=1e-7)
     assert whirl["forward"][0] == pytest.approx(1.74308955 / TIME, rel=1e-7)
     assert whirl["backward"][0] == pytest.approx(1.45302933 / TIME, rel=1e-7)
+
+
+def test_nodes_are_set_like_a_parameter():
+    for given in ("12", "auto", "8"):
+        shown = answered("roots", "limiter-rotor", "--count", 1, "--set", f"shaft.nodes={given}")
+        value = shown["roots"][0]["root"]
+        scene = jr.load("limiter-rotor").replace(
+            {"shaft.nodes": given if given == "auto" else int(given)}
+        )
+        own = complex(jr.roots(scene, 1)[0])
+        assert complex(value["re"], value["im"]) == pytest.approx(own, rel=1e-9)
 
 
 def test_show_toml_is_a_scene_to_start_from(quick_onset, place):
@@ -845,6 +858,12 @@ def test_balance_with_balls(place):
         (["roots", "limiter-rotor", "--set", "spin.sped=1"], "did you mean `spin.speed`"),
         (["roots", "limiter-rotor", "--set", "spin.speed"], "must be path=value"),
         (["roots", "limiter-rotor", "--set", "spin.speed=7 mm"], "write rpm or rad/s"),
+        (
+            ["roots", "limiter-rotor", "--set", "shaft.nodes=1.5"],
+            """number, such as 12, or "auto", but is '1.5'""",
+        ),
+        (["roots", "limiter-rotor", "--set", "shaft.nodes=99"], "must be 2 to 24"),
+        (["roots", "turbine-run-up", "--set", "shaft.nodes=9"], "RigidShaft has no nodes"),
         (["roots", "limiter-rotor", "--set", "disc.mass=-1"], "must not be negative"),
         (["roots", "limiter-rotor", "--set", "disc.at=2"], "off the shaft"),
         (["roots", "limiter-rotor", "--set", "disc.mass=nan"], "must be in kg"),

@@ -264,6 +264,25 @@ def test_modal_basis_has_the_derivative_of_the_dense_one(path):
     np.testing.assert_allclose(slope("modal"), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
+def test_a_branch_has_eight_nodes_where_the_shaft_is_varied():
+    """The orbit has fewer; carried over to 8 a span, the branch meets the response in closed form."""
+    scene = limiter_rotor(N=1.2, eps=1e-3, contact=False, station=0.3)
+    orbit = jr.periodic(scene, jr.Whirl(1e-4), steps_per_revolution=16)
+    own = float(scene.shaft.diameter)
+    options = {"max_points": 2, "locate": False, "direction": "up"}
+    branch = jr.continue_(orbit, "shaft.diameter", (0.95 * own, 1.05 * own), **options)
+    assert scene.resolution == (7, 8) and branch.values[0] == pytest.approx(own)
+    for number, value in enumerate(branch.values):
+        found = branch.orbit(number)
+        assert found.scene.resolution == (8, 8)
+        exact = jr.unbalance_response(
+            scene.replace({"shaft.diameter": float(value)}), scene.spin.speed
+        )
+        radius = np.abs(np.asarray(exact.forward)).ravel()
+        np.testing.assert_allclose(np.abs(found.displacement[0]), radius, rtol=1e-7)
+
+
 # === a motion without unbalance
 
 

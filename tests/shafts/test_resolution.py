@@ -10,10 +10,18 @@ from scipy.optimize import brentq
 
 import jaxrotor as jr
 from jaxrotor.analysis.forced import ending_span
+from jaxrotor.shafts.line import same_shape
 from jaxrotor.shafts.resolution import nodes_needed
 
 
 FAN = jr.load("overhung-fan").replace({"shaft.nodes": 8})
+SIMPLE = jr.Scene(  # by default 6 and 8 nodes
+    jr.FlexibleShaft(1.0, 0.03),
+    jr.Disc(0.2, 5.0, 0.01, 0.02),
+    jr.Unbalance(1.0, 5.0, 1e-4),
+    jr.ExternalDamping(20.0),
+    spin=jr.ConstantSpeed(150.0),
+)
 
 
 def test_the_fan_has_fewer_coordinates_and_the_same_roots():
@@ -21,6 +29,15 @@ def test_the_fan_has_fewer_coordinates_and_the_same_roots():
     assert automatic.resolution == (7, 6, 6, 8, 6, 8)
     assert automatic.line().stiffness.shape[0] < 0.9 * FAN.line().stiffness.shape[0]
     np.testing.assert_allclose(jr.roots(automatic, 4), jr.roots(FAN, 4), rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "name", ["limiter-rotor", "overhung-disc", "two-discs", "two-discs-unequal"]
+)
+def test_short_spans_aside_shipped_rotors_have_eight(name):
+    """Their files give no nodes; the roots of the fan, which needs fewer, are above."""
+    scene = jr.load(name)
+    assert scene.shaft.nodes == "auto" and set(scene.resolution) == {8}
 
 
 @pytest.mark.slow
@@ -32,6 +49,7 @@ def test_steps_and_uneven_spans(shear):
         0.06,
         constraints=[],
         steps=[jr.Step(0.25, 0.11), jr.Step(0.3, 0.05), jr.Step(1.2, 0.09)],
+        nodes=8,
         shear=shear,
     )
     at, stiffness = (0.1, 0.4, 0.9, 1.5), (1e6, 1e9, 1e9, 1e6)
@@ -94,36 +112,105 @@ def test_written_and_read(tmp_path):
     assert jr.load(tmp_path / "fan.toml").resolution == scene.resolution
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"nodes": "auto", "rule": "trapezoid"}, "a whole number in the trapezoidal rule"),
-        ({"nodes": True}, '`nodes` must be a whole number or "auto", but is True'),
-    ],
-)
-def test_refusals(given, said):
-    with pytest.raises(ValueError, match=said):
-        jr.FlexibleShaft(1.0, 0.02, **given)
+@pytest.mark.parametrize("rule", ["spectral", "trapezoid"])
+def test_refusals(rule):
+    with pytest.raises(ValueError, match='`nodes` must be a whole number or "auto", but is True'):
+        jr.FlexibleShaft(1.0, 0.02, nodes=True, rule=rule)
 
 
-def test_a_traced_shaft_is_refused():
+def test_the_trapezoidal_rule_has_eight_cells_unless_it_says():
+    scenes = [
+        jr.Scene(jr.FlexibleShaft(1.0, 0.02, rule="trapezoid", **one), spin=jr.ConstantSpeed(1.0))
+        for one in ({}, {"nodes": "auto"}, {"nodes": 8})
+    ]
+    assert {scene.line().cells for scene in scenes} == {8}
+
+
+def test_eight_nodes_where_sections_are_traced():
+    """Where nothing is known of the waves, every span has 8 nodes, and derivatives pass."""
+
     def scene(diameter):
-        shaft = dataclasses.replace(FAN.shaft, nodes="auto", diameter=diameter)
-        return jr.Scene(shaft, *FAN.effects, spin=FAN.spin).shaft.length
+        shaft = dataclasses.replace(SIMPLE.shaft, diameter=diameter)
+        return jr.Scene(shaft, *SIMPLE.effects, spin=SIMPLE.spin)
 
-    with pytest.raises(ValueError, match='`nodes="auto"` needs a shaft of known sections'):
-        jax.jit(scene)(0.1)
+    def frequency(diameter):
+        assert scene(diameter).resolution == (8, 8)
+        return jr.roots(scene(diameter), 1).imag[0]
+
+    value, slope = jax.jit(jax.value_and_grad(frequency))(0.03)
+    assert float(value) == pytest.approx(float(jr.roots(SIMPLE, 1).imag[0]), rel=1e-8)
+    assert scene(0.03).resolution == SIMPLE.resolution != (8, 8)
+    step = 1e-6
+    ends = [float(jr.roots(scene(0.03 + h), 1).imag[0]) for h in (step, -step)]
+    assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5)
 
 
-@pytest.mark.parametrize("path", ["disc.at", "shaft.diameter"])
-def test_what_decides_the_nodes_is_not_varied(path):
-    automatic = FAN.replace({"shaft.nodes": "auto"})
-    own = float(automatic.get(path))
-    said = f'`nodes="auto"` depend on `{path}`, which is varied here; give a number'
-    with pytest.raises(ValueError, match=said):
-        jr.stability_map(automatic, {path: [0.999 * own, own], "spin.speed": [100.0, 200.0]})
-    with pytest.raises(ValueError, match=said):
-        jr.sweep(automatic, {path: [0.999 * own, own]}, settle=1, keep=1)
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_derivatives_by_what_decides_the_nodes(mode):
+    """Nodes stay those of the scene's own values, and derivatives are those with 8 nodes."""
+    paths = ("disc.at", "shaft.length", "shaft.diameter")
+
+    def slopes(scene):
+        frequency = lambda values: jr.roots(scene.replace(values), 1).imag[0]
+        return jax.jit(mode(frequency))({path: scene.get(path) for path in paths})
+
+    found, expected = slopes(SIMPLE), slopes(SIMPLE.replace({"shaft.nodes": 8}))
+    for path in paths:
+        assert float(found[path]) == pytest.approx(float(expected[path]), rel=1e-6)
+
+
+def test_derivatives_of_a_line_of_unequal_nodes():
+    """By a station, in both modes, against differences."""
+    assert SIMPLE.resolution == (6, 8)
+
+    @jax.jit
+    def column(at):
+        return SIMPLE.replace({"disc.at": at}).line().column(at)
+
+    at, step = jnp.asarray(0.2), 1e-6
+    expected = (column(at + step) - column(at - step)) / (2 * step)
+    for mode in (jax.jacfwd, jax.jacrev):
+        np.testing.assert_allclose(mode(column)(at), expected, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ["disc.at", "shaft.material.density"])
+def test_eight_nodes_where_what_decides_them_is_varied(path):
+    """A sweep, a map and a tuning have the same nodes, and so the same numbers, as with 8 a span."""
+    fixed, own = SIMPLE.replace({"shaft.nodes": 8}), float(SIMPLE.get(path))
+    over = {path: [0.99 * own, own], "spin.speed": [100.0, 200.0]}
+    maps = [jr.stability_map(scene, over).growth for scene in (SIMPLE, fixed)]
+    np.testing.assert_array_equal(*maps)
+    loss = lambda scene: jr.roots(scene, 1).imag[0] - 90.0
+    where = {path: (0.9 * own, 1.1 * own)}
+    tuned = [jr.tune(loss, one, where, steps=2, progress=False) for one in (SIMPLE, fixed)]
+    assert tuned[0].scene.resolution == (8, 8) and tuned[0].scene.shaft.nodes == 8
+    assert float(tuned[0].loss) == float(tuned[1].loss)
+
+
+@pytest.mark.slow
+def test_a_sweep_has_the_nodes_that_it_says():
+    """8 a span where a station is swept, those of the scene where the speed is."""
+    run = {"settle": 1, "keep": 1, "steps_per_revolution": 16, "progress": False}
+    along = jr.sweep(SIMPLE, {"disc.at": [0.19, 0.2]}, **run)
+    assert jr.loads(along.attrs["scene"]).resolution == (8, 8)
+    fast = jr.sweep(SIMPLE, {"spin.speed": [100.0, 200.0]}, **run)
+    assert jr.loads(fast.attrs["scene"]).resolution == SIMPLE.resolution
+
+
+def test_the_same_shape_on_a_finer_line():
+    for shear in (False, True):
+        scene = dataclasses.replace(SIMPLE.shaft, shear=shear, constraints=())
+        scene = jr.Scene(scene, *SIMPLE.effects, spin=SIMPLE.spin)
+        line, finer = scene.line(), scene.replace({"shaft.nodes": 8}).line()
+        q = np.random.default_rng(3).normal(size=(line.stiffness.shape[0], 2)) @ [1, 1j]
+        same = same_shape(q, line, finer)
+        for x in map(jnp.asarray, (0.07, 0.2, 0.61, 1.0)):
+            assert finer.row(x) @ same == pytest.approx(complex(line.row(x) @ q), rel=1e-9)
+            assert finer.slope_row(x) @ same == pytest.approx(
+                complex(line.slope_row(x) @ q), rel=1e-8
+            )
 
 
 def test_a_span_that_ends_where_sections_are_traced():
