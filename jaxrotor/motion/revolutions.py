@@ -8,6 +8,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.outcome import Outcome
@@ -108,7 +109,7 @@ class March(eqx.Module):
         return self.form.decode(y)
 
     @property
-    def eigenvectors(self) -> Array:
+    def eigenvectors(self) -> Array | np.ndarray:
         """Those of the linear equations in modal coordinates, by which the basis is judged."""
         assert isinstance(self.form, PortForm)
         return self.form.basis.vectors

@@ -77,7 +77,7 @@ class WindowMarch(eqx.Module):
         return self.rotor.axes.coordinates(self.rotor.decode(y[:-1]))
 
     @property
-    def eigenvectors(self) -> Array:
+    def eigenvectors(self) -> Array | np.ndarray:
         """Those of the linear equations, by which the basis is judged."""
         return self.rotor.basis.vectors
 
@@ -155,5 +155,5 @@ def lane_stepping(
         modes=min(MOST_MODES, first.n) if depends else 0,
         speeds=1,
         batch=True,
-        span=(min(speed.min() for speed in speeds), max(speed.max() for speed in speeds)),
+        span=(jnp.min(jnp.asarray(speeds)), jnp.max(jnp.asarray(speeds))),
     )

@@ -35,9 +35,9 @@ class Turn(eqx.Module):
     number: Array  # number of this revolution, from 0
     step: Scalar  # length of a step [s]
     s: Scalar  # sign of the spin
-    time: Float[Array, " T"] | None  # since the start of a run [s]; None in revolutions
-    speed: Float[Array, " T"] | None  # of rotation [rad/s]; None in revolutions
     count: int = eqx.field(static=True)  # revolutions kept
+    time: Float[Array, " T"] | None = None  # since the start of a run [s]; None in revolutions
+    speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None in revolutions
 
     @classmethod
     def of(cls, samples: RevolutionSamples | WindowSamples, number: Array, count: int) -> "Turn":
@@ -46,9 +46,9 @@ class Turn(eqx.Module):
         seen = z, velocity, samples.contact_force, number
         if isinstance(samples, WindowSamples):
             time, speed = samples.time, samples.speed
-            return cls(*seen, time[1] - time[0], jnp.sign(speed[-1]), time, speed, count)
+            return cls(*seen, time[1] - time[0], jnp.sign(speed[-1]), count, time, speed)
         step = 2 * jnp.pi * samples.seconds / (z.size - 1)
-        return cls(*seen, step, samples.s, None, None, count)
+        return cls(*seen, step, samples.s, count)
 
     def in_centre(self) -> Bool[Array, " T"]:
         """Whether a sample is in the centre, or passes through it to within rounding."""

@@ -126,7 +126,8 @@ def sweep(
     if steps_per_revolution != "auto":
         check_counts(steps_per_revolution=steps_per_revolution)
     check_counts(0, error_sample=error_sample)
-    along = None if times is None else _checked_run(scene, times, settle, keep, carry, period)
+    given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
+    along = None if times is None else _checked_run(times, given, steps_per_revolution)
     settle = 1000 if settle is None else settle
     keep = 300 if keep is None else keep
     if along is None:
@@ -181,9 +182,13 @@ def sweep(
 # === before the run
 
 
-def _checked_run(scene: Scene, times: Any, settle, keep, carry, period) -> np.ndarray:
+def _checked_run(times: Any, given: Mapping[str, Any], steps: Any) -> np.ndarray:
     """The times of a run; raises unless they are evenly spaced, and alone decide what is observed."""
-    given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
+    if steps == "auto":
+        raise ValueError(
+            'Steps "auto" are for whole revolutions; along `times` give `steps_per_revolution`, and '
+            "`error_sample` to see what error they leave."
+        )
     for name, value in given.items():
         if value is not None:
             raise ValueError(
@@ -214,11 +219,6 @@ def _stepping(
         raise ValueError(
             "A sweep along `times` takes Exponential(..) steps; for another solver call `run_up` lane by "
             "lane."
-        )
-    if steps == "auto":
-        raise ValueError(
-            'Steps "auto" are for whole revolutions; along `times` give `steps_per_revolution`, and '
-            "`error_sample` to see what error they leave."
         )
     check_steppable(scene, solver)
     ends = itertools.product(*({values.min(), values.max()} for values in axes.values()))

@@ -14,6 +14,7 @@ from jaxrotor.motion import stepped
 
 
 TIMES, SPEEDS = np.array([0.0, 0.31, 0.6]), np.array([30.0, 260.0, 180.0])  # a kink between samples
+ORDER_4 = jr.Exponential(order=4)
 FINE = dfx.PIDController(rtol=1e-11, atol=1e-14)
 SAMPLES = np.linspace(0.0, 0.5, 26)
 OFF = {"gap": 7e-4, "stiffness": 4e4, "damping": 20.0, "friction": 0.1, "rim_radius": 0.05}
@@ -142,6 +143,7 @@ def test_order_of_a_run_up_without_contact(order, least, last):
     assert found[-1] < last
 
 
+@pytest.mark.slow
 def test_unequal_bearings_at_a_speed_that_varies():
     assert errors(rotor(bearing()), 4, (40,))[0] < 1e-6
 
@@ -180,17 +182,17 @@ def test_run_down_and_backward_spin():
 def test_constant_speed_is_that_of_simulate():
     scene = rotor().at_speed(150.0)
     exact = jr.simulate(scene, 4, 32)
-    run = jr.run_up(scene, exact.time, at=exact.stations)
-    assert run.solver.startswith("Exponential(order=4")
+    run = jr.run_up(scene, exact.time, at=exact.stations, solver=ORDER_4)
     scale = np.abs(exact.displacement).max()
     assert np.allclose(run.displacement, exact.displacement, rtol=0, atol=1e-12 * scale)
     assert np.allclose(run.velocity, exact.velocity, rtol=0, atol=1e-9 * scale)
 
 
+@pytest.mark.slow
 def test_unequal_bearings_at_constant_speed_and_another_first_angle():
     scene, times = rotor(bearing()).at_speed(-150.0), np.array([0.01, 0.02, 0.2])
     start = jr.Launch(jr.Whirl(1e-4, 20.0), angle=0.7)
-    exact = jr.run_up(scene, times, start=start)
+    exact = jr.run_up(scene, times, start=start, solver=ORDER_4)
     other = jr.run_up(scene, times, start=start, solver=dfx.Dopri8(), controller=FINE)
     scale = np.abs(exact.displacement).max()
     assert np.allclose(exact.displacement, other.displacement, rtol=0, atol=1e-9 * scale)
@@ -201,15 +203,16 @@ def test_an_undamped_resonance_is_stepped():
     parts = jr.Disc(0.6, 3.0), jr.Unbalance(0.6, 3.0, 1e-5)
     scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(1.0))
     scene = scene.at_speed(jr.critical_speeds(scene, 1).forward[0])
-    run = jr.run_up(scene, np.linspace(0, 1.0, 41), at=0.6)
+    run = jr.run_up(scene, np.linspace(0, 1.0, 41), at=0.6, solver=ORDER_4)
     radius = np.abs(run.displacement[:, 0])
     assert radius[-1] / radius[20] == pytest.approx(2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_accelerations_and_the_end_are_those_of_the_motion():
-    run = jr.run_up(rotor(), SAMPLES, substeps=40)
-    before = jr.run_up(rotor(), SAMPLES[:14], substeps=40)
-    after = jr.run_up(rotor(), SAMPLES[:13], substeps=40, start=before.end)
+    run = jr.run_up(rotor(), SAMPLES, solver=ORDER_4, substeps=40)
+    before = jr.run_up(rotor(), SAMPLES[:14], solver=ORDER_4, substeps=40)
+    after = jr.run_up(rotor(), SAMPLES[:13], solver=ORDER_4, substeps=40, start=before.end)
     assert np.allclose(after.displacement, run.displacement[13:], rtol=0, atol=1e-9)
     system, now = jr.assemble(rotor()), jax.tree.map(lambda leaf: leaf[-1], run.instants)
     b, speed = system.blocks, now.turning.speed
@@ -228,16 +231,18 @@ def test_change_of_speed_in_the_slowest_modes(monkeypatch):
     scene = jr.Scene(scene.shaft, *scene.effects, spin=jr.SpeedProfile([0.0, 0.5], [40.0, 160.0]))
     times = np.linspace(0, 0.5, 51)
     few = jr.run_up(scene, times)
+    assert few.solver == "Exponential(order=4, basis='modal')"  # by default
     monkeypatch.setattr(stepped, "MODES", 50)
     every = jr.run_up(scene, times)
     scale = np.abs(every.displacement).max()
     assert np.allclose(few.displacement, every.displacement, rtol=0, atol=3e-6 * scale)
 
 
+@pytest.mark.slow
 def test_uneven_times_and_a_first_sample_after_the_start():
     times = np.array([0.1, 0.18, 0.4, 0.5])
-    even = jr.run_up(rotor(), SAMPLES, substeps=80)
-    found = jr.run_up(rotor(), times, substeps=800).displacement
+    even = jr.run_up(rotor(), SAMPLES, solver=ORDER_4, substeps=80)
+    found = jr.run_up(rotor(), times, solver=ORDER_4, substeps=800).displacement
     there = np.asarray(even.displacement)[[5, 9, 20, 25]]
     assert np.allclose(found, there, rtol=0, atol=1e-6 * np.abs(there).max())
 
@@ -273,6 +278,7 @@ def test_derivatives_are_differences(effects):
 # === steps
 
 
+@pytest.mark.slow
 def test_automatic_steps_say_what_they_leave():
     run = jr.run_up(
         rotor(), SAMPLES, solver=jr.Exponential(order=4), substeps="auto", tolerance=1e-5

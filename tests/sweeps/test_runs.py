@@ -1,0 +1,129 @@
+"""Sweeps along times: every lane is a run of `run_up`, whatever its speed."""
+
+import numpy as np
+import pytest
+
+import jaxrotor as jr
+from jaxrotor.motion.windows import window_of
+
+
+TIMES = np.linspace(0.0, 0.32, 65)
+OVER = {"unbalance.eccentricity": [1e-4, 4e-4], "limiters.stiffness": [1e5, 2e5]}
+
+
+def scene(spin=None):
+    rotor = jr.load("limiter-rotor").with_nodes(2)
+    spin = jr.SpeedProfile([0.0, 0.32], [60.0, 200.0]) if spin is None else spin
+    small = {"limiters.gap": 1e-3, "limiters.stiffness": 1e5, "unbalance.eccentricity": 3e-4}
+    return jr.Scene(rotor.shaft, *rotor.effects, spin=spin).replace(small)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return jr.sweep(scene(), OVER, times=TIMES, steps_per_revolution=128)
+
+
+def lane(dataset, one, **solver):
+    substeps = dataset.attrs["steps_per_sample"]
+    return jr.run_up(one, TIMES, solver=jr.Exponential(**solver), substeps=substeps)
+
+
+def test_lanes_are_runs(runs):
+    values = {"unbalance.eccentricity": 4e-4, "limiters.stiffness": 2e5}
+    run, found = lane(runs, scene().replace(values)), runs.sel(values)
+    radius, force = np.abs(run.displacement[:, 0]), np.abs(run.contact_force)
+    top = radius.argmax()
+    assert force.max() > 0
+    assert float(found.peak) == pytest.approx(radius[top], rel=1e-9)
+    assert float(found.peak_time) == pytest.approx(TIMES[top])
+    assert float(found.peak_speed) == pytest.approx(float(run.speed[top]))
+    np.testing.assert_allclose(found.peak_force, force.max(axis=0), rtol=1e-7)
+    size = runs.attrs["samples_per_window"]
+    windows = [radius[i : i + size + 1].max() for i in range(0, 64, size)]
+    np.testing.assert_allclose(found.envelope, windows, rtol=1e-9)
+    np.testing.assert_allclose(found.speed, run.speed[size::size])
+    np.testing.assert_allclose(runs.window, TIMES[size::size])
+
+
+def test_settings_are_told(runs):
+    assert runs.attrs["duration"] == TIMES[-1] and runs.attrs["samples"] == TIMES.size
+    assert "settle" not in runs.attrs
+    assert (runs.status == 0).all()
+
+
+@pytest.mark.slow
+def test_errors_are_told(runs):
+    again = jr.sweep(scene(), OVER, times=TIMES, steps_per_revolution=128, error_sample=2)
+    assert 0 < again.peak.attrs["error"] < 1e-3 * float(runs.peak.max())
+    assert again.peak.equals(runs.peak)
+
+
+@pytest.mark.slow
+def test_lanes_whose_speeds_differ(tmp_path):
+    """Run-ups by several torques, in blocks of two through a store.
+
+    They share one speed of decomposition, `run_up` takes the middle of its own: the error of both counts.
+    """
+    spin = jr.Drive(60.0, 5.0, drag=1e-5)
+    torques = [2.0, 4.0, 6.0]
+    found = jr.sweep(
+        scene(spin),
+        {"spin.torque": torques},
+        times=TIMES,
+        steps_per_revolution=512,
+        lanes_per_chunk=2,
+        store=tmp_path / "runs.zarr",
+    )
+    for torque in torques:
+        run = lane(found, scene(spin).replace({"spin.torque": torque}))
+        radius = np.abs(run.displacement[:, 0])
+        own = found.sel({"spin.torque": torque})
+        assert float(own.peak) == pytest.approx(radius.max(), rel=1e-6)
+        assert float(own.speed[-1]) == pytest.approx(float(run.speed[-1]))
+    assert float(found.speed[-1, -1]) > float(found.speed[0, -1]) + 10
+
+
+@pytest.mark.slow
+def test_unequal_bearings_and_no_contact():
+    """By default of order 4, decomposed at one speed where `run_up` takes sixteen."""
+    rotor = jr.load("overhung-fan").without("limiters")
+    rotor = jr.Scene(rotor.shaft, *rotor.effects, spin=jr.SpeedProfile([0.0, 0.64], [20.0, 80.0]))
+    times = np.linspace(0, 0.64, 129)
+    first = float(rotor.get("unbalance.eccentricity"))
+    over = {"unbalance.eccentricity": [first, 2 * first]}
+    found = jr.sweep(rotor, over, times=times, steps_per_revolution=32)
+    assert found.attrs["solver"].startswith("Exponential(order=4")
+    run = jr.run_up(rotor, times)
+    peaks = np.abs(run.displacement[:, 0]).max() * np.array([1.0, 2.0])
+    np.testing.assert_allclose(found.peak, peaks, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("samples", "size"), [(65, 32), (2001, 40), (2, 1), (102, 101), (38, 37)])
+def test_windows_divide_the_samples(samples, size):
+    assert window_of(samples) == size
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"settle": 3}, "`settle` is for whole revolutions"),
+        ({"times": [0.0, 0.1, 0.3]}, "evenly spaced times from 0 on"),
+        ({"times": [0.1, 0.2, 0.3]}, "evenly spaced times from 0 on"),
+        ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
+        ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
+        ({"solver": jr.Exponential(located=True)}, "Located steps need a constant speed"),
+    ],
+)
+def test_settings_that_runs_do_not_take(settings, words):
+    with pytest.raises(ValueError, match=words):
+        jr.sweep(scene(), OVER, **{"times": TIMES} | settings)
+
+
+def test_what_whole_revolutions_do_not_take():
+    with pytest.raises(ValueError, match="`sweep` without `times` is for constant speed"):
+        jr.sweep(scene(), OVER)
+    with pytest.raises(ValueError, match="`Peak` is an observable of motions along `times`"):
+        jr.sweep(scene().at_speed(100.0), OVER, observe=[jr.observe.Peak()])
+    feedback = scene(jr.Drive(10.0, 1.0, feedback=True))
+    with pytest.raises(ValueError, match="the speed of its Drive is not known in advance"):
+        jr.sweep(feedback, OVER, times=TIMES)
