@@ -32,7 +32,7 @@ def rising():
 
 def test_over_the_speed_where_it_rises(rising):
     ax = plot.envelope(rising)
-    check_axes(ax)
+    check_axes(lambda ax: plot.envelope(rising, ax))
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("speed [rad/s]", "unbalance eccentricity [mm]")
     (mesh,) = ax.collections
     assert np.allclose(mesh.get_array().ravel(), 1e3 * rising.envelope.values.ravel())
