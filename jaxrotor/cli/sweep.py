@@ -130,7 +130,7 @@ Folder = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="Folder for sweep.zarr and bifurcation.png. [default: runs/SCENE-sweep]",
+        help="Folder for sweep.zarr and a picture. [default: runs/SCENE-sweep]",
     ),
 ]
 
@@ -161,7 +161,8 @@ def sweep(
 ) -> None:
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
 
-    With --times the motions are runs at the scene's spin, a run-up for example, with peak and envelope.
+    With --times the motions are runs at the scene's spin, a run-up for example, with peak and envelope,
+    which is drawn in DIR/envelope.png.
 
     Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
     DIR/bifurcation.png. Lanes are stored in blocks of up to 128: the same command resumes an interrupted
@@ -312,7 +313,8 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
     size = min(max(250 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
 
     if "envelope" in dataset:
-        draw(folder / "envelope.png", lambda ax: plot.envelope(dataset, ax), 170, 90)
+        if min(dataset.sizes[swept[0]], dataset.sizes["window"]) > 1:
+            draw(folder / "envelope.png", lambda ax: plot.envelope(dataset, ax), 170, 90)
         return
 
     def bifurcation(axes):

@@ -98,7 +98,8 @@ def run_up(
 
     `Exponential` takes the linear part exactly at one of a few speeds and the rest by its stages. It needs
     a rotation known in time and mass at all coordinates, and takes no balls and no unequal axes that turn.
-    Without contact and at constant speed it is exact at any times.
+    Without contact and at constant speed it is exact at any times where values are known, in modal
+    coordinates and off resonance; `substeps` are then not used.
     Diffrax solvers take every scene and integrate in the axes of the shaft, where the response to
     unbalance varies slowly; a drive with feedback from the rotor and balls are part of the equations.
     Coordinates without mass are eliminated: damped ones follow equations of first order, others
@@ -151,7 +152,7 @@ def run_up(
         stepping = stepping_of(begun, times, solver, None if substeps == "auto" else substeps)
         if substeps == "auto":
             stepping, pilot = _refined(begun, times, launch, stations, stepping, tolerance)
-            pilots, substeps = (pilot,), pilot.setting
+            pilots = (pilot,)
         plan: Integration | Stepping = stepping
     else:
         if substeps == "auto":
@@ -211,6 +212,11 @@ def _refined(
     scene: Scene, times: Any, launch: Launch, stations: Array, stepping: Stepping, tolerance: float
 ) -> tuple[Stepping, Pilot]:
     """Settings with as many steps as the motion at the samples needs, and the pilot that found them."""
+    if not all(known(leaf) for leaf in jax.tree.leaves((scene, launch))):
+        raise ValueError(
+            '`substeps` "auto" are chosen by values, so not inside jax.jit or jax.grad; choose them '
+            "before."
+        )
     first = stepping.substeps
 
     def displacement(substeps: int) -> np.ndarray | None:

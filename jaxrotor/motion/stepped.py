@@ -38,7 +38,8 @@ SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates th
 STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
 RIGID = 2  # coordinates, up to which an explicit solver is as quick
 CONTACT_STEPS = 256  # where there is contact
-INSIDE = 1e-9  # share of a step by which its ends are moved inside, off a jump of the acceleration
+INSIDE = 1e-3  # share of half a step from its ends at which their acceleration is taken, off a jump
+APART = 1e-9  # share of a run within which a jump counts as at the end of a piece
 
 
 class Stepping(eqx.Module):
@@ -64,12 +65,12 @@ class Stepping(eqx.Module):
         constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
         modes = 0 if constant else min(MODES, system.n)
         speeds = 1 if constant or modes == system.n else SPEEDS
-        breaks, samples, even = _breaks(system, times, speeds)
-        pieces = (len(breaks) - 1) / (len(samples) - 1)
+        several = math.ceil(4 * speeds / len(times)) if speeds > 1 else 1
+        breaks, samples, even = _breaks(system, np.asarray(times, float), several)
         if substeps is None:
             each = _steps_of_piece(system, breaks, solver.order)
         else:
-            each = math.ceil(substeps / pieces)
+            each = math.ceil(substeps / several)
         at = jnp.asarray(breaks, float), jnp.asarray(samples)
         stepping = cls(solver, *at, each, even, modes, speeds, **settings)
         return stepping.with_bases(system)
@@ -90,14 +91,10 @@ class Stepping(eqx.Module):
             exact = linear and has_steady_motion(system, np.asarray(bases.values), float(rate))
         return dataclasses.replace(self, solver=solver, bases=bases, exact=exact)
 
-    def turning(self, system: System, time: Array) -> Turning:
-        """Rotation at times."""
-        return system.spin.turning(time, system.blocks.polar)
-
     def centres(self, system: System) -> tuple[Float[Array, " w"], Scalar]:
         """Speeds at which the rotor is decomposed, and the rate by which time is scaled [rad/s]."""
         if self.span is None:
-            speed = self.turning(system, self.breaks).speed
+            speed = turning(system, self.breaks).speed
             low, high = jnp.min(speed), jnp.max(speed)
         else:
             low, high = map(jnp.asarray, self.span)
@@ -109,6 +106,8 @@ class Stepping(eqx.Module):
 def stepping_of(scene: Scene, times: Any, solver: Exponential, substeps: int | None) -> Stepping:
     """Settings of exponential steps; raises where they do not take the scene."""
     system = check_steppable(scene, solver)
+    if not known(times):
+        raise ValueError("`times` of Exponential() must be known, but are traced.")
     if substeps is not None:
         check_counts(substeps=substeps)
     return Stepping.of(system, times, solver, substeps)
@@ -119,15 +118,18 @@ def check_steppable(scene: Scene, solver: Exponential) -> System:
     system = assemble(scene)
     check_known_in_time(system)
     reason = unsteppable(system)
-    if reason is None and has_massless(scene, system):
-        reason = "a part of the rotor has no mass"
+    if reason is None:
+        massless = has_massless(scene, system)
+        reason = "a part of the rotor has no mass" if massless else None
+        reason = "masses are traced, so that one may be zero" if massless is None else reason
     if reason is not None:
         raise ValueError(
             f"Exponential() does not take this run: {reason}; call `run_up` with a diffrax solver or none."
         )
     if solver.located:
         raise ValueError(
-            "Located steps need a constant speed; take Exponential(order=2) with more steps."
+            "Located steps are taken by `simulate`, and by `sweep` without `times`; take "
+            "Exponential(order=2) with more steps."
         )
     return system
 
@@ -158,20 +160,19 @@ def unsteppable(system: System) -> str | None:
     return None
 
 
-def _breaks(system: System, times: Any, speeds: int) -> tuple[Any, np.ndarray, bool]:
-    """Ends of the pieces, which of them are samples, and whether all pieces are of one length."""
-    if not known(times):
-        breaks = jnp.concatenate([jnp.zeros(1), jnp.asarray(times, float)])
-        return breaks, np.arange(1, breaks.size), False
-    times = np.asarray(times, float)
-    several = math.ceil(4 * speeds / times.size) if speeds > 1 else 1
+def _breaks(system: System, times: np.ndarray, several: int) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Ends of the pieces, which of them are samples, and whether all pieces are of one length.
+
+    There are `several` pieces from sample to sample. Before the first sample they are no longer.
+    """
     share = np.arange(several) / several
-    whole = np.union1d(0.0, times)
+    ahead = math.ceil(times[0] / np.diff(times).max() - APART)
+    whole = np.append(np.linspace(0.0, times[0], ahead + 1)[:-1], times)
     breaks = np.append((whole[:-1, None] + np.diff(whole)[:, None] * share).ravel(), whole[-1])
     kinks = system.spin.kinks
     if kinks is not None and known(kinks):
         inside = np.asarray(kinks)[(np.asarray(kinks) > 0) & (np.asarray(kinks) < times[-1])]
-        apart = np.abs(breaks - inside[:, None]).min(axis=1, initial=np.inf) > INSIDE * times[-1]
+        apart = np.abs(breaks - inside[:, None]).min(axis=1, initial=np.inf) > APART * times[-1]
         breaks = np.union1d(breaks, inside[apart])
     lengths = np.diff(breaks)
     even = bool(np.ptp(lengths) <= 1e-9 * lengths.max())
@@ -180,13 +181,18 @@ def _breaks(system: System, times: Any, speeds: int) -> tuple[Any, np.ndarray, b
     return breaks, np.searchsorted((breaks[1:] + breaks[:-1]) / 2, times), even
 
 
-def _steps_of_piece(system: System, breaks: Any, order: int) -> int:
+def turning(system: System, time: Array) -> Turning:
+    """Rotation of a rotor at times."""
+    return system.spin.turning(time, system.blocks.polar)
+
+
+def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:
     """Steps of a piece that follow the unbalance, and contact, at the highest speed."""
-    speed = system.spin.turning(jnp.asarray(breaks, float), system.blocks.polar).speed
-    if not (known(breaks) and known(speed)):
+    speed = turning(system, jnp.asarray(breaks)).speed
+    if not known(speed):
         raise ValueError(
-            "`substeps` of Exponential are chosen by the speed and the times, but these are traced; give "
-            "`substeps`, the steps from sample to sample."
+            "`substeps` of Exponential are chosen by the speed, but that is traced; give `substeps`, the "
+            "steps from sample to sample."
         )
     revolution = CONTACT_STEPS if system.ports else STEPS[order]
     longest = float(np.diff(breaks).max() * np.abs(np.asarray(speed)).max()) / (2 * math.pi)
@@ -236,20 +242,22 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
         rotors = jax.lax.map(build, (centres, bases))
         step_of = lambda rotor: rotor.step(order, h(jnp.max(lengths)), ())
         at = lambda tree, number: jax.tree.map(lambda leaf: leaf[number], tree)
-        steps = jax.lax.map(step_of, rotors)
-        middle = dataclasses.replace(at(steps, stepping.speeds // 2), ports=system.ports)
+        steps = jax.lax.map(step_of, rotors) if stepping.even else None
+        middle = step_of(at(rotors, stepping.speeds // 2))
+        middle = dataclasses.replace(middle, ports=system.ports)
 
     def piece(carry, part):
         state, touched = carry
         time, length = part
-        speed = stepping.turning(system, time + length / 2).speed
+        speed = turning(system, time + length / 2).speed
         number = jnp.argmin(jnp.abs(centres - speed))
         rotor = at(rotors, number)
         if stepping.even:
             step = dataclasses.replace(at(steps, number), ports=system.ports)
         else:
             step = rotor.step(order, h(length), system.ports)
-        now = course(system, stepping, rotor, step, centres[number], angle, time, length)
+        part = time, length, stepping.substeps
+        now = course(system, rotor, step, centres[number], angle, part)
         y, loaded = step.several(now, rotor.encode(state), batch=stepping.batch)
         state = rotor.decode(y)
         return (state, touched | loaded), state
@@ -265,23 +273,23 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
 
 def course(
     system: System,
-    stepping: Stepping,
     rotor: RotorAtSpeed,
     step: VaryingStep,
-    centre,
-    angle,
-    time,
-    length,
+    centre: Scalar,
+    angle: Scalar | float,
+    piece: tuple[Scalar, Scalar, int],
 ) -> Course:
-    """Loads and speeds at the steps of a piece, known in time."""
-    count = 2 * stepping.substeps
+    """Loads and speeds, known in time, at the steps of a piece: its beginning, length and their number."""
+    time, length, substeps = piece
+    count = 2 * substeps
     share = jnp.arange(count + 1) / count
-    if system.spin.kinks is not None:
+    now = turning(system, time + length * share)
+    acceleration = now.acceleration
+    if system.spin.kinks is not None:  # at an end it is that of this side of a jump
         share = share.at[0].add(INSIDE / count).at[-1].add(-INSIDE / count)
-    turning = stepping.turning(system, time + length * share)
-    g = unbalance_factor(turning.speed, turning.acceleration)
-    g = g * jnp.exp(1j * (angle + turning.angle))
-    steps = jnp.arange(stepping.substeps)[:, None] * 2
+        acceleration = turning(system, time + length * share).acceleration
+    g = unbalance_factor(now.speed, acceleration) * jnp.exp(1j * (angle + now.angle))
+    steps = jnp.arange(substeps)[:, None] * 2
     stages = (2 * np.asarray(step.tableau.times)).astype(int)
-    speed = turning.speed[steps + stages]
+    speed = now.speed[steps + stages]
     return Course(rotor.load_values(g[steps + np.arange(3)]), speed, speed - centre)

@@ -18,13 +18,12 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep, modal_basis
-from ..spins.constant import ConstantSpeed
 from .base import Plan, WindowSamples
 from .revolutions import bounded
-from .stepped import Stepping, course
+from .stepped import Stepping, course, turning
 
 
-USUAL = 32  # samples of a window, about
+LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
 MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
 
 
@@ -41,9 +40,10 @@ class WindowMarch(eqx.Module):
     reading: Float[
         Array, "4 m2"
     ]  # [Re, Im] of displacement and velocity of the station, of a state
-    stepping: Stepping
     plan: Plan
     centre: Scalar  # speed of decomposition [rad/s]
+    length: Scalar  # from sample to sample [s]
+    substeps: int = eqx.field(static=True)  # there
 
     @classmethod
     def build(
@@ -58,11 +58,13 @@ class WindowMarch(eqx.Module):
         assert isinstance(plan.solver, Exponential)
         if plan.solver.basis != "dense":
             rotor = RotorAtSpeed.build(at_centre, rate, terms, modal_basis(rotor.axes))
-        h = rate * (stepping.breaks[1] - stepping.breaks[0]) / stepping.substeps
+        length = stepping.breaks[1] - stepping.breaks[0]
+        h = rate * length / stepping.substeps
         step = rotor.step(plan.solver.order, h, system.ports)
         row = system.line.row(station[0])[None]
         seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
-        return cls(system, rotor, step, rotor.read(seen), stepping, plan, centres[0])
+        parts = system, rotor, step, rotor.read(seen), plan, centres[0]
+        return cls(*parts, length, stepping.substeps)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State at the start."""
@@ -99,15 +101,13 @@ class WindowMarch(eqx.Module):
 
     def _window(self, y: Array) -> tuple[Array, WindowSamples, Outcome]:
         """One window: the state at its end, its samples, the first and the last included, and outcome."""
-        breaks, size = self.stepping.breaks, self.plan.steps
-        number, length = y[-1], breaks[1] - breaks[0]
-        times = (number * size + jnp.arange(size + 1)) * length
+        number, size = y[-1], self.plan.steps
+        times = (number * size + jnp.arange(size + 1)) * self.length
 
         def one(carry, time):
             w, touched = carry
-            now = course(
-                self.system, self.stepping, self.rotor, self.step, self.centre, 0.0, time, length
-            )
+            part = time, self.length, self.substeps
+            now = course(self.system, self.rotor, self.step, self.centre, 0.0, part)
             end, loaded = self.step.several(now, w, batch=True)
             return (end, touched | loaded), w
 
@@ -115,22 +115,31 @@ class WindowMarch(eqx.Module):
         (w, touched), states = jax.lax.scan(one, begin, times[:-1])
         states = jnp.concatenate([states, w[None]])
         seen = jnp.moveaxis((states @ self.reading.T).reshape(-1, 2, 2), 1, -1)
-        turning = self.stepping.turning(self.system, times)
+        speed = turning(self.system, times).speed
         forces = None
         if self.plan.contacts and self.system.ports:
             ports = (states @ self.step.reading.T).reshape(len(states), 2, 2, -1)
             ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
-            both = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], turning.speed)
+            both = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
             forces = both[..., 0] + 1j * both[..., 1]
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
-        samples = WindowSamples(z[:, :1], z[:, 1:], forces, times, turning.speed)
+        samples = WindowSamples(z[:, :1], z[:, 1:], forces, times, speed)
         ok = Outcome(bounded(w), jnp.ones((), bool), jnp.zeros((), int), touched)
         return jnp.append(w, number + 1), samples, ok
 
 
 def window_of(samples: int) -> int:
     """Intervals of a window: a divisor of the number of all, near `USUAL`."""
-    divisors = [n for n in range(1, samples) if (samples - 1) % n == 0]
+    intervals = samples - 1
+    if intervals <= MOST:
+        divisors = [n for n in range(1, samples) if intervals % n == 0]
+    else:
+        divisors = [n for n in range(LEAST, MOST + 1) if intervals % n == 0]
+    if not divisors:
+        near = USUAL * round(intervals / USUAL) + 1
+        raise ValueError(
+            f"{samples} samples cannot be cut into windows of {LEAST} to {MOST} intervals; take {near}."
+        )
     return min(divisors, key=lambda n: abs(math.log(n / USUAL)))
 
 
@@ -141,11 +150,11 @@ def lane_stepping(
 
     A revolution of the fastest has `revolution` steps or more.
     """
-    speeds = [np.asarray(one.spin.turning(times, one.blocks.polar).speed) for one in systems]
-    fastest = max(float(np.abs(speed).max()) for speed in speeds)
+    speeds = np.stack([np.asarray(turning(one, jnp.asarray(times)).speed) for one in systems])
+    fastest = float(np.abs(speeds).max())
     each = max(1, math.ceil(revolution * fastest * times[1] / (2 * math.pi) - 1e-6))
     first = systems[0]
-    depends = depends_on_speed(first.blocks) and not isinstance(first.spin, ConstantSpeed)
+    depends = depends_on_speed(first.blocks) and np.ptp(speeds) > 0
     return Stepping(
         solver,
         jnp.asarray(times),
@@ -155,5 +164,5 @@ def lane_stepping(
         modes=min(MOST_MODES, first.n) if depends else 0,
         speeds=1,
         batch=True,
-        span=(jnp.min(jnp.asarray(speeds)), jnp.max(jnp.asarray(speeds))),
+        span=(jnp.asarray(speeds.min()), jnp.asarray(speeds.max())),
     )

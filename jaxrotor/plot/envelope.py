@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from ..core.outcome import failed
 from . import page
 from .labels import coordinate, length, only_swept, parameter
 
@@ -25,8 +26,9 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
         ValueError: the dataset has no `envelope`, is not over one parameter, or has too little to draw.
     """
     dim = only_swept(dataset, "envelope", ("window",))
-    dataset = dataset[["envelope", "speed"]].sortby(dim)
-    radius = dataset["envelope"].transpose(dim, "window").values
+    dataset = dataset[["envelope", "speed", "status"]].sortby(dim)
+    lost = failed(dataset["status"].values)[:, None]
+    radius = np.where(lost, np.nan, dataset["envelope"].transpose(dim, "window").values)
     if min(radius.shape) < 2:
         raise ValueError(
             f"An envelope needs two lanes and two windows to draw, but has {radius.shape[0]} and "
@@ -39,7 +41,7 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     else:
         across, label = dataset["window"].values, "time [s]"
     values, name = coordinate(dataset, dim)
-    factor, unit = length(float(np.nanmax(radius, initial=0.0)))
+    factor, unit = length(float(np.max(radius, initial=0.0, where=~np.isnan(radius))))
 
     ax = page.single(ax, 170, 90)
     mesh = ax.pcolormesh(

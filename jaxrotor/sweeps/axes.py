@@ -17,12 +17,17 @@ MOST_LANES = 1_000_000_000  # in one sweep, because lists of what is to be compu
 
 
 def checked_axes(
-    scene: Scene, start: AbstractStart, over: Mapping[str, Any], period: float | None
+    scene: Scene,
+    start: AbstractStart,
+    over: Mapping[str, Any],
+    period: float | None,
+    *,
+    revolve: bool = True,
 ) -> dict[str, np.ndarray]:
     """Values by path, each path tried on the scene.
 
     Admissible values form an interval, so the least and the largest suffice, and zero, which is
-    special for a speed.
+    special for a speed, whose revolutions have no length unless lanes do not `revolve`.
     """
     if not over:
         raise ValueError(
@@ -36,7 +41,7 @@ def checked_axes(
             raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
         for value in {values.min(), values.max(), *values[values == 0]}:
             changed, _ = at_point(scene, start, {path: value})
-            if path == "spin.speed":
+            if revolve and path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
     check_lanes(axes)

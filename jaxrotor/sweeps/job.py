@@ -188,7 +188,9 @@ def _pace(context: Context) -> dict[str, Any]:
     """Attributes of the revolutions or of the times that are observed, and of the steps."""
     stepping, steps = context.stepping, context.plan.steps
     if stepping is None:
+        period = "that of the spin" if context.period is None else float(context.period)
         return {
+            "period": period,
             "settle": context.settle,
             "keep": context.keep,
             "steps_per_revolution": steps,
@@ -210,7 +212,6 @@ def identity(context: Context) -> dict[str, Any]:
         "scene": dumps(context.scene),
         "start": as_json(context.start),
         "station": float(context.station),
-        "period": "that of the spin" if context.period is None else float(context.period),
         **_pace(context),
         "solver": solver_name(plan.solver),
         "solver_settings": as_json(plan.solver),

@@ -179,7 +179,7 @@ class Contact(AbstractObservable):
 
 
 class Peak(AbstractObservable):
-    """Largest distance from the centre in a run, and the time and speed at which it occurs."""
+    """Largest distance from the centre at the samples of a run, with its time and speed."""
 
     needs_contact: ClassVar[bool] = False
     paced = "times"
@@ -189,27 +189,27 @@ class Peak(AbstractObservable):
 
     def start(self, contacts):
         zero = jnp.zeros(())
-        return -jnp.ones(()), zero, zero
+        return -jnp.inf + zero, zero, zero
 
     def update(self, carry, turn: Turn):
         assert turn.time is not None and turn.speed is not None, "checked before the run"
-        radius = jnp.abs(turn.z)
+        radius = jnp.abs(turn.z[1:])
         top = jnp.argmax(radius)
-        now = radius[top], turn.time[top], turn.speed[top]
-        larger = now[0] > carry[0]
+        now = radius[top], turn.time[1:][top], turn.speed[1:][top]
+        larger = ~(now[0] <= carry[0])  # so that NaN is kept
         return tuple(jnp.where(larger, new, old) for new, old in zip(now, carry, strict=True)), None
 
     def report(self, carry, stored, count):
         radius, time, speed = carry
         return {
-            "peak": Variable((), radius, "m", "largest radius of the run"),
+            "peak": Variable((), radius, "m", "largest radius at the samples of the run"),
             "peak_time": Variable((), time, "s", "time of the largest radius"),
             "peak_speed": Variable((), speed, "rad/s", "speed at the largest radius"),
         }
 
 
 class Envelope(AbstractObservable):
-    """Largest distance from the centre in every window of a run, and the speed at its end."""
+    """Largest distance from the centre at the samples of every window, and the speed at its end."""
 
     needs_contact: ClassVar[bool] = False
     paced = "times"
@@ -222,7 +222,7 @@ class Envelope(AbstractObservable):
 
     def update(self, carry, turn: Turn):
         assert turn.time is not None and turn.speed is not None, "checked before the run"
-        kept = jnp.stack([jnp.max(jnp.abs(turn.z)), turn.speed[-1]])
+        kept = jnp.stack([jnp.max(jnp.abs(turn.z[1:])), turn.speed[-1]])
         return turn.time[-1], kept
 
     def report(self, carry, stored, count):

@@ -30,6 +30,7 @@ from ..scene import Scene, with_shared_nodes
 from ..solvers.choice import checked_solver
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
+from ..spins.drive import Drive
 from .axes import at_point, checked_axes, shared_ports, with_carried_first
 from .cluster import executor
 from .grid import Block, Gathered, block_shape, blocks
@@ -81,7 +82,9 @@ def sweep(
         start: starting state of every lane, by default `AtRest()`.
         settle: revolutions before anything is observed (0 or more), by default 1000.
         keep: revolutions observed, by default 300.
-        times: evenly spaced times from 0 on [s]; `settle`, `keep` and `carry` do not apply to runs.
+        times: evenly spaced times from 0 on [s], several in a revolution, as runs are observed at these
+            samples. The acceleration should jump at samples only; `settle`, `keep` and `carry` do not
+            apply.
         observe: observables, by default `observe.everything()`, with contact where there is any.
         steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
             `PILOT_LANES` lanes, of those that converge. Of a run, steps a revolution at the highest speed.
@@ -97,7 +100,8 @@ def sweep(
         store: folder in Zarr format that every chunk of lanes is written to as soon as it is done. A
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
-        solver: as in `simulate`.
+        solver: as in `simulate`; along `times` Exponential(..), by default of order 2 with contact, else
+            of order 4.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
@@ -137,7 +141,7 @@ def sweep(
         over = with_carried_first(over, carry, error_sample)
     start = AtRest() if start is None else start
     scene, pilots = with_nodes(scene, nodes, tolerance)
-    axes = checked_axes(scene, start, over, period)
+    axes = checked_axes(scene, start, over, period, revolve=along is None)
     scene = with_shared_nodes(scene, axes)
     together = shared_ports(scene, axes)
     if steps_per_revolution == "auto":
@@ -220,9 +224,14 @@ def _stepping(
             "lane."
         )
     check_steppable(scene, solver)
-    ends = itertools.product(*({values.min(), values.max()} for values in axes.values()))
-    corners = itertools.islice(ends, MOST_CORNERS)
-    scenes = [at_point(scene, start, dict(zip(axes, point, strict=True)))[0] for point in corners]
+    inertia = isinstance(scene.spin, Drive) and scene.spin.polar is None
+    pacing = {path: v for path, v in axes.items() if inertia or path.startswith("spin.")}
+    corners = list(itertools.product(*({v.min(), v.max()} for v in pacing.values())))
+    if len(corners) > MOST_CORNERS:
+        raise ValueError(
+            f"{len(pacing)} swept parameters decide the speed; sweep fewer, or give the Drive its `polar`."
+        )
+    scenes = [at_point(scene, start, dict(zip(pacing, one, strict=True)))[0] for one in corners]
     return lane_stepping([assemble(one) for one in scenes], times, solver, steps)
 
 

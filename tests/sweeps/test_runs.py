@@ -32,14 +32,14 @@ def test_lanes_are_runs(runs):
     values = {"unbalance.eccentricity": 4e-4, "limiters.stiffness": 2e5}
     run, found = lane(runs, scene().replace(values)), runs.sel(values)
     radius, force = np.abs(run.displacement[:, 0]), np.abs(run.contact_force)
-    top = radius.argmax()
+    top = 1 + radius[1:].argmax()
     assert force.max() > 0
     assert float(found.peak) == pytest.approx(radius[top], rel=1e-9)
     assert float(found.peak_time) == pytest.approx(TIMES[top])
     assert float(found.peak_speed) == pytest.approx(float(run.speed[top]))
     np.testing.assert_allclose(found.peak_force, force.max(axis=0), rtol=1e-7)
     size = runs.attrs["samples_per_window"]
-    windows = [radius[i : i + size + 1].max() for i in range(0, 64, size)]
+    windows = [radius[i + 1 : i + size + 1].max() for i in range(0, 64, size)]
     np.testing.assert_allclose(found.envelope, windows, rtol=1e-9)
     np.testing.assert_allclose(found.speed, run.speed[size::size])
     np.testing.assert_allclose(runs.window, TIMES[size::size])
@@ -98,20 +98,54 @@ def test_unequal_bearings_and_no_contact():
     np.testing.assert_allclose(found.peak, peaks, rtol=1e-5)
 
 
+@pytest.mark.slow
+def test_constant_speeds_that_differ_between_lanes():
+    speeds = [60.0, 180.0]
+    still = scene().at_speed(100.0)
+    found = jr.sweep(still, {"spin.speed": speeds}, times=TIMES, steps_per_revolution=512)
+    for speed in speeds:
+        run = jr.run_up(still.at_speed(speed), TIMES, solver=jr.Exponential(), substeps=64)
+        peak = np.abs(run.displacement[1:, 0]).max()
+        assert float(found.peak.sel({"spin.speed": speed})) == pytest.approx(peak, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_a_lane_that_fails_has_no_peak():
+    free = scene().without("limiters")
+    growing = {"disc_damping.translational": [0.5, -1e5]}
+    base = free.put({"disc_damping.translational": 0.5})
+    values = np.array(growing["disc_damping.translational"])
+    assert values.min() < 0  # refused by the scene, so the start fails instead
+    with pytest.raises(ValueError, match="translational"):
+        jr.sweep(base, growing, times=TIMES)
+    start = jr.Whirl(1e-4, 0.0)
+    found = jr.sweep(base, {"start.rate": [0.0, 1e200]}, start=start, times=TIMES)
+    assert found.status.values.tolist()[0] == 0 and found.status.values[1] != 0
+    assert not 0 <= float(found.peak[1]) < 1e6
+
+
 @pytest.mark.parametrize(("samples", "size"), [(65, 32), (2001, 40), (2, 1), (102, 101), (38, 37)])
 def test_windows_divide_the_samples(samples, size):
     assert window_of(samples) == size
+
+
+def test_samples_without_windows_are_refused():
+    with pytest.raises(ValueError, match="2000 samples cannot be cut .* take 1985"):
+        window_of(2000)
 
 
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
         ({"settle": 3}, "`settle` is for whole revolutions"),
+        ({"keep": 3}, "`keep` is for whole revolutions"),
+        ({"carry": "limiters.stiffness"}, "`carry` is for whole revolutions"),
+        ({"period": 1.0}, "`period` is for whole revolutions"),
         ({"times": [0.0, 0.1, 0.3]}, "evenly spaced times from 0 on"),
         ({"times": [0.1, 0.2, 0.3]}, "evenly spaced times from 0 on"),
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
-        ({"solver": jr.Exponential(located=True)}, "Located steps need a constant speed"),
+        ({"solver": jr.Exponential(located=True)}, "Located steps are taken by `simulate`"),
     ],
 )
 def test_settings_that_runs_do_not_take(settings, words):
