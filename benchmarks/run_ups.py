@@ -181,7 +181,7 @@ class Rub:
                 run = lambda m=method, n=lanes, g=given, s=reached["setting"]: m(
                     s, self.every[n], **g
                 )
-                seconds = quickest(run, repeats)
+                seconds = quickest(run, max(repeats, 2))
                 row = {"method": name, **reached, "lanes": len(lanes), "run s": seconds}
                 rows.append(row | {"ms a lane": 1e3 * seconds / len(lanes)})
         return rows
@@ -348,7 +348,7 @@ def main() -> None:
         "rub": lambda: rub(args, log, repeats),
         "run-up": lambda: run_up_of_two_discs(*((1.0, 101) if quick else (20.0, 2001)), repeats),
         "motion": lambda: motion_of_the_fan(2001 if quick else 20_001, repeats, python),
-        "step": lambda: step_of_the_fan(*((8, 20) if quick else (128, 20)), repeats),
+        "step": lambda: step_of_the_fan(*((8, 20) if quick else (128, 100)), repeats),
     }
     out = Console(highlight=False, width=max(120, log.width))
     for name, part in parts.items():
