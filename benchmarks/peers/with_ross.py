@@ -85,7 +85,21 @@ def answer(asked: dict) -> Callable[[], Any]:
         node = round(at * cut / ELEMENT)
         run = built.run_unbalance_response
         return lambda: ellipses(run(node, moment, 0.0, speeds).forced_resp, node)
+    if question == "motion":
+        times = np.linspace(0.0, asked["seconds"], asked["samples"])
+        return lambda: orbit(built, machine, numbers, times)
     return lambda: built.run_modal(machine.speed).evalues
+
+
+def orbit(built: Any, machine: Machine, numbers: dict, times: np.ndarray) -> np.ndarray:
+    """Displacement x + i y [m] of the disc from rest, under the unbalance at constant speed."""
+    ((at, moment),) = numbers["unbalances"]
+    count, node = built.number_dof, round(at / ELEMENT)
+    force = np.zeros((times.size, built.ndof))
+    turned = moment * machine.speed**2 * np.exp(1j * machine.speed * times)
+    force[:, count * node], force[:, count * node + 1] = turned.real, turned.imag
+    x, y = built.run_time_response(machine.speed, force, times).yout[:, count * node :][:, :2].T
+    return x + 1j * y
 
 
 def branches(diagram: Any) -> np.ndarray:
