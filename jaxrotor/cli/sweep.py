@@ -48,7 +48,7 @@ from .options import (
 from .output import draft, draw, written_to
 
 
-_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png")
+_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "map.png")
 _PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
 _COUNTS = {"settle": 1000, "keep": 300, "steps_per_revolution": 256}  # defaults of a scene without
 
@@ -116,7 +116,7 @@ Folder = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="Folder for sweep.zarr and bifurcation.png. [default: runs/SCENE-sweep]",
+        help="Folder for sweep.zarr and its pictures. [default: runs/SCENE-sweep]",
     ),
 ]
 
@@ -144,12 +144,12 @@ def sweep(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
+    """Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.
 
-    Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
-    DIR/bifurcation.png. Lanes are stored in blocks of up to 128: the same command resumes an interrupted
-    sweep. Swept parameters, start and duration are those of the scene's `[sweep]` table unless options
-    replace them.
+    Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and a picture: over one parameter
+    DIR/bifurcation.png, over two DIR/map.png, the kind of motion. Lanes are stored in blocks of up to
+    128: the same command resumes an interrupted sweep. Swept parameters, start and duration are those
+    of the scene's `[sweep]` table unless options replace them.
 
     ```
     jaxrotor sweep limiter-rotor
@@ -273,6 +273,8 @@ def _observables(scene: Scene, spectrum: bool, steps: Any) -> tuple[AbstractObse
 def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
     from .. import plot
 
+    if len(swept) == 2:
+        draw(folder / "map.png", lambda ax: plot.sweep_map(dataset, ax=ax), 120, 90)
     if len(swept) != 1:
         return
     size = min(max(250 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
