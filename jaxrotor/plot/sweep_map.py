@@ -45,11 +45,13 @@ def sweep_map(
     * "no result": its `status` says that it failed; hatched;
     * "steps too long": contact was too stiff for the step, so more steps are needed;
     * "no contact": no limiter was under load in the kept revolutions (`duty` of all is 0);
-    * "rub, forward whirl", "rub, backward whirl": precession `index` above and below 0;
-    * "rub, undefined": `index` 0 or NaN (no net whirl, a passage through the centre).
+    * "rub, forward whirl", "rub, backward whirl": the orbit turns about the centre with or against the
+      spin, by the sign of its `winding`, or of its precession `index` where there is no winding;
+    * "rub, undefined": no net whirl (0), or a passage through the centre (NaN).
 
-    A run along times has no `index`, so its kinds are "no contact" and "rub"; a scene without limiters has
-    no `duty`, so its kinds are "forward whirl", "backward whirl" and "undefined", as in `bifurcation`.
+    `index` is the same mean as `winding`, but by rates, which grow where an orbit comes near the centre.
+    A run along times has neither, so its kinds are "no contact" and "rub"; a scene without limiters has no
+    `duty`, so its kinds are "forward whirl", "backward whirl" and "undefined", as in `bifurcation`.
 
     Args:
         dataset: result of a sweep over two parameters; the first is drawn to the right.
@@ -65,7 +67,7 @@ def sweep_map(
 
     Raises:
         ValueError: the dataset is not over two swept parameters of two or more values each, or has no
-            such variable, or not one number a lane, or neither `duty` nor `index`.
+            such variable, or not one number a lane, or none of `duty`, `winding` and `index`.
     """
     dims = _two(dataset)
     dataset = dataset.sortby(list(dims))
@@ -100,10 +102,10 @@ def sweep_map(
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
     page.legend(ax, columns=3)
-    drawn = ax.get_legend()
-    if _also_in_rpm(ax, dims) and drawn is not None:
+    told = ax.get_legend()
+    if _also_in_rpm(ax, dims) and told is not None:
         above = offset_copy(ax.transAxes, ax.figure, y=_RAISED, units="points")
-        drawn.set_bbox_to_anchor((0.0, 1.0), above)
+        told.set_bbox_to_anchor((0.0, 1.0), above)
     return ax
 
 
@@ -122,10 +124,11 @@ def _two(dataset: xr.Dataset) -> tuple[str, str]:
 
 def _kinds(dataset: xr.Dataset, dims: tuple[str, str]) -> Int[np.ndarray, "y x"]:
     """Number in `_KINDS` of every lane, the first parameter along columns."""
-    if "duty" not in dataset and "index" not in dataset:
+    whirl = next((name for name in ("winding", "index") if name in dataset), None)
+    if "duty" not in dataset and whirl is None:
         raise ValueError(
-            "The kind of motion needs `duty` or `index`, but the dataset has neither; name the variable "
-            f"to draw, of {', '.join(map(str, dataset.data_vars))}."
+            "The kind of motion needs `duty`, `winding` or `index`, but the dataset has none of them; "
+            f"name the variable to draw, of {', '.join(map(str, dataset.data_vars))}."
         )
     status = dataset["status"].transpose(*dims).values.T
     conditions: dict[str, Bool[np.ndarray, "y x"]] = {
@@ -135,10 +138,10 @@ def _kinds(dataset: xr.Dataset, dims: tuple[str, str]) -> Int[np.ndarray, "y x"]
     rub = "rub" if "duty" in dataset else ""
     if rub:
         conditions["no contact"] = _numbers(dataset, dims, "duty") == 0
-    if "index" in dataset:
+    if whirl is not None:
         rub = rub and f"{rub}, "
-        index = _numbers(dataset, dims, "index")
-        conditions |= {f"{rub}forward whirl": index > 0, f"{rub}backward whirl": index < 0}
+        turns = _numbers(dataset, dims, whirl)
+        conditions |= {f"{rub}forward whirl": turns > 0, f"{rub}backward whirl": turns < 0}
         rub += "undefined"
     names = list(_KINDS)
     numbers = [names.index(kind) for kind in conditions]

@@ -73,9 +73,9 @@ def mapped():
 def kinds(mapped):
     """The sweep with one lane of every kind."""
     duty = np.array([[0.0, 0.2], [0.3, 0.4], [0.5, 0.0]])[..., None]
-    index = [[1.0, 1.0], [-0.5, np.nan], [0.0, -1.0]]
+    whirl = np.array([[1.0, 1.0], [-0.5, np.nan], [0.0, -1.0]])
     status = np.array([[0, 0], [0, 2], [STATUS.index("steps_too_long_for_a_stop"), 1]], np.int8)
-    return put(mapped, duty=duty * [1.0, 0.0], index=index, status=status)
+    return put(mapped, duty=duty * [1.0, 0.0], winding=whirl, index=whirl, status=status)
 
 
 def put(dataset, **values):
@@ -289,6 +289,15 @@ def test_map_has_a_colour_for_every_kind(kinds):
     np.testing.assert_array_equal(other, ax.collections[0].get_array().T)
 
 
+def test_map_takes_the_direction_from_winding_if_it_can(kinds):
+    """A passage near the centre makes the index large, and its sign that of rounding."""
+    other = put(kinds, index=-19.0 * kinds["index"].values)
+    assert colours_of(plot.sweep_map(other)) == colours_of(plot.sweep_map(kinds))
+    without = colours_of(plot.sweep_map(other.drop_vars("winding")))
+    assert without[1][0] == colours.BACKWARD
+    assert without[0] == [*colours_of(plot.sweep_map(kinds))[0][:1], colours.FORWARD, colours.DARK]
+
+
 def test_map_in_ascending_order(kinds):
     mixed = kinds.isel({"spin.speed": [2, 0, 1]})
     assert colours_of(plot.sweep_map(mixed)) == colours_of(plot.sweep_map(kinds))
@@ -348,5 +357,5 @@ def test_map_says_what_it_needs(kinds):
         ValueError, match=r"one number a lane, but `section` is over .*'revolution'"
     ):
         plot.sweep_map(kinds, "section")
-    with pytest.raises(ValueError, match=r"needs `duty` or `index`.*of section, "):
-        plot.sweep_map(kinds.drop_vars(["duty", "index"]))
+    with pytest.raises(ValueError, match=r"needs `duty`, `winding` or .*of section, "):
+        plot.sweep_map(kinds.drop_vars(["duty", "winding", "index"]))
