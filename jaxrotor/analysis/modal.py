@@ -253,7 +253,8 @@ def moving_roots(
 
     def at_whirl(whirl: int, count: int):
         pencil = lambda speed: Pencil.of(system.at_speed(speed), whirl)
-        return moving_eigenvalues(*jax.jvp(pencil, (speed,), (jnp.ones_like(speed),)), count)
+        here, change = jax.jvp(pencil, (speed,), (jnp.ones_like(speed),))
+        return moving_eigenvalues(here, change, count)
 
     if system.blocks.hysteretic is None:
         values, slopes = at_whirl(0, count)

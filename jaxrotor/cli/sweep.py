@@ -13,7 +13,7 @@ import numpy as np
 import typer
 import xarray as xr
 
-from ..core.outcome import STATUS, failed
+from ..core.outcome import failed
 from ..effects import AbstractContact
 from ..files.toml import study
 from ..scene import Scene
@@ -21,7 +21,7 @@ from ..solvers import Exponential
 from ..sweeps.axes import check_lanes
 from ..sweeps.observe import AbstractObservable, WhirlSpectrum, everything
 from ..sweeps.store import PENDING, OtherSweepError
-from ..sweeps.sweep import sweep as run
+from ..sweeps.sweep import KEEP, SETTLE, sweep as run
 from . import answer
 from .options import (
     MOST,
@@ -39,18 +39,25 @@ from .options import (
     Tolerance,
     assignments,
     count_or_auto,
+    listed,
     optional,
-    rpm,
     scene_with,
     start_with,
     swept_axes,
+    value_list,
 )
 from .output import draft, draw, written_to
+from .sweep_answer import errors, lanes_of, print_sweep, results
 
 
-_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "map.png")
+_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "envelope.png", "map.png")
+_RUN = ("duration", "samples", "steps_per_sample")  # of runs along times
 _PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
-_COUNTS = {"settle": 1000, "keep": 300, "steps_per_revolution": 256}  # defaults of a scene without
+_COUNTS = {
+    "settle": SETTLE,
+    "keep": KEEP,
+    "steps_per_revolution": 256,
+}  # defaults of a scene without
 
 
 class Order(enum.StrEnum):
@@ -79,6 +86,13 @@ Settle = Annotated[
 Keep = Annotated[
     int | None,
     typer.Option(min=1, max=MOST, help="Revolutions observed. [default: the scene's, or 300]"),
+]
+RunTimes = Annotated[
+    str | None,
+    typer.Option(
+        metavar="START:STOP:COUNT",
+        help="Samples of a run at the scene's spin, as 0:2s:2001, in place of whole revolutions.",
+    ),
 ]
 ErrorSample = Annotated[
     int,
@@ -127,6 +141,7 @@ def sweep(
     over: Over = None,
     settle: Settle = None,
     keep: Keep = None,
+    times: RunTimes = None,
     steps: Steps = None,
     nodes: Nodes = None,
     tolerance: Tolerance = 1e-3,
@@ -146,6 +161,8 @@ def sweep(
 ) -> None:
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.
 
+    With --times the motions are runs at the scene's spin, a run-up for example, with peak and envelope.
+
     Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and a picture: over one parameter
     DIR/bifurcation.png, over two DIR/map.png, the kind of motion. Lanes are stored in blocks of up to
     128: the same command resumes an interrupted sweep. Swept parameters, start and duration are those
@@ -156,6 +173,7 @@ def sweep(
     jaxrotor sweep limiter-rotor --settle 3000 --out runs/long
     jaxrotor sweep limiter-rotor --over "unbalance.eccentricity=0:1mm:32" --over start.radius=1mm,12mm
     jaxrotor sweep limiter-rotor --over spin.speed=4000rpm:9000rpm:101 --spectrum
+    jaxrotor sweep my-run-up.toml --times 0:2s:2001 --over "limiters.gap=0.2mm:0.5mm:61"
     jaxrotor sweep limiter-rotor --cluster tcp://10.0.0.1:8786 --out /shared/run
     ```
     """
@@ -163,8 +181,12 @@ def sweep(
     axes = _axes(rotor, table, over, settings)
     start = start_with(table, start_radius, start_rate, start_angle, list(axes))
     counts = _counts(table, settle, keep, count_or_auto(steps, "--steps"))
+    instant = None if times is None else value_list(listed(times), "s", "--times")
+    if instant is not None:
+        counts = _run_counts(counts, settle, keep, spectrum)
     options: dict[str, Any] = {
-        "observe": _observables(rotor, spectrum, counts["steps_per_revolution"]),
+        "times": instant,
+        "observe": _observables(rotor, spectrum, counts["steps_per_revolution"], instant),
         "solver": Exponential(2 if order is Order.second else 4),
         "at": optional(at, "m", "--at"),
         "period": optional(period, "s", "--period"),
@@ -178,15 +200,16 @@ def sweep(
         out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep")
     compute = functools.partial(run, rotor, axes, start=start, **counts, **options)
     dataset, seconds = _computed(compute, list(axes), out, overwrite)
-    counts["steps_per_revolution"] = dataset.attrs["steps_per_revolution"]
+    told = ("steps_per_revolution", *_RUN)
+    counts |= {name: dataset.attrs[name] for name in told if name in dataset.attrs}
     good = dataset["radius_max"].values[~failed(dataset["status"])]
     answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
     written = written_to(out, _FILES)
     if not as_json:
-        _print(dataset, axes, counts, seconds, written)
+        print_sweep(dataset, axes, counts, seconds, written)
         return
-    found = {**counts, **_lanes(dataset), **_errors(dataset), "seconds": seconds}
-    found |= {"written": written, "results": _results(dataset, list(axes))}
+    found = {**counts, **lanes_of(dataset), **errors(dataset), "seconds": seconds}
+    found |= {"written": written, "results": results(dataset, list(axes))}
     answer.print_json({"scene": scene, **found})
 
 
@@ -257,9 +280,20 @@ def _counts(table: dict[str, Any], *given: Any) -> dict[str, Any]:
     }
 
 
-def _observables(scene: Scene, spectrum: bool, steps: Any) -> tuple[AbstractObservable, ...]:
+def _run_counts(counts: dict[str, Any], settle: Any, keep: Any, spectrum: bool) -> dict[str, Any]:
+    """The counts that runs along times have; raises if one of the others was asked for."""
+    given = {"--settle": settle, "--keep": keep, "--spectrum": spectrum or None}
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"{name} is for whole revolutions; leave it out, or --times.")
+    return {"steps_per_revolution": counts["steps_per_revolution"]}
+
+
+def _observables(
+    scene: Scene, spectrum: bool, steps: Any, times: Any
+) -> tuple[AbstractObservable, ...]:
     """All observables of a scene, with the whirl spectrum if it is asked for."""
-    found = everything(bool(scene.of(AbstractContact)))
+    found = everything(bool(scene.of(AbstractContact)), along_times=times is not None)
     if spectrum:
         one = WhirlSpectrum()
         if steps != "auto" and steps % one.samples:
@@ -273,11 +307,16 @@ def _observables(scene: Scene, spectrum: bool, steps: Any) -> tuple[AbstractObse
 def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
     from .. import plot
 
-    if len(swept) == 2:
-        draw(folder / "map.png", lambda ax: plot.sweep_map(dataset, ax=ax), 120, 90)
+    if len(swept) == 2:  # by kind, or by the peak of runs without limiters
+        name = None if "index" in dataset or "duty" in dataset else "peak"
+        draw(folder / "map.png", lambda ax: plot.sweep_map(dataset, name, ax), 120, 90)
     if len(swept) != 1:
         return
     size = min(max(250 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
+
+    if "envelope" in dataset:
+        draw(folder / "envelope.png", lambda ax: plot.envelope(dataset, ax), 170, 90)
+        return
 
     def bifurcation(axes):
         plot.bifurcation(dataset, axes, size=size)
@@ -285,94 +324,3 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
     draw(folder / "bifurcation.png", bifurcation, 170, 110, rows=2)
     if "spectrum" in dataset and swept == ["spin.speed"]:
         draw(folder / "waterfall.png", lambda ax: plot.waterfall(dataset, ax), 120, 85)
-
-
-# === what is printed
-
-
-def _range(path: str, values: np.ndarray, unit: str) -> str:
-    """Description of a swept axis; a spin speed also in revolutions per minute."""
-    low, high = values.min(), values.max()
-    also = f" ({rpm(low):.6g} to {rpm(high):.6g} rpm)" if path == "spin.speed" else ""
-    return f"{low:.6g} to {high:.6g} {unit}{also}, {values.size} values"
-
-
-def _lanes(dataset: xr.Dataset) -> dict[str, Any]:
-    """Number of lanes by whirl and status, and the range of the index over those that whirl."""
-    index, status = dataset["index"].values, dataset["status"].values
-    lost = failed(status)
-    whirls = np.isfinite(index) & ~lost
-    return {
-        "lanes": index.size,
-        "forward": np.sum(whirls & (index > 0)),
-        "backward": np.sum(whirls & (index < 0)),
-        "undefined": np.sum(~lost & ~(whirls & (index != 0))),
-        "failed": np.sum(lost),
-        "steps_too_long": np.sum(status == STATUS.index("steps_too_long_for_a_stop")),
-        "index_min": index[whirls].min() if whirls.any() else None,
-        "index_max": index[whirls].max() if whirls.any() else None,
-    }
-
-
-def _results(dataset: xr.Dataset, swept: list[str]) -> dict[str, Any]:
-    """Swept values, and the variables with one number per lane."""
-    coordinates = {
-        path: {"units": dataset[path].attrs["units"], "values": dataset[path].values}
-        for path in swept
-    }
-    single = {
-        str(name): array.values
-        for name, array in dataset.data_vars.items()
-        if list(array.dims) == swept
-    }
-    return {"over": coordinates, **single}
-
-
-def _errors(dataset: xr.Dataset) -> dict[str, Any]:
-    """Changes of the numbers under twice the steps, where estimated, and the settings chosen."""
-    named = {
-        str(name): {
-            "largest": array.attrs["error"],
-            "median": array.attrs["error_median"],
-            "units": array.attrs["units"],
-        }
-        for name, array in dataset.data_vars.items()
-        if "error" in array.attrs
-    }
-    found: dict[str, Any] = {"errors": named} if "error_lane" in dataset.coords else {}
-    return found | {key: value for key, value in dataset.attrs.items() if key == "chosen"}
-
-
-def _print(
-    dataset: xr.Dataset,
-    axes: dict[str, np.ndarray],
-    counts: dict[str, int],
-    seconds: float,
-    written: list[str],
-) -> None:
-    lanes = _lanes(dataset)
-    rows = [(path, _range(path, v, dataset[path].attrs["units"])) for path, v in axes.items()]
-    rows += [
-        ("revolutions", f"{counts['settle']} to settle, {counts['keep']} observed"),
-        ("solver", f"{dataset.attrs['solver']}, {counts['steps_per_revolution']} steps each"),
-        ("lanes", f"{lanes['lanes']}"),
-        ("forward whirl", f"{lanes['forward']}"),
-        ("backward whirl", f"{lanes['backward']}"),
-    ]
-    rows += [(name, f"{lanes[name]}") for name in ("undefined", "failed") if lanes[name]]
-    if lanes["steps_too_long"]:
-        text = f"{lanes['steps_too_long']} lanes, contact too stiff for the step; increase --steps"
-        rows.append(("steps too long", text))
-    if lanes["index_min"] is not None:
-        text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"
-        rows.append(("precession index", text))
-    found = _errors(dataset)
-    rows += [("chosen", found["chosen"])] if "chosen" in found else []
-    for name, one in found.get("errors", {}).items():
-        text = f"{one['median']:.1e} (median), {one['largest']:.1e} (largest) {one['units']}"
-        rows.append((f"error of {name}", text))
-    if "errors" in found:
-        rows.append(("errors from", f"{dataset.sizes['error_lane']} lanes, with twice the steps"))
-    rows.append(("time", f"{seconds:.1f} s"))
-    rows += answer.written(written)
-    answer.print_table(rows)

@@ -63,5 +63,5 @@ def _steady(system: System, axes: FixedAxes):
     rest = jnp.zeros(frame.matrix.shape[0]) if frame.still is None else frame.still
     if frame.cos is None or frame.sin is None:
         return lambda phase: rest
-    ahead = jnp.sign(speed) * frame.sin
-    return lambda phase: rest + jnp.cos(phase) * frame.cos + jnp.sin(phase) * ahead
+    along, ahead = frame.cos, jnp.sign(speed) * frame.sin
+    return lambda phase: rest + jnp.cos(phase) * along + jnp.sin(phase) * ahead

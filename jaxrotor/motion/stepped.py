@@ -177,7 +177,7 @@ def _breaks(system: System, times: Any, speeds: int) -> tuple[Any, np.ndarray, b
     even = bool(np.ptp(lengths) <= 1e-9 * lengths.max())
     if even:
         breaks = np.linspace(0.0, times[-1], breaks.size)
-    return breaks, np.abs(breaks - times[:, None]).argmin(axis=1), even
+    return breaks, np.searchsorted((breaks[1:] + breaks[:-1]) / 2, times), even
 
 
 def _steps_of_piece(system: System, breaks: Any, order: int) -> int:

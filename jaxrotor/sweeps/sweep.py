@@ -39,6 +39,7 @@ from .observe import AbstractObservable, everything
 from .store import PENDING, Store, StoreError
 
 
+SETTLE, KEEP = 1000, 300  # revolutions, by default
 PILOT_LANES = 4  # lanes by which "auto" steps are chosen
 MOST_CORNERS = 64  # of a grid, at which the highest speed is looked for
 
@@ -125,14 +126,12 @@ def sweep(
     check_counts(lanes_per_chunk=lanes_per_chunk)
     if steps_per_revolution != "auto":
         check_counts(steps_per_revolution=steps_per_revolution)
-    check_counts(0, error_sample=error_sample)
     given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
     along = None if times is None else _checked_run(times, given, steps_per_revolution)
-    settle = 1000 if settle is None else settle
-    keep = 300 if keep is None else keep
+    settle, keep = SETTLE if settle is None else settle, KEEP if keep is None else keep
+    check_counts(keep=keep)
+    check_counts(0, settle=settle, error_sample=error_sample)
     if along is None:
-        check_counts(keep=keep)
-        check_counts(0, settle=settle)
         check_constant(scene, "`sweep` without `times`")
     if carry is not None:
         over = with_carried_first(over, carry, error_sample)

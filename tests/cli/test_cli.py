@@ -1180,6 +1180,22 @@ def test_accuracy_lists_every_setting_and_writes_data_and_pictures(place):
 
 
 @pytest.mark.slow
+def test_sweep_along_times(place):
+    rotor = jr.load("limiter-rotor").with_nodes(2)
+    spin = jr.SpeedProfile([0.0, 0.2], [50.0, 150.0])
+    jr.save(jr.Scene(rotor.shaft, *rotor.effects, spin=spin), "up.toml")
+    over = ("--over", "unbalance.eccentricity=0.1mm,0.2mm")
+    out = call("sweep", "up.toml", "--times", "0:0.2s:65", *over, "--out", "a").stdout
+    assert "0.2 s, 65 samples" in out and "largest radius" in out
+    assert sorted(os.listdir("a")) == ["envelope.png", "sweep.zarr"]
+    found = answered("sweep", "up.toml", "--times", "0:0.2s:65", *over, "--out", "b")
+    assert found["lanes"] == 2 and len(found["results"]["peak"]) == 2
+    for option in (("--settle", "3"), ("--keep", "3"), ("--spectrum",)):
+        told = refused("sweep", "up.toml", "--times", "0:0.2s:65", *over, *option)
+        assert f"{option[0]} is for whole revolutions" in told
+
+
+@pytest.mark.slow
 def test_sweep_prints_its_errors_and_what_was_chosen(place):
     args = ["sweep", "limiter-rotor", *SMALL[:-2], "--steps", "auto", "--error-sample", 2]
     found = answered(*args)

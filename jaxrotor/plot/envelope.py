@@ -1,0 +1,54 @@
+"""Envelope: largest radius along a run, over a swept parameter, as a map."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from . import page
+from .labels import coordinate, length, only_swept, parameter
+
+
+def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Largest radius of every window of a run, over one swept parameter, as colours.
+
+    Across is the speed where all lanes have the same and it rises or falls throughout, else the time.
+    Lanes without a result are grey.
+
+    Args:
+        dataset: sweep along `times` over one parameter, with `envelope`.
+        ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, the parameter over speed [rad/s] or time [s].
+
+    Raises:
+        ValueError: the dataset has no `envelope`, is not over one parameter, or has too little to draw.
+    """
+    dim = only_swept(dataset, "envelope", ("window",))
+    dataset = dataset[["envelope", "speed"]].sortby(dim)
+    radius = dataset["envelope"].transpose(dim, "window").values
+    if min(radius.shape) < 2:
+        raise ValueError(
+            f"An envelope needs two lanes and two windows to draw, but has {radius.shape[0]} and "
+            f"{radius.shape[1]}."
+        )
+    speed = dataset["speed"].transpose(dim, "window").values
+    changes = np.diff(speed[0])
+    if np.allclose(speed, speed[0]) and (np.all(changes > 0) or np.all(changes < 0)):
+        across, (_, label) = speed[0], parameter("speed", "rad/s")
+    else:
+        across, label = dataset["window"].values, "time [s]"
+    values, name = coordinate(dataset, dim)
+    factor, unit = length(float(np.nanmax(radius, initial=0.0)))
+
+    ax = page.single(ax, 170, 90)
+    mesh = ax.pcolormesh(
+        across, values, factor * radius, cmap="viridis", shading="nearest", rasterized=True
+    )
+    ax.set_facecolor("0.8")
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    bar.set_label(f"largest radius [{unit}]", size=page.TEXT)
+    bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    ax.set_xlabel(label)
+    ax.set_ylabel(name)
+    return ax

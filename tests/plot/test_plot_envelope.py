@@ -1,0 +1,51 @@
+"""Plot of the envelope of runs along times."""
+
+import numpy as np
+import pytest
+from drawn import check_axes
+
+import jaxrotor as jr
+from jaxrotor import plot
+
+
+pytestmark = pytest.mark.usefixtures("rendered")
+
+ECCENTRICITY = "unbalance.eccentricity"
+
+
+def runs(speeds, values=(1e-4, 2e-4, 4e-4)):
+    rotor = jr.Scene(
+        jr.MasslessShaft(0.7, 0.35, 2e5),
+        jr.Disc(0.35, 2.0),
+        jr.DiscDamping(0.35, 60.0),
+        jr.Unbalance(0.35, 2.0, 1e-4),
+        spin=jr.SpeedProfile([0.0, 0.15, 0.3], speeds),
+    )
+    over, times = {ECCENTRICITY: values}, np.linspace(0, 0.3, 257)
+    return jr.sweep(rotor, over, times=times, observe=[jr.observe.Envelope()])
+
+
+@pytest.fixture(scope="module")
+def rising():
+    return runs([100.0, 300.0, 500.0])
+
+
+def test_over_the_speed_where_it_rises(rising):
+    ax = plot.envelope(rising)
+    check_axes(lambda ax: plot.envelope(rising, ax))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("speed [rad/s]", "unbalance eccentricity [mm]")
+    (mesh,) = ax.collections
+    assert np.allclose(mesh.get_array().ravel(), 1e3 * rising.envelope.values.ravel())
+    assert ax.figure.axes[1].get_ylabel() == "largest radius [mm]"
+
+
+def test_over_time_where_the_speed_turns_round():
+    ax = plot.envelope(runs([100.0, 300.0, 100.0]))
+    assert ax.get_xlabel() == "time [s]"
+
+
+def test_too_little_to_draw(rising):
+    with pytest.raises(ValueError, match="needs two lanes and two windows"):
+        plot.envelope(rising.isel({ECCENTRICITY: [0]}))
+    with pytest.raises(ValueError, match="has no `envelope`"):
+        plot.envelope(rising.drop_vars("envelope"))
