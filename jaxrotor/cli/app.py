@@ -74,7 +74,7 @@ COMMANDS = {
     ),
     "sweep": (
         "sweep",
-        "Sweep a scene over parameters: many long motions, their data and bifurcation diagram.",
+        "Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.",
     ),
     "accuracy": (
         "accuracy",

@@ -50,7 +50,7 @@ from .output import draft, draw, written_to
 from .sweep_answer import errors, lanes_of, print_sweep, results
 
 
-_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "envelope.png")
+_FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "envelope.png", "map.png")
 _RUN = ("duration", "samples", "steps_per_sample")  # of runs along times
 _PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
 _COUNTS = {
@@ -130,7 +130,7 @@ Folder = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="Folder for sweep.zarr and a picture. [default: runs/SCENE-sweep]",
+        help="Folder for sweep.zarr and its pictures. [default: runs/SCENE-sweep]",
     ),
 ]
 
@@ -159,15 +159,15 @@ def sweep(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Sweep a scene over parameters: many long motions, their data and bifurcation diagram.
+    """Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.
 
     With --times the motions are runs at the scene's spin, a run-up for example, with peak and envelope,
     which is drawn in DIR/envelope.png.
 
-    Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and, over one parameter,
-    DIR/bifurcation.png. Lanes are stored in blocks of up to 128: the same command resumes an interrupted
-    sweep. Swept parameters, start and duration are those of the scene's `[sweep]` table unless options
-    replace them.
+    Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and a picture: over one parameter
+    DIR/bifurcation.png, over two DIR/map.png, the kind of motion. Lanes are stored in blocks of up to
+    128: the same command resumes an interrupted sweep. Swept parameters, start and duration are those
+    of the scene's `[sweep]` table unless options replace them.
 
     ```
     jaxrotor sweep limiter-rotor
@@ -308,6 +308,9 @@ def _observables(
 def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
     from .. import plot
 
+    if len(swept) == 2:  # by kind, or by the peak of runs without limiters
+        name = None if "index" in dataset or "duty" in dataset else "peak"
+        draw(folder / "map.png", lambda ax: plot.sweep_map(dataset, name, ax), 120, 90)
     if len(swept) != 1:
         return
     size = min(max(250 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points

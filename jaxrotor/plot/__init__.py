@@ -33,6 +33,7 @@ from .stability import (
     stability_chart as stability_chart,
     stability_map as stability_map,
 )
+from .sweep_map import sweep_map as sweep_map
 from .tuning import tuning as tuning
 from .waterfall import waterfall as waterfall
 from .whirl import whirl_history as whirl_history, whirl_spectrum as whirl_spectrum

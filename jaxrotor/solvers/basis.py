@@ -236,8 +236,22 @@ class Dense(eqx.Module):
 
 
 def well_conditioned(vectors: Array | np.ndarray) -> bool:
-    """Whether the eigenvectors of all matrices, (.., m, m) and known, are far enough from merging."""
-    return bool(np.all(condition(vectors) < WORST_CONDITION))
+    """Whether the eigenvectors of all matrices, (.., m, m) and known, are far enough from merging.
+
+    `|V| |V^-1|` in Frobenius norms is at least the condition and much cheaper, so singular values are
+    computed only where it exceeds the limit; and equal matrices, as of lanes at one speed, only once.
+    """
+    matrices = np.asarray(vectors).reshape(-1, *np.shape(vectors)[-2:])
+    distinct = np.stack(list({one.tobytes(): one for one in matrices}.values()))
+    scaled = _equilibrated(distinct)
+    if not np.isfinite(scaled).all():
+        return False
+    try:
+        with np.errstate(over="ignore"):  # of one that is singular but for rounding
+            bound = _frobenius(scaled) * _frobenius(np.linalg.inv(scaled))
+    except np.linalg.LinAlgError:  # one is singular
+        return False
+    return bool(np.all(condition(distinct[~(bound < WORST_CONDITION)]) < WORST_CONDITION))
 
 
 def condition(vectors: Array | np.ndarray) -> np.ndarray:
@@ -245,14 +259,24 @@ def condition(vectors: Array | np.ndarray) -> np.ndarray:
 
     Displacements and velocities, slow and fast modes differ by orders of magnitude; that costs no digits.
     """
-    scaled = np.asarray(vectors)
-    for _ in range(EQUILIBRATIONS):
-        for axis in (-1, -2):
-            norm = np.linalg.norm(scaled, axis=axis, keepdims=True)
-            scaled = scaled / np.where(norm > 0, norm, 1.0)
+    scaled = _equilibrated(np.asarray(vectors))
     finite = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
     found = np.linalg.cond(np.where(finite[..., None, None], scaled, 0.0))
     return np.where(finite, found, np.inf)
+
+
+def _equilibrated(matrices: np.ndarray) -> np.ndarray:
+    """Matrices with rows and columns scaled to be of like size."""
+    for _ in range(EQUILIBRATIONS):
+        for axis in (-1, -2):
+            norm = np.linalg.norm(matrices, axis=axis, keepdims=True)
+            matrices = matrices / np.where(norm > 0, norm, 1.0)
+    return matrices
+
+
+def _frobenius(matrices: np.ndarray) -> np.ndarray:
+    """Frobenius norm of every matrix."""
+    return np.linalg.norm(matrices, axis=(-1, -2))
 
 
 def as_real(z: Inexact[Array, "..."]) -> Float[Array, "a2 b2"]:

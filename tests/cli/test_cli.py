@@ -528,7 +528,10 @@ def test_sweep_options(fake):
     assert axes["start.radius"].tolist() == [1e-3, 2e-3, 3e-3]
     assert options["settle"] == 0 and options["solver"].order == 4 and options["workers"] == 1
     assert options["at"] == 0.7 and float(options["start"].rate) == -5.0
-    assert os.listdir("out") == ["sweep.zarr"]  # no diagram over two parameters
+    assert sorted(os.listdir("out")) == [
+        "map.png",
+        "sweep.zarr",
+    ]  # a map over two parameters, no diagram
 
 
 def test_waterfall(fake):

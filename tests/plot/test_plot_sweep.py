@@ -1,13 +1,14 @@
-"""Plots of a sweep: bifurcation diagram, waterfall, the spectrum of a lane."""
+"""Plots of a sweep: bifurcation diagram, waterfall, the spectrum of a lane, maps over two parameters."""
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from drawn import check_axes, lines
+from drawn import check_axes, legend, lines
 from matplotlib.colors import LogNorm, to_hex
 
 import jaxrotor as jr
 from jaxrotor import plot
+from jaxrotor.core.outcome import STATUS
 from jaxrotor.plot import colours, page
 from jaxrotor.results.provenance import BRANCHES
 
@@ -22,6 +23,16 @@ ROTOR = jr.Scene(  # undamped, with a natural frequency of half of the speed
     jr.Unbalance(0.35, 2.0, 0.0),
     spin=jr.ConstantSpeed(SPEED),
 )
+RUBBING = jr.Scene(
+    jr.MasslessShaft(0.7, 0.35, 2.0 * (SPEED / 2) ** 2),
+    jr.Disc(0.35, 2.0),
+    jr.DiscDamping(0.35, 200.0),
+    jr.Unbalance(0.35, 2.0, 0.0),
+    jr.Limiter.at_angles([0.0, np.pi], at=0.35, gap=1e-3, stiffness=1e6),
+    spin=jr.ConstantSpeed(SPEED),
+)
+RUB = (jr.observe.Precession(), jr.observe.Radius(), jr.observe.Contact())
+GRID = {"spin.speed": [SPEED, 1.2 * SPEED, 1.4 * SPEED], ECCENTRICITY: [2e-4, 2e-3]}
 OBSERVE = (jr.observe.Section(), jr.observe.Extrema(3), jr.observe.Precession())
 
 
@@ -49,6 +60,22 @@ def lanes(swept):
 def spectra():
     """A sweep over five speeds, each spectrum replaced by a peak at 3 cycles per revolution."""
     return peaks("spin.speed")
+
+
+@pytest.fixture(scope="module")
+def mapped():
+    """A real sweep over three speeds and two eccentricities, below and above what the gap allows."""
+    observe = (jr.observe.Section(), *RUB)
+    return jr.sweep(RUBBING, GRID, settle=20, keep=5, observe=observe, steps_per_revolution=32)
+
+
+@pytest.fixture(scope="module")
+def kinds(mapped):
+    """The sweep with one lane of every kind."""
+    duty = np.array([[0.0, 0.2], [0.3, 0.4], [0.5, 0.0]])[..., None]
+    whirl = np.array([[1.0, 1.0], [-0.5, np.nan], [0.0, -1.0]])
+    status = np.array([[0, 0], [0, 2], [STATUS.index("steps_too_long_for_a_stop"), 1]], np.int8)
+    return put(mapped, duty=duty * [1.0, 0.0], winding=whirl, index=whirl, status=status)
 
 
 def put(dataset, **values):
@@ -222,3 +249,113 @@ def test_waterfall_says_what_it_needs(spectra):
         plot.waterfall(spectra * 0)
     with pytest.raises(ValueError, match="takes one swept dimension"):
         plot.waterfall(spectra.expand_dims({"disc.mass": [1.0, 2.0]}))
+
+
+# === map over two parameters
+
+
+def colours_of(ax):
+    """Colours of the cells, in rows from below."""
+    mesh = ax.collections[0]
+    mesh.update_scalarmappable()
+    rows, columns = mesh.get_array().shape
+    shades = [to_hex(shade).upper() for shade in mesh.get_facecolors()]
+    return np.reshape(shades, (rows, columns)).tolist()
+
+
+def test_map_of_a_sweep_tells_contact_from_none(mapped):
+    ax = plot.sweep_map(mapped)
+    below, above = colours_of(ax)
+    assert len(set(below)) == 1 and not set(below) & set(above)
+    assert legend(ax)[0] == "no contact" and legend(ax)[1].startswith("rub, ")
+    assert ax.get_xlabel() == "spin speed [rad/s]"
+    assert ax.get_ylabel() == "unbalance eccentricity [mm]"
+    assert [axis.get_xlabel() for axis in ax.child_axes] == ["spin speed [rpm]"]
+    ax.figure.draw_without_rendering()
+    low, high = ax.child_axes[0].get_xlim()
+    assert [low, high] == pytest.approx(np.multiply(ax.get_xlim(), 30 / np.pi))
+    assert ax.collections[0].get_rasterized()
+    check_axes(lambda given: plot.sweep_map(mapped, ax=given))
+
+
+def test_map_has_a_colour_for_every_kind(kinds):
+    ax = plot.sweep_map(kinds)
+    rub = ["rub, forward whirl", "rub, backward whirl", "rub, undefined"]
+    assert legend(ax) == ["no contact", *rub, "steps too long", "no result"]
+    below, above = colours_of(ax)
+    assert below[1:] == [colours.BACKWARD, colours.DARK]
+    assert above == [colours.FORWARD, colours.UNDEFINED, "#FFFFFF"]
+    other = plot.sweep_map(kinds.transpose()).collections[0].get_array()
+    np.testing.assert_array_equal(other, ax.collections[0].get_array().T)
+
+
+def test_map_takes_the_direction_from_winding_if_it_can(kinds):
+    """A passage near the centre makes the index large, and its sign that of rounding."""
+    other = put(kinds, index=-19.0 * kinds["index"].values)
+    assert colours_of(plot.sweep_map(other)) == colours_of(plot.sweep_map(kinds))
+    without = colours_of(plot.sweep_map(other.drop_vars("winding")))
+    assert without[1][0] == colours.BACKWARD
+    assert without[0] == [*colours_of(plot.sweep_map(kinds))[0][:1], colours.FORWARD, colours.DARK]
+
+
+def test_map_in_ascending_order(kinds):
+    mixed = kinds.isel({"spin.speed": [2, 0, 1]})
+    assert colours_of(plot.sweep_map(mixed)) == colours_of(plot.sweep_map(kinds))
+
+
+def test_map_without_limiters_is_by_whirl(kinds):
+    ax = plot.sweep_map(kinds.drop_vars("duty"))
+    assert legend(ax)[:3] == ["forward whirl", "backward whirl", "undefined"]
+
+
+def test_map_of_a_number_with_its_unit(kinds):
+    radius = np.arange(1.0, 7.0).reshape(3, 2) * 1e-3
+    ax = plot.sweep_map(put(kinds, radius_max=radius), "radius_max")
+    mesh = ax.collections[0]
+    np.testing.assert_allclose(mesh.get_array(), [[1, 3, 5], [2, 4, np.nan]])
+    assert mesh.colorbar.ax.get_ylabel() == "largest radius [mm]"
+    assert legend(ax) == ["no result"] and mesh.norm.vmin == 1.0
+    ax = plot.sweep_map(kinds, "duty")
+    np.testing.assert_allclose(ax.collections[0].get_array()[0], [0.0, 0.3, 0.5])
+
+
+def test_map_chooses_a_scale(kinds):
+    norm = lambda dataset, name, **given: plot.sweep_map(dataset, name, **given).collections[0].norm
+    wide = put(kinds, radius_max=np.geomspace(1e-6, 1.0, 6).reshape(3, 2))
+    assert isinstance(norm(wide, "radius_max"), LogNorm)
+    mine = LogNorm(0.1, 10.0)
+    assert norm(kinds, "radius_max", norm=mine) is mine
+    about_zero = norm(kinds, "index")
+    assert about_zero.vmin == -about_zero.vmax == -1.0
+    assert legend(plot.sweep_map(kinds, "index")) == ["undefined", "no result"]
+
+
+def test_map_of_runs_along_times():
+    over = {"spin.speed": [0.9 * SPEED, SPEED], ECCENTRICITY: [2e-4, 2e-3]}
+    runs = jr.sweep(RUBBING, over, times=np.linspace(0.0, 0.1, 65), steps_per_revolution=32)
+    ax = plot.sweep_map(runs)
+    assert legend(ax) == ["no contact", "rub"]
+    below, above = colours_of(ax)
+    assert below != above and set(above) == {colours.ORANGE}
+    mesh = plot.sweep_map(runs, "peak").collections[0]
+    np.testing.assert_allclose(mesh.get_array(), 1e3 * runs["peak"].T)
+    assert mesh.colorbar.ax.get_ylabel() == "largest radius of the run [mm]"
+
+
+def test_map_says_what_it_needs(kinds):
+    one = kinds.isel({"spin.speed": 0})
+    with pytest.raises(ValueError, match=r"has 'unbalance.eccentricity' \(2\); select .*\.$"):
+        plot.sweep_map(one)
+    with pytest.raises(ValueError, match=r"two or more values each.*'spin.speed' \(1\)"):
+        plot.sweep_map(kinds.isel({"spin.speed": [0]}))
+    ways = one.expand_dims(branch=list(BRANCHES))
+    with pytest.raises(ValueError, match="takes two swept parameters"):
+        plot.sweep_map(ways)
+    with pytest.raises(ValueError, match=r"has no `spectrum`.*`observe=`\.$"):
+        plot.sweep_map(kinds, "spectrum")
+    with pytest.raises(
+        ValueError, match=r"one number a lane, but `section` is over .*'revolution'"
+    ):
+        plot.sweep_map(kinds, "section")
+    with pytest.raises(ValueError, match=r"needs `duty`, `winding` or .*of section, "):
+        plot.sweep_map(kinds.drop_vars(["duty", "winding", "index"]))

@@ -11,10 +11,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
-from jaxrotor.solvers.basis import condition, well_conditioned
+from jaxrotor.solvers.basis import WORST_CONDITION, condition, well_conditioned
 
 
 SPEED = 150.0
+RATIOS = np.geomspace(1e2, 1e9, 15)  # of the axes of an ellipsoid, before equilibration
 BEARING = {"kxx": 4e4, "kyy": 1e4, "kxy": 1e4, "kyx": -2e4, "cxx": 40.0, "cyy": 80.0}
 BEARING |= {"cxy": 3.0, "cyx": -5.0}
 
@@ -178,6 +179,20 @@ def test_condition_of_vectors_that_coincide():
     assert condition(np.eye(3)) == pytest.approx(1.0)
     assert condition(np.diag([1e9, 1e-9])) == pytest.approx(1.0)
     assert condition(np.full((2, 2), np.nan)) == np.inf
+
+
+def test_well_conditioned_is_the_condition_below_its_limit(monkeypatch):
+    """On both sides of the limit; singular values are not computed where a bound decides."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(2, 6, 6)))[0]
+    vectors = [turn[0] @ np.diag(np.geomspace(1.0, ratio, 6)) @ turn[1] for ratio in RATIOS]
+    found = [well_conditioned(one) for one in vectors]
+    assert found == [condition(one) < WORST_CONDITION for one in vectors]
+    assert set(found) == {False, True} and not well_conditioned(np.stack(vectors))
+    assert not well_conditioned(np.zeros((2, 2))) and not well_conditioned(np.full((2, 2), np.nan))
+    monkeypatch.setattr(
+        np.linalg, "cond", lambda given: pytest.fail() if given.size else np.empty(0)
+    )
+    assert well_conditioned(np.stack([vectors[0]] * 3))
 
 
 @pytest.mark.parametrize("kind", ["fixed", "turning"])

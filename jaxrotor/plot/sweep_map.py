@@ -1,0 +1,188 @@
+"""Sweep map: kind of motion, or a number, over two swept parameters."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float, Int
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.transforms import offset_copy
+
+from ..core.outcome import STATUS, failed
+from ..core.tables import RPM
+from . import colours, page
+from .labels import coordinate, parameter, swept
+
+
+_DECADES = 3  # positive values that span more are drawn on a logarithmic scale
+_RAISED = 26.0  # pt: the legend above an axis in rpm
+_KINDS = {  # name -> colour, in the order of the legend
+    "no contact": "#E4E4E4",
+    "rub, forward whirl": colours.FORWARD,
+    "rub, backward whirl": colours.BACKWARD,
+    "rub, undefined": colours.UNDEFINED,
+    "rub": colours.ORANGE,
+    "forward whirl": colours.FORWARD,
+    "backward whirl": colours.BACKWARD,
+    "undefined": colours.UNDEFINED,
+    "steps too long": colours.DARK,
+    "no result": "white",
+}
+
+
+def sweep_map(
+    dataset: xr.Dataset,
+    name: str | None = None,
+    ax: Axes | None = None,
+    *,
+    norm: Normalize | None = None,
+) -> Axes:
+    """Kind of motion of every lane of a sweep over two parameters, or one of its numbers, as colour.
+
+    Without a `name` colours tell the kind, decided for each lane by the first that holds:
+
+    * "no result": its `status` says that it failed; hatched;
+    * "steps too long": contact was too stiff for the step, so more steps are needed;
+    * "no contact": no limiter was under load in the kept revolutions (`duty` of all is 0);
+    * "rub, forward whirl", "rub, backward whirl": the orbit turns about the centre with or against the
+      spin, by the sign of its `winding`, or of its precession `index` where there is no winding;
+    * "rub, undefined": no net whirl (0), or a passage through the centre (NaN).
+
+    `index` is the same mean as `winding`, but by rates, which grow where an orbit comes near the centre.
+    A run along times has neither, so its kinds are "no contact" and "rub"; a scene without limiters has no
+    `duty`, so its kinds are "forward whirl", "backward whirl" and "undefined", as in `bifurcation`.
+
+    Args:
+        dataset: result of a sweep over two parameters; the first is drawn to the right.
+        name: variable with one number a lane, as "radius_max" or "peak", or one a limiter ("duty"), of
+            which the largest is drawn; by default the kind of motion. Failed lanes are hatched.
+        ax: Axes to draw in; a new figure if None.
+        norm: scale of the colours of a variable, in the unit drawn, such as
+            `matplotlib.colors.LogNorm()`. By default linear, about zero if there are both signs, and
+            logarithmic if all values are positive and span more than three decades.
+
+    Returns:
+        The Axes, both parameters; a speed has an axis in rpm, too.
+
+    Raises:
+        ValueError: the dataset is not over two swept parameters of two or more values each, or has no
+            such variable, or not one number a lane, or none of `duty`, `winding` and `index`.
+    """
+    dims = _two(dataset)
+    dataset = dataset.sortby(list(dims))
+    (x, x_label), (y, y_label) = (coordinate(dataset, dim) for dim in dims)
+    lost = failed(dataset["status"].transpose(*dims)).T
+    drawn = _kinds(dataset, dims) if name is None else _numbers(dataset, dims, name)
+    ax = page.single(ax, 120, 90)
+    style: Any = {"shading": "nearest", "rasterized": True}
+    if name is None:
+        shades = ListedColormap(list(_KINDS.values()))
+        ax.pcolormesh(x, y, drawn, cmap=shades, norm=Normalize(-0.5, len(_KINDS) - 0.5), **style)
+        for number, (kind, shade) in enumerate(_KINDS.items()):
+            if kind != "no result" and (drawn == number).any():
+                ax.fill([], [], color=shade, label=kind)
+    else:
+        about = dataset[name].attrs
+        factor, label = parameter(about.get("long_name", name), str(about.get("units", "1")))
+        drawn = np.where(lost, np.nan, factor * drawn)
+        chosen, shades = _scale(drawn)
+        mesh = ax.pcolormesh(x, y, drawn, cmap=shades, norm=norm or chosen, **style)
+        ax.set_facecolor("0.8")
+        bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+        bar.set_label(label, size=page.TEXT)
+        bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+        if (np.isnan(drawn) & ~lost).any():
+            ax.fill([], [], color="0.8", label="undefined")
+    if lost.any():
+        ax.contourf(x, y, lost, [0.5, 1.5], colors="none", hatches=["//////"])
+        ax.fill(
+            [], [], facecolor="white", edgecolor=colours.DARK, hatch="//////", label="no result"
+        )
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(y_label)
+    page.legend(ax, columns=3)
+    told = ax.get_legend()
+    if _also_in_rpm(ax, dims) and told is not None:
+        above = offset_copy(ax.transAxes, ax.figure, y=_RAISED, units="points")
+        told.set_bbox_to_anchor((0.0, 1.0), above)
+    return ax
+
+
+def _two(dataset: xr.Dataset) -> tuple[str, str]:
+    """The two swept parameters of a data set."""
+    dims = swept(dataset, "status")
+    numeric = all(dataset[dim].dtype.kind in "fiu" for dim in dims)
+    if len(dims) != 2 or not numeric or min(dataset.sizes[dim] for dim in dims) < 2:
+        named = ", ".join(f"'{dim}' ({dataset.sizes[dim]})" for dim in dims) or "none"
+        raise ValueError(
+            "A sweep map takes two swept parameters of two or more values each, but the dataset has "
+            f"{named}; select others with `.sel` or `.isel`."
+        )
+    return dims[0], dims[1]
+
+
+def _kinds(dataset: xr.Dataset, dims: tuple[str, str]) -> Int[np.ndarray, "y x"]:
+    """Number in `_KINDS` of every lane, the first parameter along columns."""
+    whirl = next((name for name in ("winding", "index") if name in dataset), None)
+    if "duty" not in dataset and whirl is None:
+        raise ValueError(
+            "The kind of motion needs `duty`, `winding` or `index`, but the dataset has none of them; "
+            f"name the variable to draw, of {', '.join(map(str, dataset.data_vars))}."
+        )
+    status = dataset["status"].transpose(*dims).values.T
+    conditions: dict[str, Bool[np.ndarray, "y x"]] = {
+        "no result": failed(status),
+        "steps too long": status == STATUS.index("steps_too_long_for_a_stop"),
+    }
+    rub = "rub" if "duty" in dataset else ""
+    if rub:
+        conditions["no contact"] = _numbers(dataset, dims, "duty") == 0
+    if whirl is not None:
+        rub = rub and f"{rub}, "
+        turns = _numbers(dataset, dims, whirl)
+        conditions |= {f"{rub}forward whirl": turns > 0, f"{rub}backward whirl": turns < 0}
+        rub += "undefined"
+    names = list(_KINDS)
+    numbers = [names.index(kind) for kind in conditions]
+    return np.select(list(conditions.values()), numbers, names.index(rub))
+
+
+def _numbers(dataset: xr.Dataset, dims: tuple[str, str], name: str) -> Float[np.ndarray, "y x"]:
+    """A variable with one number a lane, of limiters the largest, the first parameter along columns."""
+    own = set(swept(dataset, name)) - set(dims)
+    array = dataset[name].max("limiter") if own == {"limiter"} else dataset[name]
+    if set(array.dims) != set(dims):
+        raise ValueError(
+            f"A sweep map draws one number a lane, but `{name}` is over "
+            f"{', '.join(map(repr, dataset[name].dims))}; reduce it first, or name another variable."
+        )
+    return array.transpose(*dims).values.astype(float).T
+
+
+def _scale(values: np.ndarray) -> tuple[Normalize, Any]:
+    """Scale of colours, and the colours: about zero, logarithmic or linear."""
+    known = values[np.isfinite(values)]
+    low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
+    if low < 0 < high:
+        top = max(-low, high)
+        return Normalize(-top, top), "RdBu"  # backward is red, forward blue
+    if low > 0 and high > 10.0**_DECADES * low:
+        return LogNorm(low, high), "viridis"
+    return Normalize(low, high), "viridis"
+
+
+def _also_in_rpm(ax: Axes, dims: tuple[str, str]) -> bool:
+    """Draw a second axis of the spin speed, in revolutions per minute; whether it lies above."""
+    if "spin.speed" not in dims:
+        return False
+    both = (lambda speed: speed * RPM, lambda rpm: rpm / RPM)
+    above = dims[0] == "spin.speed"
+    if above:
+        other = ax.secondary_xaxis("top", functions=both)
+        other.set_xlabel("spin speed [rpm]", size=page.TEXT)
+    else:
+        other = ax.secondary_yaxis("right", functions=both)
+        other.set_ylabel("spin speed [rpm]", size=page.TEXT)
+    other.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    return above
