@@ -309,7 +309,8 @@ def goals(found: dict) -> list[dict]:
         goal("3. motion of the fan, warm, over ROSS", GOALS["over ROSS"], other / own)
     if "step" in found:
         equal, unequal = (row["ns a lane-step"] for row in found["step"])
-        goal("4. unequal bearings over equal", GOALS["unequal"], unequal / equal, True)
+        ratio = unequal / equal if min(equal, unequal) > 0 else float("nan")  # lost in the noise
+        goal("4. unequal bearings over equal", GOALS["unequal"], ratio, True)
     return listed
 
 
