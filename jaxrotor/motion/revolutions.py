@@ -18,7 +18,7 @@ from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
-from ..solvers.basis import Count, Dense, Rotation, SlotRotation
+from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
 from ..solvers.control import step_control, tuned
 from ..solvers.exponential import Exponential, ExponentialStep, revolution
 from ..solvers.form import AbstractForm, PhysicalForm
@@ -48,9 +48,16 @@ class March(eqx.Module):
     span: Scalar  # angle that counts as a revolution [rad]
 
     @classmethod
-    def build(cls, scene: Scene, plan: Plan, rate: Scalar, stations: Float[Array, " s"]) -> "March":
+    def build(
+        cls,
+        scene: Scene,
+        plan: Plan,
+        rate: Scalar,
+        stations: Float[Array, " s"],
+        basis: ModalBasis | SlotBasis | None = None,
+    ) -> "March":
         """Assemble a scene for a plan; `rate` is 2 pi over the length of a revolution."""
-        return cls.of(assemble(scene, plan.together), plan, rate, stations)
+        return cls.of(assemble(scene, plan.together), plan, rate, stations, basis=basis)
 
     @classmethod
     def of(
@@ -60,6 +67,7 @@ class March(eqx.Module):
         rate: Scalar,
         stations: Float[Array, " s"],
         span: ArrayLike = 2 * jnp.pi,
+        basis: ModalBasis | SlotBasis | None = None,
     ) -> "March":
         """The march of an assembled system, see `build`."""
         span = jnp.asarray(span)
@@ -74,7 +82,7 @@ class March(eqx.Module):
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
             return cls(system, stations, PhysicalForm(motion, rows), plan, None, None, span)
-        form = plan.solver.form(system, motion, rows)
+        form = plan.solver.form(system, motion, rows, basis)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
         free = None if step is None else form.free_propagator(span)
         return cls(system, stations, form, plan, step, free, span)

@@ -25,9 +25,9 @@ from ..equations.pencil import frame
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
-from ..solvers.basis import Basis, DenseBasis, well_conditioned
+from ..solvers.basis import Basis, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
-from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep, modal_basis
+from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
 from .exact import exact_motion, has_steady_motion
@@ -82,8 +82,8 @@ class Stepping(eqx.Module):
         if solver.basis == "modal" or (solver.basis == "auto" and all_known):
             bases = _modal_bases(system, self)
         if solver.basis == "auto":
-            modal = bases is not None and well_conditioned(bases.vectors)
-            solver = dataclasses.replace(solver, basis="modal" if modal else "dense")
+            good = bases is not None and well_conditioned(bases.vectors)
+            solver = dataclasses.replace(solver, basis="modal" if good else "dense")
         bases, exact = bases if solver.basis == "modal" else None, False
         if all_known and not isinstance(bases, DenseBasis | None):
             _, rate = self.centres(system)
@@ -203,7 +203,7 @@ def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:
 def _modal_bases(system: System, stepping: Stepping) -> Basis:
     """Modal bases of the linear equations at all speeds of decomposition."""
     centres, rate = stepping.centres(system)
-    one = lambda speed: modal_basis(FixedAxes.of(system.at_speed(speed), rate))
+    one = lambda speed: modal(FixedAxes.of(system.at_speed(speed), rate).matrix)
     return jax.lax.map(one, centres)
 
 

@@ -16,8 +16,9 @@ from ..equations.fixed_axes import SpeedTerms, depends_on_speed
 from ..equations.start import AbstractStart
 from ..equations.system import System, assemble
 from ..scene import Scene
+from ..solvers.basis import modal
 from ..solvers.exponential import Exponential
-from ..solvers.varying_speed import RotorAtSpeed, VaryingStep, modal_basis
+from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from .base import Plan, WindowSamples
 from .revolutions import bounded
 from .stepped import Stepping, course, turning
@@ -57,7 +58,7 @@ class WindowMarch(eqx.Module):
         rotor = RotorAtSpeed.build(at_centre, rate, terms, None)
         assert isinstance(plan.solver, Exponential)
         if plan.solver.basis != "dense":
-            rotor = RotorAtSpeed.build(at_centre, rate, terms, modal_basis(rotor.axes))
+            rotor = RotorAtSpeed.build(at_centre, rate, terms, modal(rotor.axes.matrix))
         length = stepping.breaks[1] - stepping.breaks[0]
         h = rate * length / stepping.substeps
         step = rotor.step(plan.solver.order, h, system.ports)

@@ -151,6 +151,11 @@ class SlotBasis(eqx.Module):
         return SlotRotation(f[0].real, -turn, turn, jnp.where(self.pairs, f[0], f[1]).real)
 
 
+def modal(a: Inexact[Array, "m m"]) -> ModalBasis | SlotBasis:
+    """Modal coordinates of a complex or a real matrix."""
+    return (ModalBasis if jnp.iscomplexobj(a) else SlotBasis).build(a)
+
+
 class DenseBasis(eqx.Module):
     """Coordinates are the state itself: no eigenvectors are needed or differentiated."""
 

@@ -10,12 +10,10 @@ from jaxtyping import Array, Inexact
 
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
-from ..equations.constant_frame import ConstantFrame
-from ..equations.pencil import isotropic
-from ..equations.stationary_frame import Motion
+from ..equations.pencil import frame
 from ..equations.system import System
 from .basis import well_conditioned
-from .exponential import Exponential
+from .exponential import Exponential, linear_matrix
 
 
 def choose(
@@ -48,15 +46,11 @@ def _matrix(system: System, rate: Scalar) -> tuple[Inexact[Array, "m m"], list[S
     In turning axes the unbalance stands still, and weight goes round.
     """
     s, load = system.spin.speed / rate, system.load
-    if isotropic(system.blocks):
-        matrix, turns = Motion(system, rate, loads=False).matrix(), False
-    else:
-        axes = ConstantFrame.of(system, rate)
-        matrix, turns = axes.matrix, axes.turn is not None
+    turns = frame(system.blocks) == "rotating"
     frequencies = [] if load.unbalance is None else [0.0 * s if turns else s]
     if turns and load.constant is not None:
         frequencies.append(-s)
-    return matrix, frequencies
+    return linear_matrix(system, rate), frequencies
 
 
 def _check_resonance(system: System, roots: np.ndarray, frequencies: list[float]) -> None:

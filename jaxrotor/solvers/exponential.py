@@ -13,18 +13,25 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Inexact
 
 from ..core.quantities import Scalar
 from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import DenseBasis, ModalBasis, SlotBasis
+from .basis import DenseBasis, ModalBasis, SlotBasis, modal
 from .lanes import lanes_last, per_lane
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading
 from .tableau import AbstractStep, Tableau, tableau_of
+
+
+def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
+    """`A` of the linear equations: complex where all axes are equal, else real."""
+    if isotropic(system.blocks):
+        return Motion(system, rate, loads=False).matrix()
+    return ConstantFrame.of(system, rate).matrix
 
 
 class Exponential(eqx.Module):
@@ -50,15 +57,24 @@ class Exponential(eqx.Module):
         if self.basis not in ("auto", "modal", "dense"):
             raise ValueError(f"`basis` must be 'auto', 'modal' or 'dense', but is {self.basis!r}.")
 
-    def form(self, system: System, motion: Motion, rows: Float[Array, "s n"]) -> PortForm:
-        """The motion in the coordinates of this solver's basis, with stations `rows` to read."""
-        dense = self.basis == "dense"
+    def form(
+        self,
+        system: System,
+        motion: Motion,
+        rows: Float[Array, "s n"],
+        basis: ModalBasis | SlotBasis | None = None,
+    ) -> PortForm:
+        """The motion in the coordinates of this solver's basis, with stations `rows` to read.
+
+        A modal `basis` may be given, that of `linear_matrix`.
+        """
+        make = DenseBasis.build if self.basis == "dense" else modal
         if isotropic(system.blocks):
-            build = DenseBasis.build if dense else ModalBasis.build
-            return PortForm.build(system, motion, rows, build(motion.matrix()))
+            own = make(motion.matrix()) if basis is None else basis
+            return PortForm.build(system, motion, rows, own)
         axes = ConstantFrame.of(system, motion.rate)
-        build = DenseBasis.build if dense else SlotBasis.build
-        return PortForm.along_axes(axes, motion, rows, build(axes.matrix))
+        own = make(axes.matrix) if basis is None else basis
+        return PortForm.along_axes(axes, motion, rows, own)
 
     def stepper(
         self, form: PortForm, steps: int, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 from ..core.quantities import Scalar
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
 from ..equations.system import Port, System
-from .basis import Basis, DenseBasis, ModalBasis, SlotBasis, as_real, packed, unpacked
+from .basis import Basis, DenseBasis, as_real, packed, unpacked
 from .lanes import lanes_last, per_lane, product
 from .tableau import Tableau, tableau_of
 
@@ -26,11 +26,6 @@ class Course(eqx.Module):
     load: Float[Array, "... u"]  # see `load_values`
     speed: Float[Array, "... c"]  # Omega at the stages [rad/s]
     change: Float[Array, "... c"]  # Omega - Omega_c there
-
-
-def modal_basis(axes: FixedAxes) -> ModalBasis | SlotBasis:
-    """Modal coordinates of the equations."""
-    return (ModalBasis if axes.equal else SlotBasis).build(axes.matrix)
 
 
 class RotorAtSpeed(eqx.Module):

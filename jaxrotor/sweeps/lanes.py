@@ -1,6 +1,7 @@
 """Lanes: trajectories of one chunk, stepped as one program and observed as they are stepped."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -15,14 +16,19 @@ from ..core.outcome import Outcome
 from ..core.parallel import first_alone
 from ..core.progress import segments
 from ..equations.start import AbstractStart
+from ..equations.system import assemble
 from ..motion.base import Plan
 from ..motion.revolutions import March, revolution_rate
 from ..motion.stepped import Stepping
 from ..motion.windows import WindowMarch
 from ..scene import Scene
+from ..solvers.basis import ModalBasis, SlotBasis, modal
 from ..solvers.choice import decide_basis
-from ..solvers.exponential import Exponential
+from ..solvers.exponential import Exponential, linear_matrix
 from .observe import AbstractObservable, Turn
+
+
+MANY_NODES = 12  # of a shaft, from which lanes of equal equations are decomposed once
 
 
 class Context(eqx.Module):
@@ -146,13 +152,19 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     Lanes are prepared one after the other, each in the same way whatever the size of its chunk.
     A leaf is shared if its values are equal in all lanes.
     """
-    plan = context.plan
-    if isinstance(plan.solver, Exponential) and plan.solver.basis == "auto":
-        modal = dataclasses.replace(plan.solver, basis="modal")
-        march, y, ratio = _build_lanes(context, _with_solver(plan, modal), points, begin)
-        chosen = decide_basis(plan.solver, march.eigenvectors)
-        if chosen != modal:
-            march, y, ratio = _build_lanes(context, _with_solver(plan, chosen), points, begin)
+    plan, solver = context.plan, context.plan.solver
+    if isinstance(solver, Exponential) and solver.basis == "auto":
+        in_modes = dataclasses.replace(solver, basis="modal")
+        bases = _bases_of_equal_lanes(context, points)
+        if bases is None:
+            march, y, ratio = _build_lanes(context, _with_solver(plan, in_modes), points, begin)
+            chosen = decide_basis(solver, march.eigenvectors)
+        else:
+            chosen = decide_basis(solver, bases.vectors)
+        if bases is not None or chosen != in_modes:
+            bases = bases if chosen == in_modes else None
+            plan = _with_solver(plan, chosen)
+            march, y, ratio = _build_lanes(context, plan, points, begin, bases)
     else:
         march, y, ratio = _build_lanes(context, plan, points, begin)
     arrays, constant = eqx.partition(march, eqx.is_array)
@@ -169,8 +181,41 @@ def _with_solver(plan: Plan, solver: Exponential) -> Plan:
     return eqx.tree_at(lambda p: p.solver, plan, solver)
 
 
+def _bases_of_equal_lanes(context: Context, points: np.ndarray) -> ModalBasis | SlotBasis | None:
+    """Modal bases of all lanes, where many share their linear equations, which are decomposed once.
+
+    None where most differ, or where the shaft has so few nodes that a decomposition costs little.
+    """
+    if context.stepping is not None or sum(context.scene.resolution) < MANY_NODES:
+        return None
+    settings = context.scene, context.plan.together, context.period, context.paths
+    with jax.default_device(jax.local_devices(backend="cpu")[0]):
+        matrices = np.asarray(_matrices(*settings, jnp.asarray(points)))
+        distinct: dict[bytes, int] = {}
+        which = [distinct.setdefault(one.tobytes(), len(distinct)) for one in matrices]
+        if 2 * len(distinct) > len(points):
+            return None
+        first = [which.index(number) for number in range(len(distinct))]
+        own = [jax.device_get(_decomposed(jnp.asarray(matrices[lane]))) for lane in first]
+    return jax.tree.map(lambda *leaves: np.stack(leaves)[which], *own)
+
+
+@functools.partial(eqx.filter_jit, **QUICKLY)
+def _matrices(scene: Scene, together, period, paths, points: Float[Array, "l p"]):
+    """Matrices of the linear equations of all lanes."""
+
+    def one(point):
+        own = _at_point(scene, paths, point)
+        return linear_matrix(assemble(own, together), revolution_rate(own, period))
+
+    return jax.lax.map(one, points)
+
+
+_decomposed = eqx.filter_jit(modal, **QUICKLY)
+
+
 def _build_lanes(
-    context: Context, plan: Plan, points: np.ndarray, begin: Any
+    context: Context, plan: Plan, points: np.ndarray, begin: Any, bases: Any = None
 ) -> tuple[March | WindowMarch, np.ndarray, np.ndarray]:
     """Marches, states at the start and stiffness ratios of all lanes, on the processor."""
     cpu = jax.local_devices(backend="cpu")[0]
@@ -178,7 +223,7 @@ def _build_lanes(
     parts = (context.scene, plan, context.start, context.station, paced)
     with jax.default_device(cpu):  # small matrices, one lane after the other
         lanes, constant = _build_all(
-            *parts, context.paths, jax.tree.map(jnp.asarray, (points, begin))
+            *parts, context.paths, jax.tree.map(jnp.asarray, (points, begin, bases))
         )
     return eqx.combine(jax.device_get(lanes), constant)
 
@@ -201,14 +246,14 @@ _build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
 
 
 def _build(
-    scene: Scene, plan: Plan, start: AbstractStart, station, paced, paths, point, begin
+    scene: Scene, plan: Plan, start: AbstractStart, station, paced, paths, point, begin, basis
 ) -> tuple[March | WindowMarch, Array, Float[Array, "2"]]:
     """March of a lane, its state at the start, and its contact stiffness ratio.
 
     `paced` are the steps of a run along times, or the period of a revolution, see `revolution_rate`.
     """
     values = dict(zip(paths, point, strict=True))
-    scene = scene.put({p: v for p, v in values.items() if not p.startswith("start.")})
+    scene = _at_point(scene, paths, point)
     for path in values:
         if path.startswith("start."):
             name = path.removeprefix("start.")
@@ -217,9 +262,15 @@ def _build(
     if isinstance(paced, Stepping):
         march = WindowMarch.build(scene, plan, paced, station[None])
     else:
-        march = March.build(scene, plan, revolution_rate(scene, paced), station[None])
+        march = March.build(scene, plan, revolution_rate(scene, paced), station[None], basis)
     y = march.begin(start, station) if begin is None else march.encode(*begin)
     return march, y, march.contact_stiffness_ratio
+
+
+def _at_point(scene: Scene, paths: tuple[str, ...], point: Float[Array, " p"]) -> Scene:
+    """The scene with the values of a point, those of the start left out."""
+    values = zip(paths, point, strict=True)
+    return scene.put({path: value for path, value in values if not path.startswith("start.")})
 
 
 @eqx.filter_jit

@@ -12,6 +12,7 @@ import pytest
 
 import jaxrotor as jr
 from jaxrotor.core.outcome import STATUS
+from jaxrotor.sweeps import lanes
 from jaxrotor.sweeps.observe import Turn
 
 
@@ -367,3 +368,22 @@ def test_a_straight_oscillation_through_the_centre_has_no_whirl():
     dataset = jr.sweep(scene, {"start.radius": [1e-3, 2e-3]}, start=start, **kept)
     assert np.isnan(dataset["index"]).all()
     assert (dataset["status"] == STATUS.index("whirl_undefined")).all()
+
+
+def test_lanes_of_equal_equations_are_decomposed_once(monkeypatch):
+    """Four unbalances at each of two speeds: two decompositions, and the same numbers as without."""
+    scene = jr.load("limiter-rotor").with_nodes(2)
+    over = {
+        "spin.speed": [600.0, 660.0],
+        "unbalance.eccentricity": [1e-4, 2e-4, 3e-4, 4e-4],
+    }
+    run = {"settle": 1, "keep": 2, "steps_per_revolution": 32, "observe": [jr.observe.Radius()]}
+    decomposed, calls = lanes._decomposed, []
+    monkeypatch.setattr(lanes, "_decomposed", lambda one: calls.append(one) or decomposed(one))
+    alone = jr.sweep(scene, over, **run, workers=1)
+    assert not calls
+    monkeypatch.setattr(lanes, "MANY_NODES", 1)
+    shared = jr.sweep(scene, over, **run, workers=1)
+    assert len(calls) == 2
+    for name in ("radius_min", "radius_max", "radius_rms"):
+        np.testing.assert_allclose(shared[name], alone[name], rtol=1e-9)
