@@ -21,8 +21,6 @@ from .basis import (
     Basis,
     Count,
     Dense,
-    DenseBasis,
-    ModalBasis,
     Rotation,
     SlotRotation,
     as_real,
@@ -148,7 +146,7 @@ class PortForm(AbstractForm):
         return cls(motion, basis, contacts, reading(axes.output(rows)), axes.steady, axes)
 
     @classmethod
-    def build(cls, system: System, motion: Motion, rows: Array, basis: ModalBasis | DenseBasis):
+    def build(cls, system: System, motion: Motion, rows: Array, basis: Basis):
         """Form of a system's motion, with stations `rows` (s, n) to read."""
         still, whirling = steady_response(system)
         if still is not None:

@@ -1,7 +1,6 @@
 """Lanes: trajectories of one chunk, stepped as one program and observed as they are stepped."""
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -152,21 +151,7 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     Lanes are prepared one after the other, each in the same way whatever the size of its chunk.
     A leaf is shared if its values are equal in all lanes.
     """
-    plan, solver = context.plan, context.plan.solver
-    if isinstance(solver, Exponential) and solver.basis == "auto":
-        in_modes = dataclasses.replace(solver, basis="modal")
-        bases = _bases_of_equal_lanes(context, points)
-        if bases is None:
-            march, y, ratio = _build_lanes(context, _with_solver(plan, in_modes), points, begin)
-            chosen = decide_basis(solver, march.eigenvectors)
-        else:
-            chosen = decide_basis(solver, bases.vectors)
-        if bases is not None or chosen != in_modes:
-            bases = bases if chosen == in_modes else None
-            plan = _with_solver(plan, chosen)
-            march, y, ratio = _build_lanes(context, plan, points, begin, bases)
-    else:
-        march, y, ratio = _build_lanes(context, plan, points, begin)
+    march, y, ratio = _marches(context, points, begin)
     arrays, constant = eqx.partition(march, eqx.is_array)
     equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
     shared = jax.tree.map(
@@ -174,6 +159,26 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     )
     own = jax.tree.map(lambda leaf, same: None if same else jax.device_put(leaf), arrays, equal)
     return eqx.combine(shared, constant), own, jax.device_put(y), ratio
+
+
+def _marches(
+    context: Context, points: np.ndarray, begin: Any
+) -> tuple[March | WindowMarch, np.ndarray, np.ndarray]:
+    """Marches, states at the start and stiffness ratios of all lanes, with basis "auto" decided."""
+    plan, solver = context.plan, context.plan.solver
+    if not isinstance(solver, Exponential) or solver.basis != "auto":
+        return _build_lanes(context, plan, points, begin)
+    bases = _bases_of_equal_lanes(context, points)
+    if bases is not None:
+        chosen = decide_basis(solver, bases.vectors)
+        bases = bases if chosen.basis == "modal" else None
+        return _build_lanes(context, _with_solver(plan, chosen), points, begin, bases)
+    in_modes = dataclasses.replace(solver, basis="modal")
+    built = _build_lanes(context, _with_solver(plan, in_modes), points, begin)
+    chosen = decide_basis(solver, built[0].eigenvectors)
+    if chosen == in_modes:
+        return built
+    return _build_lanes(context, _with_solver(plan, chosen), points, begin)
 
 
 def _with_solver(plan: Plan, solver: Exponential) -> Plan:
@@ -200,8 +205,7 @@ def _bases_of_equal_lanes(context: Context, points: np.ndarray) -> ModalBasis | 
     return jax.tree.map(lambda *leaves: np.stack(leaves)[which], *own)
 
 
-@functools.partial(eqx.filter_jit, **QUICKLY)
-def _matrices(scene: Scene, together, period, paths, points: Float[Array, "l p"]):
+def _matrices_of_lanes(scene: Scene, together, period, paths, points: Float[Array, "l p"]):
     """Matrices of the linear equations of all lanes."""
 
     def one(point):
@@ -211,6 +215,7 @@ def _matrices(scene: Scene, together, period, paths, points: Float[Array, "l p"]
     return jax.lax.map(one, points)
 
 
+_matrices = eqx.filter_jit(_matrices_of_lanes, **QUICKLY)
 _decomposed = eqx.filter_jit(modal, **QUICKLY)
 
 
