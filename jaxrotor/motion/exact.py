@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Inexact
 
 from ..core.quantities import Scalar
 from ..equations.constant_frame import ConstantFrame
@@ -11,6 +11,7 @@ from ..equations.fixed_axes import FixedAxes
 from ..equations.pencil import steady_response
 from ..equations.system import System
 from ..solvers.basis import ModalBasis, SlotBasis, packed, unpacked
+from ..solvers.phi import phi_dense
 
 
 NEAR = 1e-6  # distance of a load's frequency from a root, over the rate, that counts as resonance
@@ -26,25 +27,52 @@ def has_steady_motion(system: System, values: np.ndarray, rate: float) -> bool:
 
 def exact_motion(
     system: System,
-    basis: ModalBasis | SlotBasis,
+    basis: ModalBasis | SlotBasis | None,
     rate: Scalar,
     times: Float[Array, " T"],
     begin: tuple[Array, Array],
     angle: Scalar,
+    *,
+    even: bool,
 ) -> tuple[Complex[Array, "T n"], Complex[Array, "T n"]]:
-    """`Y = steady(t) + exp(A t) (Y_0 - steady(0))`: coordinates and their rates, at all times."""
+    """`Y = steady(t) + exp(A t) (Y_0 - steady(0))`: coordinates and their rates, at all times from 0 on.
+
+    Without a modal basis it is advanced from time to time, of one distance if they are `even`.
+    """
     axes = FixedAxes.of(system, rate)
     steady = _steady(system, axes)
-    phase = lambda time: angle + system.spin.speed * time
-    deviation = basis.inverse @ (axes.state(*begin) - steady(phase(0.0)))
+    phases = angle + system.spin.speed * times
+    deviation = axes.state(*begin) - steady(phases[0])
+    if basis is None:
+        states = _by_exponentials(axes.matrix, rate * jnp.diff(times), deviation, even=even)
+    else:
+        states = _by_modes(basis, rate * times, deviation)
+    return jax.vmap(lambda state, phase: axes.coordinates(state + steady(phase)))(states, phases)
 
-    def at(time: Scalar) -> tuple[Array, Array]:
-        nothing = jnp.zeros((deviation.size, 0), deviation.dtype)
-        flow, _ = basis.flow(rate * time, nothing, 0)
-        there = unpacked(basis, basis.propagator(flow)(packed(deviation)))
-        return axes.coordinates(basis.vectors @ there + steady(phase(time)))
 
-    return jax.vmap(at)(times)
+def _by_modes(basis: ModalBasis | SlotBasis, times: Float[Array, " T"], begin: Array) -> Array:
+    """`V exp(L t) V^-1 Y`: free motion at all times."""
+    amplitudes = basis.inverse @ begin
+
+    def at(time: Scalar) -> Array:
+        flow, _ = basis.flow(time, jnp.zeros((amplitudes.size, 0), amplitudes.dtype), 0)
+        return unpacked(basis, basis.propagator(flow)(packed(amplitudes)))
+
+    return jax.vmap(at)(times) @ basis.vectors.T
+
+
+def _by_exponentials(
+    matrix: Inexact[Array, "m m"], lengths: Float[Array, " l"], begin: Array, *, even: bool
+) -> Array:
+    """Free motion at first and after each length of time, by one exponential if they are `even`."""
+    flow = lambda length: phi_dense(length * matrix, jnp.zeros((begin.size, 0), begin.dtype), 0)[0]
+    whole = flow(jnp.mean(lengths)) if even else None
+
+    def one(state: Array, length: Scalar) -> tuple[Array, Array]:
+        state = (flow(length) if whole is None else whole) @ state
+        return state, state
+
+    return jnp.concatenate([begin[None], jax.lax.scan(one, begin, lengths)[1]])
 
 
 def _steady(system: System, axes: FixedAxes):

@@ -98,8 +98,8 @@ def run_up(
 
     `Exponential` takes the linear part exactly at one of a few speeds and the rest by its stages. It needs
     a rotation known in time and mass at all coordinates, and takes no balls and no unequal axes that turn.
-    Without contact and at constant speed it is exact at any times where values are known, in modal
-    coordinates and off resonance; `substeps` are then not used.
+    Without contact and at constant speed it is exact at any times where values are known and no undamped
+    mode is in resonance; `substeps` are then not used.
     Diffrax solvers take every scene and integrate in the axes of the shaft, where the response to
     unbalance varies slowly; a drive with feedback from the rotor and balls are part of the equations.
     Coordinates without mass are eliminated: damped ones follow equations of first order, others

@@ -84,11 +84,12 @@ class Stepping(eqx.Module):
         if solver.basis == "auto":
             good = bases is not None and well_conditioned(bases.vectors)
             solver = dataclasses.replace(solver, basis="modal" if good else "dense")
-        bases, exact = bases if solver.basis == "modal" else None, False
+        exact = False
         if all_known and not isinstance(bases, DenseBasis | None):
             _, rate = self.centres(system)
             linear = isinstance(system.spin, ConstantSpeed) and not system.ports
             exact = linear and has_steady_motion(system, np.asarray(bases.values), float(rate))
+        bases = bases if solver.basis == "modal" else None
         return dataclasses.replace(self, solver=solver, bases=bases, exact=exact)
 
     def centres(self, system: System) -> tuple[Float[Array, " w"], Scalar]:
@@ -224,8 +225,9 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
     centres, rate = stepping.centres(system)
     if stepping.exact:
         basis: Any = jax.tree.map(lambda leaf: leaf[0], stepping.bases)
-        times = stepping.breaks[stepping.samples]
-        q, velocity = exact_motion(system, basis, rate, times, begin, angle)
+        settings = rate, stepping.breaks, begin, angle
+        path = exact_motion(system, basis, *settings, even=stepping.even)
+        q, velocity = (part[stepping.samples] for part in path)
         return Path(q, velocity, jnp.zeros((), bool), jnp.zeros(2))
     terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
     order, bases = stepping.solver.order, stepping.bases
