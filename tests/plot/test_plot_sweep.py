@@ -339,7 +339,7 @@ def test_map_of_runs_along_times():
     assert below != above and set(above) == {colours.ORANGE}
     mesh = plot.sweep_map(runs, "peak").collections[0]
     np.testing.assert_allclose(mesh.get_array(), 1e3 * runs["peak"].T)
-    assert mesh.colorbar.ax.get_ylabel() == "largest radius of the run [mm]"
+    assert mesh.colorbar.ax.get_ylabel() == "largest radius at the samples of the run [mm]"
 
 
 def test_map_says_what_it_needs(kinds):
