@@ -104,7 +104,8 @@ def sweep_map(
     page.legend(ax, columns=3)
     told = ax.get_legend()
     if _also_in_rpm(ax, dims) and told is not None:
-        above = offset_copy(ax.transAxes, ax.figure, y=_RAISED, units="points")
+        figure: Any = ax.figure  # a part of a figure serves, too
+        above = offset_copy(ax.transAxes, figure, y=_RAISED, units="points")
         told.set_bbox_to_anchor((0.0, 1.0), above)
     return ax
 
