@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
+from .quantities import known
+
 
 LARGEST_RATIO = {2: 2.0, 4: 0.5}  # by order of the step: above it a rebound gains energy on average
 STATUS = (
@@ -59,6 +61,11 @@ class Outcome(eqx.Module):
 def too_long(ratio: Any, order: int) -> Any:
     """Whether steps are too long for the stiffest stop, from its `contact_stiffness_ratio` (.., 2)."""
     return ratio.sum(-1) > LARGEST_RATIO[order]
+
+
+def gains_energy(touched: Any, ratio: Any, order: int) -> bool:
+    """Whether, of known results, a stop was touched that is too stiff for the steps."""
+    return known(ratio) and known(touched) and bool(touched) and bool(too_long(ratio, order))
 
 
 def steps_needed(ratio: Any, order: int, steps: int) -> int:

@@ -8,10 +8,12 @@ in axes that turn with it. All is real: the two axes no longer make one complex 
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Inexact
 
+from ..core.blocks import Load
 from ..core.quantities import Scalar
 from .pencil import Pencil, check_axes, frame, isotropic, steady_response
+from .stationary_frame import Motion
 from .system import System
 
 
@@ -101,6 +103,14 @@ class ConstantFrame(eqx.Module):
             carried = self.turn * rate
             along, across = [zero, -carried, rate, zero], [carried, zero, zero, rate]
         return jnp.block([[rows, zero, zero, zero], along, [zero, rows, zero, zero], across])
+
+
+def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
+    """`A` of the linear equations without loads: complex where all axes are equal, else real."""
+    if isotropic(system.blocks):
+        return Motion(system, rate, loads=False).matrix()
+    unloaded = eqx.tree_at(lambda s: s.load, system, Load())
+    return ConstantFrame.of(unloaded, rate).matrix
 
 
 def steady_amplitudes(system: System) -> list[Array]:

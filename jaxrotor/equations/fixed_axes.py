@@ -11,11 +11,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Inexact
 
-from ..core.blocks import Blocks, Load
+from ..core.blocks import Blocks
 from ..core.quantities import Scalar
-from .constant_frame import ConstantFrame
-from .pencil import frame, isotropic
-from .stationary_frame import Motion
+from .constant_frame import linear_matrix
+from .pencil import frame
 from .system import System
 
 
@@ -29,10 +28,7 @@ class FixedAxes(eqx.Module):
     def of(cls, system: System, rate: Scalar) -> "FixedAxes":
         """The equations of a system whose axes do not turn; loads are left out."""
         assert frame(system.blocks) == "fixed", "unequal axes that turn are periodic in fixed ones"
-        if isotropic(system.blocks):
-            return cls(Motion(system, rate, loads=False).matrix(), rate)
-        unloaded = eqx.tree_at(lambda s: s.load, system, Load())
-        return cls(ConstantFrame.of(unloaded, rate).matrix, rate)
+        return cls(linear_matrix(system, rate), rate)
 
     @property
     def equal(self) -> bool:

@@ -11,7 +11,7 @@ from ..core.blocks import Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from .pencil import check_moves
-from .system import Port, System
+from .system import Port, System, port_forces
 
 
 RUN_UP = "use `jaxrotor.run_up`, which takes any rotor and any spin"
@@ -136,11 +136,7 @@ class Motion(eqx.Module):
 
     def port_forces(self, displacement: Array, velocity: Array) -> Float[Array, "2 p"]:
         """Total force at every port from displacement and velocity there, all (2, p)."""
-        forces = [
-            port.forces(displacement[:, i], velocity[:, i], self.speed)
-            for i, port in enumerate(self.ports)
-        ]
-        return jnp.stack([force.sum(0) for force in forces], axis=1)
+        return port_forces(self.ports, displacement, velocity, self.speed)
 
     def matrix(self) -> Complex[Array, "n2 n2"]:
         """`A` of the linear part `(q, q')' = A (q, q')` of a rotor that is the same along every axis."""

@@ -86,6 +86,16 @@ class Port(eqx.Module):
         return jnp.sum(jnp.concatenate(torques))
 
 
+def port_forces(
+    ports: tuple[Port, ...], displacement: Array, velocity: Array, speed: Scalar
+) -> Float[Array, "2 p"]:
+    """Total force at every port from displacement and velocity there, all (2, p)."""
+    forces = [
+        port.forces(displacement[:, i], velocity[:, i], speed) for i, port in enumerate(ports)
+    ]
+    return jnp.stack([force.sum(0) for force in forces], axis=1)
+
+
 class Race(eqx.Module):
     """One station where bodies roll round the shaft: reads `row . q`, adds `column F`."""
 

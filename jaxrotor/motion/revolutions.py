@@ -93,20 +93,13 @@ class March(eqx.Module):
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "2"]:
-        """Force of a stop after a unit of force is held for one step, at the hardest port.
-
-        `k d` and `c v`, with the stiffness `k` and damping `c` of the stop, and the displacement `d` and
-        velocity `v` that the unit force gives the port in a step `h`. A mass `m` on the stop alone has
-        `k h^2 / (2 m)` and `c h / m`. Zero where `Exponential` steps no contact.
-        """
+        """See `Tableau.contact_stiffness_ratio`; zero where `Exponential` steps no contact."""
         if self.step is None:
             return jnp.zeros(2)
         form = self.form
         assert isinstance(form, PortForm) and form.contacts is not None
-        response = self.step.tableau.port_response(form.contacts.reading.matrix)
-        ports = jnp.stack([port.hardness() for port in self.system.ports])  # (p, 2)
-        found = ports * jnp.stack(response, axis=1)
-        return found[jnp.argmax(found.sum(1))]
+        seen = form.contacts.reading.matrix
+        return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports)
 
     def encode(self, q: Array, velocity: Array) -> Array:
         """State at a whole revolution of coordinates [m] and their velocities [m/s]."""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..analysis import first_moments
-from ..core.outcome import steps_needed, too_long
+from ..core.outcome import gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
@@ -26,7 +26,7 @@ from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
-from .stepped import Stepping, default_exponential, stepping_of
+from .stepped import Stepping, stepped_by_default, stepping_of
 from .transient import Integrated, Integration, controller_for, default_solver, integrate
 
 
@@ -140,8 +140,10 @@ def run_up(
     spin = scene.spin.after(launch.time, launch.speed)
     begun = scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
     stations = scene.stations(at)
+    system = None
     if solver is None and controller is None and adjoint is None:
-        solver = default_exponential(begun, times)
+        system = stepped_by_default(begun, times)
+        solver = None if system is None else Exponential(order=4)
     launch = _with_balls(launch, counts)
     pilots: tuple[Pilot, ...] = ()
     if isinstance(solver, Exponential):
@@ -149,7 +151,8 @@ def run_up(
             raise ValueError(
                 "`controller` and `adjoint` are for diffrax solvers, not Exponential()."
             )
-        stepping = stepping_of(begun, times, solver, None if substeps == "auto" else substeps)
+        count = None if substeps == "auto" else substeps
+        stepping = stepping_of(begun, times, solver, count, system)
         if substeps == "auto":
             stepping, pilot = _refined(begun, times, launch, stations, stepping, tolerance)
             pilots = (pilot,)
@@ -222,7 +225,7 @@ def _refined(
     def displacement(substeps: int) -> np.ndarray | None:
         finer = dataclasses.replace(stepping, substeps=substeps)
         run = _motion(scene, jnp.asarray(times, float), launch, stations, finer).run
-        long = bool(run.touched) and too_long(run.contact_stiffness_ratio, stepping.solver.order)
+        long = gains_energy(run.touched, run.contact_stiffness_ratio, stepping.solver.order)
         return np.asarray(run.seen[0]) if bool(run.good) and not long else None
 
     ladder = [first * 2**k for k in range(DOUBLINGS)]
@@ -233,7 +236,7 @@ def _refined(
 def _check_substeps(run: Integrated, plan: Stepping) -> None:
     """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
     ratio, order = run.contact_stiffness_ratio, plan.solver.order
-    if known(ratio) and known(run.touched) and bool(run.touched) and too_long(ratio, order):
+    if gains_energy(run.touched, ratio, order):
         more = steps_needed(ratio, order, plan.substeps) / plan.substeps
         raise RuntimeError(
             "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "

@@ -12,7 +12,7 @@ from jaxtyping import Array, Complex, Float, Int
 
 from ..analysis import chosen_nodes
 from ..core.checks import check_counts
-from ..core.outcome import Outcome, steps_needed, too_long
+from ..core.outcome import Outcome, gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import known
@@ -280,7 +280,7 @@ def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: i
 
 def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:
     """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
-    if known(ratio) and known(good.touched) and bool(good.touched) and too_long(ratio, order):
+    if gains_energy(good.touched, ratio, order):
         raise RuntimeError(
             "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
             f"take at least {steps_needed(ratio, order, steps)} `steps_per_revolution` instead of "

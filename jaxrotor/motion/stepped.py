@@ -20,6 +20,7 @@ from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..effects.base import AbstractContact
+from ..equations.constant_frame import linear_matrix
 from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
 from ..equations.pencil import frame
 from ..equations.stationary_frame import check_known_in_time
@@ -52,14 +53,13 @@ class Stepping(eqx.Module):
     even: bool = eqx.field(static=True)  # whether all pieces are of one length
     modes: int = eqx.field(static=True)  # see `SpeedTerms`; 0 where nothing depends on the speed
     speeds: int = eqx.field(static=True)  # at which the rotor is decomposed
-    batch: bool = eqx.field(static=True, default=False)  # whether vmapped lanes are one array
     bases: Basis | None = None  # at all these speeds; None: dense ones, made in the run
     exact: bool = eqx.field(static=True, default=False)  # whether no steps are needed
     span: tuple[Scalar, Scalar] | None = None  # lowest and highest speed; None: of the run
 
     @classmethod
     def of(
-        cls, system: System, times: Any, solver: Exponential, substeps: int | None, **settings: Any
+        cls, system: System, times: Any, solver: Exponential, substeps: int | None
     ) -> "Stepping":
         """Settings for samples at `times`; `substeps` are the steps from sample to sample."""
         constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
@@ -72,7 +72,7 @@ class Stepping(eqx.Module):
         else:
             each = math.ceil(substeps / several)
         at = jnp.asarray(breaks, float), jnp.asarray(samples)
-        stepping = cls(solver, *at, each, even, modes, speeds, **settings)
+        stepping = cls(solver, *at, each, even, modes, speeds)
         return stepping.with_bases(system)
 
     def with_bases(self, system: System) -> "Stepping":
@@ -104,9 +104,18 @@ class Stepping(eqx.Module):
         return low + share * (high - low), jnp.where(fastest > 0, fastest, 1.0)
 
 
-def stepping_of(scene: Scene, times: Any, solver: Exponential, substeps: int | None) -> Stepping:
-    """Settings of exponential steps; raises where they do not take the scene."""
-    system = check_steppable(scene, solver)
+def stepping_of(
+    scene: Scene,
+    times: Any,
+    solver: Exponential,
+    substeps: int | None,
+    system: System | None = None,
+) -> Stepping:
+    """Settings of exponential steps; raises where they do not take the scene.
+
+    `system` are its equations, where they are at hand.
+    """
+    system = check_steppable(scene, solver, system)
     if not known(times):
         raise ValueError("`times` of Exponential() must be known, but are traced.")
     if substeps is not None:
@@ -114,9 +123,9 @@ def stepping_of(scene: Scene, times: Any, solver: Exponential, substeps: int | N
     return Stepping.of(system, times, solver, substeps)
 
 
-def check_steppable(scene: Scene, solver: Exponential) -> System:
+def check_steppable(scene: Scene, solver: Exponential, system: System | None = None) -> System:
     """The equations of a scene; raises where exponential steps do not take its run."""
-    system = assemble(scene)
+    system = assemble(scene) if system is None else system
     check_known_in_time(system)
     reason = unsteppable(system)
     if reason is None:
@@ -135,8 +144,8 @@ def check_steppable(scene: Scene, solver: Exponential) -> System:
     return system
 
 
-def default_exponential(scene: Scene, times: Any) -> Exponential | None:
-    """Exponential steps for a shaft of many coordinates without contact that they can take, else None."""
+def stepped_by_default(scene: Scene, times: Any) -> System | None:
+    """Equations of a shaft of many coordinates without contact, if exponential steps take them."""
     free = scene.spin.given and not scene.of(AbstractContact)
     if not (free and scene.shaft.has_mass and known(times)):
         return None
@@ -145,7 +154,7 @@ def default_exponential(scene: Scene, times: Any) -> Exponential | None:
         return None
     given = jax.tree.leaves((system.spin, system.blocks.polar))
     takes = unsteppable(system) is None and system.blocks.hysteretic is None
-    return Exponential(order=4) if takes and all(map(known, given)) else None
+    return system if takes and all(map(known, given)) else None
 
 
 def unsteppable(system: System) -> str | None:
@@ -196,15 +205,19 @@ def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:
             "steps from sample to sample."
         )
     revolution = CONTACT_STEPS if system.ports else STEPS[order]
-    longest = float(np.diff(breaks).max() * np.abs(np.asarray(speed)).max()) / (2 * math.pi)
-    return max(1, math.ceil(revolution * longest - 1e-6))
+    return steps_between(np.diff(breaks).max(), np.abs(np.asarray(speed)).max(), revolution)
+
+
+def steps_between(length: float, fastest: float, revolution: int) -> int:
+    """Steps in a length of time [s], of `revolution` in a turn at the speed `fastest` [rad/s]."""
+    return max(1, math.ceil(float(revolution * length * fastest) / (2 * math.pi) - 1e-6))
 
 
 @compiled_quickly
 def _modal_bases(system: System, stepping: Stepping) -> Basis:
     """Modal bases of the linear equations at all speeds of decomposition."""
     centres, rate = stepping.centres(system)
-    one = lambda speed: modal(FixedAxes.of(system.at_speed(speed), rate).matrix)
+    one = lambda speed: modal(linear_matrix(system.at_speed(speed), rate))
     return jax.lax.map(one, centres)
 
 
@@ -260,7 +273,7 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
             step = rotor.step(order, h(length), system.ports)
         part = time, length, stepping.substeps
         now = course(system, rotor, step, centres[number], angle, part)
-        y, loaded = step.several(now, rotor.encode(state), batch=stepping.batch)
+        y, loaded = step.several(now, rotor.encode(state), batch=False)
         state = rotor.decode(y)
         return (state, touched | loaded), state
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
+from ..equations.constant_frame import linear_matrix
 from ..equations.fixed_axes import SpeedTerms, depends_on_speed
 from ..equations.start import AbstractStart
 from ..equations.system import System, assemble
@@ -21,7 +22,7 @@ from ..solvers.exponential import Exponential
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from .base import Plan, WindowSamples
 from .revolutions import bounded
-from .stepped import Stepping, course, turning
+from .stepped import Stepping, course, steps_between, turning
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
@@ -38,9 +39,7 @@ class WindowMarch(eqx.Module):
     system: System
     rotor: RotorAtSpeed
     step: VaryingStep
-    reading: Float[
-        Array, "4 m2"
-    ]  # [Re, Im] of displacement and velocity of the station, of a state
+    reading: Float[Array, "4 m2"]  # [Re, Im] of displacement and velocity of the station
     plan: Plan
     centre: Scalar  # speed of decomposition [rad/s]
     length: Scalar  # from sample to sample [s]
@@ -55,10 +54,10 @@ class WindowMarch(eqx.Module):
         centres, rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         at_centre = system.at_speed(centres[0])
-        rotor = RotorAtSpeed.build(at_centre, rate, terms, None)
         assert isinstance(plan.solver, Exponential)
-        if plan.solver.basis != "dense":
-            rotor = RotorAtSpeed.build(at_centre, rate, terms, modal(rotor.axes.matrix))
+        dense = plan.solver.basis == "dense"
+        basis = None if dense else modal(linear_matrix(at_centre, rate))
+        rotor = RotorAtSpeed.build(at_centre, rate, terms, basis)
         length = stepping.breaks[1] - stepping.breaks[0]
         h = rate * length / stepping.substeps
         step = rotor.step(plan.solver.order, h, system.ports)
@@ -153,7 +152,7 @@ def lane_stepping(
     """
     speeds = np.stack([np.asarray(turning(one, jnp.asarray(times)).speed) for one in systems])
     fastest = float(np.abs(speeds).max())
-    each = max(1, math.ceil(revolution * fastest * times[1] / (2 * math.pi) - 1e-6))
+    each = steps_between(times[1], fastest, revolution)
     first = systems[0]
     depends = depends_on_speed(first.blocks) and np.ptp(speeds) > 0
     return Stepping(
@@ -164,6 +163,5 @@ def lane_stepping(
         even=True,
         modes=min(MOST_MODES, first.n) if depends else 0,
         speeds=1,
-        batch=True,
         span=(jnp.asarray(speeds.min()), jnp.asarray(speeds.max())),
     )

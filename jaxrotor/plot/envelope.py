@@ -48,9 +48,7 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
         across, values, factor * radius, cmap="viridis", shading="nearest", rasterized=True
     )
     ax.set_facecolor("0.8")
-    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-    bar.set_label(f"largest radius [{unit}]", size=page.TEXT)
-    bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    page.colour_bar(ax, mesh, f"largest radius [{unit}]")
     ax.set_xlabel(label)
     ax.set_ylabel(name)
     return ax

@@ -53,9 +53,7 @@ def error_map(
     ax = page.single(ax, 120, 85)
     norm = LogNorm(levels[0], levels[-1])
     mesh = ax.contourf(x, y, np.maximum(error, levels[0]), levels, norm=norm, cmap=colours.RAMP)
-    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-    bar.set_label(label, size=page.TEXT)
-    bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    page.colour_bar(ax, mesh, label)
     inside = [mark for mark in marked if positive.min() < mark < positive.max()]
     if inside:
         lines = ax.contour(x, y, error, inside, colors=colours.DARK, linewidths=1.0)

@@ -8,6 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -35,6 +37,14 @@ STYLE: Any = {  # text and lines of a picture file [pt]
 def inches(width: float | int, height: float | int) -> tuple[float, float]:
     """Size of a figure in inches, from mm."""
     return width * _MM, height * _MM
+
+
+def colour_bar(ax: Axes, drawn: ScalarMappable, label: str, **options: Any) -> Colorbar:
+    """Bar beside the Axes with the scale of what is drawn in colours; `options` are matplotlib's."""
+    bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02, **options)
+    bar.set_label(label, size=TEXT)
+    bar.ax.tick_params(labelsize=TEXT, width=0.6, length=2.5)
+    return bar
 
 
 def single(ax: Axes | None, width: int, height: int) -> Axes:

@@ -79,10 +79,8 @@ def _shade(result: Any, ax: Axes | None, label: str) -> Axes:
         steps = MaxNLocator(10).tick_values(0.0, top)
         levels = np.maximum(steps, 1e-6 * top)  # smaller values are rounding of an undamped root
         mesh = ax.contourf(x, y, growth.T, levels=levels, cmap=colours.RAMP, zorder=0.5)
-        bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+        bar = page.colour_bar(ax, mesh, label)
         bar.set_ticks(levels[::2].tolist(), labels=[f"{step:g}" for step in steps[::2]])
-        bar.set_label(label, size=page.TEXT)
-        bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
     unknown = np.isnan(growth).T
     if unknown.any():
         ax.contourf(x, y, unknown, [0.5, 1.5], colors="none", hatches=["///"])

@@ -89,9 +89,7 @@ def sweep_map(
         chosen, shades = _scale(drawn)
         mesh = ax.pcolormesh(x, y, drawn, cmap=shades, norm=norm or chosen, **style)
         ax.set_facecolor("0.8")
-        bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-        bar.set_label(label, size=page.TEXT)
-        bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+        page.colour_bar(ax, mesh, label)
         if (np.isnan(drawn) & ~lost).any():
             ax.fill([], [], color="0.8", label="undefined")
     if lost.any():

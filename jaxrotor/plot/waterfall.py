@@ -59,9 +59,9 @@ def waterfall(
         rasterized=True,
     )
     ax.set_facecolor("0.8")
-    bar = ax.figure.colorbar(mesh, ax=ax, extend="min", pad=0.02)
-    bar.set_label("amplitude of " r"relative whirl speed $\dot\psi/\Omega$ [1]", size=page.TEXT)
-    bar.ax.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    page.colour_bar(
+        ax, mesh, "amplitude of " r"relative whirl speed $\dot\psi/\Omega$ [1]", extend="min"
+    )
     ax.set_xlabel(label)
     ax.set_ylabel("frequency [cycles per revolution]")
     return ax

@@ -10,10 +10,11 @@ from jaxtyping import Array, Inexact
 
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
+from ..equations.constant_frame import linear_matrix
 from ..equations.pencil import frame
 from ..equations.system import System
 from .basis import well_conditioned
-from .exponential import Exponential, linear_matrix
+from .exponential import Exponential
 
 
 def choose(

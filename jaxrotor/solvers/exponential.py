@@ -13,7 +13,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, Inexact
+from jaxtyping import Array, ArrayLike, Float
 
 from ..core.quantities import Scalar
 from ..equations.constant_frame import ConstantFrame
@@ -25,13 +25,6 @@ from .lanes import lanes_last, per_lane
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading
 from .tableau import AbstractStep, Tableau, tableau_of
-
-
-def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
-    """`A` of the linear equations: complex where all axes are equal, else real."""
-    if isotropic(system.blocks):
-        return Motion(system, rate, loads=False).matrix()
-    return ConstantFrame.of(system, rate).matrix
 
 
 class Exponential(eqx.Module):

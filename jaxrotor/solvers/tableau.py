@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Float, Inexact
 
 from ..core.extremes import larger
 from ..core.quantities import Scalar
+from ..equations.system import Port
 from .basis import Basis, Dense, Rotation, SlotRotation, as_real
 from .lanes import product
 from .ports import Reading, phase_at
@@ -58,13 +59,23 @@ class Tableau(eqx.Module):
             found.append(forces(stage, time))
         return product(self.weights, jnp.concatenate(found))
 
-    def port_response(
+    def contact_stiffness_ratio(
+        self, seen: Float[Array, "p4 m2"], ports: tuple[Port, ...]
+    ) -> Float[Array, "2"]:
+        """Force of a stop after a unit of force is held for one step, at the hardest port.
+
+        `k d` and `c v`, with the stiffness `k` and damping `c` of the stop, and the displacement `d` and
+        velocity `v` that the unit force gives the port in a step `h`. A mass `m` on the stop alone has
+        `k h^2 / (2 m)` and `c h / m`. `seen` reads the ports, whose forces are the first of the inputs.
+        """
+        hardness = jnp.stack([port.hardness() for port in ports])  # (p, 2)
+        found = hardness * jnp.stack(self._port_response(seen), axis=1)
+        return found[jnp.argmax(found.sum(1))]
+
+    def _port_response(
         self, seen: Float[Array, "p4 m2"]
     ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-        """Displacement [m] and velocity [m/s] of every port after a step under a unit force held there.
-
-        `seen` reads the ports, whose forces are the first of the inputs.
-        """
+        """Displacement [m] and velocity [m/s] of every port after a step under a unit force held there."""
         p = seen.shape[0] // 4
         inputs = self.weights.shape[1] // (2 * len(self.stages))
         held = self.weights.reshape(self.weights.shape[0], -1, 2, inputs).sum(1)  # at all stages

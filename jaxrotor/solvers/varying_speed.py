@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.quantities import Scalar
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
-from ..equations.system import Port, System
+from ..equations.system import Port, System, port_forces
 from .basis import Basis, DenseBasis, as_real, packed, unpacked
 from .lanes import lanes_last, per_lane, product
 from .tableau import Tableau, tableau_of
@@ -129,13 +129,10 @@ class VaryingStep(eqx.Module):
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "2"]:
-        """See `March.contact_stiffness_ratio`."""
+        """See `Tableau.contact_stiffness_ratio`; zero without contact."""
         if not self.ports:
             return jnp.zeros(2)
-        response = self.tableau.port_response(self.reading)
-        ports = jnp.stack([port.hardness() for port in self.ports])  # (p, 2)
-        found = ports * jnp.stack(response, axis=1)
-        return found[jnp.argmax(found.sum(1))]
+        return self.tableau.contact_stiffness_ratio(self.reading, self.ports)
 
     def several(
         self, course: Course, y: Float[Array, " m2"], *, batch: bool
@@ -191,6 +188,5 @@ class VaryingStep(eqx.Module):
 def _port_forces(parts: tuple[tuple[Port, ...], Scalar], seen: Float[Array, " p4"]):
     """`[Re, Im]` of the forces of all ports, from displacement and velocity."""
     ports, speed = parts
-    d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
-    forces = [port.forces(d[:, i], v[:, i], speed).sum(0) for i, port in enumerate(ports)]
-    return jnp.stack(forces, axis=1).ravel()
+    motion = seen.reshape(2, 2, -1)
+    return port_forces(ports, motion[:, 0], motion[:, 1], speed).ravel()

@@ -14,6 +14,7 @@ from ..core.compiled import QUICKLY
 from ..core.outcome import Outcome
 from ..core.parallel import first_alone
 from ..core.progress import segments
+from ..equations.constant_frame import linear_matrix
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
@@ -23,7 +24,7 @@ from ..motion.windows import WindowMarch
 from ..scene import Scene
 from ..solvers.basis import ModalBasis, SlotBasis, modal
 from ..solvers.choice import decide_basis
-from ..solvers.exponential import Exponential, linear_matrix
+from ..solvers.exponential import Exponential
 from .observe import AbstractObservable, Turn
 
 
@@ -69,7 +70,7 @@ class Lanes(NamedTuple):
     stored: tuple  # what every observable stored of every kept revolution
     outcome: Outcome
     started: np.ndarray  # whether the starting state is finite
-    contact_stiffness_ratio: np.ndarray  # (lanes, 2), see `March.contact_stiffness_ratio`
+    contact_stiffness_ratio: np.ndarray  # (lanes, 2), see `Tableau.contact_stiffness_ratio`
     end: tuple[np.ndarray, np.ndarray] | None  # coordinates and velocities, (lanes, n)
 
 
