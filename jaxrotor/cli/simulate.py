@@ -9,7 +9,8 @@ import numpy as np
 import typer
 
 from ..files.toml import study
-from ..motion.simulate import Response, simulate as run
+from ..motion.history import TimeHistory
+from ..motion.simulate import simulate as run
 from ..results.dataset import dataset
 from ..solvers import Exponential
 from . import answer
@@ -139,7 +140,7 @@ def simulate(
     answer.print_table(rows)
 
 
-def _draw(response: Response, folder: Path) -> None:
+def _draw(response: TimeHistory, folder: Path) -> None:
     from .. import plot
 
     def history(axes):
@@ -151,7 +152,7 @@ def _draw(response: Response, folder: Path) -> None:
     draw(folder / "history.png", history, 170, 110, rows=2)
 
 
-def _summary(response: Response) -> dict[str, Any]:
+def _summary(response: TimeHistory) -> dict[str, Any]:
     """Radius, whirl and contacts at the first station, without the sample at the start."""
     z, velocity = (np.asarray(a)[1:, 0] for a in (response.displacement, response.velocity))  # (T,)
     radius, speed = np.abs(z), float(response.scene.spin.speed)

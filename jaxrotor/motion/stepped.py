@@ -123,6 +123,11 @@ def stepping_of(
     return Stepping.of(system, times, solver, substeps)
 
 
+def steppable(scene: Scene, system: System) -> bool:
+    """Whether exponential steps take the run of a scene."""
+    return unsteppable(system) is None and has_massless(scene, system) is False
+
+
 def check_steppable(scene: Scene, solver: Exponential, system: System | None = None) -> System:
     """The equations of a scene; raises where exponential steps do not take its run."""
     system = assemble(scene) if system is None else system

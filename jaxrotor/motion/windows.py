@@ -1,8 +1,7 @@
 """Windows: a motion at a speed known in time, advanced from window to window of its samples."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -17,11 +16,10 @@ from ..equations.fixed_axes import SpeedTerms, depends_on_speed
 from ..equations.start import AbstractStart
 from ..equations.system import System, assemble
 from ..scene import Scene
-from ..solvers.basis import modal
+from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
-from .base import Plan, WindowSamples
-from .revolutions import bounded
+from .base import AbstractMarch, Plan, Window, bounded
 from .stepped import Stepping, course, steps_between, turning
 
 
@@ -29,7 +27,7 @@ LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
 MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
 
 
-class WindowMarch(eqx.Module):
+class WindowMarch(AbstractMarch):
     """Motion of one scene along evenly spaced samples, advanced by whole windows of them.
 
     The rotor is decomposed at one speed, so that lanes whose speeds differ share the coefficients of a
@@ -70,8 +68,9 @@ class WindowMarch(eqx.Module):
         """State at the start."""
         return self.encode(*start.state(self.system, at))
 
-    def encode(self, q: Array, velocity: Array) -> Array:
+    def encode(self, *parts: Array) -> Array:
         """State at the first sample of coordinates [m] and their velocities [m/s]."""
+        q, velocity = parts
         return jnp.append(self.rotor.encode(self.rotor.axes.state(q, velocity)), 0.0)
 
     def decode(self, y: Array) -> tuple[Array, Array]:
@@ -88,19 +87,14 @@ class WindowMarch(eqx.Module):
         """See `VaryingStep.contact_stiffness_ratio`."""
         return self.step.contact_stiffness_ratio
 
-    def collect(self, y: Array, carry: Any, update: Callable, windows: int) -> Any:
-        """Whole windows, with `carry, out = update(carry, samples)` after each, as `March.collect`."""
+    def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
+        return self.step_through(y, windows)
 
-        def one(state, _):
-            y, carry, good = state
-            y, samples, ok = self._window(y)
-            carry, out = update(carry, samples)
-            return (y, carry, good & ok), out
+    def advance(self, y: Array) -> tuple[Array, Outcome]:
+        end, _, ok = self.observe(y)  # what is not read is not computed
+        return end, ok
 
-        return jax.lax.scan(one, (y, carry, Outcome.good()), None, length=windows)
-
-    def _window(self, y: Array) -> tuple[Array, WindowSamples, Outcome]:
-        """One window: the state at its end, its samples, the first and the last included, and outcome."""
+    def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
         number, size = y[-1], self.plan.steps
         times = (number * size + jnp.arange(size + 1)) * self.length
 
@@ -123,7 +117,8 @@ class WindowMarch(eqx.Module):
             both = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
             forces = both[..., 0] + 1j * both[..., 1]
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
-        samples = WindowSamples(z[:, :1], z[:, 1:], forces, times, speed)
+        seen = z[:, :1], z[:, 1:], None, forces, None
+        samples = Window(*seen, self.length, jnp.sign(speed[-1]), times, speed)
         ok = Outcome(bounded(w), jnp.ones((), bool), jnp.zeros((), int), touched)
         return jnp.append(w, number + 1), samples, ok
 

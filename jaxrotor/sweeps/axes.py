@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..equations.start import AbstractStart
+from ..core.parameters import follow
+from ..equations.start import AbstractStart, numbers_of, put_number
 from ..equations.system import port_groups
 from ..motion.revolutions import revolution_rate
 from ..scene import Scene
@@ -86,16 +87,27 @@ def at_point(
     """Scene and start with values by path; paths that begin with `start.` go to the start."""
     own = {path: value for path, value in values.items() if not path.startswith("start.")}
     for path in values.keys() - own.keys():
-        name = path.removeprefix("start.")
-        names = [f for f in start.__dataclass_fields__ if f in ("radius", "rate", "angle")]
-        if name not in names:
+        name, numbers = path.removeprefix("start."), numbers_of(start)
+        if name not in numbers:
+            has = [path for path in numbers if not path[-1].isdigit()]
             raise ValueError(
-                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(names) or '-'}. "
+                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(has) or '-'}. "
                 "A start=jaxrotor.Whirl(..) has radius, rate and angle."
             )
-        fields = {n: getattr(start, n) for n in names}
-        start = type(start)(**(fields | {name: values[path]}))
+        start = put_number(start, name, values[path])
+        _check_numbers(start, name)
     return scene.replace(own), start
+
+
+def _check_numbers(start: AbstractStart, path: str) -> None:
+    """Raise unless a number that was put into a start, which is not checked there, is admissible."""
+    *parents, name = (int(word) if word.isdigit() else word for word in path.split("."))
+    part = follow(start, parents)
+    if isinstance(part, AbstractStart):
+        fields = {name: getattr(part, name) for name in part.__dataclass_fields__}
+        type(part)(**fields)
+    elif not np.all(np.isfinite(part if isinstance(name, int) else getattr(part, name))):
+        raise ValueError(f"`start.{path}` must be finite.")
 
 
 def shared_ports(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:

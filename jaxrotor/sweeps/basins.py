@@ -18,7 +18,8 @@ from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, AtRest, Balls, Launch
 from ..files.toml import dumps
-from ..motion.run_up import by_race, imbalance_of
+from ..motion.history import imbalance_of
+from ..motion.run_up import by_race
 from ..motion.transient import Integration, controller_for, integrate
 from ..results.provenance import as_json, assumed, versions
 from ..scene import Scene
@@ -214,7 +215,7 @@ def _ends(
         pairs = zip(by_race(scene, start[0]), by_race(scene, start[1]), strict=True)
         launch = Launch(shaft, 0.0, tuple(Balls(*pair) for pair in pairs))
         run = integrate(scene, times, launch, jnp.atleast_1d(races[0].at), plan)
-        instants, displacement = run.instants, run.seen[0]
+        instants, displacement = run.instants, run.seen.displacement
         total = imbalance_of(scene, instants.bodies)
         span = times[-1] - times[0]
         lag = (instants.bodies[-1] - instants.bodies[0]) / span

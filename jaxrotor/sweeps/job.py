@@ -11,8 +11,9 @@ import xarray as xr
 
 from ..core.attributes import about, flags
 from ..core.outcome import STATUS, failed, statuses, too_long
-from ..core.quantities import quantity_units
+from ..equations.start import numbers_of
 from ..files.toml import dumps
+from ..motion.stepped import Stepping
 from ..results.provenance import BRANCHES, as_json, assumed, versions
 from ..solvers.choice import solver_name
 from ..solvers.exponential import Exponential
@@ -180,14 +181,14 @@ def coords_of(context: Context, axes: Mapping[str, np.ndarray]) -> dict[str, Any
 def _unit(context: Context, path: str) -> str:
     """Unit of a swept parameter."""
     if path.startswith("start."):
-        return quantity_units(context.start)[path.removeprefix("start.")]
+        return numbers_of(context.start)[path.removeprefix("start.")]
     return context.scene.unit(path)
 
 
 def _pace(context: Context) -> dict[str, Any]:
     """Attributes of the revolutions or of the times that are observed, and of the steps."""
-    stepping, steps = context.stepping, context.plan.steps
-    if stepping is None:
+    pace, steps = context.pace, context.plan.steps
+    if context.interval is None:
         period = "that of the spin" if context.period is None else float(context.period)
         return {
             "period": period,
@@ -195,11 +196,14 @@ def _pace(context: Context) -> dict[str, Any]:
             "keep": context.keep,
             "steps_per_revolution": steps,
         }
-    times = np.asarray(stepping.breaks)
+    intervals = steps * context.keep
+    stepped, duration = {}, context.interval * intervals
+    if isinstance(pace, Stepping):
+        stepped, duration = {"steps_per_sample": pace.substeps}, float(pace.breaks[-1])
     return {
-        "duration": float(times[-1]),
-        "samples": times.size,
-        "steps_per_sample": stepping.substeps,
+        "duration": duration,
+        "samples": intervals + 1,
+        **stepped,
         "samples_per_window": steps,
     }
 

@@ -160,4 +160,4 @@ def test_what_whole_revolutions_do_not_take():
         jr.sweep(scene().at_speed(100.0), OVER, observe=[jr.observe.Peak()])
     feedback = scene(jr.Drive(10.0, 1.0, feedback=True))
     with pytest.raises(ValueError, match="the speed of its Drive is not known in advance"):
-        jr.sweep(feedback, OVER, times=TIMES)
+        jr.sweep(feedback, OVER, times=TIMES, solver=jr.Exponential(2))
