@@ -244,6 +244,13 @@ def instants(scene: Scene, duration: str | None, samples: int, times: str | None
     return np.linspace(0.0, stop, samples)
 
 
+def refuse_revolutions(given: dict[str, Any]) -> None:
+    """Raise if an option that is for whole revolutions is given, by its name, for a run along times."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"{name} is for whole revolutions; leave it out, or --times.")
+
+
 def _length(scene: Scene) -> float:
     """Default duration of a run [s]; see `Duration`."""
     spin = scene.spin
