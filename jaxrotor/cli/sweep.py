@@ -14,7 +14,7 @@ import typer
 import xarray as xr
 
 from ..core.outcome import failed
-from ..effects import AbstractContact
+from ..effects import AbstractBodies, AbstractContact
 from ..files.toml import study
 from ..scene import Scene
 from ..solvers import Exponential
@@ -293,7 +293,8 @@ def _observables(
     scene: Scene, spectrum: bool, steps: Any, times: Any
 ) -> tuple[AbstractObservable, ...]:
     """All observables of a scene, with the whirl spectrum if it is asked for."""
-    found = everything(bool(scene.of(AbstractContact)), along_times=times is not None)
+    contacts, balls = (bool(scene.of(kind)) for kind in (AbstractContact, AbstractBodies))
+    found = everything(contacts, along_times=times is not None, balls=balls)
     if spectrum:
         one = WhirlSpectrum()
         if steps != "auto" and steps % one.samples:

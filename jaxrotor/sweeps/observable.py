@@ -62,6 +62,7 @@ class AbstractObservable(eqx.Module):
     """A quantity that is kept of each revolution, and how it is reported."""
 
     needs_contact: eqx.AbstractClassVar[bool]
+    needs_balls: ClassVar[bool] = False
     paced: ClassVar[Literal["any", "revolutions", "times"]] = "revolutions"  # in what it is defined
 
     @abc.abstractmethod

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.plane import plane
+from ..core.quantities import Scalar, positive
 from .observable import AbstractObservable as AbstractObservable, Turn as Turn, Variable as Variable
+from .observe_balls import BallLag as BallLag, Imbalance as Imbalance
 
 
 class Section(AbstractObservable):
@@ -208,6 +210,32 @@ class Peak(AbstractObservable):
         }
 
 
+class Capture(AbstractObservable):
+    """Whether the speed at the end of a run is below a critical speed, at which the drive hangs."""
+
+    needs_contact: ClassVar[bool] = False
+    paced = "times"
+    critical: Scalar = positive("critical [rad/s]")
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return jnp.zeros(())
+
+    def update(self, carry, turn: Turn):
+        assert turn.speed is not None, "checked before the run"
+        return turn.speed[-1], None
+
+    def report(self, carry, stored, count):
+        below = np.abs(carry) < np.asarray(self.critical)
+        long_name = "whether the speed at the end is below the critical one"
+        return {
+            "captured": Variable((), below.astype(float), "1", long_name),
+            "end_speed": Variable((), carry, "rad/s", "speed at the end"),
+        }
+
+
 class Envelope(AbstractObservable):
     """Largest distance from the centre at the samples of every window, and the speed at its end."""
 
@@ -318,20 +346,22 @@ class WhirlSpectrum(AbstractObservable):
 
 
 def everything(
-    contacts: bool = False, *, along_times: bool = False
+    contacts: bool = False, *, along_times: bool = False, balls: bool = False
 ) -> tuple[AbstractObservable, ...]:
     """The default observables of a sweep: section, extrema, precession and radius.
 
     Args:
         contacts: whether `Contact`, which observes limiters, is among them.
         along_times: whether the lanes are runs along times, observed by peak, envelope and radius.
+        balls: whether `Imbalance` and `BallLag`, which observe balls, are among them.
 
     Returns:
         The observables, for `sweep(.., observe=..)`.
     """
+    others = *[Contact()][:contacts], *[Imbalance(), BallLag()][: 2 * balls]
     if along_times:
-        return Peak(), Envelope(), Radius(), *[Contact()][:contacts]
-    return Section(), Extrema(), Precession(), Radius(), *[Contact()][:contacts]
+        return Peak(), Envelope(), Radius(), *others
+    return Section(), Extrema(), Precession(), Radius(), *others
 
 
 def _check_direction_is_resolved(steps: int) -> None:

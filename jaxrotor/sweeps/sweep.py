@@ -15,7 +15,7 @@ from ..core.checks import check_counts
 from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
-from ..effects.base import AbstractContact
+from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
@@ -209,9 +209,9 @@ def _checked_observables(
     observe: Any, scene: Scene, steps: int, along_times: bool
 ) -> tuple[AbstractObservable, ...]:
     """The observables asked for, or by default all but the spectrum."""
-    contacts = len(scene.of(AbstractContact))
+    contacts, balls = len(scene.of(AbstractContact)), bool(scene.of(AbstractBodies))
     if observe is None:
-        observe = everything(bool(contacts), along_times=along_times)
+        observe = everything(bool(contacts), along_times=along_times, balls=balls)
     observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
     for one in observe:
         if not isinstance(one, AbstractObservable):
@@ -221,6 +221,8 @@ def _checked_observables(
                 "along `times`" if one.paced == "times" else "of whole revolutions, without `times`"
             )
             raise ValueError(f"`{type(one).__name__}` is an observable of motions {where}.")
+        if one.needs_balls and not balls:
+            raise ValueError(f"`{type(one).__name__}` observes balls, but the scene has none.")
         one.check(steps, contacts)
     return observe
 
