@@ -26,13 +26,14 @@ class Integrating(eqx.Module):
     integration: Integration
     interval: Scalar | None  # from sample to sample [s]; None: a share of a revolution
     period: float | None = eqx.field(static=True)  # of a revolution at zero speed [s]
+    first: Scalar | None = None  # time of the first sample, before which there is one window [s]
 
 
 class IntegratedMarch(AbstractMarch):
     """Motion of one scene in the axes of the shaft, with balls and a spin that may be free.
 
     A state holds the `RotatingState` of the equations, whether the rotor stays at rest, and the number
-    of windows before it.
+    of windows before it, not counted the one that ends with the first sample.
     """
 
     scene: Scene
@@ -42,6 +43,7 @@ class IntegratedMarch(AbstractMarch):
     stations: Float[Array, " s"]
     interval: Scalar  # from sample to sample [s]
     speed: Scalar  # of rotation at the start [rad/s]
+    first: Scalar | None  # time of the first sample [s]; None: 0
 
     @classmethod
     def build(
@@ -60,12 +62,12 @@ class IntegratedMarch(AbstractMarch):
         if interval is None:
             interval = 2 * jnp.pi / revolution_rate(scene, pace.period) / plan.steps
         speed = jnp.asarray(scene.spin.speed)
-        return cls(scene, field, plan, pace.integration, stations, interval, speed)
+        return cls(scene, field, plan, pace.integration, stations, interval, speed, pace.first)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         launch = with_balls(self.scene, Launch.of(start))
         y = first_state(self.field, launch, at, free=self.integration.free)
-        return self._packed(y, jnp.asarray(launch.stopped), jnp.zeros(()))
+        return self._packed(y, jnp.asarray(launch.stopped), self._before_first())
 
     def encode(self, *parts: Array) -> Array:
         """State at angle zero of coordinates, their velocities, angles and speeds of the balls."""
@@ -74,12 +76,12 @@ class IntegratedMarch(AbstractMarch):
         y = first_state(self.field, launch, self.stations[0], free=self.integration.free)
         rates = (speeds - self.speed) / self.field.rate
         y = eqx.tree_at(lambda y: (y.bodies, y.bodies_rate), y, (angles, rates))
-        return self._packed(y, jnp.asarray(False), jnp.zeros(()))
+        return self._packed(y, jnp.asarray(False), self._before_first())
 
     def decode(self, y: Array) -> tuple[Array, ...]:
         """Coordinates [m], their velocities [m/s], angles of the balls [rad] and their speeds [rad/s]."""
         state, _, number = self._unpacked(y)
-        now = self.field.instant(number * self.plan.steps * self.interval, state)
+        now = self.field.instant(self._time(number), state)
         return now.r * now.turn, now.velocity * now.turn, now.bodies, now.bodies_speed
 
     @property
@@ -117,13 +119,22 @@ class IntegratedMarch(AbstractMarch):
     ) -> tuple[Array, tuple[Array, Kinematics], Outcome]:
         """A window in so many intervals: state at its end, times and motion of its samples, outcome."""
         state, stays, number = self._unpacked(y)
-        share = jnp.linspace(0.0, 1.0, intervals + 1)
-        times = (number + share) * self.plan.steps * self.interval
+        begin, end = self._time(number), self._time(number + 1)
+        times = begin + (end - begin) * jnp.linspace(0.0, 1.0, intervals + 1)
         part = integrate_part(self.field, self.integration, times[0], state, stays, times)
-        end = self._packed(part.end, part.stays, number + 1)
+        after = self._packed(part.end, part.stays, number + 1)
         good = Outcome.good()
-        ok = Outcome(bounded(end), part.good, good.unresolved, good.touched)
-        return end, (times, part.instants(self.field, times)), ok
+        ok = Outcome(bounded(after), part.good, good.unresolved, good.touched)
+        return after, (times, part.instants(self.field, times)), ok
+
+    def _before_first(self) -> Scalar:
+        """Number of the window that begins at time 0."""
+        return jnp.zeros(()) if self.first is None else jnp.where(self.first > 0, -1.0, 0.0)
+
+    def _time(self, number: Scalar) -> Scalar:
+        """Time at which a window begins [s]."""
+        time = number * self.plan.steps * self.interval
+        return time if self.first is None else jnp.where(number < 0, 0.0, self.first + time)
 
     def _bodies(self, instants: Kinematics) -> Bodies | None:
         if not self.field.system.races:

@@ -35,18 +35,56 @@ def checked_axes(
             "`over` must name at least one parameter, such as {'spin.speed': speeds}; one trajectory "
             "is a job for `simulate`."
         )
-    axes = {}
-    for path, values in over.items():
-        values = np.atleast_1d(np.asarray(values, float))
+    axes: dict[str, np.ndarray] = {}
+    for path, given in paths_of(over).items():
+        values = np.atleast_1d(np.asarray(given, float))
         if values.ndim != 1 or not values.size:
-            raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
+            raise ValueError(f"`over['{path}']` must be a list of numbers, but is {given!r}.")
         for value in {values.min(), values.max(), *values[values == 0]}:
             changed, _ = at_point(scene, start, {path: value})
             if revolve and path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
+    for name, together in over.items():
+        if isinstance(together, Mapping):
+            axes[name] = np.stack(
+                _of_one_length(name, {path: axes.pop(path) for path in together}), 1
+            )
     check_lanes(axes)
-    return axes
+    return {name: axes[name] for name in over}
+
+
+def paths_of(over: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by parameter path, also those of paths that vary together."""
+    paths: dict[str, Any] = {}
+    for name, values in over.items():
+        paths |= values if isinstance(values, Mapping) else {name: values}
+    return paths
+
+
+def values_by_path(
+    over: Mapping[str, Any], axes: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Columns of the axes by parameter path."""
+    columns = {}
+    for name, values in axes.items():
+        together = over[name]
+        names = list(together) if isinstance(together, Mapping) else [name]
+        columns |= dict(zip(names, values.reshape(len(values), -1).T, strict=True))
+    return columns
+
+
+def _of_one_length(name: str, values: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Values of paths that vary together; raises unless there are as many of each, and of the start."""
+    if len({len(one) for one in values.values()}) > 1:
+        sizes = ", ".join(f"{len(one)} of {path}" for path, one in values.items())
+        raise ValueError(
+            f"`over['{name}']` must have as many values of every path, but has {sizes}."
+        )
+    for path in values:
+        if path.endswith(".at") or path.startswith("shaft."):
+            raise ValueError(f"`{path}` decides stations and nodes, so it is swept by itself.")
+    return list(values.values())
 
 
 def check_lanes(axes: Mapping[str, Sequence[float] | np.ndarray]) -> None:
@@ -67,6 +105,8 @@ def with_carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -
         )
     if carry.startswith("start."):
         raise ValueError(f"`carry` keeps the state of a lane, so it cannot be {carry!r}.")
+    if isinstance(over[carry], Mapping):
+        raise ValueError(f"`carry` must be a single path, but `{carry}` has several.")
     values = np.atleast_1d(np.asarray(over[carry], float))
     if values.size < 2 or not np.all(np.diff(values) > 0):
         raise ValueError(

@@ -35,7 +35,7 @@ class Imbalance(AbstractObservable):
 
 
 class BallLag(AbstractObservable):
-    """Mean rate of every ball from the shaft, `psi.`; zero for a ball that turns with it."""
+    """Mean rate of every ball from the shaft, `psi.`, zero for a ball that turns with it; mean speed."""
 
     needs_contact: ClassVar[bool] = False
     needs_balls: ClassVar[bool] = True
@@ -45,13 +45,19 @@ class BallLag(AbstractObservable):
         del steps, contacts
 
     def start(self, contacts):
-        return jnp.zeros(())
+        return jnp.zeros(()), jnp.zeros(())
 
     def update(self, carry, turn: Turn):
         assert turn.bodies is not None, "checked before the run"
-        angle = turn.bodies.angle
-        return carry + turn.step * (len(angle) - 1), angle[-1] - angle[0]
+        assert turn.speed is not None, "balls are integrated in time"
+        angle, mean = turn.bodies.angle, jnp.mean((turn.speed[1:] + turn.speed[:-1]) / 2)
+        time, speed = carry
+        return (time + turn.step * (len(angle) - 1), speed + mean), angle[-1] - angle[0]
 
     def report(self, carry, stored, count):
-        lag = np.sum(stored, axis=1) / np.asarray(carry)[:, None]
-        return {"ball_lag": Variable(("ball",), lag, "rad/s", "mean rate of a ball from the shaft")}
+        time, speed = map(np.asarray, carry)
+        lag = np.sum(stored, axis=1) / time[:, None]
+        return {
+            "ball_lag": Variable(("ball",), lag, "rad/s", "mean rate of a ball from the shaft"),
+            "mean_speed": Variable((), speed / count, "rad/s", "mean speed of rotation"),
+        }

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,7 +18,7 @@ from ..motion.integrated import Integrating
 from ..motion.run_up import after, integration_of, with_balls
 from ..motion.simulate import check_integrated, steps_revolutions
 from ..motion.stepped import Stepping, check_steppable, steppable
-from ..motion.windows import lane_stepping
+from ..motion.windows import lane_stepping, window_of
 from ..scene import Scene
 from ..solvers.choice import checked_solver
 from ..solvers.control import step_control
@@ -61,7 +62,19 @@ def pace_of(
     takes = steppable(scene, system) and not isinstance(start, Launch)
     if isinstance(solver, Exponential) or (solver is None and controller is None and takes):
         return _stepping(scene, start, axes, times, solver, controller, steps)
-    return _integrating(scene, start, solver, controller, most or MOST_STEPS, times[1], None)
+    most = most or MOST_STEPS
+    found = _integrating(scene, start, solver, controller, most, times[1] - times[0], None)
+    return dataclasses.replace(found, first=jnp.asarray(times[0]))
+
+
+def windows_of(pace: Stepping | Integrating | None, times: np.ndarray) -> tuple[int, int, int]:
+    """Windows before the first sample and after it, and the intervals of each."""
+    if isinstance(pace, Integrating):
+        size = window_of(times.size)
+        return int(times[0] > 0), (times.size - 1) // size, size
+    before = round(times[0] / (times[1] - times[0]))
+    size = window_of(math.gcd(before, times.size - 1) + 1)
+    return before // size, (times.size - 1) // size, size
 
 
 def stepped_by(
@@ -94,6 +107,14 @@ def _stepping(
     if controller is not None:
         raise ValueError("`controller` is for diffrax solvers, not Exponential().")
     check_steppable(scene, solver)
+    interval = times[1] - times[0]
+    before = times[0] / interval
+    if abs(before - round(before)) > 1e-6 * max(before, 1.0):
+        raise ValueError(
+            f"The first of `times`, {times[0]:g} s, must be a whole number of intervals, of {interval:g} "
+            "s, for Exponential()."
+        )
+    times = np.linspace(0.0, times[-1], times.size + round(before))
     shaft_of(start, "A sweep along `times` by Exponential()")
     inertia = isinstance(scene.spin, Drive) and scene.spin.polar is None
     pacing = {path: v for path, v in axes.items() if inertia or path.startswith("spin.")}

@@ -21,17 +21,23 @@ from ..equations.system import assemble
 from ..motion.base import Plan
 from ..motion.revolutions import check_constant_speed, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
-from ..motion.windows import window_of
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
 from ..solvers.exponential import Exponential
-from .axes import at_point, checked_axes, shared_ports, with_carried_first
+from .axes import (
+    at_point,
+    checked_axes,
+    paths_of,
+    shared_ports,
+    values_by_path,
+    with_carried_first,
+)
 from .cluster import executor
 from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, coords_of, errors_of, identity, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, everything
-from .pace import finer, pace_of, start_of_lanes, stepped_by
+from .pace import finer, pace_of, start_of_lanes, stepped_by, windows_of
 from .store import PENDING, Store, StoreError
 
 
@@ -73,13 +79,14 @@ def sweep(
     Args:
         scene: the rotor; without `times` at constant speed.
         over: values by parameter path; paths such as `start.radius` or `start.balls.0.angle` vary the
-            starting state. All combinations are run.
+            starting state. All combinations are run. Paths that vary together are one entry,
+            `{"lane": {"spin.speed": speeds, "unbalance.eccentricity": eccentricities}}`.
         start: starting state of every lane, by default `AtRest()`; `Launch(..)` places balls.
         settle: revolutions before anything is observed (0 or more), by default 1000.
         keep: revolutions observed, by default 300.
-        times: evenly spaced times from 0 on [s], several in a revolution, as runs are observed at these
-            samples. The acceleration should jump at samples only; `settle`, `keep` and `carry` do not
-            apply.
+        times: evenly spaced times [s], several in a revolution, as motions are observed at these samples.
+            What is before the first of them is not observed. The acceleration should jump at samples
+            only; `settle`, `keep` and `carry` do not apply.
         observe: observables, by default `observe.everything()`, with contact where there is any.
         steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
             `PILOT_LANES` lanes, of those that converge. Of a run, steps a revolution at the highest speed.
@@ -135,22 +142,23 @@ def sweep(
         check_constant_speed(scene, "`sweep` without `times`")
     if carry is not None:
         over = with_carried_first(over, carry, error_sample)
-    start = start_of_lanes(scene, start, over)
+    start = start_of_lanes(scene, start, paths_of(over))
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period, revolve=along is None)
-    scene = with_shared_nodes(scene, axes)
-    together = shared_ports(scene, axes)
+    columns = values_by_path(over, axes)
+    scene = with_shared_nodes(scene, columns)
+    together = shared_ports(scene, columns)
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
         run |= {"max_steps": max_steps or 4096}
-        pilots += (_chosen_steps(scene, start, axes, settle + keep, tolerance, run),)
+        lanes = axes, tuple(columns)
+        pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
     steps = steps_per_revolution
-    pace = pace_of(scene, start, axes, along, period, solver, controller, steps, max_steps)
+    pace = pace_of(scene, start, columns, along, period, solver, controller, steps, max_steps)
     if along is not None:
-        settle, steps = 0, window_of(along.size)
-        keep = (along.size - 1) // steps
-    elif "spin.speed" not in axes:
+        settle, keep, steps = windows_of(pace, along)
+    elif "spin.speed" not in columns:
         revolution_rate(scene, period)
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
@@ -167,7 +175,9 @@ def sweep(
         together=together,
         batch=True,
     )
-    context = Context(scene, start, tuple(axes), plan, station, period, observe, settle, keep, pace)
+    context = Context(
+        scene, start, tuple(columns), plan, station, period, observe, settle, keep, pace
+    )
     job = Job(context, axes, carry, Stages.fresh())
     attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
@@ -195,14 +205,14 @@ def _checked_run(times: Any, given: Mapping[str, Any], steps: Any) -> np.ndarray
     if (
         values.ndim > 1
         or values.size < 2
-        or values[0] != 0
+        or values[0] < 0
         or not lengths.min() > 0
         or np.ptp(lengths) > 1e-9 * values[-1]
     ):
         raise ValueError(
             f"`times [s]` of a sweep must be two or more evenly spaced times from 0 on, but are {times!r}."
         )
-    return np.linspace(0.0, values[-1], values.size)
+    return np.linspace(values[0], values[-1], values.size)
 
 
 def _checked_observables(
@@ -236,13 +246,19 @@ def _station(scene: Scene, at: Any) -> jax.Array:
 
 
 def _chosen_steps(
-    scene: Scene, start: AbstractStart, axes: Mapping[str, np.ndarray], revolutions, tolerance, run
+    scene: Scene,
+    start: AbstractStart,
+    lanes: tuple[Any, tuple[str, ...]],
+    revolutions,
+    tolerance,
+    run,
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
-    lanes = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
+    axes, paths = lanes
+    few = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
     pilots, failures = [], []
-    for point in points_of(axes, lanes):
-        changed, begin = at_point(scene, start, dict(zip(axes, point, strict=True)))
+    for point in points_of(axes, few):
+        changed, begin = at_point(scene, start, dict(zip(paths, point, strict=True)))
         try:
             pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
         except (RuntimeError, ValueError) as error:  # this lane fails; others may not
