@@ -83,6 +83,15 @@ def test_balls_begin_where_a_path_says(tmp_path):
     lag = (run.balls[0].angle[-1] - run.balls[0].angle[0]) / times[-1]
     np.testing.assert_allclose(lane.ball_lag, lag, rtol=1e-5)
     assert found.equals(jr.sweep(BALLS, over, **settings))
+    both = {"lane": {"start.balls.0.angle.0": [2.0], "start.balls.0.rate": [-1.0]}}
+    late = jr.sweep(BALLS, both, start=placed(0.0), times=times[32:], store=tmp_path / "l", **QUIET)
+    rates = jr.Launch(balls=(jr.Balls(jnp.array([2.0, 1.0]), jnp.full(2, -1.0)),))
+    size = np.abs(jr.run_up(BALLS, times, start=rates).imbalance)
+    assert float(late.imbalance[0]) == pytest.approx(np.sqrt(np.mean(size[33:] ** 2)), rel=1e-4)
+    assert late["start.balls.0.rate"].dims == ("lane",)
+    assert late.equals(
+        jr.sweep(BALLS, both, start=placed(0.0), times=times[32:], store=tmp_path / "l", **QUIET)
+    )
     with pytest.raises(ValueError, match=r"has no `balls.0.angle.7`; it has: .*balls.0.angle"):
         jr.sweep(BALLS, {"start.balls.0.angle.7": [1.0]}, times=times)
     with pytest.raises(ValueError, match="`Imbalance` observes balls, but the scene has none"):

@@ -45,6 +45,35 @@ def test_lanes_are_runs(runs):
     np.testing.assert_allclose(runs.window, TIMES[size::size])
 
 
+def test_what_is_before_the_first_time_is_not_observed(runs):
+    """The second half alone; paths that vary together are one axis."""
+    together = {path: [values[0], values[1]] for path, values in OVER.items()}
+    late = jr.sweep(
+        scene(), {"machine": together}, times=TIMES[32:], steps_per_revolution=128, progress=False
+    )
+    assert late.peak.dims == ("machine",) and late.attrs["first_sample"] == pytest.approx(0.16)
+    np.testing.assert_array_equal(late["limiters.stiffness"], OVER["limiters.stiffness"])
+    half = runs.envelope[:, :, runs.window > 0.17].max("window").values.diagonal()
+    np.testing.assert_allclose(late.envelope.max("window"), half, rtol=1e-9)
+    np.testing.assert_allclose(late.window, runs.window[runs.window > 0.17])
+    np.testing.assert_allclose(late.speed[0], runs.speed[0, 0, runs.window > 0.17])
+
+
+@pytest.mark.parametrize(
+    ("over", "words"),
+    [
+        ({"a": {"limiters.gap": [1e-3], "limiters.stiffness": [1e5, 2e5]}}, "as many values of every"),
+        ({"a": {"limiters.at": [0.7], "limiters.gap": [1e-3]}}, "`limiters.at` decides stations"),
+    ],
+)
+def test_paths_that_cannot_vary_together(over, words):
+    with pytest.raises(ValueError, match=words):
+        jr.sweep(scene(), over, times=TIMES)
+    carried = {"a": {"limiters.gap": [1e-3, 2e-3]}}
+    with pytest.raises(ValueError, match="`carry` must be a single path"):
+        jr.sweep(scene().at_speed(100.0), carried, carry="a")
+
+
 def test_settings_are_told(runs):
     assert runs.attrs["duration"] == TIMES[-1] and runs.attrs["samples"] == TIMES.size
     assert "settle" not in runs.attrs
@@ -142,7 +171,7 @@ def test_samples_without_windows_are_refused():
         ({"carry": "limiters.stiffness"}, "`carry` is for whole revolutions"),
         ({"period": 1.0}, "`period` is for whole revolutions"),
         ({"times": [0.0, 0.1, 0.3]}, "evenly spaced times from 0 on"),
-        ({"times": [0.1, 0.2, 0.3]}, "evenly spaced times from 0 on"),
+        ({"times": [0.05, 0.15, 0.25]}, "must be a whole number of intervals, of 0.1 s"),
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
         ({"solver": jr.Exponential(located=True)}, "Located steps are taken by `simulate`"),
