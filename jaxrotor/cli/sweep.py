@@ -196,7 +196,7 @@ def sweep(
     options: dict[str, Any] = {
         "times": instant,
         "observe": _observables(rotor, spectrum, counts["steps_per_revolution"], instant),
-        "solver": None if order is None else Exponential(int(order)),
+        "solver": None if order is None else Exponential(2 if order is Order.second else 4),
         "at": moving_station(rotor) if at is None else optional(at, "m", "--at"),
         "period": optional(period, "s", "--period"),
         "workers": workers,

@@ -36,9 +36,9 @@ class IntegratedMarch(AbstractMarch):
     of windows before it, not counted the one that ends with the first sample.
     """
 
+    plan: Plan
     scene: Scene
     field: Transient
-    plan: Plan
     integration: Integration
     stations: Float[Array, " s"]
     interval: Scalar  # from sample to sample [s]
@@ -62,7 +62,7 @@ class IntegratedMarch(AbstractMarch):
         if interval is None:
             interval = 2 * jnp.pi / revolution_rate(scene, pace.period) / plan.steps
         speed = jnp.asarray(scene.spin.speed)
-        return cls(scene, field, plan, pace.integration, stations, interval, speed, pace.first)
+        return cls(plan, scene, field, pace.integration, stations, interval, speed, pace.first)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         launch = with_balls(self.scene, Launch.of(start))

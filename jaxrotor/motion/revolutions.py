@@ -33,10 +33,10 @@ class March(AbstractMarch):
     long the run. A scene with contact and without unbalance may advance by another `span` of angle.
     """
 
+    plan: Plan
     system: System
     stations: Float[Array, " s"]
     form: AbstractForm
-    plan: Plan
     step: ExponentialStep | LocatedStep | None
     # Propagator over `span` without contact, where there is contact:
     free: Rotation | SlotRotation | Dense | None
@@ -76,11 +76,11 @@ class March(AbstractMarch):
             rows.append(motion.rows)
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
-            return cls(system, stations, PhysicalForm(motion, rows), plan, None, None, span)
+            return cls(plan, system, stations, PhysicalForm(motion, rows), None, None, span)
         form = plan.solver.form(system, motion, rows, basis)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
         free = None if step is None else form.free_propagator(span)
-        return cls(system, stations, form, plan, step, free, span)
+        return cls(plan, system, stations, form, step, free, span)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""

@@ -34,11 +34,11 @@ class WindowMarch(AbstractMarch):
     step. The last entry of a state counts the windows.
     """
 
+    plan: Plan
     system: System
     rotor: RotorAtSpeed
     step: VaryingStep
     reading: Float[Array, "4 m2"]  # [Re, Im] of displacement and velocity of the station
-    plan: Plan
     centre: Scalar  # speed of decomposition [rad/s]
     length: Scalar  # from sample to sample [s]
     substeps: int = eqx.field(static=True)  # there
@@ -61,7 +61,7 @@ class WindowMarch(AbstractMarch):
         step = rotor.step(plan.solver.order, h, system.ports)
         row = system.line.row(station[0])[None]
         seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
-        parts = system, rotor, step, rotor.read(seen), plan, centres[0]
+        parts = plan, system, rotor, step, rotor.read(seen), centres[0]
         return cls(*parts, length, stepping.substeps)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:

@@ -3,7 +3,7 @@
 z(t) = Sum_k c_k exp(i k Omega t / revolutions),   k = -H .. H
 """
 
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -284,11 +284,12 @@ def _first(
         return _from_orbit(guess, orders, revolutions, len(system.ports))
     if not isinstance(guess, TimeHistory) or guess.steps_per_revolution is None:
         guess = simulate(scene, revolutions, start=start_of(guess))
-    count = revolutions * guess.steps_per_revolution
+    steps = cast(int, guess.steps_per_revolution)
+    count = revolutions * steps
     if guess.time.size <= count:
         raise ValueError(
             f"The guess must hold {revolutions} revolutions, but holds "
-            f"{(guess.time.size - 1) // guess.steps_per_revolution}; raise the `keep` of its run."
+            f"{(guess.time.size - 1) // steps}; raise the `keep` of its run."
         )
     rows = jnp.stack([port.row for port in system.ports])
     path = guess.coordinates[-count - 1 : -1] @ rows.T

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -187,7 +187,8 @@ def _marches(
         return _build_lanes(context, _with_solver(plan, chosen), points, begin, bases)
     in_modes = dataclasses.replace(solver, basis="modal")
     built = _build_lanes(context, _with_solver(plan, in_modes), points, begin)
-    chosen = decide_basis(solver, built[0].eigenvectors)
+    march = cast(March | WindowMarch, built[0])
+    chosen = decide_basis(solver, march.eigenvectors)
     if chosen == in_modes:
         return built
     return _build_lanes(context, _with_solver(plan, chosen), points, begin)
