@@ -8,6 +8,8 @@ from typing import Any
 import equinox as eqx
 import jax.core
 
+from .stored_programs import StoredPrograms
+
 
 # Options for `jax.jit`. A program that runs once or twice takes longer to optimise than to run. Without
 # the fusion emitters and LLVM's optimisation it compiles in a third of the time.
@@ -24,13 +26,17 @@ def compiled_quickly(function: Callable) -> Callable:
 
     Linear algebra runs as fast as with optimisation, as LAPACK does it. Inside another program, a
     derivative or a map the function is compiled as a part of that program, because jax takes compiler
-    options for whole programs only.
+    options for whole programs only. A direct call takes a stored program where programs are kept.
     """
     alone, inside = eqx.filter_jit(function, **QUICKLY), eqx.filter_jit(function)
+    stored = StoredPrograms(function, QUICKLY)
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        return (alone if _nothing_is_traced() else inside)(*args, **kwargs)
+        if not _nothing_is_traced():
+            return inside(*args, **kwargs)
+        program = stored.find(args, kwargs)
+        return alone(*args, **kwargs) if program is None else program()
 
     return call
 

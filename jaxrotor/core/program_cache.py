@@ -14,6 +14,12 @@ SETTINGS = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": -1,
 }
+_kept = False
+
+
+def programs_are_kept() -> bool:
+    """Whether this process has called one of the functions here that keep programs."""
+    return _kept
 
 
 def program_folder() -> Path:
@@ -21,9 +27,9 @@ def program_folder() -> Path:
 
     Machines may share the user's cache folder, and a program of one may not run on another.
     """
-    processor = hashlib.sha256(_processor().encode()).hexdigest()[:8]
+    own = hashlib.sha256(processor().encode()).hexdigest()[:8]
     version = importlib.metadata.version("jaxlib")
-    return user_cache_path("jaxrotor") / f"jaxlib-{version}-{platform.machine()}-{processor}"
+    return user_cache_path("jaxrotor") / f"jaxlib-{version}-{platform.machine()}-{own}"
 
 
 def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
@@ -37,6 +43,7 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
     Returns:
         Path of the folder.
     """
+    global _kept
     import jax
     from jax.experimental.compilation_cache import compilation_cache
 
@@ -46,11 +53,14 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
         jax.config.update(name, value)
     jax.config.update("jax_compilation_cache_dir", str(where))
     compilation_cache.reset_cache()  # drop a cache that was opened before with another folder
+    _kept = True
     return where
 
 
 def keep_programs_of_commands() -> None:
     """`keep_programs` by environment variables, before jax is loaded; the user's own settings stay."""
+    global _kept
+    _kept = True
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(program_folder())
@@ -58,7 +68,7 @@ def keep_programs_of_commands() -> None:
         os.environ.setdefault(name.upper(), str(value))
 
 
-def _processor() -> str:
+def processor() -> str:
     """Instruction sets of the processor as Linux lists them, else its name."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -45,7 +45,7 @@ def test_a_second_process_compiles_nothing(tmp_path):
 def test_the_folder_is_that_of_a_processor_and_a_version(monkeypatch):
     own = program_cache.program_folder()
     assert own.parent.name == "jaxrotor" and own == program_cache.program_folder()
-    monkeypatch.setattr(program_cache, "_processor", lambda: "another one")
+    monkeypatch.setattr(program_cache, "processor", lambda: "another one")
     assert program_cache.program_folder() != own
 
 
