@@ -22,13 +22,14 @@ import sys
 import tempfile
 import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
 
 from .description import TRUSTED, Indescribable, described
 from .program_cache import processor, programs_are_kept
@@ -140,7 +141,8 @@ class StoredPrograms:
         if _calls_python(traced.jaxpr.jaxpr):
             _write(file, _UNSTORABLE)
             return None
-        program = Program(traced.lower().compile(), outputs[0])
+        with _compiled_anew():
+            program = Program(traced.lower().compile(), outputs[0])
         try:
             content = _packed(program)
         except Exception:  # jax or a static part of the output decides which
@@ -169,6 +171,25 @@ class StoredPrograms:
 
         of_arrays.__name__ = of_arrays.__qualname__ = self._function.__name__
         return jax.jit(of_arrays, **self._options).trace(*arrays), outputs
+
+
+@contextlib.contextmanager
+def _compiled_anew() -> Iterator[None]:
+    """Compile without the cache of jax: a program loaded from there lacks functions if stored again.
+
+    Other threads compile without it meanwhile, too.
+    """
+    with _COMPILING:
+        jax.config.update("jax_enable_compilation_cache", False)
+        compilation_cache.reset_cache()  # jax reads the setting once
+        try:
+            yield
+        finally:
+            jax.config.update("jax_enable_compilation_cache", True)
+            compilation_cache.reset_cache()
+
+
+_COMPILING = threading.Lock()
 
 
 def _differ(one: Any, other: Any) -> bool:
