@@ -11,6 +11,8 @@ import typing
 from decimal import Decimal
 from typing import Any, NoReturn
 
+from .common_units import factor
+
 
 _HINTS = {"rad/s": " (write rpm or rad/s)", "rad": " (write deg or rad)"}
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII)
@@ -54,6 +56,9 @@ def _converted(text: str, unit: str) -> float | None:
         return None
     if not match[2]:
         return float(match[1])
+    common = factor(match[2], unit)
+    if common is not None:
+        return float(Decimal(match[1]) * common)
     registry = _registry()
     try:
         units = [registry.parse_units(u) for u in (match[2], "" if unit == "1" else unit)]
@@ -66,7 +71,7 @@ def _converted(text: str, unit: str) -> float | None:
 
 @functools.cache
 def _registry() -> Any:
-    import pint  # takes half a second, so only for a file with units
+    import pint  # takes half a second, so only for a file with units that are not common
     from platformdirs import user_cache_path
 
     build = functools.partial(pint.UnitRegistry, non_int_type=typing.cast(Any, Decimal))
