@@ -21,24 +21,36 @@ QUICKLY: dict[str, Any] = {
 }
 
 
-def compiled_quickly(function: Callable) -> Callable:
+class Compiled:
+    """A function that is compiled when it is called; `compiled_quickly` says how."""
+
+    def __init__(self, function: Callable):
+        functools.update_wrapper(self, function)
+        self._alone, self._inside = eqx.filter_jit(function, **QUICKLY), eqx.filter_jit(function)
+        self._stored = StoredPrograms(function, QUICKLY)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        if not _nothing_is_traced():
+            return self._inside(*args, **kwargs)
+        program = self._stored.find(args, kwargs)
+        return self._alone(*args, **kwargs) if program is None else program()
+
+    def shapes(self, *args: Any, **kwargs: Any) -> Any:
+        """The output with a `jax.ShapeDtypeStruct` in place of every array, without compilation."""
+        compute = lambda: eqx.filter_eval_shape(self._inside, *args, **kwargs)
+        if not _nothing_is_traced():
+            return compute()
+        return self._stored.shapes(compute, args, kwargs)
+
+
+def compiled_quickly(function: Callable) -> Compiled:
     """`eqx.filter_jit(function)`, compiled without optimisation when it is called directly.
 
     Linear algebra runs as fast as with optimisation, as LAPACK does it. Inside another program, a
     derivative or a map the function is compiled as a part of that program, because jax takes compiler
     options for whole programs only. A direct call takes a stored program where programs are kept.
     """
-    alone, inside = eqx.filter_jit(function, **QUICKLY), eqx.filter_jit(function)
-    stored = StoredPrograms(function, QUICKLY)
-
-    @functools.wraps(function)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        if not _nothing_is_traced():
-            return inside(*args, **kwargs)
-        program = stored.find(args, kwargs)
-        return alone(*args, **kwargs) if program is None else program()
-
-    return call
+    return Compiled(function)
 
 
 def _nothing_is_traced() -> bool:

@@ -95,6 +95,7 @@ class StoredPrograms:
         """`options` are those of `jax.jit`."""
         self._function, self._options = function, options
         self._programs: dict[str, Program | None] = {}
+        self._shapes: dict[str, Any] = {}
         self._lock = threading.RLock()
         own = function.__module__.partition(".")[0] in TRUSTED
         self._found_by_name = own and "<" not in function.__qualname__
@@ -116,6 +117,20 @@ class StoredPrograms:
                 self._programs[key] = self._loaded_or_built(folder / key, args, kwargs, arrays)
         program = self._programs[key]
         return None if program is None else lambda: program(arrays)
+
+    def shapes(self, compute: Callable[[], Any], args: tuple, kwargs: dict[str, Any]) -> Any:
+        """Result of `compute` for a call with these arguments, which only their structure decides."""
+        folder = _folder() if self._found_by_name and programs_are_kept() else None
+        if folder is None:
+            return compute()
+        try:
+            key = f"{self._key(args, kwargs)[0]}-shapes"
+        except (Indescribable, ImportError):
+            return compute()
+        with self._lock:
+            if key not in self._shapes:
+                self._shapes[key] = _remembered(folder / key, compute)
+        return self._shapes[key]
 
     def _key(self, args: tuple, kwargs: dict[str, Any]) -> tuple[str, list[Any]]:
         """Hash of all that decides the program of a call, and the arrays of the call."""
@@ -281,6 +296,18 @@ def _folder() -> Path | None:
 
 
 # === files
+
+
+def _remembered(file: Path, compute: Callable[[], Any]) -> Any:
+    """What a file holds, else what a function computes, which is then written."""
+    content = _read(file)
+    if content is not None:
+        with contextlib.suppress(Exception):
+            return pickle.loads(content)
+    found = compute()
+    with contextlib.suppress(Exception):  # a static part that cannot be pickled
+        _write(file, pickle.dumps(found))
+    return found
 
 
 def _packed(program: Program) -> bytes:

@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Hashable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,9 +17,6 @@ from ..core.pilot import Pilot
 from ..equations.start import AbstractStart, AtRest, Continued, Whirl
 from ..scene import Scene
 
-
-if TYPE_CHECKING:  # the solvers load diffrax, which takes a third of a second
-    from ..solvers.exponential import Exponential
 
 BRANCHES = ("up", "down")  # directions in which states are carried through values of a parameter
 
@@ -58,14 +55,14 @@ def as_json(setting: Any) -> str:
     return json.dumps(_plain(setting), allow_nan=False)
 
 
-def start_and_solver(attributes: Mapping[Any, Any]) -> "tuple[AbstractStart, Exponential]":
+def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Any]:
     """Start and solver of a sweep, from the attributes of its data set.
 
     Raises:
         ValueError: if the sweep began from another class of start, or was stepped by another solver,
             than can be built from its attributes.
     """
-    from ..solvers.exponential import Exponential
+    from ..solvers.exponential import Exponential  # loads diffrax, a third of a second
 
     if attributes["start"].startswith("{"):
         start, solver = (json.loads(attributes[name]) for name in ("start", "solver_settings"))
