@@ -1,4 +1,4 @@
-"""Compilation without optimisation, for programs that run once or twice."""
+"""Compiled functions: with optimisation, or without it for programs that run once or twice."""
 
 import functools
 from collections.abc import Callable
@@ -22,12 +22,13 @@ QUICKLY: dict[str, Any] = {
 
 
 class Compiled:
-    """A function that is compiled when it is called; `compiled_quickly` says how."""
+    """A function that is compiled when it is called, with options of `jax.jit` for a direct call."""
 
-    def __init__(self, function: Callable):
+    def __init__(self, function: Callable, options: dict[str, Any]):
         functools.update_wrapper(self, function)
-        self._alone, self._inside = eqx.filter_jit(function, **QUICKLY), eqx.filter_jit(function)
-        self._stored = StoredPrograms(function, QUICKLY)
+        self._inside = eqx.filter_jit(function)
+        self._alone = eqx.filter_jit(function, **options) if options else self._inside
+        self._stored = StoredPrograms(function, self._inside, options)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         if not _nothing_is_traced():
@@ -43,6 +44,11 @@ class Compiled:
         return self._stored.shapes(compute, args, kwargs)
 
 
+def compiled(function: Callable) -> Compiled:
+    """`eqx.filter_jit(function)`; a direct call takes a stored program where programs are kept."""
+    return Compiled(function, {})
+
+
 def compiled_quickly(function: Callable) -> Compiled:
     """`eqx.filter_jit(function)`, compiled without optimisation when it is called directly.
 
@@ -50,7 +56,7 @@ def compiled_quickly(function: Callable) -> Compiled:
     derivative or a map the function is compiled as a part of that program, because jax takes compiler
     options for whole programs only. A direct call takes a stored program where programs are kept.
     """
-    return Compiled(function)
+    return Compiled(function, QUICKLY)
 
 
 def _nothing_is_traced() -> bool:

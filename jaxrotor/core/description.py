@@ -58,6 +58,8 @@ def described(value: Any, arrays: list[Any] | None = None) -> Any:
         return "dict", tuple([(key, described(value[key], arrays)) for key in keys])
     if isinstance(value, eqx.Module):
         return _module(value, arrays)
+    if isinstance(value, jax.Device):
+        return "device", value.platform, value.id
     if isinstance(value, type):
         return "class", _importable(value)
     describe = _OTHERS.get(kind)

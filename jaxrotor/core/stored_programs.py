@@ -91,9 +91,9 @@ class Program(NamedTuple):
 class StoredPrograms:
     """Programs of one function, one for every description of its arguments."""
 
-    def __init__(self, function: Callable, options: dict[str, Any]):
-        """`options` are those of `jax.jit`."""
-        self._function, self._options = function, options
+    def __init__(self, function: Callable, traced: Callable, options: dict[str, Any]):
+        """`traced` is the function as other programs contain it, `options` are those of `jax.jit`."""
+        self._function, self._inside, self._options = function, traced, options
         self._programs: dict[str, Program | None] = {}
         self._shapes: dict[str, Any] = {}
         self._lock = threading.RLock()
@@ -176,7 +176,7 @@ class StoredPrograms:
             for i, array in zip(places, arrays, strict=True):
                 filled[i] = array
             args, kwargs = jax.tree.unflatten(structure, filled)
-            found, shape = jax.tree.flatten(self._function(*args, **kwargs))
+            found, shape = jax.tree.flatten(self._inside(*args, **kwargs))
             there = [i for i, leaf in enumerate(found) if eqx.is_array(leaf)]
             marks = list(found)
             for number, i in enumerate(there):
@@ -289,7 +289,8 @@ def sources(package: Path = Path(__file__).parents[1]) -> str:
 def _folder() -> Path | None:
     """Folder of stored programs; None on anything but one CPU, or if jax keeps none on a local disk."""
     cache = jax.config.jax_compilation_cache_dir
-    if not cache or "://" in cache or not jax.config.jax_enable_compilation_cache:
+    enabled = jax.config.jax_enable_compilation_cache or _COMPILING.locked()
+    if not cache or "://" in cache or not enabled:
         return None
     alone = jax.default_backend() == "cpu" and jax.device_count() == 1
     return Path(cache) / FOLDER if alone else None

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.compiled import compiled
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..effects import AbstractContact, Support
@@ -137,7 +138,7 @@ def reactions(response: RunUp | Response) -> Reactions:
     )
 
 
-@eqx.filter_jit
+@compiled
 def _all(scene: Scene, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
@@ -215,7 +216,7 @@ def _at_rest(system: System) -> Kinematics:
     return Kinematics(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
 
 
-@eqx.filter_jit
+@compiled
 def _instants(scene: Scene, response: Response) -> Kinematics:
     """Kinematics at the samples of a motion at constant speed."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))

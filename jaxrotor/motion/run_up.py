@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..analysis import first_moments
+from ..core.compiled import compiled
 from ..core.outcome import gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
@@ -281,7 +282,7 @@ class _Motion(NamedTuple):
     end: dict[str, Any]
 
 
-@eqx.filter_jit
+@compiled
 def _motion(
     scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration | Stepping
 ) -> _Motion:

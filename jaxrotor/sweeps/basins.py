@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import diffrax as dfx
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..core.attributes import about, flags
 from ..core.checks import check_counts
+from ..core.compiled import compiled
 from ..core.parallel import chunk_size, cores, spread
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
@@ -199,7 +199,7 @@ def _plan(
 # === the runs
 
 
-@eqx.filter_jit
+@compiled
 def _ends(
     scene: Scene,
     times: Array,
