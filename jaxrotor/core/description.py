@@ -55,7 +55,7 @@ def described(value: Any, arrays: list[Any] | None = None) -> Any:
         return kind.__name__, tuple([described(one, arrays) for one in value])
     if kind is dict:
         keys = _keys(value, arrays)
-        return "dict", tuple([(key, described(value[key], arrays)) for key in keys])
+        return "dict", tuple([(described(key), described(value[key], arrays)) for key in keys])
     if isinstance(value, eqx.Module):
         return _module(value, arrays)
     if isinstance(value, jax.Device):
@@ -123,11 +123,14 @@ def _fields(kind: type[eqx.Module]) -> tuple[tuple[str, str], dict[str, bool]]:
     return _importable(kind), fields
 
 
-def _keys(value: dict, arrays: list[Any] | None) -> list[str]:
+def _keys(value: dict, arrays: list[Any] | None) -> list[Any]:
     """Keys of a dictionary in the order in which jax takes them, those of a static one in its own."""
-    if any(type(key) is not str for key in value):
-        raise Indescribable("a dictionary whose keys are no texts")
-    return list(value) if arrays is None else sorted(value)
+    if arrays is None:
+        return list(value)
+    try:
+        return sorted(value)
+    except TypeError:
+        raise Indescribable("a dictionary whose keys have no order") from None
 
 
 def _importable(value: Any) -> tuple[str, str]:
