@@ -120,7 +120,7 @@ def onset_speed(
         return jax.block_until_ready(found) if known(found.speed) else found
 
 
-def _onset(scene: Scene, speeds: Array, sign: Array, samples: int, throw: bool) -> Onset:
+def _onset(scene: Scene, speeds: Any, sign: Any, samples: int, throw: bool) -> Onset:
     """The first loss of stability, from speeds and the sign of the growth rate there."""
     if known(sign) and known(speeds):
         speeds, sign = np.asarray(speeds), np.asarray(sign)

@@ -3,13 +3,15 @@
 import functools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax.core
 
 from .stored_programs import StoredPrograms
 
+
+_P, _T = ParamSpec("_P"), TypeVar("_T")
 
 # Options for `jax.jit`. A program that runs once or twice takes longer to optimise than to run. Without
 # the fusion emitters and LLVM's optimisation it compiles in a third of the time.
@@ -44,7 +46,7 @@ class Compiled:
         return self._stored.shapes(compute, args, kwargs)
 
 
-def compiled(function: Callable) -> Compiled:
+def compiled(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """`eqx.filter_jit(function)`; a direct call takes a stored program where programs are kept."""
     return Compiled(function, {})
 

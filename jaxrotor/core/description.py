@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
+import jax.core
 import numpy as np
 
 

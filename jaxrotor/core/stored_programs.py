@@ -77,7 +77,7 @@ class Place:
 class Program(NamedTuple):
     """An executable, and the output of its function with a `Place` for every array."""
 
-    executable: Callable[..., list[Any]]
+    executable: Any  # a function of arrays that returns a list of them
     output: Any
 
     def __call__(self, arrays: list[Any]) -> Any:
@@ -288,8 +288,8 @@ def sources(package: Path = Path(__file__).parents[1]) -> str:
 
 def _folder() -> Path | None:
     """Folder of stored programs; None on anything but one CPU, or if jax keeps none on a local disk."""
-    cache = jax.config.jax_compilation_cache_dir
-    enabled = jax.config.jax_enable_compilation_cache or _COMPILING.locked()
+    cache = jax.config.values["jax_compilation_cache_dir"]
+    enabled = jax.config.values["jax_enable_compilation_cache"] or _COMPILING.locked()
     if not cache or "://" in cache or not enabled:
         return None
     alone = jax.default_backend() == "cpu" and jax.device_count() == 1

@@ -24,7 +24,7 @@ def hear(event, seconds, **_):
 jax.monitoring.register_event_duration_secs_listener(hear)
 jax.jit(lambda x: 2 * x)(3.0)  # compiled before the folder is set
 folder = jr.keep_programs(sys.argv[1])
-roots = np.abs(jr.roots(jr.load("two-discs"), 4)).tolist()
+roots = np.abs(jr.roots(jr.load("limiter-rotor"), 4)).tolist()
 other = np.asarray(jax.jit(lambda x: np.pi * x)(3.0)).tolist()  # not of jaxrotor, kept by jax
 print(json.dumps([[roots, other], *counts.values(), str(folder)]))
 """

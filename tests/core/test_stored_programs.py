@@ -28,12 +28,13 @@ SCENE = jr.load("limiter-rotor").with_nodes(3)
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Folder of stored programs, kept for one test."""
-    before = jax.config.jax_compilation_cache_dir
-    monkeypatch.setattr(program_cache, "_kept", True)
-    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
-    compilation_cache.reset_cache()
+    names = ("jax_compilation_cache_dir", *program_cache.SETTINGS)
+    before = {name: jax.config.values[name] for name in names}
+    monkeypatch.setattr(program_cache, "_kept", False)
+    program_cache.keep_programs(tmp_path)
     yield tmp_path / stored_programs.FOLDER
-    jax.config.update("jax_compilation_cache_dir", before)
+    for name, value in before.items():
+        jax.config.update(name, value)
     compilation_cache.reset_cache()
 
 
