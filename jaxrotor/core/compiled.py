@@ -11,7 +11,8 @@ import jax.core
 from .stored_programs import StoredPrograms
 
 
-_P, _T = ParamSpec("_P"), TypeVar("_T")
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 # Options for `jax.jit`. A program that runs once or twice takes longer to optimise than to run. Without
 # the fusion emitters and LLVM's optimisation it compiles in a third of the time.

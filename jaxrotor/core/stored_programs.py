@@ -300,7 +300,7 @@ def _folder() -> Path | None:
 
 
 def _remembered(file: Path, compute: Callable[[], Any]) -> Any:
-    """What a file holds, else what a function computes, which is then written."""
+    """Content of a file, else the result of a function, which is then written."""
     content = _read(file)
     if content is not None:
         with contextlib.suppress(Exception):
