@@ -29,9 +29,13 @@ class Compiled:
 
     def __init__(self, function: Callable, options: dict[str, Any]):
         functools.update_wrapper(self, function)
+        self.__qualname__ = function.__qualname__
         self._inside = eqx.filter_jit(function)
         self._alone = eqx.filter_jit(function, **options) if options else self._inside
         self._stored = StoredPrograms(function, self._inside, options)
+
+    def __reduce__(self) -> str:
+        return self.__qualname__  # pickled by its name, as functions are
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         if not _nothing_is_traced():

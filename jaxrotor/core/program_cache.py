@@ -1,4 +1,8 @@
-"""Program cache: compiled programs are stored on disk, where later processes find them."""
+"""Program cache: compiled programs are stored on disk, where later processes find them.
+
+jax finds a program there after it has traced the function and lowered it. Programs of the package's own
+functions are found before that, see `stored_programs`.
+"""
 
 import hashlib
 import importlib.metadata
@@ -34,6 +38,10 @@ def program_folder() -> Path:
 
 def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
     """Store everything that jax compiles from now on in a folder, from which later processes load it.
+
+    Functions of jaxrotor that are called with the same structure, shapes and static values are not traced
+    again either, as long as its sources and the versions of jax are the same. Code of jaxrotor that is
+    replaced while a process runs is not noticed.
 
     Args:
         folder: folder of the programs. The default lies in the user's cache folder, depends on the

@@ -239,8 +239,9 @@ def _settings() -> Any:
     from jax._src.config import trace_context  # another version of jax may have none
 
     values, context = jax.config.values, trace_context()
-    if _last and _last[0] == values and _last[1] == context:
-        return _last[2]
+    last = _LAST.get("settings")  # read once, as other threads write it
+    if last is not None and last[0] == values and last[1] == context:
+        return last[2]
     if any(values.get(name) for name in _CHECKED):
         raise Indescribable("programs that are checked")
     own = [
@@ -249,11 +250,11 @@ def _settings() -> Any:
         if not name.startswith(_INDIFFERENT)
     ]
     found = tuple(own), described(context)
-    _last[:] = [values, context, found]
+    _LAST["settings"] = dict(values), context, found
     return found
 
 
-_last: list[Any] = []  # settings described last
+_LAST: dict[str, tuple[Any, Any, Any]] = {}  # settings described last, and their description
 
 
 @functools.cache
