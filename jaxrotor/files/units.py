@@ -56,9 +56,12 @@ def _converted(text: str, unit: str) -> float | None:
         return None
     if not match[2]:
         return float(match[1])
-    common = factor(match[2], unit)
-    if common is not None:
-        return float(Decimal(match[1]) * common)
+    try:
+        common = factor(match[2], unit)
+        if common is not None:
+            return float(Decimal(match[1]) * common)
+    except ArithmeticError:  # a number beyond those of decimal arithmetic
+        return None
     registry = _registry()
     try:
         units = [registry.parse_units(u) for u in (match[2], "" if unit == "1" else unit)]
