@@ -3,6 +3,7 @@
 import contextlib
 import enum
 import functools
+import importlib
 import importlib.metadata
 import itertools
 import math
@@ -164,7 +165,11 @@ def test_the_key_changes_with(what, monkeypatch):
 
 
 def test_the_key_changes_with_settings_options_and_functions():
-    contexts = [jax.enable_x64(False), jax.default_matmul_precision("float32")]
+    if hasattr(jax, "enable_x64"):
+        single = jax.enable_x64(False)
+    else:  # jax below 0.8
+        single = importlib.import_module("jax.experimental").enable_x64(False)
+    contexts = [single, jax.default_matmul_precision("float32")]
     contexts += [jax.default_device(jax.devices()[0]), jax.numpy_rank_promotion("warn")]
     found = [key(SCENE), key(SCENE, options={}), key(SCENE, function=jr.roots), key(SCENE, SCENE)]
     for context in contexts:
