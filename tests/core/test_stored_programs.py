@@ -288,7 +288,7 @@ def test_what_cannot_be_stored_is_traced_as_before(folder, function):
         assert StoredPrograms(function, function, {}).find((jnp.ones(()),), {}) is None
     assert float(jax.tree.leaves(call(jnp.ones(())))[0]) == 1.0
     if function is checked:
-        with pytest.raises(RuntimeError, match="below zero"):
+        with pytest.raises((RuntimeError, ValueError), match="below zero"):  # by version
             call(-jnp.ones(()))
 
 
