@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
 from ..analysis import first_moments
+from ..core.compiled import compiled
 from ..core.pilot import Pilot
 from ..core.plane import plane
 from ..core.quantities import Scalar
@@ -92,7 +93,7 @@ def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "
     return first_moments(scene).unbalance + of_bodies
 
 
-@eqx.filter_jit
+@compiled
 def _instants(scene: Scene, times: Array, coordinates: Array, rates: Array) -> Kinematics:
     """Kinematics at the samples of a motion at constant speed, from angle zero on."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.compiled import compiled
 from ..core.quantities import known
 from ..effects import AbstractContact, Support
 from ..equations.forces import applied_force, body_force, contact_force, resistance
@@ -135,7 +136,7 @@ def reactions(response: TimeHistory) -> Reactions:
     )
 
 
-@eqx.filter_jit
+@compiled
 def _all(scene: Scene, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))

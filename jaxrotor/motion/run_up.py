@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
+from ..core.compiled import compiled
 from ..core.outcome import gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
@@ -246,7 +247,7 @@ class _Motion(NamedTuple):
     end: dict[str, Any]
 
 
-@eqx.filter_jit
+@compiled
 def _motion(
     scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration | Stepping
 ) -> _Motion:

@@ -5,7 +5,6 @@ import dataclasses
 from typing import Any, Literal
 
 import diffrax as dfx
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from jaxtyping import Array
 
 from ..analysis import chosen_nodes
 from ..core.checks import check_counts
+from ..core.compiled import compiled
 from ..core.outcome import Outcome, gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
@@ -311,7 +311,7 @@ def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Launch:
     return simulate(scene, revolutions, LADDER[-1], keep=1, **run).end
 
 
-@eqx.filter_jit
+@compiled
 def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: int):
     """State at the end, the kept motion, the outcome, and the contact stiffness ratio."""
     march = March.of(system, plan, rate, stations)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
+from ..core.compiled import compiled
 from ..core.extremes import larger
 from ..core.plane import plane
 from ..core.quantities import Scalar
@@ -114,7 +115,7 @@ class Integrated(NamedTuple):
     contact_stiffness_ratio: Float[Array, "2"]
 
 
-@eqx.filter_jit
+@compiled
 def integrate(
     scene: Scene, times: Array, launch: Launch, stations: Array, plan: "Integration | Stepping"
 ) -> Integrated:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core.compiled import QUICKLY
+from ..core.compiled import compiled, compiled_quickly
 from ..core.outcome import Outcome
 from ..core.parallel import first_alone
 from ..core.progress import segments
@@ -228,8 +228,8 @@ def _matrices_of_lanes(scene: Scene, together, period, paths, points: Float[Arra
     return jax.lax.map(one, points)
 
 
-_matrices = eqx.filter_jit(_matrices_of_lanes, **QUICKLY)
-_decomposed = eqx.filter_jit(modal, **QUICKLY)
+_matrices = compiled_quickly(_matrices_of_lanes)
+_decomposed = compiled_quickly(modal)
 
 
 def _build_lanes(
@@ -260,7 +260,7 @@ def _build_lane_by_lane(scene, plan, start, station, paced, paths, lanes):
 
 
 # Runs once for a chunk, so compiling it with optimisation would take longer than all its runs.
-_build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
+_build_all = compiled_quickly(_build_lane_by_lane)
 
 
 def _build(
@@ -292,13 +292,13 @@ def _at_point(scene: Scene, paths: tuple[str, ...], point: Float[Array, " p"]) -
     return scene.put({path: value for path, value in values if not path.startswith("start.")})
 
 
-@eqx.filter_jit
+@compiled
 def _skip(shared: AbstractMarch, own: AbstractMarch, y: Array, revolutions: Int[Array, ""]):
     """States after some revolutions that are not observed, and how these went."""
     return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
 
 
-@eqx.filter_jit
+@compiled
 def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
     """States, carries and stored arrays after some kept revolutions or windows.
 
@@ -319,7 +319,7 @@ def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
     return jax.vmap(lane)(own, y, carry)
 
 
-@eqx.filter_jit
+@compiled
 def _decode(shared, own, y: Array):
     """Parts of the state of every lane, see `AbstractMarch.decode`."""
     return jax.vmap(lambda own, y: eqx.combine(own, shared).decode(y))(own, y)

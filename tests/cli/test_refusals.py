@@ -94,6 +94,8 @@ def test_what_to_write_is_said_as_what_to_type(python, prompt):
 def test_a_command_says_what_to_type(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jr.save(BOTH, "mine.toml")
-    result = CliRunner().invoke(app, ["simulate", "mine.toml", "--revolutions", "1", "--solver", "exponential2"])
+    result = CliRunner().invoke(
+        app, ["simulate", "mine.toml", "--revolutions", "1", "--solver", "exponential2"]
+    )
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
     assert "with the shaft (the shaft); use `jaxrotor run-up mine.toml`" in result.stderr

@@ -37,6 +37,7 @@ from jaxrotor.core.blocks import Blocks
 from jaxrotor.core.quantities import positive
 from jaxrotor.effects import AbstractLinear
 from jaxrotor.equations.system import assemble
+from jaxrotor.files import units
 from jaxrotor.files.shipped import _shipped, shipped
 from jaxrotor.files.toml import dumps, load, loads, save, study
 from jaxrotor.files.toml_reader import read
@@ -1085,3 +1086,24 @@ def test_every_shipped_scene_has_finite_equations(name):
     system = assemble(load(name))
     numbers = [leaf for leaf in jax.tree.leaves(system) if eqx.is_inexact_array(leaf)]
     assert numbers and all(np.isfinite(leaf).all() for leaf in numbers)
+
+
+def test_factors_of_units_are_remembered(tmp_path, monkeypatch):
+    """The first process asks pint, later ones read its answers; a damaged file is written anew."""
+    file = tmp_path / "factors.json"
+    monkeypatch.setattr(units, "_factors_file", lambda: file)
+    asked = []
+
+    def by_pint(given, wanted, ask=units._factor_by_pint):
+        asked.append(given)
+        return ask(given, wanted)
+
+    monkeypatch.setattr(units, "_factor_by_pint", by_pint)
+    for content, times in ((None, 1), (None, 1), ('{"mm -> m": "not a nu', 2), ("[3]", 3)):
+        if content is not None:
+            file.write_text(content)
+        units._remembered.cache_clear()
+        assert units.quantity("7.5 mm", "m", "x") == 0.0075
+        assert asked == ["mm"] * times and file.read_text() == '{"mm -> m": "0.001"}'
+    assert list(tmp_path.iterdir()) == [file]
+    units._remembered.cache_clear()

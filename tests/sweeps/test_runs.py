@@ -62,7 +62,10 @@ def test_what_is_before_the_first_time_is_not_observed(runs):
 @pytest.mark.parametrize(
     ("over", "words"),
     [
-        ({"a": {"limiters.gap": [1e-3], "limiters.stiffness": [1e5, 2e5]}}, "as many values of every"),
+        (
+            {"a": {"limiters.gap": [1e-3], "limiters.stiffness": [1e5, 2e5]}},
+            "as many values of every",
+        ),
         ({"a": {"limiters.at": [0.7], "limiters.gap": [1e-3]}}, "`limiters.at` decides stations"),
     ],
 )
