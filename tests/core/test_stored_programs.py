@@ -107,7 +107,7 @@ def test_arrays_are_described_by_shape_and_type():
         jnp.ones(2),  # as a static value
         jax.random.key(0),
     ],
-    ids=str,
+    ids=lambda value: type(value).__name__,
 )
 def test_what_cannot_be_described_is_refused(value):
     with pytest.raises(Indescribable):
