@@ -46,9 +46,12 @@ def radius():
         )
         return jax.jvp(of, (eccentricity,), (jnp.ones(()),))
 
-    return lambda eccentricity, damping, start: tuple(
-        map(float, both(jnp.asarray(eccentricity), jnp.asarray(damping), start.q, start.velocity))
-    )
+    def at(eccentricity, damping, start):
+        # from numpy: a program is compiled again for arrays that are bound to a device
+        own = (eccentricity, damping, np.asarray(start.q), np.asarray(start.velocity))
+        return tuple(map(float, both(*map(jnp.asarray, own))))
+
+    return at
 
 
 @pytest.fixture(scope="module")

@@ -63,49 +63,72 @@ def by_scipy(scene, times, speeds=SPEEDS):
     part = lambda name: np.asarray(
         getattr(blocks, name) if getattr(blocks, name) is not None else np.zeros((n, n))
     )
-    mass = np.linalg.inv(part("inertia"))
+    inverse = np.linalg.inv(part("inertia"))
     row, column = np.asarray(system.line.row(DISC)), np.asarray(system.line.column(DISC))
-    weight, unbalance = np.asarray(system.load.constant), np.asarray(system.load.unbalance)
-    limiters = [(float(s.angle), s) for s in scene.effects if isinstance(s, jr.Limiter)]
     fields = ("damping", "stiffness", "gyroscopic", "circulatory", "skew_damping")
     c, k, g, h, sc = map(part, fields)
     sk, fd, fk = map(part, ("skew_stiffness", "fixed_damping", "fixed_stiffness"))
 
-    def push(t, q, v):
-        theta, speed, rate = turning(t, speeds)
-        force = (speed**2 - 1j * rate) * unbalance * np.exp(1j * theta) + weight
-        force = force - c @ v - k @ q + 1j * speed * (g @ v + h @ q)
+    def free(y, speed):
+        q, v = y[:n] + 1j * y[n : 2 * n], y[2 * n : 3 * n] + 1j * y[3 * n :]
+        force = -c @ v - k @ q + 1j * speed * (g @ v + h @ q)
         force = force - 1j * (sc @ v + sk @ q) - fd @ v.conj() - fk @ q.conj()
-        for angle, stop in limiters:
-            z, slip = row @ q * np.exp(-1j * angle), row @ v * np.exp(-1j * angle)
-            law = float(stop.blend) if stop.blend is not None else None
-            normal, way = _pressure(z.real - OFF["gap"], slip.real, law), speed * OFF["rim_radius"]
-            way = way + slip.imag
-            if stop.slip is None:
-                way = np.sign(way)
-            else:
-                u = np.clip(way / float(stop.slip), -1, 1)
-                way = u * (15 - 10 * u**2 + 3 * u**4) / 8
-            pressed = -normal * (1 + 1j * OFF["friction"] * way) * np.exp(1j * angle)
-            force = force + column * pressed
-        return mass @ force
+        return np.concatenate([v.real, v.imag, *accelerations(force)])
+
+    def accelerations(force):
+        a = inverse @ force
+        return a.real, a.imag
+
+    def pushed(force):
+        return np.concatenate([np.zeros(2 * n), *accelerations(force + 0j)])
+
+    # The field is linear in the state, its matrix in the speed: both are taken from `free` once.
+    still, fast = (np.stack([free(one, w) for one in np.eye(4 * n)], axis=1) for w in (0.0, 1.0))
+    fast = fast - still
+    weight = pushed(np.asarray(system.load.constant))
+    ahead, aside = (pushed(x * np.asarray(system.load.unbalance)) for x in (1, 1j))
+    along, across = pushed(column), pushed(1j * column)
+    limiters = [
+        (np.exp(1j * float(s.angle)), s) for s in scene.effects if isinstance(s, jr.Limiter)
+    ]
+    laws = [
+        (turn, *(None if x is None else float(x) for x in (stop.blend, stop.slip)))
+        for turn, stop in limiters
+    ]
 
     def rates(t, y):
-        q, v = y[:n] + 1j * y[n : 2 * n], y[2 * n : 3 * n] + 1j * y[3 * n :]
-        a = push(t, q, v)
-        return np.concatenate([v.real, v.imag, a.real, a.imag])
+        theta, speed, rate = turning(t, speeds)
+        push = (speed**2 - 1j * rate) * np.exp(1j * theta)
+        found = (still + speed * fast) @ y + weight + push.real * ahead + push.imag * aside
+        if laws:
+            z, v = row @ y[:n] + 1j * (row @ y[n : 2 * n]), row @ y[2 * n : 3 * n]
+            force = sum(_stop(law, z, v + 1j * (row @ y[3 * n :]), speed) for law in laws)
+            found = found + force.real * along + force.imag * across
+        return found
 
     y, path = np.zeros(4 * n), [np.zeros(4 * n)]
     for begin, end in ((0.0, TIMES[1]), (TIMES[1], times[-1])):  # the acceleration jumps
         own = times[(times > begin) & (times <= end)]
         near = min(end, TIMES[1] - 1e-12) if begin == 0 else end
-        found = solve_ivp(
-            rates, (begin, near), y, "DOP853", np.minimum(own, near), rtol=1e-11, atol=1e-15
-        )
-        path += list(found.y.T)
-        y = solve_ivp(rates, (begin, near), y, "DOP853", [near], rtol=1e-11, atol=1e-15).y[:, -1]
+        at = np.unique(np.append(np.minimum(own, near), near))
+        found = solve_ivp(rates, (begin, near), y, "DOP853", at, rtol=1e-11, atol=1e-15)
+        path += list(found.y.T[: own.size])
+        y = found.y[:, -1]
     path = np.array(path)
     return (path[:, :n] + 1j * path[:, n : 2 * n]) @ row
+
+
+def _stop(law, z, v, speed):
+    """Force of one stop on the disc."""
+    turn, blend, slip = law
+    z, v = z / turn, v / turn
+    normal, way = _pressure(z.real - OFF["gap"], v.real, blend), speed * OFF["rim_radius"] + v.imag
+    if slip is None:
+        way = np.sign(way)
+    else:
+        u = min(max(way / slip, -1.0), 1.0)
+        way = u * (15 - 10 * u**2 + 3 * u**4) / 8
+    return -normal * (1 + 1j * OFF["friction"] * way) * turn
 
 
 def _pressure(depth, closing, blend):
