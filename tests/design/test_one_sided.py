@@ -47,9 +47,9 @@ def radius():
         return jax.jvp(of, (eccentricity,), (jnp.ones(()),))
 
     def at(eccentricity, damping, start):
-        # from numpy: a program is compiled again for arrays that are bound to a device
-        own = (eccentricity, damping, np.asarray(start.q), np.asarray(start.velocity))
-        return tuple(map(float, both(*map(jnp.asarray, own))))
+        # Plain floats alike: of a number from numpy jax would compile another program.
+        values = jnp.asarray(float(eccentricity)), jnp.asarray(float(damping))
+        return tuple(map(float, both(*values, start.q, start.velocity)))
 
     return at
 
