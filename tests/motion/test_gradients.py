@@ -7,6 +7,8 @@ so there all stations move as one; the trapezoidal rule is smooth between its no
 moves by itself.
 """
 
+import functools
+
 import diffrax as dfx
 import jax
 import jax.numpy as jnp
@@ -172,15 +174,21 @@ def touching(rule, **law):
     return scene
 
 
+@functools.cache
+def struck(rule, law):
+    """A scene that strikes a limiter, its values, their program and the derivatives by them."""
+    scene = touching(rule, **CONTACT[law])
+    function, values = final(scene, START[rule], 1, 64)
+    push = pushed(function)
+    return scene, values, push, forward(push, values)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "law"), [("spectral", "sharp"), ("trapezoid", "sharp"), ("trapezoid", "blended")]
 )
 def test_contact_trajectory_by_every_parameter(rule, law):
-    scene = touching(rule, **CONTACT[law])
-    function, values = final(scene, START[rule], 1, 64)
-    push = pushed(function)
-    exact = forward(push, values)
+    _, values, push, exact = struck(rule, law)
     # A limiter that is not struck does not matter, nor how fast the rim slips on a sharp one.
     idle = {path for path in values if not exact[path]}
     assert idle <= {"limiters.0.angle", "limiters.1.angle", "limiters.rim_radius"}
@@ -189,9 +197,7 @@ def test_contact_trajectory_by_every_parameter(rule, law):
 
 @pytest.mark.slow
 def test_reverse_mode_equals_forward_mode():
-    scene = touching("spectral")
-    function, values = final(scene, START["spectral"], 1, 64)
-    exact = forward(pushed(function), values)
+    scene, values, _, exact = struck("spectral", "sharp")
     reverse = dfx.RecursiveCheckpointAdjoint()
     back, _ = final(scene, START["spectral"], 1, 64, adjoint=reverse)
     gradient = jax.jit(jax.grad(back))(values)

@@ -346,7 +346,7 @@ def test_locked_rub_is_left_for_a_torus_on_both_sides():
     start = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
     settled = jr.simulate(scene, 300, 128, solver=jr.Exponential(4), start=start, keep=4)
     orbit = jr.periodic(scene, settled, revolutions=2, steps_per_revolution=128)
-    branch = jr.continue_(orbit, "unbalance.eccentricity", (0.0, 1.5e-3))
+    branch = jr.continue_(orbit, "unbalance.eccentricity", (0.5e-3, 1e-3))
     low, high = sorted(branch.of("neimark-sacker"), key=lambda point: point.value)
     assert low.value < 0.8e-3 < high.value
     for point in (low, high):

@@ -12,17 +12,14 @@ import time
 from pathlib import Path
 
 import distributed
-import jax
 import numpy as np
 import pytest
 import xarray as xr
 from distributed import Client, LocalCluster
-from jax.experimental.compilation_cache import compilation_cache
 from typer.testing import CliRunner
 
 import jaxrotor as jr
 from jaxrotor.cli import app
-from jaxrotor.core.program_cache import SETTINGS
 from jaxrotor.sweeps import cluster as module
 from jaxrotor.sweeps.store import PENDING, Store, StoreError
 
@@ -31,7 +28,6 @@ ROTOR = jr.load("limiter-rotor")
 OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 24), "start.angle": [0.0, 1.0, 2.0]}
 HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
 HOW |= {"lanes_per_chunk": 3}
-CACHE = "jax_compilation_cache_dir"
 
 
 def swept(**options):
@@ -40,21 +36,6 @@ def swept(**options):
 
 def files(store):
     return {p.relative_to(store): p.read_bytes() for p in Path(store).rglob("*") if p.is_file()}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def programs(tmp_path_factory):
-    """All processes load what one of them has compiled."""
-    folder = str(tmp_path_factory.mktemp("programs"))
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in (SETTINGS | {CACHE: folder}).items():
-            patch.setenv(name.upper(), str(value))
-        before = {name: getattr(jax.config, name) for name in (*SETTINGS, CACHE)}
-        jr.keep_programs(folder)
-        yield
-    for name, value in before.items():
-        jax.config.update(name, value)
-    compilation_cache.reset_cache()
 
 
 @pytest.fixture(scope="module")
