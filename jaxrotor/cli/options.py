@@ -189,7 +189,7 @@ def start_with(
         for name, text in given.items()
         if text is not None
     }
-    if any(path.startswith("start.") for path in swept):
+    if any(path.removeprefix("start.") in START for path in swept):
         values = {"radius": 0.0} | values
     if values and "radius" not in values:
         raise ValueError("A start with a rate or an angle needs a radius; add --start-radius.")
@@ -248,7 +248,10 @@ def refuse_revolutions(given: dict[str, Any]) -> None:
     """Raise if an option that is for whole revolutions is given, by its name, for a run along times."""
     for name, value in given.items():
         if value is not None:
-            raise ValueError(f"{name} is for whole revolutions; leave it out, or --times.")
+            raise ValueError(
+                f"{name} is for whole revolutions, but this motion is along times; leave {name} out, or "
+                "take a constant speed without --times."
+            )
 
 
 def _length(scene: Scene) -> float:

@@ -190,7 +190,8 @@ def sweep(
     counts = _counts(table, settle, keep, count_or_auto(steps, "--steps"))
     instant = None
     if times is not None or not isinstance(rotor.spin, ConstantSpeed):
-        refuse_revolutions({"--settle": settle, "--keep": keep, "--spectrum": spectrum or None})
+        given = {"--settle": settle, "--keep": keep, "--period": period}
+        refuse_revolutions(given | {"--spectrum": spectrum or None})
         counts = {"steps_per_revolution": counts["steps_per_revolution"]}
         instant = instants(rotor, None, SAMPLES, times)
     options: dict[str, Any] = {

@@ -19,7 +19,7 @@ WHOLE = 1e-9  # distance of an angle from whole revolutions [rad] that is roundi
 
 
 class AbstractStart(AbstractPart):
-    """State in which a motion begins, at angle of revolution zero."""
+    """State in which a motion begins, at angle of revolution zero but for a `Launch`."""
 
     @abc.abstractmethod
     def state(
@@ -102,7 +102,7 @@ class Launch(AbstractStart):
 
     @classmethod
     def of(cls, start: AbstractStart | None) -> "Launch":
-        """A start with all that it leaves open: angle zero, balls evenly spread; None is at rest."""
+        """A start as a launch, at angle zero unless it is one; None is at rest."""
         return start if isinstance(start, Launch) else cls(AtRest() if start is None else start)
 
     def state(self, system: System, at: Scalar):

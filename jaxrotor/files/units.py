@@ -77,14 +77,7 @@ def _factor(given: str, wanted: str) -> Decimal | None:
         if factor is None:
             return None
         factors[pair] = str(factor)
-        with contextlib.suppress(OSError):  # the folder is not writable
-            file = _factors_file()
-            file.parent.mkdir(parents=True, exist_ok=True)
-            draft = file.with_suffix(
-                f".{secrets.token_hex(8)}"
-            )  # no process reads a part of a file
-            draft.write_text(json.dumps(factors))
-            os.replace(draft, file)
+        _remember(factors)
     return Decimal(factors[pair])
 
 
@@ -108,6 +101,15 @@ def _remembered() -> dict[str, str]:
         return {str(pair): str(Decimal(factor)) for pair, factor in factors.items()}
     except (OSError, ValueError, ArithmeticError, AttributeError):  # none yet, or damaged
         return {}
+
+
+def _remember(factors: dict[str, str]) -> None:
+    with contextlib.suppress(OSError):  # the folder is not writable
+        file = _factors_file()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        draft = file.with_suffix(f".{secrets.token_hex(8)}")  # no process reads a part of a file
+        draft.write_text(json.dumps(factors))
+        os.replace(draft, file)
 
 
 def _factors_file() -> Path:

@@ -46,7 +46,7 @@ class Window(eqx.Module):
     coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # with their rates
     step: Scalar  # time from sample to sample [s]
     sense: Scalar  # sign of the speed of rotation
-    time: Float[Array, " T"] | None = None  # since the start [s]; None: whole revolutions
+    time: Float[Array, " T"] | None = None  # since the start [s]; None: not computed by revolutions
     speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None: that of the scene
     bodies: "Bodies | None" = None  # None: the scene has none
 

@@ -20,7 +20,7 @@ from .run_up import after, with_balls
 from .transient import Integration, first_state, integrate_part, motion_of_stations
 
 
-class Integrating(eqx.Module):
+class IntegratedPace(eqx.Module):
     """How the windows of a motion are integrated, and how long they are."""
 
     integration: Integration
@@ -32,8 +32,9 @@ class Integrating(eqx.Module):
 class IntegratedMarch(AbstractMarch):
     """Motion of one scene in the axes of the shaft, with balls and a spin that may be free.
 
-    A state holds the `RotatingState` of the equations, whether the rotor stays at rest, and the number
-    of windows before it, not counted the one that ends with the first sample.
+    A state holds the `RotatingState` of the equations, whether the rotor stays at rest, whether the
+    motion has failed, and the number of windows before it, not counted the one that ends with the first
+    sample.
     """
 
     plan: Plan
@@ -50,7 +51,7 @@ class IntegratedMarch(AbstractMarch):
         cls,
         scene: Scene,
         plan: Plan,
-        pace: Integrating,
+        pace: IntegratedPace,
         start: AbstractStart,
         stations: Float[Array, " s"],
     ) -> "IntegratedMarch":
@@ -67,20 +68,23 @@ class IntegratedMarch(AbstractMarch):
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         launch = with_balls(self.scene, Launch.of(start))
         y = first_state(self.field, launch, at, free=self.integration.free)
-        return self._packed(y, jnp.asarray(launch.stopped), self._before_first())
+        return self._packed(
+            y, jnp.asarray(launch.stopped), jnp.asarray(False), self._before_first()
+        )
 
     def encode(self, *parts: Array) -> Array:
         """State at angle zero of coordinates, their velocities, angles and speeds of the balls."""
         q, velocity, angles, speeds = parts
-        launch = Launch(Continued(q, velocity))
+        launch = Launch(Continued(q, velocity), self.field.begin)
         y = first_state(self.field, launch, self.stations[0], free=self.integration.free)
         rates = (speeds - self.speed) / self.field.rate
         y = eqx.tree_at(lambda y: (y.bodies, y.bodies_rate), y, (angles, rates))
-        return self._packed(y, jnp.asarray(False), self._before_first())
+        no = jnp.asarray(False)
+        return self._packed(y, no, no, self._before_first())
 
     def decode(self, y: Array) -> tuple[Array, ...]:
         """Coordinates [m], their velocities [m/s], angles of the balls [rad] and their speeds [rad/s]."""
-        state, _, number = self._unpacked(y)
+        state, *_, number = self._unpacked(y)
         now = self.field.instant(self._time(number), state)
         return now.r * now.turn, now.velocity * now.turn, now.bodies, now.bodies_speed
 
@@ -118,14 +122,20 @@ class IntegratedMarch(AbstractMarch):
         self, y: Array, intervals: int
     ) -> tuple[Array, tuple[Array, Kinematics], Outcome]:
         """A window in so many intervals: state at its end, times and motion of its samples, outcome."""
-        state, stays, number = self._unpacked(y)
+        state, stays, failed, number = self._unpacked(y)
         begin, end = self._time(number), self._time(number + 1)
         times = begin + (end - begin) * jnp.linspace(0.0, 1.0, intervals + 1)
-        part = integrate_part(self.field, self.integration, times[0], state, stays, times)
-        after = self._packed(part.end, part.stays, number + 1)
+        # After a failure nothing is integrated, as a solver takes all its steps from a state that is NaN.
+        state = jax.tree.map(lambda leaf: jnp.where(failed, 0.0, leaf), state)
+        over = jnp.where(failed, begin, times)
+        part = integrate_part(self.field, self.integration, begin, state, stays, over)
         good = Outcome.good()
-        ok = Outcome(bounded(after), part.good, good.unresolved, good.touched)
-        return after, (times, part.instants(self.field, times)), ok
+        ok = Outcome(
+            bounded(self._packed(part.end)), part.good & ~failed, good.unresolved, good.touched
+        )
+        instants = part.instants(self.field, over)
+        instants = jax.tree.map(lambda leaf: jnp.where(ok.ok, leaf, jnp.nan), instants)
+        return self._packed(part.end, part.stays, ~ok.ok, number + 1), (times, instants), ok
 
     def _before_first(self) -> Scalar:
         """Number of the window that begins at time 0."""
@@ -142,14 +152,15 @@ class IntegratedMarch(AbstractMarch):
         rate = instants.bodies_speed - instants.turning.speed[:, None]
         return Bodies(instants.bodies, rate, imbalance_of(self.scene, instants.bodies))
 
-    def _packed(self, y: RotatingState, stays: Array, number: Scalar) -> Array:
-        leaves = [jnp.ravel(leaf) for leaf in jax.tree.leaves(y)]
-        last = jnp.stack([stays.astype(float), number])
-        return jnp.concatenate([*leaves, last])
+    def _packed(self, y: RotatingState, *last: Array) -> Array:
+        return jnp.concatenate(
+            [jnp.ravel(leaf).astype(float) for leaf in (*jax.tree.leaves(y), *last)]
+        )
 
-    def _unpacked(self, y: Array) -> tuple[RotatingState, Array, Array]:
+    def _unpacked(self, y: Array) -> tuple[RotatingState, Array, Array, Array]:
         n, free = self.field.system.n, int(self.integration.free)
         bodies = sum(race.bodies.places for race in self.field.system.races)
         ends = np.cumsum([2 * n, 2 * n, free, free, bodies, bodies])
         r, rate, *others, last = jnp.split(y, ends)
-        return RotatingState(r.reshape(2, n), rate.reshape(2, n), *others), last[0] > 0, last[1]
+        state = RotatingState(r.reshape(2, n), rate.reshape(2, n), *others)
+        return state, last[0] > 0, last[1] > 0, last[2]

@@ -262,7 +262,8 @@ def check_constant_speed(scene: Scene, what: str) -> None:
     if not isinstance(scene.spin, ConstantSpeed):
         raise ValueError(
             f"{what} is for constant speed, but the spin of the scene is a "
-            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+            f"{type(scene.spin).__name__}; give the `times` of the samples [s], or take "
+            "`scene.at_speed(..)`."
         )
 
 

@@ -120,7 +120,10 @@ def run_up(
                 '`substeps` "auto" are for Exponential(); a diffrax solver has a `controller`.'
             )
         options = {"adjoint": adjoint, "max_steps": max_steps, "max_stops": max_stops}
-        plan = integration_of(begun, times, solver, controller, substeps or 1, options)
+        from_start = known(times) and float(times[0]) == 0
+        plan = integration_of(
+            begun, solver, controller, substeps or 1, options, from_start=from_start
+        )
     with waiting(progress, "run-up"):
         motion = _motion(begun, jnp.asarray(times, float), launch, stations, plan)
         failed = known(motion.run.good) and not bool(motion.run.good)
@@ -139,9 +142,18 @@ def run_up(
 
 
 def integration_of(
-    scene: Scene, times: Any, solver: Any, controller: Any, substeps: int, options: dict[str, Any]
+    scene: Scene,
+    solver: Any,
+    controller: Any,
+    substeps: int,
+    options: dict[str, Any],
+    *,
+    from_start: bool,
 ) -> Integration:
-    """Settings of the integration by a diffrax solver, by default one for the scene."""
+    """Settings of the integration by a diffrax solver, by default one for the scene.
+
+    `from_start` tells that the first sample is the start, so that no step leads to it.
+    """
     spin = scene.spin
     drives = isinstance(spin, Drive) and spin.polar is None
     system = assemble(scene) if drives or not scene.shaft.has_mass else None
@@ -155,7 +167,7 @@ def integration_of(
         max_steps=options["max_steps"],
         max_stops=options["max_stops"],
         free=isinstance(spin, Drive) and (solver is not None or not spin.given),
-        from_start=controller is None and known(times) and float(times[0]) == 0,
+        from_start=controller is None and from_start,
         massless=massless_of(scene, system),
     )
     if controller is None and isinstance(spin, Drive) and spin.can_stop:

@@ -90,7 +90,8 @@ def simulate(
         progress: whether to report progress after two seconds; by default only on a terminal.
 
     Returns:
-        A `TimeHistory`. If a motion fails while values are traced, it is not finite.
+        A `TimeHistory`. If a motion fails while values are traced, it is not finite; so is one by
+        revolutions of parts without mass inside `jax.jit` or `jax.grad`, where `times` are to be given.
 
     Raises:
         ValueError: if an argument is not as described, or the scene is not: by revolutions a speed that
@@ -100,7 +101,7 @@ def simulate(
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
     """
-    start = _checked_start(start)
+    start = checked_start(start)
     scene, pilots = with_nodes(scene, nodes, tolerance)
     run: dict[str, Any] = {"solver": solver, "controller": controller, "start": start, "at": at}
     if times is not None:
@@ -109,6 +110,10 @@ def simulate(
                 raise ValueError(
                     f"`{name}` is for whole revolutions, but `times` are given; take one."
                 )
+        if steps_per_revolution == "auto":
+            raise ValueError(
+                'Steps "auto" are for whole revolutions; along `times` call `run_up(.., substeps="auto")`.'
+            )
         run |= {"adjoint": adjoint, "max_steps": max_steps or MOST_STEPS, "progress": progress}
         found = run_up(scene, times, **run)
         return dataclasses.replace(found, pilots=pilots + found.pilots)
@@ -171,10 +176,10 @@ def _by_revolutions(
     count = jnp.arange(keep * steps + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps)
     coordinates, rates = motion.pop("coordinates")
-    speed = jnp.broadcast_to(scene.spin.speed, angle.shape)
+    time, speed = angle / rate, jnp.broadcast_to(scene.spin.speed, angle.shape)
     return TimeHistory(
-        time=angle / rate,
-        angle=angle,
+        time=time,
+        angle=speed * time,
         speed=speed,
         acceleration=jnp.zeros_like(speed),
         **motion,
@@ -224,7 +229,7 @@ def _by_times(
     return dataclasses.replace(found, steps_per_revolution=steps)
 
 
-def _checked_start(start: Any) -> AbstractStart:
+def checked_start(start: Any) -> AbstractStart:
     """The starting state, by default at rest; raises unless it is one."""
     start = AtRest() if start is None else start
     if not isinstance(start, AbstractStart):

@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.quantities import Scalar, known
@@ -116,6 +117,12 @@ def _recurrence(
     if not isinstance(guess, TimeHistory):
         options = {"solver": solver, "start": start_of(guess), "at": stations}
         guess = simulate(scene, SEARCH, steps_per_revolution, **options)
+    steps = np.diff(np.asarray(guess.time)) if known(guess.time) else np.ones(1)
+    if np.ptp(steps) > 1e-6 * steps.max() or guess.scene.spin.kinks is not None:
+        raise ValueError(
+            "The period of a guess is sought in a motion at constant speed with evenly spaced times; take "
+            "one of `simulate` by revolutions, or give `period` and `turn`."
+        )
     if not all(map(known, jax.tree.leaves((system, guess)))):
         raise ValueError(
             "A period is sought by values, so not inside jax.jit or a derivative; give an orbit that "

@@ -14,6 +14,22 @@ from ..motion.revolutions import revolution_rate
 from ..scene import Scene
 
 
+# Names of dimensions and variables that data sets of sweeps have.
+TAKEN = (
+    *(
+        "axis",
+        "ball",
+        "branch",
+        "error_lane",
+        "extremum",
+        "frequency",
+        "limiter",
+        "revolution",
+        "window",
+    ),
+    *("status", "unresolved", "section", "extrema", "index", "winding", "duty", "peak", "envelope"),
+    *("speed", "imbalance", "captured", "outcome", "race", "reversal", "spectrum"),
+)
 MOST_LANES = 1_000_000_000  # in one sweep, because lists of what is to be computed take memory
 
 
@@ -36,6 +52,7 @@ def checked_axes(
             "is a job for `simulate`."
         )
     axes: dict[str, np.ndarray] = {}
+    _check_names(over)
     for path, given in paths_of(over).items():
         values = np.atleast_1d(np.asarray(given, float))
         if values.ndim != 1 or not values.size:
@@ -62,6 +79,28 @@ def paths_of(over: Mapping[str, Any]) -> dict[str, Any]:
     return paths
 
 
+def _check_names(over: Mapping[str, Any]) -> None:
+    """Raise if a path is named twice, or paths that vary together have a name that cannot be one."""
+    paths: list[str] = []
+    for name, values in over.items():
+        if not isinstance(values, Mapping):
+            paths.append(name)
+            continue
+        if not values:
+            raise ValueError(
+                f"`over['{name}']` must name the paths that vary together, but is empty."
+            )
+        if not name.isidentifier() or name in TAKEN:
+            raise ValueError(
+                f"Paths that vary together need a name of letters that data sets do not use, such as "
+                f"`machine`, but it is {name!r}."
+            )
+        paths += values
+    twice = [path for path in dict.fromkeys(paths) if paths.count(path) > 1]
+    if twice:
+        raise ValueError(f"`{twice[0]}` is swept twice; name it once.")
+
+
 def values_by_path(
     over: Mapping[str, Any], axes: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
@@ -75,7 +114,7 @@ def values_by_path(
 
 
 def _of_one_length(name: str, values: dict[str, np.ndarray]) -> list[np.ndarray]:
-    """Values of paths that vary together; raises unless there are as many of each, and of the start."""
+    """Values of paths that vary together, as many of each; raises where one moves a station."""
     if len({len(one) for one in values.values()}) > 1:
         sizes = ", ".join(f"{len(one)} of {path}" for path, one in values.items())
         raise ValueError(
@@ -130,9 +169,10 @@ def at_point(
         name, numbers = path.removeprefix("start."), numbers_of(start)
         if name not in numbers:
             has = [path for path in numbers if not path[-1].isdigit()]
+            here = f"{type(start).__name__}, has no `{name}`; it has: {', '.join(has) or '-'}"
             raise ValueError(
-                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(has) or '-'}. "
-                "A start=jaxrotor.Whirl(..) has radius, rate and angle."
+                f"The start, {here}. A start=jaxrotor.Whirl(..) has radius, rate and angle, in a "
+                "Launch(..) written `start.shaft.radius`."
             )
         start = put_number(start, name, values[path])
         _check_numbers(start, name)

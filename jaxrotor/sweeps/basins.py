@@ -64,8 +64,8 @@ def basins(
         solver: any diffrax solver with an error estimate, by default Dopri8.
         controller: step control, by default rtol 1e-6 and atol 1e-9 of m and rad.
         lanes_per_chunk: starts run as one program.
-        max_steps: steps a run may take; one that needs more, or steps below 1e-12 of the
-            duration, has failed.
+        max_steps: steps that a run may take until the window, and again in each part of it; one that
+            needs more, or steps below 1e-12 of the duration, has failed.
         **options: other options of `sweep`, which runs the starts: `store`, `workers`, `cluster`,
             `error_sample`, `progress`.
 

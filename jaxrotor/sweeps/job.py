@@ -13,7 +13,7 @@ from ..core.attributes import about, flags
 from ..core.outcome import STATUS, failed, statuses, too_long
 from ..equations.start import numbers_of
 from ..files.toml import dumps
-from ..motion.integrated import Integrating
+from ..motion.integrated import IntegratedPace
 from ..motion.stepped import Stepping
 from ..results.provenance import BRANCHES, as_json, assumed, versions
 from ..solvers.choice import solver_name
@@ -211,7 +211,7 @@ def _pace(context: Context) -> dict[str, Any]:
     if isinstance(pace, Stepping):
         stepped = {"steps_per_sample": pace.substeps}
         duration = float(pace.breaks[-1])
-    elif isinstance(pace, Integrating) and pace.first is not None:
+    elif isinstance(pace, IntegratedPace) and pace.first is not None:
         duration += float(pace.first)
     first = {"first_sample": duration - context.interval * intervals} if context.settle else {}
     return {

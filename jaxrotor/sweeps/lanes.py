@@ -18,7 +18,7 @@ from ..equations.constant_frame import linear_matrix
 from ..equations.start import AbstractStart, put_number
 from ..equations.system import assemble
 from ..motion.base import AbstractMarch, Plan
-from ..motion.integrated import IntegratedMarch, Integrating
+from ..motion.integrated import IntegratedMarch, IntegratedPace
 from ..motion.revolutions import March, revolution_rate
 from ..motion.stepped import Stepping
 from ..motion.windows import WindowMarch
@@ -44,7 +44,7 @@ class Context(eqx.Module):
     observe: tuple[AbstractObservable, ...]
     settle: int = eqx.field(static=True)  # revolutions, or windows along times
     keep: int = eqx.field(static=True)
-    pace: Stepping | Integrating | None = None  # None: exponential steps of whole revolutions
+    pace: Stepping | IntegratedPace | None = None  # None: exponential steps of whole revolutions
 
     @property
     def interval(self) -> float | None:
@@ -52,7 +52,7 @@ class Context(eqx.Module):
         match self.pace:
             case Stepping():
                 return float(self.pace.breaks[1])
-            case Integrating():
+            case IntegratedPace():
                 return None if self.pace.interval is None else float(self.pace.interval)
         return None
 
@@ -277,8 +277,8 @@ def _build(
             start = put_number(start, path.removeprefix("start."), values[path])
     march: AbstractMarch
     if isinstance(paced, Stepping):
-        march = WindowMarch.build(scene, plan, paced, station[None])
-    elif isinstance(paced, Integrating):
+        march = WindowMarch.build(scene, plan, paced, start, station[None])
+    elif isinstance(paced, IntegratedPace):
         march = IntegratedMarch.build(scene, plan, paced, start, station[None])
     else:
         march = March.build(scene, plan, revolution_rate(scene, paced), station[None], basis)

@@ -211,7 +211,10 @@ class Peak(AbstractObservable):
 
 
 class Capture(AbstractObservable):
-    """Whether the speed at the end of a run is below a critical speed, at which the drive hangs."""
+    """Whether the speed at the last sample is below a critical speed, at which the drive hangs.
+
+    A drive that has passed and coasts down counts as captured, too.
+    """
 
     needs_contact: ClassVar[bool] = False
     paced = "times"
@@ -228,10 +231,10 @@ class Capture(AbstractObservable):
         return turn.speed[-1], None
 
     def report(self, carry, stored, count):
-        below = np.abs(carry) < np.asarray(self.critical)
+        below = np.where(np.isfinite(carry), np.abs(carry) < np.asarray(self.critical), np.nan)
         long_name = "whether the speed at the end is below the critical one"
         return {
-            "captured": Variable((), below.astype(float), "1", long_name),
+            "captured": Variable((), below, "1", long_name),
             "end_speed": Variable((), carry, "rad/s", "speed at the end"),
         }
 

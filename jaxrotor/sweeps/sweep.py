@@ -37,7 +37,7 @@ from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, coords_of, errors_of, identity, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, everything
-from .pace import finer, pace_of, start_of_lanes, stepped_by, windows_of
+from .pace import extremes, finer, pace_of, start_of_lanes, stepped_by, windows_of
 from .store import PENDING, Store, StoreError
 
 
@@ -118,7 +118,8 @@ def sweep(
             along `times`.
 
     Returns:
-        Dataset over the swept paths, not differentiable. `status` says of every lane whether it
+        Dataset over the swept paths, or over the name of paths that vary together, which are coordinates
+        of it; not differentiable. `status` says of every lane whether it
         succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings. With a
         `store`, values are read from the folder when they are used.
 
@@ -155,7 +156,8 @@ def sweep(
         pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
     steps = steps_per_revolution
-    pace = pace_of(scene, start, columns, along, period, solver, controller, steps, max_steps)
+    scenes, pacing = extremes(scene, start, columns), (along, period)
+    pace = pace_of(scenes, start, columns, pacing, solver, controller, (steps, max_steps))
     if along is not None:
         settle, keep, steps = windows_of(pace, along)
     elif "spin.speed" not in columns:

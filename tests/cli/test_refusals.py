@@ -36,7 +36,7 @@ BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
         (
             lambda: jr.simulate(BOTH, 1, 8, solver=jr.Exponential()),
             r"stand still \(supports.0 and supports.1\) and others turn with the shaft \(the shaft\); "
-            "use `jaxrotor.run_up`, or a diffrax solver",
+            "leave `solver` out, or name a diffrax solver",
         ),
         (
             lambda: jr.roots(BOTH),
@@ -51,7 +51,7 @@ BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
         ),
         (
             lambda: jr.simulate(held(RIGID, BALLS), 1, 8, solver=jr.Exponential()),
-            r"does not take this run: there are balls \(ball_balancer\)",
+            r"does not take this motion: there are balls \(ball_balancer\)",
         ),
         (lambda: jr.simulate(held(RIGID, HYSTERESIS), 1, 8), r"\(hysteretic_damping\).*not in time"),
         (
@@ -98,4 +98,4 @@ def test_a_command_says_what_to_type(tmp_path, monkeypatch):
         app, ["simulate", "mine.toml", "--revolutions", "1", "--solver", "exponential2"]
     )
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
-    assert "with the shaft (the shaft); use `jaxrotor run-up mine.toml`" in result.stderr
+    assert "with the shaft (the shaft); leave --solver out, or name a diffrax" in result.stderr

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
+from jaxrotor.plot import record
 
 
 MASS, STIFFNESS, DAMPING, OFFSET = 2.0, 8e4, 40.0, 2e-4  # critical speed 200 rad/s
@@ -72,6 +73,12 @@ def test_a_motion_begins_at_any_angle():
     assert abs(third.displacement[-1, 0] - whole.displacement[2, 0]) < 1e-6 * abs(z)
     with pytest.raises(ValueError, match="begins at angle zero, but the start is at"):
         jr.lyapunov(scene, start=first.end)
+    turned = {"start.angle": [0.0, float(first.end.angle)]}
+    counts = {"settle": 0, "keep": 1, "steps_per_revolution": 32, "progress": False}
+    lanes = jr.sweep(scene, turned, start=first.end, **counts)
+    radius = np.abs(second.displacement[1:]).max()
+    assert float(lanes.radius_max[1]) == pytest.approx(radius, rel=1e-6)
+    assert float(lanes.radius_max[0]) != pytest.approx(radius, rel=1e-3)
     again = dataclasses.replace(first.end, angle=jnp.asarray(first.end.angle) + 0.7 * 2 * np.pi)
     assert jr.simulate(scene, 1, 16, start=again).solver.startswith("Exponential")
 
@@ -122,6 +129,22 @@ def test_balls_with_rub_move_by_their_lagrangian(by_lagrangian):
     assert np.abs(run.displacement[:, 0] - z).max() < 1e-5 * np.abs(z).max()
     assert np.abs(run.balls[0].angle - (balls - 260.0 * TIMES[:, None])).max() < 1e-4
     assert np.abs(run.contact_force).max() > 0
+
+
+def test_angle_of_rotation_has_the_sign_of_the_speed():
+    back = jr.simulate(jeffcott(speed=-300.0), 2, 16)
+    assert float(back.angle[-1]) == pytest.approx(-4 * np.pi)
+    np.testing.assert_allclose(record.revolutions(back), np.arange(33) / 16)
+    still = jr.simulate(jeffcott(speed=0.0), 3, 16, keep=2, period=0.01, start=jr.Whirl(1e-4))
+    assert not still.angle.any() and not still.speed.any()
+    np.testing.assert_allclose(record.revolutions(still), 1 + np.arange(33) / 16)
+
+
+def test_whirl_of_a_run_up_is_over_its_own_speed():
+    spin = jr.SpeedProfile([0.0, 0.3], [0.0, 100.0])
+    motion = jr.simulate(jeffcott(spin=spin), times=TIMES)
+    whirl = record.whirl_speed(motion, 0)
+    assert np.isfinite(whirl[1:]).all() and whirl[-20:].mean() == pytest.approx(1.0, abs=0.3)
 
 
 @pytest.mark.slow

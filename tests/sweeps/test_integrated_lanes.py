@@ -1,5 +1,6 @@
 """Lanes that exponential steps do not take: every one is a motion of `run_up` or `simulate`."""
 
+import diffrax as dfx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -108,6 +109,71 @@ def test_balls_are_carried_from_speed_to_speed():
     (balls,) = first.end.balls
     shifted = jr.Balls(balls.angle, balls.rate - 10.0)
     start = jr.Launch(first.end.shaft, balls=(shifted,))
+    turned = jr.Launch(angle=1.0, balls=placed(2.0).balls)
+    ahead = jr.sweep(
+        BALLS,
+        {"spin.speed": [300.0, 300.0 + 1e-9]},
+        carry="spin.speed",
+        start=turned,
+        **counts,
+        **QUIET,
+    )
+    whole = jr.simulate(BALLS, 24, 32, start=turned, keep=2)
+    radius = np.abs(whole.displacement[1:]).max()
+    assert float(ahead.radius_max[0, 1]) == pytest.approx(radius, rel=1e-5)
     second = jr.simulate(BALLS.at_speed(310.0), 12, 32, start=start, keep=2)
     up = found.sel(branch="up")
     assert float(up.radius_max[1]) == pytest.approx(np.abs(second.displacement[1:]).max(), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_a_coordinate_without_mass_in_some_lanes():
+    shaft = jr.MasslessShaft(1.0, 0.5, 8e4, k12=5e3, k22=4e3)
+    disc = jr.Disc(0.5, 2.0, 0.0, 0.01, offset=2e-3, exact=False)
+    scene = jr.Scene(shaft, disc, jr.DiscDamping(0.5, 12.0), spin=jr.ConstantSpeed(150.0))
+    counts = {"settle": 0, "keep": 2, "steps_per_revolution": 32}
+    found = jr.sweep(scene, {"disc.diametral": [0.0, 0.1]}, **counts, **QUIET)
+    for k, diametral in enumerate((0.0, 0.1)):
+        one = jr.simulate(scene.replace({"disc.diametral": diametral}), 2, 32)
+        radius = np.abs(one.displacement[1:]).max()
+        assert float(found.radius_max[k]) == pytest.approx(radius, rel=1e-5)
+
+
+def test_lanes_that_fail_are_left_out():
+    """A lane that needs more steps has no result, and is not integrated any further."""
+    observe = [jr.observe.Capture(CRITICAL), jr.observe.Radius()]
+    over = {"spin.torque": [2.0]}
+    few = jr.sweep(DRIVEN, over, times=TIMES, max_steps=3, observe=observe, **QUIET)
+    assert few.status.values.tolist() == [3] and np.isnan(few.captured.values).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: jr.sweep(DRIVEN, {"spin.torque": [1.0]}, times=TIMES, solver=dfx.Euler()),
+            "no error",
+        ),
+        (
+            lambda: jr.sweep(BALLS, {"spin.speed": [1.0]}, solver=jr.Exponential()),
+            "leave `solver` out",
+        ),
+        (lambda: jr.sweep(DRIVEN, {"spin.torque": [1.0]}), "give the `times` of the samples"),
+        (
+            lambda: jr.sweep(DRIVEN, {"start.balls.0.angle": [1.0]}, times=TIMES),
+            "varies a ball, but the scene has none",
+        ),
+        (
+            lambda: jr.sweep(
+                BALLS, {"start.balls.0.angle": [1.0], "start.radius": [1e-3]}, start=jr.Whirl(1e-3)
+            ),
+            "must be written `start.shaft.radius`",
+        ),
+        (lambda: jr.sweep(BALLS, {"a": {"spin.speed": [1.0]}, "spin.speed": [2.0]}), "swept twice"),
+        (lambda: jr.sweep(BALLS, {"a": {}}), "is empty"),
+        (lambda: jr.sweep(BALLS, {"status": {"spin.speed": [1.0]}}), "that data sets do not use"),
+    ],
+)
+def test_refusals(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()

@@ -77,6 +77,21 @@ def test_paths_that_cannot_vary_together(over, words):
         jr.sweep(scene().at_speed(100.0), carried, carry="a")
 
 
+def test_a_lane_begins_where_its_start_says():
+    """A later time of the profile; 33 intervals before the first sample, which no window divides."""
+    profile = jr.SpeedProfile([0.0, 1.0], [60.0, 200.0])
+    start, times = jr.Launch(jr.Whirl(1e-5), time=0.4), np.linspace(0.0, 0.485, 98)
+    over = {"unbalance.eccentricity": [3e-4]}
+    settings = {"start": start, "steps_per_revolution": 128, "progress": False}
+    late = jr.sweep(scene(profile), over, times=times[33:], **settings)
+    substeps = late.attrs["steps_per_sample"]
+    run = jr.run_up(scene(profile), times, start=start, solver=jr.Exponential(2), substeps=substeps)
+    assert late.attrs["solver"].startswith("Exponential") and late.attrs["samples_per_window"] == 32
+    np.testing.assert_allclose(late.speed[0], run.speed[np.array([65, 97])])
+    radius = np.abs(run.displacement[34:, 0]).max()
+    assert float(late.peak[0]) == pytest.approx(radius, rel=1e-9)
+
+
 def test_settings_are_told(runs):
     assert runs.attrs["duration"] == TIMES[-1] and runs.attrs["samples"] == TIMES.size
     assert "settle" not in runs.attrs
@@ -177,7 +192,7 @@ def test_samples_without_windows_are_refused():
         ({"times": [0.05, 0.15, 0.25]}, "must be a whole number of intervals, of 0.1 s"),
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
-        ({"solver": jr.Exponential(located=True)}, "Located steps are taken by `simulate`"),
+        ({"solver": jr.Exponential(located=True)}, "Located steps are for whole revolutions"),
     ],
 )
 def test_settings_that_runs_do_not_take(settings, words):
