@@ -114,7 +114,7 @@ def extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarra
     return scenes
 
 
-def windows_of(pace: Stepping | IntegratedPace | None, times: np.ndarray) -> tuple[int, int, int]:
+def windows_of(times: np.ndarray) -> tuple[int, int, int]:
     """Windows before the first sample, none or one, and after it; and the intervals of each of these."""
     size = window_of(times.size)
     return int(times[0] > 0), (times.size - 1) // size, size

@@ -156,15 +156,14 @@ def sweep(
         pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
     steps = steps_per_revolution
-    scenes, pacing = extremes(scene, start, columns), (along, period)
-    pace = pace_of(scenes, start, columns, pacing, solver, controller, (steps, max_steps))
+    scenes, counts = extremes(scene, start, columns), (steps, max_steps)
+    pace = pace_of(scenes, start, columns, (along, period), solver, controller, counts)
     if along is not None:
-        settle, keep, steps = windows_of(pace, along)
+        settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
-    station = _station(scene, at)
     plan = Plan(
         solver,
         controller,
@@ -178,7 +177,7 @@ def sweep(
         batch=True,
     )
     context = Context(
-        scene, start, tuple(columns), plan, station, period, observe, settle, keep, pace
+        scene, start, tuple(columns), plan, _station(scene, at), period, observe, settle, keep, pace
     )
     job = Job(context, axes, carry, Stages.fresh())
     attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}

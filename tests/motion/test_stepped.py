@@ -361,7 +361,7 @@ def test_scenes_that_exponential_steps_do_not_take(change, words):
 
 
 def test_settings_that_exponential_steps_do_not_take():
-    with pytest.raises(ValueError, match="Located steps are taken by `simulate`"):
+    with pytest.raises(ValueError, match="Located steps are for whole revolutions"):
         jr.run_up(rotor(), SAMPLES, solver=jr.Exponential(located=True))
     with pytest.raises(ValueError, match="for diffrax solvers"):
         jr.run_up(
