@@ -1,5 +1,7 @@
 """Integrated march: a motion at any spin that a diffrax solver integrates, window by window."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -152,7 +154,7 @@ class IntegratedMarch(AbstractMarch):
         rate = instants.bodies_speed - instants.turning.speed[:, None]
         return Bodies(instants.bodies, rate, imbalance_of(self.scene, instants.bodies))
 
-    def _packed(self, y: RotatingState, *last: Array) -> Array:
+    def _packed(self, y: RotatingState, *last: Any) -> Array:
         return jnp.concatenate(
             [jnp.ravel(leaf).astype(float) for leaf in (*jax.tree.leaves(y), *last)]
         )

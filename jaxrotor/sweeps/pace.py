@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import diffrax as dfx
 import equinox as eqx
@@ -146,15 +146,15 @@ def _integration(
 
 def _control_of_all(solver: Any, scenes: Sequence[Scene]) -> Any:
     """Step control by the shortest impact of any scene; jumps are step ends where all have the same."""
-    controls = [controller_for(solver, scene) for scene in scenes]
-    plain = [getattr(one, "controller", one) for one in controls]
+    controls: list[Any] = [controller_for(solver, scene) for scene in scenes]
+    plain: list[Any] = [getattr(one, "controller", one) for one in controls]
     if any(getattr(one, "dtmax", None) is not None for one in plain):
         shortest = min(float(one.dtmax) for one in plain)
         plain[0] = dataclasses.replace(plain[0], dtmax=jnp.asarray(shortest))
-    kinks = [None if s.spin.kinks is None else np.asarray(s.spin.kinks) for s in scenes]
-    if kinks[0] is None or not all(np.array_equal(kinks[0], other) for other in kinks[1:]):
+    jumps, *others = cast(Any, [one.spin.kinks for one in scenes])
+    if jumps is None or not all(np.array_equal(jumps, other) for other in others):
         return plain[0]
-    return dfx.ClipStepSizeController(plain[0], jump_ts=scenes[0].spin.kinks)
+    return dfx.ClipStepSizeController(plain[0], jump_ts=jumps)
 
 
 def _stepping(
