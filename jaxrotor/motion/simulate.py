@@ -324,7 +324,7 @@ def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: i
     update = lambda carry, samples: (carry, {name: getattr(samples, name) for name in KEPT})
     (y, _, good), revolutions = march.collect(y, None, update, keep)
     motion = jax.tree.map(joined, revolutions)
-    return march.form.decode(y), motion, first & good, march.contact_stiffness_ratio
+    return march.decode(y), motion, first & good, march.contact_stiffness_ratio
 
 
 def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:
