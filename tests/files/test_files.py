@@ -1065,20 +1065,22 @@ def test_mutated_files_never_end_in_another_exception():
 
 @pytest.mark.slow
 def test_from_another_folder_and_without_pint(tmp_path):
-    """Shipped scenes load from any folder; pint is imported only if a file has units."""
+    """Shipped scenes load from any folder; pint is imported only for units that it was never asked."""
+    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     code = (
         "import sys, jaxrotor.files as f\n"
         "s = f.load('limiter-rotor-2023')\n"
         "f.save(s, 'here.toml')\n"
         "assert 'pint' in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, env=env)
     code = (
         "import sys, jaxrotor.files as f\n"
         "f.load('here.toml')\n"
+        "f.load('limiter-rotor-2023')\n"
         "assert 'pint' not in sys.modules and 'tomlkit' not in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, env=env)
 
 
 @pytest.mark.parametrize("name", [name for name, _ in shipped()])
