@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import typer
 
 from ..analysis import critical_speeds, settled
+from ..core.compiled import compiled_quickly
 from ..equations.start import AbstractStart, AtRest, Whirl
 from ..equations.system import polar_inertia
 from ..files.toml import load
@@ -273,14 +276,19 @@ def _length(scene: Scene) -> float:
 
 def moving_station(scene: Scene) -> float | None:
     """The station [m] that `Scene.stations` suggests if it can move, else one that can, else None."""
-    line = scene.line()
     placed = [getattr(effect, "at", None) for effect in scene.effects]
     stations = [at for at in placed if at is not None]
-    for at in (*scene.stations(), *stations, scene.shaft.length):
-        known = scene.shaft.reason_against(float(at)) is None
-        if known and np.abs(np.asarray(line.row(at))).max(initial=0.0) > 1e-9:
-            return float(at)
-    return None
+    every = [float(at) for at in (*scene.stations(), *stations, scene.shaft.length)]
+    known = [at for at in every if scene.shaft.reason_against(at) is None]
+    moves = np.asarray(_largest_of_rows(scene, np.array(known))) > 1e-9
+    return next((at for at, one in zip(known, moves, strict=True) if one), None)
+
+
+@compiled_quickly
+def _largest_of_rows(scene: Scene, stations: np.ndarray) -> jax.Array:
+    """Largest entry of the row of displacement of every station."""
+    rows = jax.vmap(scene.line().row)(jnp.asarray(stations))
+    return jnp.max(jnp.abs(rows), axis=1, initial=0.0)
 
 
 def listed(text: str) -> str | list[str]:
