@@ -101,6 +101,7 @@ from .files.shipped import shipped as shipped
 from .files.toml import load as load, loads as loads, save as save, study as study, title as title
 from .files.units import SceneError as SceneError
 from .files.variants import Variant as Variant, variants as variants
+from .motion.history import TimeHistory as TimeHistory
 from .motion.reactions import Reactions as Reactions, reactions as reactions
 from .motion.run_up import RunUp as RunUp, run_up as run_up
 from .motion.simulate import (

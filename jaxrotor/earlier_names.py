@@ -50,7 +50,7 @@ EARLIER = {  # earlier name -> modules that define its names now, searched in th
 RENAMED = {  # earlier name of a class -> its name now
     "Curve": "ContinuationProblem",
     "Instant": "Kinematics",
-    "Orbit": "RevolutionSamples",
+    "Orbit": "Window",
     "Posture": "RotatingState",
 }
 

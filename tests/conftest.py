@@ -45,8 +45,27 @@ def pytest_configure(config):
             config.pluginmanager.register(durations.Table(path))
 
 
+LONGEST = (  # see benchmarks/durations.md
+    *("test_notebooks", "test_designs", "test_stepped", "test_periodic", "test_continuation"),
+    *("test_hazards", "test_cluster", "test_unequal_axes", "test_store", "test_one_sided"),
+    *(
+        "test_any_scene",
+        "test_cli",
+        "test_time",
+        "test_run_up",
+        "test_shafts",
+        "test_ball_balancer",
+    ),
+)
+
+
 def pytest_collection_modifyitems(config, items):
-    """Leave out the slow tests, unless they are asked for: by `--all`, `-m`, `-k` or their names."""
+    """Leave out the slow tests, unless they are asked for: by `--all`, `-m`, `-k` or their names.
+
+    Files that take long come first, so that no process is left with one of them at the end.
+    """
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     asked = config.getoption("--all") or config.getoption("-m") or config.getoption("-k")
     if asked or any("::" in name for name in config.args):
         return

@@ -1,31 +1,20 @@
 """Notebooks: each runs from top to bottom, draws its figures, and finds the numbers it shows."""
 
-import base64
-import json
 import math
-import os
 import re
-from pathlib import Path
 
 import nbformat
 import pytest
-from nbclient import NotebookClient
+from executed import DRAWS, NOTEBOOKS, check_found, check_runs, code_cells, executed, pictures
 
-
-NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-DRAWS = re.compile(r"\bplot\.\w+\(|\bplt\.subplots\(")
-PNG = b"\x89PNG\r\n\x1a\n"
 
 STRAY = re.compile(
     r"<Axes|<matplotlib|Text\(|^\s*\{\s*\""
 )  # what no reader wants: objects and JSON
-# Run after the last cell: numbers the notebook has found, of 01 each with its reference.
-TOLD = """import json
-first = lambda value: float(value[0] if isinstance(value, tuple) else value)
-print(json.dumps({name: first(value) for name, value in found.items()}))"""
 
 # Notebook -> number in its dictionary `found` -> (value, tolerance). The values are those of
 # the source's independent computation; tolerances cover 512 steps a revolution and short runs.
+# Those of 06 are in `tests/design/test_designs.py`.
 FOUND = {
     "01_limiter_rotor": {
         "kappa": (849.94257, 1e-4),
@@ -123,78 +112,29 @@ FOUND = {
         "rms imbalance at 1.7, coming down": (0.0, 0.05),
         "rms imbalance at 1.6, coming down": (4.48, 0.1),
     },
-    "06_design": {
-        "nu0 at alpha 1 from -0.9": (-0.362049935181, 1e-9),
-        "nu0 at alpha 1 from 0.5": (-0.362049935181, 1e-9),
-        "whips that stay, before": (1.0, 1e-12),
-        "largest radius before [mm]": (0.1439 * 700, 0.1),
-        "backward after": (0.0, 1e-12),
-        "cost of the dampers": (1.7711834, 2e-5),
-        "onset speed [rad/s]": (300.0, 1e-3),
-        "left by gradient [um]": (0.0, 1.0),
-        "distance from the truth": (0.0, 11.345),
-        "gap [mm]": (7.5, 0.03),
-        "friction": (0.1, 1.4e-3),
-    },
 }
 
 
-@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
-def executed(request, tmp_path_factory):
-    """Name and code cells of a notebook that ran in a folder of its own, in its quick version."""
-    notebook = nbformat.read(request.param, as_version=4)
-    notebook.cells.append(nbformat.v4.new_code_cell(TOLD))
-    folder = tmp_path_factory.mktemp(request.param.stem)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JAXROTOR_QUICK", "1")
-        patch.setenv("PYTHONPATH", str(request.param.parent), prepend=os.pathsep)
-        patch.delenv("MPLBACKEND", raising=False)  # the kernel's own draws into the notebook
-        resources = {"metadata": {"path": str(folder)}}
-        NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
-    return request.param.stem, code_cells(notebook)
-
-
-def code_cells(notebook):
-    return [cell for cell in notebook.cells if cell.cell_type == "code"]
-
-
-def pictures(cell):
-    data = (output.get("data", {}) for output in cell.outputs)
-    return [base64.b64decode(one["image/png"]) for one in data if "image/png" in one]
-
-
-def streams(cells, name):
-    outputs = (output for cell in cells for output in cell.outputs)
-    return [one["text"] for one in outputs if one.output_type == "stream" and one["name"] == name]
+@pytest.fixture(scope="module", params=FOUND)
+def cells(request, tmp_path_factory):
+    """Name and code cells of a notebook that ran in a folder of its own."""
+    (path,) = [path for path in NOTEBOOKS if path.stem == request.param]
+    return request.param, executed(path, tmp_path_factory.mktemp(request.param))
 
 
 @pytest.mark.slow
-def test_runs_without_error_or_warning(executed):
-    _, cells = executed
-    assert not [one for cell in cells for one in cell.outputs if one.output_type == "error"]
-    assert streams(cells, "stderr") == []
+def test_runs_without_error_or_warning_and_draws(cells):
+    check_runs(cells[1])
 
 
 @pytest.mark.slow
-def test_every_figure_cell_draws(executed):
-    _, cells = executed
-    drawing = [cell for cell in cells if DRAWS.search(cell.source)]
-    assert drawing
-    for cell in drawing:
-        assert len(pictures(cell)) == 1, cell.source
-        assert pictures(cell)[0].startswith(PNG)
+def test_finds_the_numbers_of_the_source(cells):
+    name, ran = cells
+    check_found(ran, FOUND[name])
 
 
-@pytest.mark.slow
-def test_finds_the_numbers_of_the_source(executed):
-    name, cells = executed
-    found = json.loads(streams(cells, "stdout")[-1])
-    wrong = {
-        key: (found[key], value)
-        for key, (value, tolerance) in FOUND[name].items()
-        if not abs(found[key] - value) <= tolerance
-    }
-    assert not wrong
+def test_every_notebook_is_run():
+    assert [path.stem for path in NOTEBOOKS] == [*FOUND, "06_design"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.compiled import compiled_quickly
-from ..core.quantities import Scalar, known
+from ..core.quantities import Scalar, known, on_host
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import (
     Pencil,
@@ -65,7 +65,7 @@ class CriticalSpeeds(eqx.Module):
     @property
     def mixed(self) -> Float[Array, " m"]:
         """Critical speeds [rad/s] of mixed whirl, ascending."""
-        return self._only(jnp.abs(self._sense) < STRAIGHT)
+        return self._only(abs(self._sense) < STRAIGHT)
 
     @property
     def kinds(self) -> list[str]:
@@ -75,17 +75,18 @@ class CriticalSpeeds(eqx.Module):
     def where(self, chosen: Bool[np.ndarray, " c"]) -> "CriticalSpeeds":
         """The chosen critical speeds; none may be traced."""
         own = lambda whirls: (whirls.speeds, whirls.forward_share, whirls.senses)
-        return eqx.tree_at(own, self, tuple(part[chosen] for part in own(self)))
+        parts = (jnp.asarray(np.asarray(part)[chosen]) for part in own(self))
+        return eqx.tree_at(own, self, tuple(parts))
 
     @property
-    def _sense(self) -> Float[Array, " c"]:
-        return 2 * self.forward_share - 1
+    def _sense(self) -> Any:
+        return 2 * on_host(self.forward_share) - 1
 
-    def _only(self, chosen: Bool[Array, " c"]) -> Float[Array, " k"]:
-        speeds = jnp.where(chosen, self.speeds, jnp.inf)
-        if known(speeds):
-            return speeds[np.isfinite(speeds)][: self.count]
-        return jnp.sort(speeds)[: self.count]
+    def _only(self, chosen: Any) -> Float[Array, " k"]:
+        if known(self.speeds) and known(chosen):
+            speeds = np.asarray(self.speeds)
+            return jnp.asarray(speeds[np.asarray(chosen) & np.isfinite(speeds)][: self.count])
+        return jnp.sort(jnp.where(chosen, self.speeds, jnp.inf))[: self.count]
 
 
 class AxisSpeeds(NamedTuple):

@@ -277,7 +277,7 @@ def _respond(scene: Scene, speeds, frequencies, stations, forces):
     `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none.
     """
     *parts, distance = _parts_of_all(scene, speeds, frequencies, stations, forces)
-    if known(distance) and np.any(distance < CRITICAL):
+    if known(distance) and np.any(np.asarray(distance) < CRITICAL):
         bad = int(np.argmin(distance))
         raise ValueError(
             f"The response is unbounded at a speed of {float(speeds[bad]):g} rad/s and a frequency of "

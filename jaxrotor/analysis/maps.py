@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
+from ..core.compiled import compiled
 from ..equations.system import assemble
 from ..scene import Scene, with_shared_nodes
 from .stability import EDGES, STEPS, growth_of, undamped_side
@@ -156,7 +157,7 @@ def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.nda
     return found
 
 
-@eqx.filter_jit
+@compiled
 def _growth_of_chunk(
     scene: Scene, paths: tuple[str, ...], steps: int, *values: Array
 ) -> Float[Array, "2 k"]:

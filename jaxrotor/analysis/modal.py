@@ -159,7 +159,8 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     """
     values = _roots(scene, count)
     if known(values):
-        values = values[jnp.isfinite(values)]
+        found = np.asarray(values)
+        return jnp.asarray(found[np.isfinite(found)][:count])
     return values[:count]
 
 
@@ -192,7 +193,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
         for part in (modes.values, modes.shapes, modes.counter, modes.shares)
         if part is not None
     ]
-    return eqx.tree_at(own, found, [part[there] for part in own(found)])
+    return eqx.tree_at(own, found, [jnp.asarray(np.asarray(part)[there]) for part in own(found)])
 
 
 @compiled_quickly

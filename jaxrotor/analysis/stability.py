@@ -13,7 +13,7 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger, largest
 from ..core.progress import waiting
-from ..core.quantities import Scalar, known
+from ..core.quantities import Scalar, known, on_host
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..equations.system import System, assemble
 from ..scene import Scene
@@ -120,15 +120,17 @@ def onset_speed(
         return jax.block_until_ready(found) if known(found.speed) else found
 
 
-def _onset(scene: Scene, speeds: Array, sign: Array, samples: int, throw: bool) -> Onset:
+def _onset(scene: Scene, speeds: Any, sign: Any, samples: int, throw: bool) -> Onset:
     """The first loss of stability, from speeds and the sign of the growth rate there."""
+    if known(sign) and known(speeds):
+        speeds, sign = np.asarray(speeds), np.asarray(sign)
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
-    marginal = jnp.all(sign[: samples // 4] == 0) & ~jnp.any(rising)
+    marginal = (sign[: samples // 4] == 0).all() & ~rising.any()
     refusals = [
-        (jnp.any(jnp.isnan(sign)), "The lowest speeds are too low for Floquet multipliers"),
+        ((sign != sign).any(), "The lowest speeds are too low for Floquet multipliers"),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
-        (~jnp.any(rising), "The rotor never loses its stability"),
+        (~rising.any(), "The rotor never loses its stability"),
     ]
     for wrong, sentence in refusals if throw else ():
         if known(wrong):
@@ -139,8 +141,9 @@ def _onset(scene: Scene, speeds: Array, sign: Array, samples: int, throw: bool) 
                 )
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} at the speeds searched.")
-    first = jnp.argmax(rising)
-    found = _refine(scene, speeds[first], speeds[first + 1])
+    first = rising.argmax()
+    low, high = (jnp.asarray(on_host(speeds[i])) for i in (first, first + 1))
+    found = _refine(scene, low, high)
     if throw:
         return found
     none = jnp.any(jnp.stack([wrong for wrong, _ in refusals]))

@@ -5,9 +5,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from jaxtyping import Array
 
-from ..analysis import Onset, modes, onset_speed
+from ..analysis import Modes, Onset, modes, onset_speed
 from ..analysis.modal import kind_of_whirl
+from ..core.compiled import compiled_quickly
 from ..equations.pencil import frame, is_rounding
 from ..equations.system import structure
 from ..files.units import quantity
@@ -137,7 +139,7 @@ def axes_of(rotor: Scene) -> str:
 def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[dict[str, Any]]]:
     """Axes and the slowest roots; where axes are unequal, one of each conjugate pair."""
     shown = modes(rotor)
-    seen = zip(*map(np.asarray, (shown.values, shown.fixed_values, shown.forward)), strict=True)
+    seen = zip(*map(np.asarray, _in_fixed_axes(shown)), strict=True)
     found = []
     for value, fixed, sense in seen:
         still = is_rounding(value.imag, value)
@@ -148,6 +150,12 @@ def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[d
             one |= {"root": complex(value), "shaft_frequency": 0.0 if still else value.imag}
         found.append(one)
     return shown.frame, found[:count]
+
+
+@compiled_quickly
+def _in_fixed_axes(shown: Modes) -> tuple[Array, Array, Array]:
+    """Roots, the same in fixed axes, and the senses of the whirl."""
+    return shown.values, shown.fixed_values, shown.forward
 
 
 def _described(root: complex, sense: float) -> dict[str, Any]:

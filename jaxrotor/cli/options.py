@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import typer
 
 from ..analysis import critical_speeds, settled
+from ..core.compiled import compiled_quickly
 from ..equations.start import AbstractStart, AtRest, Whirl
 from ..equations.system import polar_inertia
 from ..files.toml import load
@@ -189,7 +192,7 @@ def start_with(
         for name, text in given.items()
         if text is not None
     }
-    if any(path.startswith("start.") for path in swept):
+    if any(path.removeprefix("start.") in START for path in swept):
         values = {"radius": 0.0} | values
     if values and "radius" not in values:
         raise ValueError("A start with a rate or an angle needs a radius; add --start-radius.")
@@ -244,6 +247,16 @@ def instants(scene: Scene, duration: str | None, samples: int, times: str | None
     return np.linspace(0.0, stop, samples)
 
 
+def refuse_revolutions(given: dict[str, Any]) -> None:
+    """Raise if an option that is for whole revolutions is given, by its name, for a run along times."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"{name} is for whole revolutions, but this motion is along times; leave {name} out, or "
+                "take a constant speed without --times."
+            )
+
+
 def _length(scene: Scene) -> float:
     """Default duration of a run [s]; see `Duration`."""
     spin = scene.spin
@@ -263,14 +276,19 @@ def _length(scene: Scene) -> float:
 
 def moving_station(scene: Scene) -> float | None:
     """The station [m] that `Scene.stations` suggests if it can move, else one that can, else None."""
-    line = scene.line()
     placed = [getattr(effect, "at", None) for effect in scene.effects]
     stations = [at for at in placed if at is not None]
-    for at in (*scene.stations(), *stations, scene.shaft.length):
-        known = scene.shaft.reason_against(float(at)) is None
-        if known and np.abs(np.asarray(line.row(at))).max(initial=0.0) > 1e-9:
-            return float(at)
-    return None
+    every = [float(at) for at in (*scene.stations(), *stations, scene.shaft.length)]
+    known = [at for at in every if scene.shaft.reason_against(at) is None]
+    moves = np.asarray(_largest_of_rows(scene, np.array(known))) > 1e-9
+    return next((at for at, one in zip(known, moves, strict=True) if one), None)
+
+
+@compiled_quickly
+def _largest_of_rows(scene: Scene, stations: np.ndarray) -> jax.Array:
+    """Largest entry of the row of displacement of every station."""
+    rows = jax.vmap(scene.line().row)(jnp.asarray(stations))
+    return jnp.max(jnp.abs(rows), axis=1, initial=0.0)
 
 
 def listed(text: str) -> str | list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from scipy.optimize import brentq, minimize_scalar
 
 from ..analysis import (
@@ -18,6 +19,7 @@ from ..analysis import (
     unbalance_response,
 )
 from ..core.attributes import about
+from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact
 from ..equations.pencil import isotropic
 from ..equations.system import structure
@@ -122,8 +124,12 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
 
 def _growth(rotor: Scene, speeds: Any) -> np.ndarray:
     """Largest growth rate [1/s] at each of the speeds."""
-    found = jax.lax.map(lambda speed: growth_rate(rotor.at_speed(speed)), jnp.asarray(speeds))
-    return np.asarray(found)
+    return np.asarray(_growth_rates(rotor, jnp.asarray(speeds)))
+
+
+@compiled_quickly
+def _growth_rates(rotor: Scene, speeds: Array) -> Array:
+    return jax.lax.map(lambda speed: growth_rate(rotor.at_speed(speed)), speeds)
 
 
 def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
@@ -159,15 +165,21 @@ def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> lis
     """Local maxima of the amplitude, each refined to the zero of its derivative."""
     speeds, amplitude = np.asarray(result.speeds), np.asarray(result.major)[:, 0]
     rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
-    height = lambda speed: unbalance_response(rotor, speed, result.stations).major[0, 0]
-    height_and_slope = jax.jit(jax.value_and_grad(height))  # one program for all peaks
+    at = lambda speed: _height_and_slope(rotor, jnp.asarray(np.asarray(speed)), result.stations)
     found = []
     for k in np.flatnonzero(rises & falls) + 1:
         low, high = speeds[k - 1], speeds[k + 1]
         if np.any((low <= unbounded) & (unbounded <= high)):
             continue
-        found.append(_at(rotor, _summit(height_and_slope, low, high), result.stations))
+        found.append(_at(rotor, _summit(at, low, high), result.stations))
     return found
+
+
+@compiled_quickly
+def _height_and_slope(rotor: Scene, speed: Array, stations: Array) -> tuple[Array, Array]:
+    """Amplitude at a speed and its derivative by the speed: one program for all peaks."""
+    height = lambda speed: unbalance_response(rotor, speed, stations).major[0, 0]
+    return jax.value_and_grad(height)(speed)
 
 
 def _summit(height_and_slope: Callable, low: float, high: float) -> float:

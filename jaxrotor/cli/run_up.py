@@ -8,7 +8,8 @@ import typer
 
 from ..equations.start import Launch
 from ..files.toml import study
-from ..motion.run_up import RunUp, run_up as run
+from ..motion.history import TimeHistory
+from ..motion.run_up import run_up as run
 from ..results.dataset import dataset
 from ..results.provenance import assumed
 from . import answer
@@ -111,7 +112,7 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _draw(motion: RunUp, folder: Path, film: bool, moves: bool) -> None:
+def _draw(motion: TimeHistory, folder: Path, film: bool, moves: bool) -> None:
     from .. import plot
 
     if moves:
@@ -123,7 +124,7 @@ def _draw(motion: RunUp, folder: Path, film: bool, moves: bool) -> None:
         plot.animate(motion, folder / "film.gif")
 
 
-def _summary(motion: RunUp, moves: bool) -> dict[str, Any]:
+def _summary(motion: TimeHistory, moves: bool) -> dict[str, Any]:
     """Peak, speeds and contacts at the first station, from the samples."""
     radius, speed = np.abs(np.asarray(motion.displacement)[:, 0]), np.asarray(motion.speed)
     top, stopped = int(np.argmax(radius)), float(motion.stopped)

@@ -9,9 +9,11 @@ import numpy as np
 import typer
 
 from ..files.toml import study
-from ..motion.simulate import Response, simulate as run
+from ..motion.history import TimeHistory
+from ..motion.simulate import simulate as run
 from ..results.dataset import dataset
 from ..solvers import Exponential
+from ..spins import ConstantSpeed
 from . import answer
 from .options import (
     MOST,
@@ -26,15 +28,21 @@ from .options import (
     SceneName,
     Settings,
     Steps,
+    Times,
     Tolerance,
     count_or_auto,
+    instants,
+    moving_station,
     optional,
+    refuse_revolutions,
     scene_with,
     start_with,
 )
-from .output import draft, draw, write_dataset, written_to
+from .output import draft_or_none, draw, write_dataset, written_to
 
 
+REVOLUTIONS = 100  # by default
+SAMPLES = 2001  # of a motion whose speed varies
 _FILES = ("response.zarr", "orbit.png", "history.png")
 
 
@@ -72,17 +80,25 @@ _SOLVERS = {
 def simulate(
     scene: SceneName,
     settings: Settings = None,
-    revolutions: Annotated[int, typer.Option(min=1, max=MOST, help="Duration of the run.")] = 100,
+    revolutions: Annotated[
+        int | None,
+        typer.Option(min=1, max=MOST, help="Revolutions at constant speed. [default: 100]"),
+    ] = None,
     keep: Annotated[
         int | None,
         typer.Option(min=1, max=MOST, help="Revolutions observed, at the end. [default: all]"),
     ] = None,
+    times: Times = None,
     steps: Steps = None,
     nodes: Nodes = None,
     tolerance: Tolerance = 1e-3,
     solver: Annotated[
-        Solver, typer.Option(help="Exponential of order 2 or 4, or a diffrax solver.")
-    ] = Solver.exponential2,
+        Solver | None,
+        typer.Option(
+            help="Exponential of order 2 or 4, or a diffrax solver. [default: exponential2 where it can "
+            "be taken]"
+        ),
+    ] = None,
     start_radius: Radius = None,
     start_rate: Rate = None,
     start_angle: Angle = None,
@@ -97,26 +113,33 @@ def simulate(
 ) -> None:
     """Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.
 
+    A scene of constant speed runs by whole revolutions. Any other runs to the end of its speed profile or
+    near the steady speed of its drive, unless --times are given.
+
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor simulate limiter-rotor --start-radius 12mm --start-rate=-441rad/s --steps 1024
     jaxrotor simulate limiter-rotor --set unbalance.eccentricity=0.5mm --solver kvaerno5
+    jaxrotor simulate turbine-run-up --times 0:20s:2001
     """
     rotor, table = scene_with(scene, settings), study(scene)
     options: dict[str, Any] = {
-        "solver": _SOLVERS[solver](),
+        "solver": None if solver is None else _SOLVERS[solver](),
         "start": start_with(table, start_radius, start_rate, start_angle),
-        "keep": keep,
         "nodes": count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,
-        "at": optional(at, "m", "--at"),
-        "period": optional(period, "s", "--period"),
+        "at": moving_station(rotor) if at is None else optional(at, "m", "--at"),
     }
-    samples = count_or_auto(steps, "--steps") or table.get("steps_per_revolution", 256)
-    if out is None:
-        response = run(rotor, revolutions, samples, **options)
+    if times is None and isinstance(rotor.spin, ConstantSpeed):
+        samples = count_or_auto(steps, "--steps") or table.get("steps_per_revolution", 256)
+        options |= {"revolutions": revolutions or REVOLUTIONS, "steps_per_revolution": samples}
+        options |= {"keep": keep, "period": optional(period, "s", "--period")}
     else:
-        with draft(out, _FILES, overwrite) as folder:
-            response = run(rotor, revolutions, samples, **options)
+        given = {"--revolutions": revolutions, "--keep": keep, "--steps": steps, "--period": period}
+        refuse_revolutions(given)
+        options["times"] = instants(rotor, None, SAMPLES, times)
+    with draft_or_none(out, _FILES, overwrite) as folder:
+        response = run(rotor, **options)
+        if folder is not None:
             write_dataset(dataset(response), folder / "response.zarr")
             _draw(response, folder)
     summary = _summary(response)
@@ -139,10 +162,13 @@ def simulate(
     answer.print_table(rows)
 
 
-def _draw(response: Response, folder: Path) -> None:
+def _draw(response: TimeHistory, folder: Path) -> None:
     from .. import plot
 
     def history(axes):
+        if response.steps_per_revolution is None:
+            plot.run_up(response, axes=axes)
+            return
         plot.history(response, ax=axes[0])
         plot.whirl_history(response, ax=axes[1])
         axes[0].set_xlabel("")
@@ -151,16 +177,16 @@ def _draw(response: Response, folder: Path) -> None:
     draw(folder / "history.png", history, 170, 110, rows=2)
 
 
-def _summary(response: Response) -> dict[str, Any]:
+def _summary(response: TimeHistory) -> dict[str, Any]:
     """Radius, whirl and contacts at the first station, without the sample at the start."""
     z, velocity = (np.asarray(a)[1:, 0] for a in (response.displacement, response.velocity))  # (T,)
-    radius, speed = np.abs(z), float(response.scene.spin.speed)
-    moving = bool((radius > 0).all()) and speed != 0
-    whirl = np.mean(np.imag(np.conj(z) * velocity) / radius**2) / speed if moving else np.nan
+    radius, speed = np.abs(z), np.asarray(response.speed)[1:]
+    moving = bool((radius > 0).all() and (speed != 0).all())
+    whirl = np.mean(np.imag(np.conj(z) * velocity) / radius**2 / speed) if moving else np.nan
     force = response.contact_force
     contacts = [] if force is None else np.abs(np.asarray(force)[1:]).T  # (k, T)
     return {
-        "speed": speed,
+        "speed": speed[-1],
         "station": response.stations[0],
         "radius_min": radius.min(),
         "radius_max": radius.max(),

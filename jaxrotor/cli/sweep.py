@@ -14,10 +14,11 @@ import typer
 import xarray as xr
 
 from ..core.outcome import failed
-from ..effects import AbstractContact
+from ..effects import AbstractBodies, AbstractContact
 from ..files.toml import study
 from ..scene import Scene
 from ..solvers import Exponential
+from ..spins import ConstantSpeed
 from ..sweeps.axes import check_lanes
 from ..sweeps.observe import AbstractObservable, WhirlSpectrum, everything
 from ..sweeps.store import PENDING, OtherSweepError
@@ -39,12 +40,13 @@ from .options import (
     Tolerance,
     assignments,
     count_or_auto,
-    listed,
+    instants,
+    moving_station,
     optional,
+    refuse_revolutions,
     scene_with,
     start_with,
     swept_axes,
-    value_list,
 )
 from .output import draft, draw, written_to
 from .sweep_answer import errors, lanes_of, print_sweep, results
@@ -52,6 +54,7 @@ from .sweep_answer import errors, lanes_of, print_sweep, results
 
 _FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "envelope.png", "map.png")
 _RUN = ("duration", "samples", "steps_per_sample")  # of runs along times
+SAMPLES = 2001  # of runs of a scene whose speed varies
 _PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
 _COUNTS = {
     "settle": SETTLE,
@@ -102,7 +105,10 @@ ErrorSample = Annotated[
         help="Number of lanes run a second time with twice the steps; 0: no error estimate.",
     ),
 ]
-OrderOf = Annotated[Order, typer.Option(help="Order of the exponential integrator.")]
+OrderOf = Annotated[
+    Order | None,
+    typer.Option(help="Order of the exponential integrator. [default: 2 where it can be taken]"),
+]
 Spectrum = Annotated[
     bool,
     typer.Option(
@@ -146,7 +152,7 @@ def sweep(
     nodes: Nodes = None,
     tolerance: Tolerance = 1e-3,
     error_sample: ErrorSample = 0,
-    order: OrderOf = Order.second,
+    order: OrderOf = None,
     start_radius: Radius = None,
     start_rate: Rate = None,
     start_angle: Angle = None,
@@ -162,7 +168,7 @@ def sweep(
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.
 
     With --times the motions are runs at the scene's spin, a run-up for example, with peak and envelope,
-    which is drawn in DIR/envelope.png.
+    which is drawn in DIR/envelope.png. A scene whose speed varies runs to its end without them.
 
     Writes DIR/sweep.zarr (open it with `xarray.open_zarr`) and a picture: over one parameter
     DIR/bifurcation.png, over two DIR/map.png, the kind of motion. Lanes are stored in blocks of up to
@@ -182,14 +188,17 @@ def sweep(
     axes = _axes(rotor, table, over, settings)
     start = start_with(table, start_radius, start_rate, start_angle, list(axes))
     counts = _counts(table, settle, keep, count_or_auto(steps, "--steps"))
-    instant = None if times is None else value_list(listed(times), "s", "--times")
-    if instant is not None:
-        counts = _run_counts(counts, settle, keep, spectrum)
+    instant = None
+    if times is not None or not isinstance(rotor.spin, ConstantSpeed):
+        given = {"--settle": settle, "--keep": keep, "--period": period}
+        refuse_revolutions(given | {"--spectrum": spectrum or None})
+        counts = {"steps_per_revolution": counts["steps_per_revolution"]}
+        instant = instants(rotor, None, SAMPLES, times)
     options: dict[str, Any] = {
         "times": instant,
         "observe": _observables(rotor, spectrum, counts["steps_per_revolution"], instant),
-        "solver": Exponential(2 if order is Order.second else 4),
-        "at": optional(at, "m", "--at"),
+        "solver": None if order is None else Exponential(2 if order is Order.second else 4),
+        "at": moving_station(rotor) if at is None else optional(at, "m", "--at"),
         "period": optional(period, "s", "--period"),
         "workers": workers,
         "cluster": int(cluster) if cluster and cluster.isdecimal() else cluster,
@@ -281,20 +290,12 @@ def _counts(table: dict[str, Any], *given: Any) -> dict[str, Any]:
     }
 
 
-def _run_counts(counts: dict[str, Any], settle: Any, keep: Any, spectrum: bool) -> dict[str, Any]:
-    """The counts that runs along times have; raises if one of the others was asked for."""
-    given = {"--settle": settle, "--keep": keep, "--spectrum": spectrum or None}
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(f"{name} is for whole revolutions; leave it out, or --times.")
-    return {"steps_per_revolution": counts["steps_per_revolution"]}
-
-
 def _observables(
     scene: Scene, spectrum: bool, steps: Any, times: Any
 ) -> tuple[AbstractObservable, ...]:
     """All observables of a scene, with the whirl spectrum if it is asked for."""
-    found = everything(bool(scene.of(AbstractContact)), along_times=times is not None)
+    contacts, balls = (bool(scene.of(kind)) for kind in (AbstractContact, AbstractBodies))
+    found = everything(contacts, along_times=times is not None, balls=balls)
     if spectrum:
         one = WhirlSpectrum()
         if steps != "auto" and steps % one.samples:

@@ -1,4 +1,8 @@
-"""Program cache: compiled programs are stored on disk, where later processes find them."""
+"""Program cache: compiled programs are stored on disk, where later processes find them.
+
+jax finds a program there after it has traced the function and lowered it. Programs of the package's own
+functions are found before that, see `stored_programs`.
+"""
 
 import hashlib
 import importlib.metadata
@@ -14,6 +18,12 @@ SETTINGS = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": -1,
 }
+_kept = False
+
+
+def programs_are_kept() -> bool:
+    """Whether this process has called one of the functions here that keep programs."""
+    return _kept
 
 
 def program_folder() -> Path:
@@ -21,13 +31,17 @@ def program_folder() -> Path:
 
     Machines may share the user's cache folder, and a program of one may not run on another.
     """
-    processor = hashlib.sha256(_processor().encode()).hexdigest()[:8]
+    own = hashlib.sha256(processor().encode()).hexdigest()[:8]
     version = importlib.metadata.version("jaxlib")
-    return user_cache_path("jaxrotor") / f"jaxlib-{version}-{platform.machine()}-{processor}"
+    return user_cache_path("jaxrotor") / f"jaxlib-{version}-{platform.machine()}-{own}"
 
 
 def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
     """Store everything that jax compiles from now on in a folder, from which later processes load it.
+
+    Functions of jaxrotor that are called with the same structure, shapes and static values are not traced
+    again either, as long as its sources and the versions of jax are the same. Code of jaxrotor that is
+    replaced while a process runs is not noticed.
 
     Args:
         folder: folder of the programs. The default lies in the user's cache folder, depends on the
@@ -37,6 +51,7 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
     Returns:
         Path of the folder.
     """
+    global _kept
     import jax
     from jax.experimental.compilation_cache import compilation_cache
 
@@ -46,11 +61,14 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
         jax.config.update(name, value)
     jax.config.update("jax_compilation_cache_dir", str(where))
     compilation_cache.reset_cache()  # drop a cache that was opened before with another folder
+    _kept = True
     return where
 
 
 def keep_programs_of_commands() -> None:
     """`keep_programs` by environment variables, before jax is loaded; the user's own settings stay."""
+    global _kept
+    _kept = True
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(program_folder())
@@ -58,7 +76,7 @@ def keep_programs_of_commands() -> None:
         os.environ.setdefault(name.upper(), str(value))
 
 
-def _processor() -> str:
+def processor() -> str:
     """Instruction sets of the processor as Linux lists them, else its name."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -206,6 +206,11 @@ def known(value: Any) -> bool:
     return not isinstance(value, Tracer)
 
 
+def on_host(array: Any) -> Any:
+    """The array as one of numpy where its values are known, so that operations on it compile nothing."""
+    return np.asarray(array) if known(array) else array
+
+
 def quantity_units(module: eqx.Module) -> dict[str, str]:
     """Unit of every quantity field of a module, by its name."""
     units = {field.name: unit_of(field) for field in dataclasses.fields(module)}

@@ -59,6 +59,8 @@ def _is_default(value: Any, field: dataclasses.Field) -> bool:
         return False
     if value is None or default is None:
         return value is default
+    if isinstance(default, bool):
+        return known(value) and bool(value) == default
     if unit_of(field) is None:
         return repr(value) == repr(default)
     return known(value) and np.ndim(value) == 0 and number_text(value) == number_text(default)

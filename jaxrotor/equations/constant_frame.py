@@ -40,7 +40,7 @@ class ConstantFrame(eqx.Module):
         check_axes(
             system,
             "No axes have constant coefficients, as exponential steps need,",
-            "use `jaxrotor.run_up`, or a diffrax solver such as `solver=diffrax.Kvaerno5()`",
+            "leave `solver` out, or name a diffrax solver such as `solver=diffrax.Kvaerno5()`",
         )
         pencil, speed, load = Pencil.of(system).along_axes, system.spin.speed, system.load
         inertia = pencil.inertia

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..core.compiled import compiled
 from ..core.elimination import eliminated
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
@@ -265,7 +266,7 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
     return damped, undamped
 
 
-@eqx.filter_jit
+@compiled
 def _massless(scene: Scene) -> tuple[System, MasslessCoordinates, Scalar]:
     """Equations, coordinates without mass, and the condition number of the equations for these."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), "unknown")

@@ -1,18 +1,25 @@
 """Starting states of a motion."""
 
 import abc
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from ..core.quantities import Scalar, known, nonnegative, real
+from ..core.parameters import follow
+from ..core.quantities import Scalar, known, nonnegative, quantity_units, real
 from ..core.representation import AbstractPart
 from .system import System
 
 
+WHOLE = 1e-9  # distance of an angle from whole revolutions [rad] that is rounding
+
+
 class AbstractStart(AbstractPart):
-    """State in which a motion begins, at angle of revolution zero."""
+    """State in which a motion begins, at angle of revolution zero but for a `Launch`."""
 
     @abc.abstractmethod
     def state(
@@ -54,7 +61,7 @@ class Whirl(AbstractStart):
 
 
 class Continued(AbstractStart):
-    """State at the end of another run: `simulate(scene, 10, start=response.end)`."""
+    """Coordinates and velocities of the shaft, such as those at the end of another motion."""
 
     q: Complex[Array, " n"]
     velocity: Complex[Array, " n"]
@@ -76,8 +83,8 @@ class Balls(eqx.Module):
     rate: Float[Array, "*T b"]  # [rad/s]
 
 
-class Launch(eqx.Module):
-    """State in which a run begins.
+class Launch(AbstractStart):
+    """State in which a motion begins: that of the shaft, the angle of rotation, and balls.
 
     `balls` has an entry for every race; None spreads them evenly. `speed`, unless None, is the first
     speed of a `Drive`, and must be that of a `SpeedProfile` at its `time`; a `ConstantSpeed` jumps to
@@ -88,7 +95,84 @@ class Launch(eqx.Module):
     angle: Scalar = real("angle [rad]", default=0.0)
     balls: tuple[Balls, ...] | None = None
     speed: Scalar = real("speed [rad/s]", default=None)
-    time: Scalar = real("time [s]", default=0.0)  # of the profile at which the run begins
+    time: Scalar = real("time [s]", default=0.0)  # of the profile at which the motion begins
     stopped: Bool[Array, ""] = eqx.field(
         default=False, converter=jnp.asarray
     )  # and never starts again
+
+    @classmethod
+    def of(cls, start: AbstractStart | None) -> "Launch":
+        """A start as a launch, at angle zero unless it is one; None is at rest."""
+        return start if isinstance(start, Launch) else cls(AtRest() if start is None else start)
+
+    def state(self, system: System, at: Scalar):
+        return self.shaft.state(system, at)
+
+    @property
+    def q(self) -> Complex[Array, " n"]:
+        """Coordinates of the shaft at the end of a motion [m]."""
+        return self._end.q
+
+    @property
+    def velocity(self) -> Complex[Array, " n"]:
+        """Velocities of the shaft at the end of a motion [m/s]."""
+        return self._end.velocity
+
+    @property
+    def _end(self) -> Continued:
+        if not isinstance(self.shaft, Continued):
+            raise AttributeError(f"{self.shaft!r} has no coordinates without a scene.")
+        return self.shaft
+
+    def whole(self) -> bool | None:
+        """Whether a revolution begins here; None while the angle is traced."""
+        if not known(self.angle):
+            return None
+        return bool(abs(np.exp(1j * float(self.angle)) - 1) < WHOLE)
+
+
+def numbers_of(start: AbstractStart) -> dict[str, str]:
+    """Units of the numbers of a start by their paths, `radius` or `balls.0.angle.2` for example."""
+    units = dict(quantity_units(start))
+    if not isinstance(start, Launch):
+        return units
+    found = {name: unit for name, unit in units.items() if getattr(start, name) is not None}
+    found |= {f"shaft.{name}": unit for name, unit in numbers_of(start.shaft).items()}
+    for race, balls in enumerate(start.balls or ()):
+        for name, unit in {"angle": "rad", "rate": "rad/s"}.items():
+            path = f"balls.{race}.{name}"
+            found[path] = unit
+            found |= {f"{path}.{i}": unit for i in range(np.size(getattr(balls, name)))}
+    return found
+
+
+def put_number(start: AbstractStart, path: str, value: Any) -> AbstractStart:
+    """The start with another number at a path of `numbers_of`, not checked; `balls.0.angle` sets all."""
+    *parents, last = (int(word) if word.isdigit() else word for word in path.split("."))
+    if isinstance(last, int):
+        leaf = lambda start: follow(start, parents)
+        return eqx.tree_at(leaf, start, jnp.asarray(leaf(start)).at[last].set(value))
+    leaf = lambda start: getattr(follow(start, parents), last)
+    return eqx.tree_at(leaf, start, jnp.full(np.shape(leaf(start)), value))
+
+
+def shaft_of(start: AbstractStart, what: str) -> AbstractStart:
+    """State of the shaft in a start; raises where `what`, which begins at angle zero, cannot take it.
+
+    While the angle is traced, a state at any other angle becomes NaN.
+    """
+    if not isinstance(start, Launch):
+        return start
+    if start.balls:
+        raise ValueError(
+            f"{what} takes no balls, but the start has {len(start.balls)} races of them."
+        )
+    if start.whole() is False:
+        raise ValueError(
+            f"{what} begins at angle zero, but the start is at {float(start.angle):g} rad of rotation; "
+            "end the motion before it after whole revolutions."
+        )
+    if start.whole() is None:
+        zero = jnp.abs(jnp.exp(1j * start.angle) - 1) < WHOLE
+        return jax.tree.map(lambda leaf: jnp.where(zero, leaf, jnp.nan), start.shaft)
+    return start.shaft

@@ -225,7 +225,7 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
 
 def structure(scene: Scene) -> System:
     """Blocks, loads and ports of a scene as shapes alone, without the cost of `assemble`."""
-    return eqx.filter_eval_shape(assemble, scene)
+    return _assembled.shapes(scene, port_groups(scene))
 
 
 def has_massless(scene: Scene, system: System | None = None) -> bool | None:

@@ -231,9 +231,11 @@ def _flat(table: Table, head: str = "") -> Iterator[tuple[str, Any]]:
 def swept_values(value: Any, scene: Scene, name: str, path: str) -> np.ndarray:
     """Values of the swept parameter `name` in SI units, from "start : stop : count" or a list.
 
-    `start.radius`, `start.rate` and `start.angle` are parameters of the initial state.
+    `start.radius`, `start.rate` and `start.angle` are parameters of the initial state, and
+    `start.balls.0.angle` those of balls.
     """
     head, _, own = name.partition(".")
+    own = re.sub(r"balls\.\d+\.(angle|rate)(\.\d+)?", r"\1", own)
     try:
         unit = START[own] if head == "start" and own in START else scene.unit(name)
     except ValueError as error:

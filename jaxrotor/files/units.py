@@ -3,13 +3,21 @@
 A number is in SI units; a text carries its unit: "1500 rpm", "0.7 m", "60 deg", "4.087e6 N/m".
 """
 
+import contextlib
 import functools
+import importlib.metadata
+import json
 import math
+import os
 import re
 import reprlib
+import secrets
 import typing
 from decimal import Decimal
+from pathlib import Path
 from typing import Any, NoReturn
+
+from platformdirs import user_cache_path
 
 
 _HINTS = {"rad/s": " (write rpm or rad/s)", "rad": " (write deg or rad)"}
@@ -54,20 +62,64 @@ def _converted(text: str, unit: str) -> float | None:
         return None
     if not match[2]:
         return float(match[1])
+    factor = _factor(match[2], unit)
+    try:
+        return None if factor is None else float(Decimal(match[1]) * factor)
+    except ArithmeticError:  # a number beyond those of decimal arithmetic
+        return None
+
+
+def _factor(given: str, wanted: str) -> Decimal | None:
+    """Factor from one unit to another by pint, which takes half a second to load; it is remembered."""
+    factors, pair = _remembered(), f"{given} -> {wanted}"
+    if pair not in factors:
+        factor = _factor_by_pint(given, wanted)
+        if factor is None:
+            return None
+        factors[pair] = str(factor)
+        _remember(factors)
+    return Decimal(factors[pair])
+
+
+def _factor_by_pint(given: str, wanted: str) -> Decimal | None:
     registry = _registry()
     try:
-        units = [registry.parse_units(u) for u in (match[2], "" if unit == "1" else unit)]
+        units = [registry.parse_units(u) for u in (given, "" if wanted == "1" else wanted)]
         # Angle counts as a dimension here, so that Hz cannot be converted to rad/s.
-        given, wanted = (dict(registry.get_root_units(u)[1]._units).get("radian", 0) for u in units)
-        return float(registry.convert(Decimal(match[1]), *units)) if given == wanted else None
+        one, other = (dict(registry.get_root_units(u)[1]._units).get("radian", 0) for u in units)
+        factor, none = (registry.convert(Decimal(number), *units) for number in (1, 0))
+        return factor if one == other and none == 0 else None
     except Exception:  # pint also raises errors of tokenize, assert and decimal
         return None
 
 
 @functools.cache
+def _remembered() -> dict[str, str]:
+    """Factors that pint has given to this or an earlier process."""
+    try:
+        factors = json.loads(_factors_file().read_text())
+        return {str(pair): str(Decimal(factor)) for pair, factor in factors.items()}
+    except (OSError, ValueError, ArithmeticError, AttributeError):  # none yet, or damaged
+        return {}
+
+
+def _remember(factors: dict[str, str]) -> None:
+    with contextlib.suppress(OSError):  # the folder is not writable
+        file = _factors_file()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        draft = file.with_suffix(f".{secrets.token_hex(8)}")  # no process reads a part of a file
+        draft.write_text(json.dumps(factors))
+        os.replace(draft, file)
+
+
+def _factors_file() -> Path:
+    version = importlib.metadata.version("pint")
+    return user_cache_path("jaxrotor") / "units" / f"factors-of-pint-{version}.json"
+
+
+@functools.cache
 def _registry() -> Any:
-    import pint  # takes half a second, so only for a file with units
-    from platformdirs import user_cache_path
+    import pint
 
     build = functools.partial(pint.UnitRegistry, non_int_type=typing.cast(Any, Decimal))
     try:  # a cache of the definitions of units saves a fifth of a second

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core.plane import plane
-from ..core.quantities import Scalar, known
+from ..core.compiled import compiled
+from ..core.quantities import known
 from ..effects import AbstractContact, Support
 from ..equations.forces import applied_force, body_force, contact_force, resistance
-from ..equations.kinematics import Kinematics, RotatingState
+from ..equations.kinematics import Kinematics
 from ..equations.pencil import Pencil, frame
 from ..equations.rotating_frame import Transient
 from ..equations.system import System, assemble_blocks, assemble_load
@@ -20,8 +20,7 @@ from ..scene import Scene
 from ..shafts.influence import Influence
 from ..shafts.virtual import VirtualLine
 from ..spins.base import Turning
-from .run_up import RunUp
-from .simulate import Response
+from .history import TimeHistory
 
 
 Act = Callable[[Kinematics], tuple[Array, Array]]  # forces and moments, in the axes of the shaft
@@ -88,7 +87,7 @@ class Reactions(eqx.Module):
         return self.force[:, self.names.index(name)]
 
 
-def reactions(response: RunUp | Response) -> Reactions:
+def reactions(response: TimeHistory) -> Reactions:
     """Reactions of supports, constraints and contacts on the rotor, at every sample.
 
         support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.)
@@ -114,7 +113,7 @@ def reactions(response: RunUp | Response) -> Reactions:
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene
-    instants = response.instants if isinstance(response, RunUp) else _instants(scene, response)
+    instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, instants)
     names = [scene.name_of(effect) for effect in scene.of(Support)]
     names += [f"constraints.{i}" for i in constraints]
@@ -137,7 +136,7 @@ def reactions(response: RunUp | Response) -> Reactions:
     )
 
 
-@eqx.filter_jit
+@compiled
 def _all(scene: Scene, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
@@ -213,20 +212,3 @@ def _at_rest(system: System) -> Kinematics:
     count = sum(race.bodies.places for race in system.races)
     still = jnp.zeros(count)
     return Kinematics(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
-
-
-@eqx.filter_jit
-def _instants(scene: Scene, response: Response) -> Kinematics:
-    """Kinematics at the samples of a motion at constant speed."""
-    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
-    speed, none = scene.spin.speed, jnp.zeros(0)
-
-    def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
-        turn = jnp.exp(-1j * speed * time)
-        r = turn * q
-        drift = turn * velocity - 1j * speed * r
-        return transient.instant(
-            time, RotatingState(plane(r), plane(drift), none, none, none, none)
-        )
-
-    return jax.vmap(instant)(response.time, response.coordinates, response.rates)

@@ -1,7 +1,5 @@
 """March: a motion at constant speed, advanced revolution by revolution."""
 
-import math
-from collections.abc import Callable
 from typing import Any
 
 import diffrax as dfx
@@ -9,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
@@ -25,23 +23,20 @@ from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm
 from ..spins.constant import ConstantSpeed
-from .base import Plan, RevolutionSamples
+from .base import AbstractMarch, Plan, Window, bounded
 
 
-SHORT = 20  # revolutions, below which every one is a checkpoint
-
-
-class March(eqx.Module):
+class March(AbstractMarch):
     """Motion of one scene, advanced by whole revolutions.
 
     The angle restarts at zero with every revolution, so the phase of the unbalance is exact however
     long the run. A scene with contact and without unbalance may advance by another `span` of angle.
     """
 
+    plan: Plan
     system: System
     stations: Float[Array, " s"]
     form: AbstractForm
-    plan: Plan
     step: ExponentialStep | LocatedStep | None
     # Propagator over `span` without contact, where there is contact:
     free: Rotation | SlotRotation | Dense | None
@@ -81,11 +76,11 @@ class March(eqx.Module):
             rows.append(motion.rows)
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
-            return cls(system, stations, PhysicalForm(motion, rows), plan, None, None, span)
+            return cls(plan, system, stations, PhysicalForm(motion, rows), None, None, span)
         form = plan.solver.form(system, motion, rows, basis)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
         free = None if step is None else form.free_propagator(span)
-        return cls(system, stations, form, plan, step, free, span)
+        return cls(plan, system, stations, form, step, free, span)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
@@ -101,8 +96,9 @@ class March(eqx.Module):
         seen = form.contacts.reading.matrix
         return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports)
 
-    def encode(self, q: Array, velocity: Array) -> Array:
+    def encode(self, *parts: Array) -> Array:
         """State at a whole revolution of coordinates [m] and their velocities [m/s]."""
+        q, velocity = parts
         return self.form.encode(q, velocity)
 
     def decode(self, y: Array) -> tuple[Array, Array]:
@@ -115,25 +111,20 @@ class March(eqx.Module):
         assert isinstance(self.form, PortForm)
         return self.form.basis.vectors
 
-    def skip(self, y: Array, revolutions: Count) -> tuple[Array, Outcome]:
-        """State after whole revolutions, and their outcome.
-
-        With a traced number of revolutions one program serves all lengths, in forward mode alone.
-        """
+    def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
         if self.step is None and isinstance(self.form, PortForm):  # linear: no steps
-            return self.form.advance_free(y, revolutions), Outcome.good()
+            return self.form.advance_free(y, windows), Outcome.good()
+        return self.step_through(y, windows)
 
-        def one(carry, _):
-            y, good = carry
-            end, _, ok = self._step(y, sample=False)
-            return (end, good & ok), None
+    def advance(self, y: Array) -> tuple[Array, Outcome]:
+        """State after a revolution, and its outcome."""
+        end, _, ok = self._step(y, sample=False)
+        return end, ok
 
-        begin = y, Outcome.good()
-        if not isinstance(revolutions, int):
-            return jax.lax.fori_loop(0, revolutions, lambda _, carry: one(carry, None)[0], begin)
-        if not revolutions:
-            return begin
-        return self._scan(one, begin, revolutions)[0]
+    def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
+        """One revolution: state at its end, its motion and its outcome."""
+        y, samples, ok = self.sample(y)
+        return y, self.named(samples), ok
 
     def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
         """One revolution: state at its end, readings at its `steps + 1` samples, outcome."""
@@ -150,21 +141,7 @@ class March(eqx.Module):
         done = self._outcome(y, y)
         return y, jnp.concatenate([samples, last[None]]), done
 
-    def collect(self, y: Array, carry: Any, update: Callable, revolutions: int) -> Any:
-        """Whole revolutions, with `carry, out = update(carry, samples)` after each.
-
-        Returns `(state at the end, carry, outcome)` and the stacked `out` of all revolutions.
-        """
-
-        def one(state, _):
-            y, carry, good = state
-            y, samples, ok = self.sample(y)
-            carry, out = update(carry, self.named(samples))
-            return (y, carry, good & ok), out
-
-        return self._scan(one, (y, carry, Outcome.good()), revolutions)
-
-    def named(self, samples: Float[Array, "T 2 2 r"]) -> RevolutionSamples:
+    def named(self, samples: Float[Array, "T 2 2 r"]) -> Window:
         """The readings of `sample` by name."""
         seen = samples[:, 0] + 1j * samples[:, 1]  # (T, displacement or velocity, rows)
         s = self.stations.size
@@ -181,37 +158,12 @@ class March(eqx.Module):
         if self.plan.coordinates:
             own = slice(s + s * self.plan.slopes, s + s * self.plan.slopes + self.system.n)
             coordinates = displacement[:, own], velocity[:, own]
-        return RevolutionSamples(
-            displacement[:, :s],
-            velocity[:, :s],
-            slope,
-            forces,
-            coordinates,
-            1 / self.form.motion.rate,
-            self.form.motion.s,
-        )
+        step = 2 * jnp.pi * (1 / self.form.motion.rate) / (samples.shape[0] - 1)
+        seen = displacement[:, :s], velocity[:, :s], slope, forces, coordinates
+        return Window(*seen, step, self.form.motion.s)
 
     def _grid(self) -> Float[Array, " T"]:
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
-
-    def _scan(self, body: Callable, carry: Any, length: int) -> Any:
-        """Scan over revolutions; in reverse mode memory grows as the root of their number."""
-        # For 400 revolutions, equinox.internal.scan took 1.9 times as long at the same memory.
-        repeat = lambda body, carry, length: jax.lax.scan(body, carry, None, length=length)
-        if isinstance(self.plan.adjoint, dfx.ForwardMode):
-            return repeat(body, carry, length)
-        body = jax.checkpoint(body)
-        if length < SHORT:
-            return repeat(body, carry, length)
-        segment = _segment(length)
-        whole, rest = divmod(length, segment)
-        several = jax.checkpoint(lambda carry, _: repeat(body, carry, segment))
-        carry, out = repeat(several, carry, whole)
-        out = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), out)
-        if not rest:
-            return carry, out
-        carry, last = repeat(body, carry, rest)
-        return carry, jax.tree.map(lambda *parts: jnp.concatenate(parts), out, last)
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution, by plain steps, by located ones or by diffrax."""
@@ -287,21 +239,6 @@ class March(eqx.Module):
         return Outcome(bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
 
 
-def _segment(length: int) -> int:
-    """Revolutions from checkpoint to checkpoint: the divisor of their number nearest its root.
-
-    Where no divisor is near, it is the root itself, and the remainder is compiled a second time.
-    """
-    root = math.isqrt(length)
-    near = [n for n in range(root // 2 + 1, 2 * root + 1) if length % n == 0]
-    return min(near, key=lambda n: abs(n - root), default=root)
-
-
-def bounded(y: Array) -> Bool[Array, ""]:
-    """Whether a state and its squares, which observables compute, are finite."""
-    return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4)
-
-
 def _splits(solver: dfx.AbstractSolver) -> bool:
     """Whether a solver takes an explicit and an implicit part, as KenCarp4 does."""
     structure = solver.term_structure
@@ -325,7 +262,8 @@ def check_constant_speed(scene: Scene, what: str) -> None:
     if not isinstance(scene.spin, ConstantSpeed):
         raise ValueError(
             f"{what} is for constant speed, but the spin of the scene is a "
-            f"{type(scene.spin).__name__}; use `jaxrotor.run_up`, or `scene.at_speed(..)`."
+            f"{type(scene.spin).__name__}; give the `times` of the samples [s], or take "
+            "`scene.at_speed(..)`."
         )
 
 

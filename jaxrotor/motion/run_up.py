@@ -8,90 +8,49 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex
 
-from ..analysis import first_moments
+from ..core.compiled import compiled
 from ..core.outcome import gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
-from ..core.quantities import Scalar, known
-from ..core.tables import notebook_table
+from ..core.quantities import known
 from ..effects.base import AbstractBodies
-from ..equations.kinematics import Kinematics
 from ..equations.rotating_frame import massless_of
-from ..equations.start import AbstractStart, AtRest, Balls, Continued, Launch
+from ..equations.start import AbstractStart, Balls, Continued, Launch
 from ..equations.system import assemble
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
+from .history import TimeHistory
 from .stepped import Stepping, stepped_by_default, stepping_of
 from .transient import Integrated, Integration, controller_for, default_solver, integrate
 
 
+MOST_STEPS = 1_000_000  # of a run, by default
 DOUBLINGS = 8  # of the steps that "auto" tries
 
 
-class RunUp(eqx.Module):
-    """Motion of a scene at `T` given times and `s` stations."""
-
-    time: Float[Array, " T"]  # [s]
-    angle: Float[Array, " T"]  # of rotation [rad]
-    speed: Float[Array, " T"]  # of rotation [rad/s]
-    acceleration: Float[Array, " T"]  # of rotation [rad/s^2]
-    displacement: Complex[Array, "T s"]  # x + i y [m]
-    velocity: Complex[Array, "T s"]  # [m/s]
-    contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
-    balls: tuple[Balls, ...]
-    stations: Float[Array, " s"]  # [m]
-    stopped: Scalar  # time at which the rotor came to rest for good [s], infinite if never
-    instants: Kinematics  # of all moving parts, (T, ..)
-    end: Launch  # state at the end, from which another run may continue
-    scene: Scene
-    solver: str = eqx.field(static=True)
-    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # that chose "auto" settings
-
-    @property
-    def imbalance(self) -> Complex[Array, " T"]:
-        """Unbalance of the scene and of all balls, in the axes of the shaft [kg m]."""
-        angles = [balls.angle for balls in self.balls]
-        none = jnp.zeros((*self.time.shape, 0))
-        return imbalance_of(self.scene, jnp.concatenate([none, *angles], axis=-1))
-
-    def _repr_html_(self) -> str:
-        sizes, rows = np.abs(self.displacement), []
-        for at, size in zip(self.stations, sizes.T, strict=True):
-            k = int(np.argmax(size))
-            rows.append((at, size[k], self.time[k], self.speed[k]))
-        heads = ("station [m]", "largest displacement [m]", "at time [s]", "at speed [rad/s]")
-        return notebook_table(str(self), heads, rows)
-
-    def __str__(self) -> str:
-        first, last = float(self.speed[0]), float(self.speed[-1])
-        turns = float(self.angle[-1] - self.angle[0]) / (2 * np.pi)
-        chosen = "".join(f"; chosen {pilot}" for pilot in self.pilots)
-        return (
-            f"RunUp from {first:g} to {last:g} rad/s in {float(self.time[-1] - self.time[0]):g} s and "
-            f"{turns:.1f} revolutions, {self.time.size} samples, {self.solver}{chosen}"
-        )
+RunUp = TimeHistory  # earlier name
 
 
 def run_up(
     scene: Scene,
     times: Any,
     *,
-    start: AbstractStart | Launch | None = None,
+    start: AbstractStart | None = None,
     at: float | Any | None = None,
     solver: dfx.AbstractSolver | Exponential | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     substeps: int | Literal["auto"] | None = None,
     tolerance: float = 1e-3,
     adjoint: dfx.AbstractAdjoint | None = None,
-    max_steps: int = 1_000_000,
+    max_steps: int = MOST_STEPS,
     max_stops: int = 64,
     progress: bool | None = None,
-) -> RunUp:
+) -> TimeHistory:
     """Motion at any spin, `ConstantSpeed`, `SpeedProfile` or `Drive`, in time.
 
         M q.. + (C - i Omega G) q. + (K - i Omega H) q = (Omega^2 - i Omega.) u exp(i theta) + ..
@@ -108,7 +67,7 @@ def run_up(
     Args:
         scene: rotor with any spin.
         times: ascending times of the samples [s]; every run begins at 0, also one that continues another.
-        start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `run.end`.
+        start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `motion.end`.
         at: station(s) [m] to observe, by default as in `simulate`.
         solver: `Exponential(..)` or any diffrax solver; by default Exponential(order=4) for a flexible
             shaft without contact where it can be taken, Dopri8 for a rigid or massless shaft, else
@@ -124,7 +83,7 @@ def run_up(
         progress: whether to report progress after two seconds; by default only on a terminal.
 
     Returns:
-        A `RunUp`. If a run fails while values are traced, it is not finite.
+        A `TimeHistory`. If a run fails while values are traced, it is not finite.
 
     Raises:
         ValueError: if an argument is not as described, the solver cannot integrate the spin, or the
@@ -135,16 +94,14 @@ def run_up(
     Sources: Filimonikhin, Goncharov (2011); course project of `turbine-run-up`.
     """
     times = _checked_times(times)
-    launch = start if isinstance(start, Launch) else Launch(start or AtRest())
-    counts = [bodies.places for bodies in scene.of(AbstractBodies)]
-    spin = scene.spin.after(launch.time, launch.speed)
-    begun = scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
+    launch = Launch.of(start)
+    begun = after(scene, launch)
     stations = scene.stations(at)
     system = None
     if solver is None and controller is None and adjoint is None:
         system = stepped_by_default(begun, times)
         solver = None if system is None else Exponential(order=4)
-    launch = _with_balls(launch, counts)
+    launch = with_balls(scene, launch)
     pilots: tuple[Pilot, ...] = ()
     if isinstance(solver, Exponential):
         if controller is not None or adjoint is not None:
@@ -163,7 +120,10 @@ def run_up(
                 '`substeps` "auto" are for Exponential(); a diffrax solver has a `controller`.'
             )
         options = {"adjoint": adjoint, "max_steps": max_steps, "max_stops": max_stops}
-        plan = _integration(begun, times, solver, controller, substeps or 1, options)
+        from_start = known(times) and float(times[0]) == 0
+        plan = integration_of(
+            begun, solver, controller, substeps or 1, options, from_start=from_start
+        )
     with waiting(progress, "run-up"):
         motion = _motion(begun, jnp.asarray(times, float), launch, stations, plan)
         failed = known(motion.run.good) and not bool(motion.run.good)
@@ -181,10 +141,19 @@ def run_up(
     )
 
 
-def _integration(
-    scene: Scene, times: Any, solver: Any, controller: Any, substeps: int, options: dict[str, Any]
+def integration_of(
+    scene: Scene,
+    solver: Any,
+    controller: Any,
+    substeps: int,
+    options: dict[str, Any],
+    *,
+    from_start: bool,
 ) -> Integration:
-    """Settings of the integration by a diffrax solver, by default one for the scene."""
+    """Settings of the integration by a diffrax solver, by default one for the scene.
+
+    `from_start` tells that the first sample is the start, so that no step leads to it.
+    """
     spin = scene.spin
     drives = isinstance(spin, Drive) and spin.polar is None
     system = assemble(scene) if drives or not scene.shaft.has_mass else None
@@ -198,7 +167,7 @@ def _integration(
         max_steps=options["max_steps"],
         max_stops=options["max_stops"],
         free=isinstance(spin, Drive) and (solver is not None or not spin.given),
-        from_start=controller is None and known(times) and float(times[0]) == 0,
+        from_start=controller is None and from_start,
         massless=massless_of(scene, system),
     )
     if controller is None and isinstance(spin, Drive) and spin.can_stop:
@@ -226,7 +195,7 @@ def _refined(
         finer = dataclasses.replace(stepping, substeps=substeps)
         run = _motion(scene, jnp.asarray(times, float), launch, stations, finer).run
         long = gains_energy(run.touched, run.contact_stiffness_ratio, stepping.solver.order)
-        return np.asarray(run.seen[0]) if bool(run.good) and not long else None
+        return np.asarray(run.seen.displacement) if bool(run.good) and not long else None
 
     ladder = [first * 2**k for k in range(DOUBLINGS)]
     pilot = refined("steps a piece of the run", displacement, ladder, tolerance)
@@ -256,8 +225,15 @@ def _checked_times(times: Any) -> Any:
     return values
 
 
-def _with_balls(launch: Launch, counts: list[int]) -> Launch:
+def after(scene: Scene, launch: Launch) -> Scene:
+    """The scene with the spin that it has from the time of a launch on."""
+    spin = scene.spin.after(launch.time, launch.speed)
+    return scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
+
+
+def with_balls(scene: Scene, launch: Launch) -> Launch:
     """The launch with balls for every race; raises unless their numbers are those of the races."""
+    counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     if not counts and launch.balls is None:
         return launch
     if launch.balls is None:
@@ -278,10 +254,12 @@ class _Motion(NamedTuple):
 
     run: Integrated
     balls: tuple[Balls, ...]
+    coordinates: Complex[Array, "T n"]
+    rates: Complex[Array, "T n"]
     end: dict[str, Any]
 
 
-@eqx.filter_jit
+@compiled
 def _motion(
     scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration | Stepping
 ) -> _Motion:
@@ -291,39 +269,42 @@ def _motion(
     rates = instants.bodies_speed - instants.turning.speed[:, None]
     pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
     balls = tuple(Balls(*pair) for pair in pairs)
+    turn = jnp.exp(1j * instants.turning.angle)[:, None]
+    q, velocity = turn * instants.r, turn * jax.vmap(lambda now: now.velocity)(instants)
     last: Any = jax.tree.map(lambda leaf: leaf[-1], (instants, balls))
     end, balls_at_end = last
     stops = isinstance(scene.spin, Drive) and scene.spin.stops
     state = {
-        "shaft": Continued(end.r * end.turn, end.velocity * end.turn),
+        "shaft": Continued(q[-1], velocity[-1]),
         "angle": end.turning.angle,
         "balls": balls_at_end,
         "speed": end.turning.speed,
         "time": launch.time + times[-1],
         "stopped": jnp.isfinite(run.stopped) & stops,
     }
-    return _Motion(run, balls, state)
+    return _Motion(run, balls, q, velocity, state)
 
 
-def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> RunUp:
-    turning = motion.run.instants.turning
-    displacement, velocity, contact_force = motion.run.seen
-    return RunUp(
+def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeHistory:
+    instants = motion.run.instants
+    return TimeHistory(
         time=times,
-        angle=turning.angle,
-        speed=turning.speed,
-        acceleration=turning.acceleration,
-        displacement=displacement,
-        velocity=velocity,
-        contact_force=contact_force,
+        angle=instants.turning.angle,
+        speed=instants.turning.speed,
+        acceleration=instants.turning.acceleration,
+        **motion.run.seen._asdict(),
+        coordinates=motion.coordinates,
+        rates=motion.rates,
         balls=motion.balls,
         stations=stations,
         stopped=motion.run.stopped,
-        instants=motion.run.instants,
         end=Launch(**motion.end),
+        unresolved=jnp.zeros((), int),
         scene=scene,
         solver=name,
+        steps_per_revolution=None,
         pilots=pilots,
+        integrated=instants,
     )
 
 
@@ -332,10 +313,3 @@ def by_race(scene: Scene, values: Array) -> list[Array]:
     races = scene.of(AbstractBodies)
     ends = np.cumsum([race.places for race in races])
     return jnp.split(values, ends[:-1], axis=-1) if races else []
-
-
-def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "*T"]:
-    """Unbalance of the scene and of all bodies at angles `psi` from the shaft, in its axes [kg m]."""
-    moments = [race.masses * race.race_radius for race in scene.of(AbstractBodies)]
-    of_bodies = jnp.exp(1j * bodies) @ jnp.concatenate([jnp.zeros(0), *moments])
-    return first_moments(scene).unbalance + of_bodies

@@ -1,30 +1,34 @@
-"""Simulate: one trajectory of one scene at constant speed."""
+"""Simulate: the motion of one scene in time."""
 
 import contextlib
+import dataclasses
 from typing import Any, Literal
 
 import diffrax as dfx
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array
 
 from ..analysis import chosen_nodes
 from ..core.checks import check_counts
+from ..core.compiled import compiled
 from ..core.outcome import Outcome, gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
-from ..core.quantities import known
-from ..core.tables import notebook_table
-from ..equations.start import AbstractStart, AtRest, Continued
-from ..equations.system import System, assemble, port_groups
+from ..core.quantities import Scalar, known
+from ..equations.pencil import frame
+from ..equations.start import AbstractStart, AtRest, Continued, Launch, shaft_of
+from ..equations.system import System, assemble, has_massless, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
 from ..solvers.choice import choose, solver_name
+from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from .base import Plan
-from .revolutions import March, check_constant_speed, check_mass, joined, revolution_rate
+from .history import TimeHistory
+from .revolutions import March, check_constant_speed, joined, revolution_rate
+from .run_up import MOST_STEPS, run_up
 
 
 PILOT = 20  # revolutions at the end of a run, on which steps are chosen
@@ -32,45 +36,15 @@ LADDER = (64, 128, 256, 512, 1024, 2048, 4096)  # steps a revolution that are tr
 KEPT = ("displacement", "velocity", "slope", "contact_force", "coordinates")  # of every sample
 
 
-class Response(eqx.Module):
-    """Motion of a scene over the revolutions that were kept, `T` samples at `s` stations."""
-
-    time: Float[Array, " T"]  # [s] since the start
-    angle: Float[Array, " T"]  # [rad] of revolution since the start
-    displacement: Complex[Array, "T s"]  # x + i y [m]
-    velocity: Complex[Array, "T s"]  # [m/s]
-    slope: Complex[Array, "T s"]  # dz/dx [rad]
-    contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
-    coordinates: Complex[Array, "T n"]  # of the equations of motion
-    rates: Complex[Array, "T n"]  # [1/s] of them
-    stations: Float[Array, " s"]  # [m]
-    end: Continued  # state at the end, from which another run may continue
-    unresolved: Int[Array, ""]  # steps in which `located=True` did not find all contact changes
-    scene: Scene
-    steps_per_revolution: int = eqx.field(static=True)
-    solver: str = eqx.field(static=True)
-    pilots: tuple[Pilot, ...] = eqx.field(default=(), static=True)  # that chose "auto" settings
-
-    def _repr_html_(self) -> str:
-        largest = np.abs(self.displacement).max(axis=0)
-        heads = ("station [m]", "largest displacement [m]")
-        return notebook_table(str(self), heads, list(zip(self.stations, largest, strict=True)))
-
-    def __str__(self) -> str:
-        turns = (self.time.size - 1) / self.steps_per_revolution
-        where = ", ".join(f"{at:g}" for at in np.asarray(self.stations))
-        chosen = "".join(f"; chosen {pilot}" for pilot in self.pilots)
-        return (
-            f"Response of {turns:g} revolutions at {where} m: {self.steps_per_revolution} samples "
-            f"a revolution, {self.solver}{chosen}"
-        )
+Response = TimeHistory  # earlier name
 
 
 def simulate(
     scene: Scene,
-    revolutions: int,
+    revolutions: int | None = None,
     steps_per_revolution: int | Literal["auto"] = 256,
     *,
+    times: Any | None = None,
     nodes: int | Literal["auto"] | None = None,
     tolerance: float | int = 1e-3,
     solver: Exponential | dfx.AbstractSolver | None = None,
@@ -80,67 +54,105 @@ def simulate(
     at: float | Any | None = None,
     period: float | None = None,
     adjoint: dfx.AbstractAdjoint | None = None,
-    max_steps: int = 4096,
+    max_steps: int | None = None,
     progress: bool | None = None,
-) -> Response:
-    """Motion `M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contact forces` in time.
+) -> TimeHistory:
+    """Motion `M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + contacts + balls` in time.
+
+    Any scene is simulated: at constant speed by whole revolutions, at any speed along `times`, where it
+    is `run_up(scene, times)`. What is drawn decides how it is stepped. Exponential steps take whole
+    revolutions of all rotors but those with balls, with parts without mass, or with unequal axes of which
+    some turn and others do not; these are integrated by the solver that `run_up` takes.
 
     Args:
-        scene: rotor at constant speed.
-        revolutions: length of the run in revolutions.
+        scene: the rotor; by `revolutions` at constant speed.
+        revolutions: length of the motion in revolutions.
         steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
             diffrax solvers without an error estimate. A scene without contact is exact at any. "auto"
             chooses them by a pilot run, see `chosen_steps`.
+        times: ascending times of the samples [s], in place of revolutions.
         nodes: number of nodes of the shaft, by default its own; "auto" chooses it, see `chosen_nodes`.
         tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes.
-        solver: `Exponential()` (default) or any diffrax solver, such as `diffrax.Kvaerno5()`.
+        solver: `Exponential()` or any diffrax solver, such as `diffrax.Kvaerno5()`; by default
+            `Exponential()` where it can be taken, along `times` as in `run_up`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
             atol 1e-10 m.
-        start: starting state, by default `AtRest()`; `response.end` continues a run.
+        start: starting state, by default `AtRest()`; `motion.end` continues another motion, and
+            `Launch(..)` places balls.
         keep: number of revolutions at the end to keep, by default all.
         at: station(s) [m] to observe; by default that of the first contact, else of the first
             effect with a station, else the end of the shaft.
         period: length [s] of a "revolution" at zero speed; not allowed otherwise.
         adjoint: diffrax adjoint for derivatives: forward mode by default,
             `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
-        max_steps: steps an adaptive solver may take in one revolution.
+        max_steps: steps an adaptive solver may take, by default 4096 a revolution, or a million along
+            `times`.
         progress: whether to report progress after two seconds; by default only on a terminal.
 
     Returns:
-        A `Response`. If a run fails while values are traced, it is not finite.
+        A `TimeHistory`. If a motion fails while values are traced, it is not finite; so is one by
+        revolutions of parts without mass inside `jax.jit` or `jax.grad`, where `times` are to be given.
 
     Raises:
-        ValueError: if an argument is not as described, or the scene is not: a speed that varies,
-            coordinates without mass, unequal axes of which some turn, balls, hysteretic damping, an
-            undamped resonance.
+        ValueError: if an argument is not as described, or the scene is not: by revolutions a speed that
+            varies, hysteretic damping, an undamped resonance.
         RuntimeError: if the motion does not stay finite, the solver does not meet its tolerance, or a
             stop was touched that is too stiff for the steps; not while values are traced.
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
     """
-    keep = revolutions if keep is None else keep
+    start = checked_start(start)
     scene, pilots = with_nodes(scene, nodes, tolerance)
+    run: dict[str, Any] = {"solver": solver, "controller": controller, "start": start, "at": at}
+    if times is not None:
+        for name, value in {"revolutions": revolutions, "keep": keep, "period": period}.items():
+            if value is not None:
+                raise ValueError(
+                    f"`{name}` is for whole revolutions, but `times` are given; take one."
+                )
+        if steps_per_revolution == "auto":
+            raise ValueError(
+                'Steps "auto" are for whole revolutions; along `times` call `run_up(.., substeps="auto")`.'
+            )
+        run |= {"adjoint": adjoint, "max_steps": max_steps or MOST_STEPS, "progress": progress}
+        found = run_up(scene, times, **run)
+        return dataclasses.replace(found, pilots=pilots + found.pilots)
+    if revolutions is None:
+        raise ValueError("`simulate` needs `revolutions`, or the `times` of the samples [s].")
+    keep = revolutions if keep is None else keep
+    run |= {"period": period, "max_steps": max_steps or 4096}
     if steps_per_revolution == "auto":
         check_counts(revolutions=revolutions)
-        run = {"solver": solver, "controller": controller, "start": start, "at": at}
-        run |= {"period": period, "max_steps": max_steps}
         pilots += (chosen_steps(scene, revolutions, tolerance, **run),)
         steps_per_revolution = pilots[-1].setting
     check_counts(revolutions=revolutions, keep=keep, steps_per_revolution=steps_per_revolution)
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
-    check_constant_speed(scene, "`simulate`")
+    check_constant_speed(scene, "Motion by `revolutions`")
+    counts = revolutions, keep, steps_per_revolution
+    run |= {"adjoint": adjoint, "progress": progress}
+    found = _by_revolutions(scene, counts, **run)
+    return dataclasses.replace(found, pilots=pilots)
+
+
+def _by_revolutions(
+    scene: Scene, counts: tuple[int, int, int], *, solver, start, at, period, progress, **options
+) -> TimeHistory:
+    """Motion by whole revolutions: their number, how many are kept, and the steps of each."""
     groups = port_groups(scene)
     system = assemble(scene, groups)
-    check_mass(scene, "`simulate`", system)
-    start = _checked_start(start)
+    if not steps_revolutions(scene, system, solver, start):
+        options |= {"solver": solver, "start": start, "at": at, "progress": progress}
+        return _by_times(scene, counts, revolution_rate(scene, period), options)
+    revolutions, keep, steps = counts
+    start = shaft_of(start, "Motion by `revolutions`")
     stations, rate = scene.stations(at), revolution_rate(scene, period)
     plan = Plan(
         choose(solver, system, rate, start),
-        controller,
-        _checked_adjoint(adjoint, solver),
-        max_steps,
-        steps_per_revolution,
+        options["controller"],
+        _checked_adjoint(options["adjoint"], solver),
+        options["max_steps"],
+        steps,
         slopes=True,
         contacts=True,
         coordinates=True,
@@ -160,32 +172,69 @@ def simulate(
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
         )
     if isinstance(plan.solver, Exponential):
-        check_steps(good, ratio, plan.solver.order, steps_per_revolution)
-    count = jnp.arange(keep * steps_per_revolution + 1)
-    angle = 2 * jnp.pi * (revolutions - keep + count / steps_per_revolution)
+        check_steps(good, ratio, plan.solver.order, steps)
+    count = jnp.arange(keep * steps + 1)
+    angle = 2 * jnp.pi * (revolutions - keep + count / steps)
     coordinates, rates = motion.pop("coordinates")
-    return Response(
-        time=angle / rate,
-        angle=angle,
+    time, speed = angle / rate, jnp.broadcast_to(scene.spin.speed, angle.shape)
+    return TimeHistory(
+        time=time,
+        angle=speed * time,
+        speed=speed,
+        acceleration=jnp.zeros_like(speed),
         **motion,
         coordinates=coordinates,
         rates=rates,
+        balls=(),
         stations=stations,
-        end=Continued(*end),
+        stopped=jnp.asarray(jnp.inf),
+        end=Launch(Continued(*end)),
         unresolved=good.unresolved,
         scene=scene,
-        steps_per_revolution=steps_per_revolution,
         solver=solver_name(plan.solver),
-        pilots=pilots,
+        steps_per_revolution=steps,
     )
 
 
-def _checked_start(start: Any) -> AbstractStart:
+def steps_revolutions(
+    scene: Scene, system: System, solver: Any, start: AbstractStart | None = None
+) -> bool:
+    """Whether a `March` takes a scene by whole revolutions; others are integrated along times."""
+    if system.races or has_massless(scene, system):
+        return False
+    if solver is None and frame(system.blocks) == "periodic":
+        return False
+    return not isinstance(start, Launch) or not start.balls and start.whole() is not False
+
+
+def check_integrated(solver: Any) -> None:
+    """Raise where a solver cannot integrate what exponential steps do not take."""
+    if isinstance(solver, dfx.AbstractSolver) and step_control(solver) is None:
+        raise ValueError(
+            f"`{solver_name(solver)}` has no error estimate, by which balls, parts without mass or a "
+            "start at any angle are integrated; take another, or `run_up` with `substeps`."
+        )
+
+
+def _by_times(
+    scene: Scene, counts: tuple[int, int, int], rate: Scalar, options: dict[str, Any]
+) -> TimeHistory:
+    """Motion by whole revolutions along the times of their samples."""
+    revolutions, keep, steps = counts
+    check_integrated(options["solver"])
+    count = jnp.arange(keep * steps + 1)
+    times = 2 * jnp.pi / rate * (revolutions - keep + count / steps)
+    options["max_steps"] *= revolutions
+    found = run_up(scene, times, **options)
+    return dataclasses.replace(found, steps_per_revolution=steps)
+
+
+def checked_start(start: Any) -> AbstractStart:
     """The starting state, by default at rest; raises unless it is one."""
     start = AtRest() if start is None else start
     if not isinstance(start, AbstractStart):
         raise ValueError(
-            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `response.end`, but is {start!r}."
+            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `motion.end`, but is {start!r}."
         )
     return start
 
@@ -259,7 +308,7 @@ def chosen_steps(
     return refined("steps a revolution", displacement, LADDER, tolerance)
 
 
-def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
+def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Launch:
     """End of a run by the fewest steps that stay finite."""
     for steps in LADDER[:-1]:
         with contextlib.suppress(RuntimeError):
@@ -267,7 +316,7 @@ def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Continued:
     return simulate(scene, revolutions, LADDER[-1], keep=1, **run).end
 
 
-@eqx.filter_jit
+@compiled
 def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: int):
     """State at the end, the kept motion, the outcome, and the contact stiffness ratio."""
     march = March.of(system, plan, rate, stations)
@@ -275,7 +324,7 @@ def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: i
     update = lambda carry, samples: (carry, {name: getattr(samples, name) for name in KEPT})
     (y, _, good), revolutions = march.collect(y, None, update, keep)
     motion = jax.tree.map(joined, revolutions)
-    return march.form.decode(y), motion, first & good, march.contact_stiffness_ratio
+    return march.decode(y), motion, first & good, march.contact_stiffness_ratio
 
 
 def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:

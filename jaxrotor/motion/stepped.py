@@ -55,6 +55,7 @@ class Stepping(eqx.Module):
     speeds: int = eqx.field(static=True)  # at which the rotor is decomposed
     bases: Basis | None = None  # at all these speeds; None: dense ones, made in the run
     exact: bool = eqx.field(static=True, default=False)  # whether no steps are needed
+    before: int = eqx.field(static=True, default=0)  # intervals before the first sample of lanes
     span: tuple[Scalar, Scalar] | None = None  # lowest and highest speed; None: of the run
 
     @classmethod
@@ -123,6 +124,11 @@ def stepping_of(
     return Stepping.of(system, times, solver, substeps)
 
 
+def steppable(scene: Scene, system: System) -> bool:
+    """Whether exponential steps take the run of a scene."""
+    return unsteppable(system) is None and has_massless(scene, system) is False
+
+
 def check_steppable(scene: Scene, solver: Exponential, system: System | None = None) -> System:
     """The equations of a scene; raises where exponential steps do not take its run."""
     system = assemble(scene) if system is None else system
@@ -134,12 +140,13 @@ def check_steppable(scene: Scene, solver: Exponential, system: System | None = N
         reason = "masses are traced, so that one may be zero" if massless is None else reason
     if reason is not None:
         raise ValueError(
-            f"Exponential() does not take this run: {reason}; call `run_up` with a diffrax solver or none."
+            f"Exponential() does not take this motion: {reason}; leave `solver` out, or name a diffrax "
+            "one."
         )
     if solver.located:
         raise ValueError(
-            "Located steps are taken by `simulate`, and by `sweep` without `times`; take "
-            "Exponential(order=2) with more steps."
+            "Located steps are for whole revolutions from angle zero; take Exponential(order=2) with more "
+            "steps."
         )
     return system
 

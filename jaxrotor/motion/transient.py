@@ -7,8 +7,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
+from ..core.compiled import compiled
 from ..core.extremes import larger
 from ..core.plane import plane
 from ..core.quantities import Scalar
@@ -94,42 +95,74 @@ class Integration(eqx.Module):
         return path, good, ended[-1], jax.tree.map(lambda leaf: leaf[-1], end)
 
 
+class StationMotion(NamedTuple):
+    """Motion of the stations in fixed axes, and contact forces."""
+
+    displacement: Complex[Array, "T s"]  # [m]
+    velocity: Complex[Array, "T s"]  # [m/s]
+    slope: Complex[Array, "T s"]
+    contact_force: Complex[Array, "T k"] | None  # [N]
+
+
 class Integrated(NamedTuple):
     """A run: motion at the times, its success, and what tells whether steps of fixed size were enough."""
 
     instants: Kinematics
     stopped: Scalar  # time of the last stop [s]
     good: Array
-    seen: tuple[Array, Array, Array | None]  # motion of the stations and contact forces
+    seen: StationMotion
     touched: Array
     contact_stiffness_ratio: Float[Array, "2"]
 
 
-@eqx.filter_jit
+@compiled
 def integrate(
     scene: Scene, times: Array, launch: Launch, stations: Array, plan: "Integration | Stepping"
 ) -> Integrated:
     """Kinematics at the times, success, and motion of the stations."""
     if isinstance(plan, Stepping):
         return _step(scene, times, launch, stations, plan)
-    field, senses = Transient.of(scene, None, launch.angle, plan.massless), None
-    stopped = jnp.asarray(jnp.inf)
+    field = Transient.of(scene, None, launch.angle, plan.massless)
     system = field.system
-    y = _first_state(scene, system, launch, stations[0], field.rate, plan.free)
-    if not plan.free and not system.n and not y.bodies.size:  # nothing to integrate
-        path, good = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y), True
-    elif plan.free and isinstance(scene.spin, Drive) and scene.spin.can_stop:
-        path, senses, good, stopped = _run_to_rest(field, plan, launch, y, times)
-    else:
-        path, good, _, _ = plan.solve(field, jnp.zeros(()), y, times)
-    if senses is None:
-        instants = jax.vmap(field.instant)(times, path)
-    else:
-        held = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
-        instants = jax.vmap(held)(times, path, senses)
-    seen = _motion_of_stations(system, instants, stations)
+    y = first_state(field, launch, stations[0], free=plan.free)
+    part = integrate_part(field, plan, jnp.zeros(()), y, launch.stopped, times)
+    instants = part.instants(field, times)
+    seen = motion_of_stations(system, instants, stations)
     no = jnp.zeros((), bool), jnp.zeros(2)  # an error estimate tells where steps are too long
-    return Integrated(instants, stopped, good & _finite(instants), seen, *no)
+    return Integrated(instants, part.stopped, part.good & _finite(instants), seen, *no)
+
+
+class Part(NamedTuple):
+    """Part of an integrated run: states at its times, and all that the next part begins with."""
+
+    path: RotatingState
+    senses: Float[Array, " T"] | None  # of rotation; None: the rotor cannot stop
+    good: Array
+    stopped: Scalar  # time of the last stop [s], infinite while it rotates
+    end: RotatingState
+    stays: Array  # whether it came to rest for good
+
+    def instants(self, field: Transient, times: Array) -> Kinematics:
+        """Motion of all moving parts at the times."""
+        if self.senses is None:
+            return jax.vmap(field.instant)(times, self.path)
+        held = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
+        return jax.vmap(held)(times, self.path, self.senses)
+
+
+def integrate_part(
+    field: Transient, plan: Integration, begin: Scalar, y: RotatingState, stays: Array, times: Array
+) -> Part:
+    """The run from the state at `begin` on, which `stays` at rest, over `times`."""
+    never, stays = jnp.asarray(jnp.inf), jnp.asarray(stays)
+    spin = field.system.spin
+    if not plan.free and not field.system.n and not y.bodies.size:  # nothing to integrate
+        path = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y)
+        return Part(path, None, jnp.asarray(True), never, y, stays)
+    if plan.free and isinstance(spin, Drive) and spin.can_stop:
+        return _run_to_rest(field, plan, begin, y, stays, times)
+    path, good, _, end = plan.solve(field, begin, y, times)
+    return Part(path, None, good, never, end, stays)
 
 
 def _step(
@@ -149,16 +182,15 @@ def _step(
         return field.instant(time, RotatingState(*parts, none, none, none, none))
 
     instants = jax.vmap(instant)(times, path.q, path.velocity)
-    seen = _motion_of_stations(system, instants, stations)
+    seen = motion_of_stations(system, instants, stations)
     steps = path.touched, path.contact_stiffness_ratio
     return Integrated(instants, jnp.asarray(jnp.inf), _finite(instants), seen, *steps)
 
 
-def _first_state(
-    scene, system, launch: Launch, station: Scalar, rate: Scalar, free: bool
-) -> RotatingState:
-    """State of the equations at the start."""
-    speed = scene.spin.speed
+def first_state(field: Transient, launch: Launch, station: Scalar, *, free: bool) -> RotatingState:
+    """State of the equations at the start; `free` where the spin is integrated too."""
+    system, rate = field.system, field.rate
+    speed = system.spin.speed
     q, velocity = launch.shaft.state(system, station)
     turn = jnp.exp(-1j * launch.angle)
     join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
@@ -187,8 +219,8 @@ class _Stage(NamedTuple):
 
 
 def _run_to_rest(
-    field: Transient, plan: Integration, launch: Launch, y: RotatingState, times: Array
-):
+    field: Transient, plan: Integration, begin: Scalar, y: RotatingState, stays: Array, times: Array
+) -> Part:
     """A run whose spin comes to rest and then stays, reverses or breaks loose again.
 
     Dry friction holds a rotor while the torque of all other moments does not exceed it. Without feedback
@@ -227,7 +259,7 @@ def _run_to_rest(
         sense = jnp.where(ended & ~rotates, jnp.sign(field.breakaway_torque(last, end)), sense)
         sense = jnp.where(ended, sense, at.sense)
         stopped = jnp.where(ended, jnp.where(sense == 0, last, jnp.inf), at.stopped)
-        later = (times > at.time) | (at.time <= 0)
+        later = (times > at.time) | (at.time <= begin)
         pick = lambda a, b: jnp.where(jnp.reshape(later, (-1,) + (1,) * (a.ndim - 1)), a, b)
         return (
             _Stage(
@@ -243,7 +275,6 @@ def _run_to_rest(
             None,
         )
 
-    begin, stays = jnp.zeros(()), jnp.asarray(launch.stopped)
     still = y.speed[0] == 0
     sense = jnp.where(still, loosened(begin, y)[0], jnp.sign(y.speed[0]))
     sense = jnp.where(stays, 0.0, sense)
@@ -255,12 +286,13 @@ def _run_to_rest(
         jnp.zeros(times.size),
         sense,
         stays,
-        jnp.where(sense == 0, 0.0, jnp.inf),
+        jnp.where(sense == 0, begin, jnp.inf),
         jnp.asarray(True),
     )
     count = plan.max_stops + 1 if spin.feedback else 2
     done, _ = jax.lax.scan(stage, first, None, length=count)
-    return done.path, done.senses, done.good & (done.time >= times[-1]), done.stopped
+    good = done.good & (done.time >= times[-1])
+    return Part(done.path, done.senses, good, done.stopped, done.y, done.stays)
 
 
 def _finite(instants: Kinematics) -> Array:
@@ -268,18 +300,19 @@ def _finite(instants: Kinematics) -> Array:
     return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(instants)]))
 
 
-def _motion_of_stations(system: System, instants: Kinematics, stations: Array):
-    """Displacement and velocity of the stations, and contact forces, in fixed axes."""
+def motion_of_stations(system: System, instants: Kinematics, stations: Array) -> StationMotion:
+    """Motion of the stations, and contact forces, in fixed axes."""
     turn = jnp.exp(1j * instants.turning.angle)[:, None]
-    rows = jax.vmap(system.line.row)(stations)
-    velocity = jax.vmap(lambda now: now.velocity)(instants)
+    r = turn * instants.r
+    velocity = turn * jax.vmap(lambda now: now.velocity)(instants)
+    rows, slopes = (jax.vmap(row)(stations) for row in (system.line.row, system.line.slope_row))
     forces = None
     if system.ports:
         ports = jnp.stack([port.row for port in system.ports])
         forces = jax.vmap(system.contact_forces)(
-            plane(turn * instants.r @ ports.T, axis=-1),
-            plane(turn * velocity @ ports.T, axis=-1),
+            plane(r @ ports.T, axis=-1),
+            plane(velocity @ ports.T, axis=-1),
             instants.turning.speed,
         )
         forces = forces[..., 0] + 1j * forces[..., 1]
-    return turn * instants.r @ rows.T, turn * velocity @ rows.T, forces
+    return StationMotion(r @ rows.T, velocity @ rows.T, r @ slopes.T, forces)

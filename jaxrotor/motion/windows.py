@@ -1,8 +1,7 @@
 """Windows: a motion at a speed known in time, advanced from window to window of its samples."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -14,14 +13,14 @@ from ..core.outcome import Outcome
 from ..core.quantities import Scalar
 from ..equations.constant_frame import linear_matrix
 from ..equations.fixed_axes import SpeedTerms, depends_on_speed
-from ..equations.start import AbstractStart
+from ..equations.start import AbstractStart, Launch
 from ..equations.system import System, assemble
 from ..scene import Scene
-from ..solvers.basis import modal
+from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
-from .base import Plan, WindowSamples
-from .revolutions import bounded
+from .base import AbstractMarch, Plan, Window, bounded
+from .run_up import after
 from .stepped import Stepping, course, steps_between, turning
 
 
@@ -29,28 +28,34 @@ LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
 MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
 
 
-class WindowMarch(eqx.Module):
+class WindowMarch(AbstractMarch):
     """Motion of one scene along evenly spaced samples, advanced by whole windows of them.
 
     The rotor is decomposed at one speed, so that lanes whose speeds differ share the coefficients of a
     step. The last entry of a state counts the windows.
     """
 
+    plan: Plan
     system: System
     rotor: RotorAtSpeed
     step: VaryingStep
     reading: Float[Array, "4 m2"]  # [Re, Im] of displacement and velocity of the station
-    plan: Plan
     centre: Scalar  # speed of decomposition [rad/s]
     length: Scalar  # from sample to sample [s]
     substeps: int = eqx.field(static=True)  # there
+    before: int = eqx.field(static=True)  # intervals before the first sample
 
     @classmethod
     def build(
-        cls, scene: Scene, plan: Plan, stepping: Stepping, station: Float[Array, "1"]
+        cls,
+        scene: Scene,
+        plan: Plan,
+        stepping: Stepping,
+        start: AbstractStart,
+        station: Float[Array, "1"],
     ) -> "WindowMarch":
-        """Assemble a scene for a plan and its steps, with one station to read."""
-        system = assemble(scene, plan.together)
+        """Assemble a scene, as it is at a start, for a plan and its steps, with one station to read."""
+        system = assemble(after(scene, Launch.of(start)), plan.together)
         centres, rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         at_centre = system.at_speed(centres[0])
@@ -63,15 +68,16 @@ class WindowMarch(eqx.Module):
         step = rotor.step(plan.solver.order, h, system.ports)
         row = system.line.row(station[0])[None]
         seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
-        parts = system, rotor, step, rotor.read(seen), plan, centres[0]
-        return cls(*parts, length, stepping.substeps)
+        parts = plan, system, rotor, step, rotor.read(seen), centres[0]
+        return cls(*parts, length, stepping.substeps, stepping.before)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State at the start."""
         return self.encode(*start.state(self.system, at))
 
-    def encode(self, q: Array, velocity: Array) -> Array:
+    def encode(self, *parts: Array) -> Array:
         """State at the first sample of coordinates [m] and their velocities [m/s]."""
+        q, velocity = parts
         return jnp.append(self.rotor.encode(self.rotor.axes.state(q, velocity)), 0.0)
 
     def decode(self, y: Array) -> tuple[Array, Array]:
@@ -88,31 +94,21 @@ class WindowMarch(eqx.Module):
         """See `VaryingStep.contact_stiffness_ratio`."""
         return self.step.contact_stiffness_ratio
 
-    def collect(self, y: Array, carry: Any, update: Callable, windows: int) -> Any:
-        """Whole windows, with `carry, out = update(carry, samples)` after each, as `March.collect`."""
+    def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
+        """State at the first sample, and outcome; there is one window before it, of its own length."""
+        del windows
+        times = jnp.arange(self.before) * self.length
+        w, touched, _ = self._stepped(y[:-1], times)
+        return jnp.append(w, 0.0), self._outcome(w, touched)
 
-        def one(state, _):
-            y, carry, good = state
-            y, samples, ok = self._window(y)
-            carry, out = update(carry, samples)
-            return (y, carry, good & ok), out
+    def advance(self, y: Array) -> tuple[Array, Outcome]:
+        end, _, ok = self.observe(y)  # what is not read is not computed
+        return end, ok
 
-        return jax.lax.scan(one, (y, carry, Outcome.good()), None, length=windows)
-
-    def _window(self, y: Array) -> tuple[Array, WindowSamples, Outcome]:
-        """One window: the state at its end, its samples, the first and the last included, and outcome."""
+    def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
         number, size = y[-1], self.plan.steps
-        times = (number * size + jnp.arange(size + 1)) * self.length
-
-        def one(carry, time):
-            w, touched = carry
-            part = time, self.length, self.substeps
-            now = course(self.system, self.rotor, self.step, self.centre, 0.0, part)
-            end, loaded = self.step.several(now, w, batch=True)
-            return (end, touched | loaded), w
-
-        begin = y[:-1], jnp.zeros((), bool)
-        (w, touched), states = jax.lax.scan(one, begin, times[:-1])
+        times = (self.before + number * size + jnp.arange(size + 1)) * self.length
+        w, touched, states = self._stepped(y[:-1], times[:-1])
         states = jnp.concatenate([states, w[None]])
         seen = jnp.moveaxis((states @ self.reading.T).reshape(-1, 2, 2), 1, -1)
         speed = turning(self.system, times).speed
@@ -123,9 +119,25 @@ class WindowMarch(eqx.Module):
             both = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
             forces = both[..., 0] + 1j * both[..., 1]
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
-        samples = WindowSamples(z[:, :1], z[:, 1:], forces, times, speed)
-        ok = Outcome(bounded(w), jnp.ones((), bool), jnp.zeros((), int), touched)
-        return jnp.append(w, number + 1), samples, ok
+        seen = z[:, :1], z[:, 1:], None, forces, None
+        samples = Window(*seen, self.length, jnp.sign(speed[-1]), times, speed)
+        return jnp.append(w, number + 1), samples, self._outcome(w, touched)
+
+    def _stepped(self, w: Array, times: Array) -> tuple[Array, Array, Array]:
+        """State after the intervals that begin at some times, whether a contact was loaded, all states."""
+
+        def one(carry, time):
+            w, touched = carry
+            part = time, self.length, self.substeps
+            now = course(self.system, self.rotor, self.step, self.centre, 0.0, part)
+            end, loaded = self.step.several(now, w, batch=True)
+            return (end, touched | loaded), w
+
+        (w, touched), states = jax.lax.scan(one, (w, jnp.zeros((), bool)), times)
+        return w, touched, states
+
+    def _outcome(self, w: Array, touched: Array) -> Outcome:
+        return Outcome(bounded(w), jnp.ones((), bool), jnp.zeros((), int), touched)
 
 
 def window_of(samples: int) -> int:

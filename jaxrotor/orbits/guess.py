@@ -6,13 +6,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.quantities import Scalar, known
 from ..equations.pencil import frame
-from ..equations.start import AbstractStart
+from ..equations.start import AbstractStart, shaft_of
 from ..equations.system import System
-from ..motion.simulate import Response, simulate
+from ..motion.history import TimeHistory
+from ..motion.simulate import simulate
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit
@@ -37,14 +39,14 @@ class OrbitGuess(eqx.Module):
 
 def start_of(guess: Any, name: str = "guess") -> AbstractStart:
     """The start that an argument stands for: a guess, or one of another name."""
-    if isinstance(guess, Response):
-        return guess.end
+    if isinstance(guess, TimeHistory):
+        return shaft_of(guess.end, "An orbit")
     if isinstance(guess, PeriodicOrbit):
         return guess.start
     if isinstance(guess, AbstractStart):
-        return guess
+        return shaft_of(guess, "An orbit")
     raise ValueError(
-        f"`{name}` must be a response of jaxrotor.simulate, an orbit or a start such as AtRest(), but is "
+        f"`{name}` must be a motion of jaxrotor.simulate, an orbit or a start such as AtRest(), but is "
         f"{guess!r}."
     )
 
@@ -112,9 +114,15 @@ def _recurrence(
     stations: Float[Array, " s"],
 ) -> tuple[float, float]:
     """Period [s] and turn [rad] after which a response, or a run from a start, returns."""
-    if not isinstance(guess, Response):
+    if not isinstance(guess, TimeHistory):
         options = {"solver": solver, "start": start_of(guess), "at": stations}
         guess = simulate(scene, SEARCH, steps_per_revolution, **options)
+    steps = np.diff(np.asarray(guess.time)) if known(guess.time) else np.ones(1)
+    if np.ptp(steps) > 1e-6 * steps.max() or guess.scene.spin.kinks is not None:
+        raise ValueError(
+            "The period of a guess is sought in a motion at constant speed with evenly spaced times; take "
+            "one of `simulate` by revolutions, or give `period` and `turn`."
+        )
     if not all(map(known, jax.tree.leaves((system, guess)))):
         raise ValueError(
             "A period is sought by values, so not inside jax.jit or a derivative; give an orbit that "

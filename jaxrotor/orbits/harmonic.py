@@ -3,7 +3,7 @@
 z(t) = Sum_k c_k exp(i k Omega t / revolutions),   k = -H .. H
 """
 
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -22,8 +22,9 @@ from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
 from ..equations.stationary_frame import RUN_UP, check_no_balls
 from ..equations.system import System, assemble, port_groups
+from ..motion.history import TimeHistory
 from ..motion.revolutions import check_constant
-from ..motion.simulate import Response, simulate
+from ..motion.simulate import simulate
 from ..scene import Scene
 from .balance import Balance, truncation
 from .guess import start_of
@@ -101,7 +102,7 @@ def harmonic_balance(
     Args:
         scene: the rotor, at constant speed, the same along every axis but for contact and loads; stops
             with `blend` and `slip`. Hysteretic damping is allowed, with the sign of each harmonic.
-        guess: another such orbit, a `Response` of at least `revolutions`, a periodic orbit or a start,
+        guess: another such orbit, a `TimeHistory` of at least `revolutions`, a periodic orbit or a start,
             of which `revolutions` are simulated; by default the motion without contact. A subharmonic
             motion needs a guess near it.
         harmonics: number of harmonics `H` of the period, forward and backward.
@@ -281,13 +282,14 @@ def _first(
         return None
     if isinstance(guess, HarmonicOrbit):
         return _from_orbit(guess, orders, revolutions, len(system.ports))
-    if not isinstance(guess, Response):
+    if not isinstance(guess, TimeHistory) or guess.steps_per_revolution is None:
         guess = simulate(scene, revolutions, start=start_of(guess))
-    count = revolutions * guess.steps_per_revolution
+    steps = cast(int, guess.steps_per_revolution)
+    count = revolutions * steps
     if guess.time.size <= count:
         raise ValueError(
             f"The guess must hold {revolutions} revolutions, but holds "
-            f"{(guess.time.size - 1) // guess.steps_per_revolution}; raise the `keep` of its run."
+            f"{(guess.time.size - 1) // steps}; raise the `keep` of its run."
         )
     rows = jnp.stack([port.row for port in system.ports])
     path = guess.coordinates[-count - 1 : -1] @ rows.T

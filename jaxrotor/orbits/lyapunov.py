@@ -79,7 +79,7 @@ def lyapunov(
 
     Args:
         scene: the rotor, at constant speed. Runs of other values of the same scene reuse the program.
-        start: state to begin with, end of a `Response`, or an orbit; by default `AtRest()`.
+        start: state to begin with, end of a `TimeHistory`, or an orbit; by default `AtRest()`.
         revolutions: over which the growth is averaged.
         count: number of exponents, up to four a coordinate.
         settle: revolutions before the average; in the last half of them the disturbances already turn

@@ -18,8 +18,8 @@ from ..core.quantities import known
 from ..equations.start import AbstractStart, Continued
 from ..equations.system import System, assemble, port_groups
 from ..motion.base import Plan
+from ..motion.history import TimeHistory
 from ..motion.revolutions import check_constant, joined, revolution_rate
-from ..motion.simulate import Response
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
@@ -30,7 +30,7 @@ from .shooting import Shooting, differentiable, shooting_residual, with_derivati
 
 def periodic(
     scene: Scene,
-    guess: Response | PeriodicOrbit | AbstractStart,
+    guess: TimeHistory | PeriodicOrbit | AbstractStart,
     *,
     revolutions: int | None = None,
     turn: ArrayLike | None = None,
@@ -55,7 +55,7 @@ def periodic(
 
     Args:
         scene: the rotor, at constant speed; unequal axes are either fixed in space or turn with it.
-        guess: end of a `Response`, another orbit, or any start. Without unbalance it must be near its
+        guess: end of a `TimeHistory`, another orbit, or any start. Without unbalance it must be near its
             orbit already: a start is first simulated for 8 revolutions.
         revolutions: in a period, by default 1 in a scene with unbalance. Given for a scene without one
             they are the period, for a rotor that comes to rest under its loads.

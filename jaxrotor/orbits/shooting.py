@@ -19,7 +19,7 @@ from ..core.quantities import Scalar
 from ..equations.constant_frame import steady_amplitudes
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from ..motion.base import Plan, RevolutionSamples
+from ..motion.base import Plan, Window
 from ..motion.revolutions import March, Outcome
 from ..solvers.exponential import Exponential
 
@@ -35,7 +35,7 @@ class OrbitSamples(NamedTuple):
     contact_force: Complex[Array, "... T k"] | None  # [N]
 
     @classmethod
-    def of(cls, samples: RevolutionSamples) -> "OrbitSamples":
+    def of(cls, samples: Window) -> "OrbitSamples":
         return cls(samples.displacement, samples.velocity, samples.contact_force)
 
 

@@ -36,7 +36,7 @@ def animate(
     frames are evenly spaced in samples of the run.
 
     Args:
-        run: a `RunUp`.
+        run: a `TimeHistory`.
         path: file name in `.gif`, or in `.mp4`, which needs the program ffmpeg.
         station: index of the station of the run.
         seconds: duration of the film [s], shorter if the run has too few samples.

@@ -92,7 +92,7 @@ def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     A curve is interrupted where a ball passes 360 degrees.
 
     Args:
-        run: a `RunUp` of a scene with balls.
+        run: a `TimeHistory` of a scene with balls.
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
@@ -135,7 +135,7 @@ def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
     picture. Balls without a `ball_radius` are drawn with the size of steel balls.
 
     Args:
-        run: a `RunUp` of a scene with balls.
+        run: a `TimeHistory` of a scene with balls.
         time: instant [s] within the run.
         ax: Axes to draw in; a new figure if None.
 

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 
 from ..core.outcome import STATUS
 from ..files.toml import loads
-from ..motion.simulate import Response, simulate
+from ..motion.history import TimeHistory
+from ..motion.simulate import simulate
 from ..results.provenance import start_and_solver
 from ..sweeps.axes import at_point
 from . import colours, page
@@ -38,7 +39,7 @@ class Explorer:
     """
 
     def __init__(self, dataset: xr.Dataset, run: dict[str, Any]):
-        self.response: Response | None = None
+        self.response: TimeHistory | None = None
         self._run = run
         others = ensemble(dataset, "index")
         dim = only_swept(dataset, "index", others)

@@ -35,7 +35,11 @@ def sample(result: Any, time: float | int) -> int:
 
 def revolutions(response: Any) -> Times:
     """Revolutions of the rotor at each time."""
-    return np.asarray(response.angle, dtype=float) / (2 * np.pi)
+    steps = getattr(response, "steps_per_revolution", None)
+    if steps is None:
+        return np.asarray(response.angle, dtype=float) / (2 * np.pi)
+    time = np.asarray(response.time, dtype=float)  # at zero speed, too
+    return (round(time[0] / (time[1] - time[0])) + np.arange(time.size)) / steps
 
 
 def once_per_revolution(response: Any) -> Bool[np.ndarray, " T"]:
@@ -49,6 +53,6 @@ def once_per_revolution(response: Any) -> Bool[np.ndarray, " T"]:
 def whirl_speed(response: Any, station: int) -> Times:
     """`Lambda = Im(conj(z) z.) / (|z|^2 Omega)`: relative whirl speed, NaN at rest in the centre."""
     z, rate = (signal(response, name, station) for name in ("displacement", "velocity"))
-    below = np.abs(z) ** 2 * float(response.scene.spin.speed)
+    below = np.abs(z) ** 2 * np.asarray(response.speed, dtype=float)
     defined = below != 0
     return np.where(defined, np.imag(np.conj(z) * rate) / np.where(defined, below, 1.0), np.nan)

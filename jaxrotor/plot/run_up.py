@@ -14,7 +14,7 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     """Speed of rotation above and its acceleration below, against time.
 
     Args:
-        run: a `RunUp`, with `time` [s], `speed` [rad/s], `acceleration` [rad/s^2].
+        run: a `TimeHistory`, with `time` [s], `speed` [rad/s], `acceleration` [rad/s^2].
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
@@ -38,7 +38,7 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
     """Amplitude `|z|` at one station above and the speed of rotation below, against time.
 
     Args:
-        run: a `RunUp`, with `displacement` [m].
+        run: a `TimeHistory`, with `displacement` [m].
         station: index of the station of the run.
         axes: two Axes, upper and lower; a new figure if None.
 
@@ -61,7 +61,7 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     Contact with a limiter is red; grey lines are forward critical speeds of the linear rotor.
 
     Args:
-        run: a `RunUp`, with `displacement` [m] and `speed` [rad/s].
+        run: a `TimeHistory`, with `displacement` [m] and `speed` [rad/s].
         station: index of the station of the run.
         ax: Axes to draw in; a new figure if None.
 

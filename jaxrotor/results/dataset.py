@@ -9,16 +9,15 @@ from ..core.attributes import about
 from ..core.plane import plane
 from ..effects import AbstractBodies
 from ..files.toml import dumps
+from ..motion.history import TimeHistory
 from ..motion.reactions import Reactions
-from ..motion.run_up import RunUp
-from ..motion.simulate import Response
 from .provenance import assumed, chosen, versions
 
 
 Variables = dict[str, Any]
 
 
-def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
+def dataset(result: TimeHistory | Reactions) -> xr.Dataset:
     """A result as an `xarray.Dataset`: complex vectors as x and y along `axis`, units, provenance.
 
     `dataset(response).sel(time=slice(0.1, 0.2))` takes a part of it. Balls of all races are along
@@ -32,21 +31,16 @@ def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
         Its attributes hold the scene as TOML text, the solver, the precision and the versions.
     """
     settings: Variables = {}
-    match result:
-        case Response():
-            title, variables, coordinates = "simulation", *_motion(result)
-            slope = _vector(("time", "station"), result.slope, "rad", "slope dz/dx")
-            variables = {**variables, "slope": slope}
+    if isinstance(result, Reactions):
+        title, variables, coordinates = "reactions", *_reactions(result)
+    else:
+        title, variables, coordinates = "motion in time", *_motion(result)
+        if result.balls:
+            balls, races = _balls(result)
+            variables, coordinates = variables | balls, coordinates | races
+        if result.steps_per_revolution is not None:
             settings["steps_per_revolution"] = result.steps_per_revolution
-            settings |= chosen(result.pilots)
-        case RunUp():
-            title, variables, coordinates = "run-up", *_motion(result)
-            variables |= _spin(result)
-            if result.balls:
-                balls, races = _balls(result)
-                variables, coordinates = variables | balls, coordinates | races
-        case Reactions():
-            title, variables, coordinates = "reactions", *_reactions(result)
+        settings |= chosen(result.pilots)
     time = np.asarray(result.time)
     coordinates = {
         "time": ("time", time, about("s", "time since the start")),
@@ -66,11 +60,19 @@ def dataset(result: Response | RunUp | Reactions) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, attributes)
 
 
-def _motion(result: Response | RunUp) -> tuple[Variables, Variables]:
+def _motion(result: TimeHistory) -> tuple[Variables, Variables]:
     """Variables and coordinates that every motion in time has."""
+    at_stations = ("time", "station")
     variables = {
-        "displacement": _vector(("time", "station"), result.displacement, "m", "displacement"),
-        "velocity": _vector(("time", "station"), result.velocity, "m/s", "velocity"),
+        "displacement": _vector(at_stations, result.displacement, "m", "displacement"),
+        "velocity": _vector(at_stations, result.velocity, "m/s", "velocity"),
+        "slope": _vector(at_stations, result.slope, "rad", "slope dz/dx"),
+        "speed": ("time", np.asarray(result.speed), about("rad/s", "speed of rotation")),
+        "acceleration": (
+            "time",
+            np.asarray(result.acceleration),
+            about("rad/s^2", "acceleration of rotation"),
+        ),
     }
     force = result.contact_force
     if force is not None:
@@ -79,19 +81,7 @@ def _motion(result: Response | RunUp) -> tuple[Variables, Variables]:
     return variables, {"station": ("station", np.asarray(result.stations), about("m", "station"))}
 
 
-def _spin(run: RunUp) -> Variables:
-    """Speed and acceleration of the rotation."""
-    return {
-        "speed": ("time", np.asarray(run.speed), about("rad/s", "speed of rotation")),
-        "acceleration": (
-            "time",
-            np.asarray(run.acceleration),
-            about("rad/s^2", "acceleration of rotation"),
-        ),
-    }
-
-
-def _balls(run: RunUp) -> tuple[Variables, Variables]:
+def _balls(run: TimeHistory) -> tuple[Variables, Variables]:
     """Variables of the balls of all races, and the race of each; places without a ball left out."""
     present = [np.asarray(bodies.masses) > 0 for bodies in run.scene.of(AbstractBodies)]
     of_all_races = lambda name: np.concatenate(

@@ -16,7 +16,6 @@ import numpy as np
 from ..core.pilot import Pilot
 from ..equations.start import AbstractStart, AtRest, Continued, Whirl
 from ..scene import Scene
-from ..solvers.exponential import Exponential
 
 
 BRANCHES = ("up", "down")  # directions in which states are carried through values of a parameter
@@ -56,13 +55,15 @@ def as_json(setting: Any) -> str:
     return json.dumps(_plain(setting), allow_nan=False)
 
 
-def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Exponential]:
+def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Any]:
     """Start and solver of a sweep, from the attributes of its data set.
 
     Raises:
         ValueError: if the sweep began from another class of start, or was stepped by another solver,
             than can be built from its attributes.
     """
+    from ..solvers.exponential import Exponential  # loads diffrax, a third of a second
+
     if attributes["start"].startswith("{"):
         start, solver = (json.loads(attributes[name]) for name in ("start", "solver_settings"))
         starts = (AtRest, Whirl, Continued)

@@ -1,6 +1,6 @@
 """Flexible shaft: a beam by collocation of its Green's function."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks
+from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, real
 from .collocation import Held, SpectralLine
 from .constraint import Constraint
@@ -167,10 +168,11 @@ class FlexibleShaft(AbstractShaft):
             return (NODES,) * (len(spans) - 1)
         held += sum(one.displacement + one.slope for one in self.constraints)
         with jax.ensure_compile_time_eval():
-            ends = self._ends(stations, spans)
-            slowness = jnp.stack([section.slowness for section in self._sections])
-            waves = slowness[self._of_span(ends)] * jnp.diff(ends)
-        return nodes_needed(np.asarray(waves), held, self.shear)
+            slowness = np.asarray(_slowness(self._sections))
+            starts = [np.asarray(step.at) for step in self.steps]
+        ends = np.array([0.0, *(stations[k] for k in spans[1:-1]), float(self.length)])
+        waves = slowness[_section_of_span(ends, starts)] * np.diff(ends)
+        return nodes_needed(waves, held, self.shear)
 
     def line(
         self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
@@ -186,7 +188,7 @@ class FlexibleShaft(AbstractShaft):
         if self.shear:
             rigidity = jnp.stack([section.rigidity for section in self._sections])
             stiff = jnp.stack([section.shear_stiffness for section in self._sections])
-            own = self._of_span(ends)
+            own = _section_of_span(ends, [step.at for step in self.steps])
             return ShearLine(
                 bending=rigidity[own],
                 shear=stiff[own],
@@ -237,7 +239,7 @@ class FlexibleShaft(AbstractShaft):
     # --- equations
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        own = self._of_span(line.breaks)
+        own = _section_of_span(line.breaks, [step.at for step in self.steps])
         mass = jnp.stack([section.mass_per_length for section in self._sections])[own]
         inertia = line.forces_along(mass)
         gyroscopic = None
@@ -275,12 +277,18 @@ class FlexibleShaft(AbstractShaft):
         rotary = jnp.stack([section.rotary_inertia for section in self._sections])
         return self.polar_ratio * jnp.sum(rotary * jnp.diff(starts, append=self.length))
 
-    def _of_span(self, ends: Array) -> Array:
-        """Index of the section of every span: (spans,), or (1,) if there are no steps."""
-        if not self.steps:
-            return jnp.zeros(1, int)
-        starts = jnp.stack([step.at for step in self.steps])
-        return jnp.sum((ends[:-1, None] + ends[1:, None]) / 2 > starts, axis=1)
+
+@compiled_quickly
+def _slowness(sections: list[Section]) -> Float[Array, " sections"]:
+    return jnp.stack([section.slowness for section in sections])
+
+
+def _section_of_span(ends: Any, starts: list[Any]) -> Any:
+    """Index of the section of every span: (spans,), or (1,) if there are no steps."""
+    if not starts:
+        return np.zeros(1, int)
+    middles = (ends[:-1] + ends[1:]) / 2
+    return sum((middles > start).astype(int) for start in starts)
 
 
 def _only(number: int, taken: int, at: float) -> int:

@@ -2,9 +2,10 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import ArrayLike
 
-from ..core.quantities import Scalar, real
+from ..core.quantities import Scalar, known, real
 from .base import AbstractSpin, Turning as Turning
 
 
@@ -30,4 +31,5 @@ class ConstantSpeed(AbstractSpin):
 
 def constant(speed: ArrayLike) -> ConstantSpeed:
     """`ConstantSpeed` with a speed [rad/s] that is not checked, so compiled programs have no check."""
-    return eqx.tree_at(lambda spin: spin.speed, ConstantSpeed(0.0), jnp.asarray(speed, float))
+    value = np.asarray(speed, float) if known(speed) else speed
+    return eqx.tree_at(lambda spin: spin.speed, ConstantSpeed(0.0), jnp.asarray(value, float))

@@ -7,12 +7,29 @@ from typing import Any
 
 import numpy as np
 
-from ..equations.start import AbstractStart
+from ..core.parameters import follow
+from ..equations.start import AbstractStart, numbers_of, put_number
 from ..equations.system import port_groups
 from ..motion.revolutions import revolution_rate
 from ..scene import Scene
 
 
+# Names of dimensions and variables that data sets of sweeps have.
+TAKEN = (
+    *(
+        "axis",
+        "ball",
+        "branch",
+        "error_lane",
+        "extremum",
+        "frequency",
+        "limiter",
+        "revolution",
+        "window",
+    ),
+    *("status", "unresolved", "section", "extrema", "index", "winding", "duty", "peak", "envelope"),
+    *("speed", "imbalance", "captured", "outcome", "race", "reversal", "spectrum"),
+)
 MOST_LANES = 1_000_000_000  # in one sweep, because lists of what is to be computed take memory
 
 
@@ -34,18 +51,79 @@ def checked_axes(
             "`over` must name at least one parameter, such as {'spin.speed': speeds}; one trajectory "
             "is a job for `simulate`."
         )
-    axes = {}
-    for path, values in over.items():
-        values = np.atleast_1d(np.asarray(values, float))
+    axes: dict[str, np.ndarray] = {}
+    _check_names(over)
+    for path, given in paths_of(over).items():
+        values = np.atleast_1d(np.asarray(given, float))
         if values.ndim != 1 or not values.size:
-            raise ValueError(f"`over['{path}']` must be a list of numbers, but is {over[path]!r}.")
+            raise ValueError(f"`over['{path}']` must be a list of numbers, but is {given!r}.")
         for value in {values.min(), values.max(), *values[values == 0]}:
             changed, _ = at_point(scene, start, {path: value})
             if revolve and path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
+    for name, together in over.items():
+        if isinstance(together, Mapping):
+            axes[name] = np.stack(
+                _of_one_length(name, {path: axes.pop(path) for path in together}), 1
+            )
     check_lanes(axes)
-    return axes
+    return {name: axes[name] for name in over}
+
+
+def paths_of(over: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by parameter path, also those of paths that vary together."""
+    paths: dict[str, Any] = {}
+    for name, values in over.items():
+        paths |= values if isinstance(values, Mapping) else {name: values}
+    return paths
+
+
+def _check_names(over: Mapping[str, Any]) -> None:
+    """Raise if a path is named twice, or paths that vary together have a name that cannot be one."""
+    paths: list[str] = []
+    for name, values in over.items():
+        if not isinstance(values, Mapping):
+            paths.append(name)
+            continue
+        if not values:
+            raise ValueError(
+                f"`over['{name}']` must name the paths that vary together, but is empty."
+            )
+        if not name.isidentifier() or name in TAKEN:
+            raise ValueError(
+                f"Paths that vary together need a name of letters that data sets do not use, such as "
+                f"`machine`, but it is {name!r}."
+            )
+        paths += values
+    twice = [path for path in dict.fromkeys(paths) if paths.count(path) > 1]
+    if twice:
+        raise ValueError(f"`{twice[0]}` is swept twice; name it once.")
+
+
+def values_by_path(
+    over: Mapping[str, Any], axes: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Columns of the axes by parameter path."""
+    columns = {}
+    for name, values in axes.items():
+        together = over[name]
+        names = list(together) if isinstance(together, Mapping) else [name]
+        columns |= dict(zip(names, values.reshape(len(values), -1).T, strict=True))
+    return columns
+
+
+def _of_one_length(name: str, values: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Values of paths that vary together, as many of each; raises where one moves a station."""
+    if len({len(one) for one in values.values()}) > 1:
+        sizes = ", ".join(f"{len(one)} of {path}" for path, one in values.items())
+        raise ValueError(
+            f"`over['{name}']` must have as many values of every path, but has {sizes}."
+        )
+    for path in values:
+        if path.endswith(".at") or path.startswith("shaft."):
+            raise ValueError(f"`{path}` decides stations and nodes, so it is swept by itself.")
+    return list(values.values())
 
 
 def check_lanes(axes: Mapping[str, Sequence[float] | np.ndarray]) -> None:
@@ -66,6 +144,8 @@ def with_carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -
         )
     if carry.startswith("start."):
         raise ValueError(f"`carry` keeps the state of a lane, so it cannot be {carry!r}.")
+    if isinstance(over[carry], Mapping):
+        raise ValueError(f"`carry` must be a single path, but `{carry}` has several.")
     values = np.atleast_1d(np.asarray(over[carry], float))
     if values.size < 2 or not np.all(np.diff(values) > 0):
         raise ValueError(
@@ -86,16 +166,28 @@ def at_point(
     """Scene and start with values by path; paths that begin with `start.` go to the start."""
     own = {path: value for path, value in values.items() if not path.startswith("start.")}
     for path in values.keys() - own.keys():
-        name = path.removeprefix("start.")
-        names = [f for f in start.__dataclass_fields__ if f in ("radius", "rate", "angle")]
-        if name not in names:
+        name, numbers = path.removeprefix("start."), numbers_of(start)
+        if name not in numbers:
+            has = [path for path in numbers if not path[-1].isdigit()]
+            here = f"{type(start).__name__}, has no `{name}`; it has: {', '.join(has) or '-'}"
             raise ValueError(
-                f"The start, {type(start).__name__}, has no `{name}`; it has: {', '.join(names) or '-'}. "
-                "A start=jaxrotor.Whirl(..) has radius, rate and angle."
+                f"The start, {here}. A start=jaxrotor.Whirl(..) has radius, rate and angle, in a "
+                "Launch(..) written `start.shaft.radius`."
             )
-        fields = {n: getattr(start, n) for n in names}
-        start = type(start)(**(fields | {name: values[path]}))
+        start = put_number(start, name, values[path])
+        _check_numbers(start, name)
     return scene.replace(own), start
+
+
+def _check_numbers(start: AbstractStart, path: str) -> None:
+    """Raise unless a number that was put into a start, which is not checked there, is admissible."""
+    *parents, name = (int(word) if word.isdigit() else word for word in path.split("."))
+    part = follow(start, parents)
+    if isinstance(part, AbstractStart):
+        fields = {name: getattr(part, name) for name in part.__dataclass_fields__}
+        type(part)(**fields)
+    elif not np.all(np.isfinite(part if isinstance(name, int) else getattr(part, name))):
+        raise ValueError(f"`start.{path}` must be finite.")
 
 
 def shared_ports(scene: Scene, axes: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], ...]:

@@ -1,31 +1,23 @@
 """Basins: the motions in which many starts of a ball balancer end."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import diffrax as dfx
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
 
 from ..core.attributes import about, flags
 from ..core.checks import check_counts
-from ..core.parallel import chunk_size, cores, spread
-from ..core.progress import progress as bar
+from ..core.outcome import failed
 from ..effects.base import AbstractBodies
-from ..equations.rotating_frame import massless_of
-from ..equations.start import AbstractStart, AtRest, Balls, Launch
-from ..files.toml import dumps
-from ..motion.run_up import by_race, imbalance_of
-from ..motion.transient import Integration, controller_for, integrate
-from ..results.provenance import as_json, assumed, versions
+from ..equations.start import AbstractStart, AtRest, Launch
+from ..motion.transient import controller_for
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
-from ..solvers.control import tuned
-from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
+from .observe import BallLag, Imbalance, Radius
+from .sweep import sweep
 
 
 OUTCOMES = ("balanced", "synchronous_unbalanced", "partly_captured", "captured", "failed")
@@ -45,9 +37,8 @@ def basins(
     solver: dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     lanes_per_chunk: int = 256,
-    workers: int | None = None,
-    progress: bool | None = None,
     max_steps: int = 100_000,
+    **options: Any,
 ) -> xr.Dataset:
     """Outcome of many starts: balanced, unbalanced but synchronous, or balls captured in a lag whirl.
 
@@ -73,10 +64,10 @@ def basins(
         solver: any diffrax solver with an error estimate, by default Dopri8.
         controller: step control, by default rtol 1e-6 and atol 1e-9 of m and rad.
         lanes_per_chunk: starts run as one program.
-        workers: chunks run at once, by default one a core.
-        progress: whether to show a progress bar; by default on a terminal.
-        max_steps: steps a run may take; one that needs more, or steps below 1e-12 of the
-            duration, has failed.
+        max_steps: steps that a run may take until the window, and again in each part of it; one that
+            needs more, or steps below 1e-12 of the duration, has failed.
+        **options: other options of `sweep`, which runs the starts: `store`, `workers`, `cluster`,
+            `error_sample`, `progress`.
 
     Returns:
         Dataset over `lane` and `ball`: `outcome`, `imbalance` (rms) [kg m], `radius` (largest, of the
@@ -89,51 +80,32 @@ def basins(
 
     Source: Filimonikhin, Goncharov (2011); its balls start anywhere, and not all end in balance.
     """
-    starts = _starts(scene, angles, rates)
+    starts, launch = _starts(scene, angles, rates, shaft)
     _check_run(scene, duration, window, samples)
-    chosen: Any = checked_solver(dfx.Dopri8() if solver is None else solver)
-    plan = _plan(scene, chosen, controller, duration, max_steps)
-    times = jnp.linspace((1 - window) * duration, duration, samples)
-    shaft = AtRest() if shaft is None else shaft
-    workers = cores(workers)
-    size = chunk_size(len(starts), lanes_per_chunk, workers)
-    chunks = [starts[i : i + size] for i in range(0, len(starts), size)]
-
-    def run(chunk: np.ndarray, tick):
-        padded = np.concatenate([chunk, np.repeat(chunk[-1:], size - len(chunk), axis=0)])
-        out = _ends(scene, times, shaft, jnp.asarray(padded), plan)
-        tick(1)
-        return jax.tree.map(lambda leaf: np.asarray(leaf)[: len(chunk)], out)
-
-    with bar(progress, len(chunks), f"{len(starts)} starts", "starts", size) as tick:
-        parts = spread(run, chunks, workers, tick)
-    ends = End(*map(np.concatenate, zip(*parts, strict=True)))
-    settings = {
-        "duration": float(duration),
-        "window": float(window),
-        "within": float(within),
-        "slip": float(slip),
-        "solver": solver_name(chosen),
-        "controller": as_json(plan.controller),
-    }
-    return _dataset(scene, starts[:, 0], ends, _outcomes(scene, ends, within, slip), settings)
-
-
-class End(NamedTuple):
-    """How runs end, observed over their last window; lanes in front."""
-
-    imbalance: Any  # rms [kg m]
-    radius: Any  # largest [m]
-    mean_rate: Any  # of every ball [rad/s]
-    lag: Any  # mean rate of every ball from the shaft [rad/s]
-    good: Any  # whether the run reached its end
+    solver = dfx.Dopri8() if solver is None else solver
+    found = sweep(
+        scene,
+        {"lane": starts},
+        start=launch,
+        times=np.linspace((1 - window) * duration, duration, samples),
+        observe=[Radius(), Imbalance(), BallLag()],
+        at=float(scene.of(AbstractBodies)[0].at),
+        solver=solver,
+        controller=controller or _control(scene, solver, duration),
+        lanes_per_chunk=lanes_per_chunk,
+        max_steps=max_steps,
+        **options,
+    )
+    return _classified(scene, found, within, slip)
 
 
 # === before the runs
 
 
-def _starts(scene: Scene, angles: Any, rates: Any) -> Float[np.ndarray, "l 2 b"]:
-    """First angles and rates of all balls, checked."""
+def _starts(
+    scene: Scene, angles: Any, rates: Any, shaft: AbstractStart | None
+) -> tuple[dict[str, np.ndarray], Launch]:
+    """First angles and rates of all balls by their paths, checked, and a launch that has these paths."""
     races = scene.of(AbstractBodies)
     if not races:
         raise ValueError(
@@ -148,7 +120,13 @@ def _starts(scene: Scene, angles: Any, rates: Any) -> Float[np.ndarray, "l 2 b"]
         if not np.isfinite(values).all():
             lane = int(np.argmin(np.isfinite(values).all(axis=1)))
             raise ValueError(f"`{name}` must be finite, but are {values[lane]} in lane {lane}.")
-    return np.stack([angles, rates], axis=1)
+    places = [(race, k) for race, one in enumerate(races) for k in range(one.places)]
+    starts = {
+        f"start.balls.{race}.{name}.{k}": values[:, ball]
+        for name, values in (("angle", angles), ("rate", rates))
+        for ball, (race, k) in enumerate(places)
+    }
+    return starts, Launch(AtRest() if shaft is None else shaft)
 
 
 def _check_run(scene: Scene, duration: float, window: float, samples: int) -> None:
@@ -167,94 +145,47 @@ def _check_run(scene: Scene, duration: float, window: float, samples: int) -> No
         )
 
 
-def _plan(
-    scene: Scene,
-    solver: Any,
-    controller: dfx.AbstractStepSizeController | None,
-    duration: float,
-    max_steps: int,
-) -> Integration:
-    """How the runs are integrated, by steps that an error estimate chooses."""
-    steps = controller or controller_for(
-        solver, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration
-    )
-    if isinstance(solver, Exponential) or steps is None:
+def _control(scene: Scene, solver: Any, duration: float) -> dfx.AbstractStepSizeController:
+    """Steps that an error estimate chooses."""
+    steps = None
+    if isinstance(checked_solver(solver), dfx.AbstractSolver):
+        steps = controller_for(solver, scene, rtol=1e-6, atol=1e-9, dtmin=1e-12 * duration)
+    if steps is None:
         raise ValueError(
             f"`solver` must choose its steps by an error estimate, but {solver_name(solver)} has none; "
             "give one such as diffrax.Dopri8(), or a `controller`."
         )
-    return Integration(
-        solver=tuned(solver),
-        controller=steps,
-        adjoint=dfx.ForwardMode(),
-        substeps=1,
-        max_steps=max_steps,
-        max_stops=0,
-        free=not scene.spin.given,
-        from_start=False,
-        massless=massless_of(scene),
-    )
+    return steps
 
 
-# === the runs
+# === after the runs
 
 
-@eqx.filter_jit
-def _ends(
-    scene: Scene,
-    times: Array,
-    shaft: AbstractStart,
-    starts: Float[Array, "l 2 b"],
-    plan: Integration,
-) -> End:
-    """The end of the run from every start."""
-    races = scene.of(AbstractBodies)
-
-    def one(start):
-        pairs = zip(by_race(scene, start[0]), by_race(scene, start[1]), strict=True)
-        launch = Launch(shaft, 0.0, tuple(Balls(*pair) for pair in pairs))
-        run = integrate(scene, times, launch, jnp.atleast_1d(races[0].at), plan)
-        instants, displacement = run.instants, run.seen[0]
-        total = imbalance_of(scene, instants.bodies)
-        span = times[-1] - times[0]
-        lag = (instants.bodies[-1] - instants.bodies[0]) / span
-        speed = (instants.turning.angle[-1] - instants.turning.angle[0]) / span
-        rms = jnp.sqrt(jnp.mean(jnp.abs(total) ** 2))
-        return End(rms, jnp.max(jnp.abs(displacement)), speed + lag, lag, run.good)
-
-    return jax.vmap(one)(starts)
-
-
-def _outcomes(scene: Scene, ends: End, within: float, slip: float) -> np.ndarray:
-    """Number in `OUTCOMES` of every lane."""
+def _classified(scene: Scene, found: xr.Dataset, within: float, slip: float) -> xr.Dataset:
+    """The data set of the runs with the outcome of each."""
     races = scene.of(AbstractBodies)
     capacity = sum(float(jnp.sum(race.masses) * race.race_radius) for race in races)
-    late = np.abs(ends.lag) > slip * np.abs(ends.mean_rate - ends.lag)
-    outcome = np.where(ends.imbalance < within * capacity, 0, 1)
+    lag, speed = found["ball_lag"].values, found["mean_speed"].values[:, None]
+    late = np.abs(lag) > slip * np.abs(speed)
+    outcome = np.where(found["imbalance"].values < within * capacity, 0, 1)
     outcome = np.where(late.any(axis=1), np.where(late.all(axis=1), 3, 2), outcome)
-    return np.where(ends.good, outcome, 4).astype(np.int8)
-
-
-def _dataset(
-    scene: Scene, angles: np.ndarray, ends: End, outcome: np.ndarray, settings: dict[str, Any]
-) -> xr.Dataset:
-    """Labelled outcomes of all starts."""
-    races = scene.of(AbstractBodies)
-    lane, both = ("lane",), ("lane", "ball")
-    return xr.Dataset(
-        {
-            "outcome": (lane, outcome, flags("where the start ended", OUTCOMES)),
-            "imbalance": (lane, ends.imbalance, about("kg m", "rms imbalance")),
-            "radius": (lane, ends.radius, about("m", "largest displacement")),
-            "mean_rate": (both, ends.mean_rate, about("rad/s", "mean rate of the ball")),
-            "start": (both, angles, about("rad", "first angle from the shaft")),
-        },
-        {"race": ("ball", np.repeat(np.arange(len(races)), [race.places for race in races]))},
-        {
-            "title": "jaxrotor basins of a ball balancer",
-            "scene": dumps(scene),
-            **assumed(scene),
-            **settings,
-            "versions": versions(),
-        },
+    outcome = np.where(failed(found["status"].values), 4, outcome).astype(np.int8)
+    race = np.repeat(np.arange(len(races)), [race.places for race in races])
+    angles = [
+        f"start.balls.{r}.angle.{k}" for r, one in enumerate(races) for k in range(one.places)
+    ]
+    start = np.stack([found[path].values for path in angles], axis=1)
+    both = ("lane", "ball")
+    kept = found.drop_vars([name for name in found.coords if str(name).startswith("start.")])
+    return (
+        kept.assign(
+            outcome=("lane", outcome, flags("where the start ended", OUTCOMES)),
+            radius=("lane", found["radius_max"].values, about("m", "largest displacement")),
+            mean_rate=(both, speed + lag, about("rad/s", "mean rate of the ball")),
+            start=(both, start, about("rad", "first angle from the shaft")),
+        )
+        .assign_coords(race=("ball", race))
+        .assign_attrs(
+            title="jaxrotor basins of a ball balancer", within=float(within), slip=float(slip)
+        )
     )

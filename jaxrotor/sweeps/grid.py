@@ -78,11 +78,11 @@ class Gathered:
 
 
 def whole_of(part: xr.Dataset, coords: Mapping[str, Any], *, empty: bool = False) -> xr.Dataset:
-    """A data set over all of `coords` (dim: (dim, values, attributes)), with the variables of one block.
+    """A data set over all `coords` (name: (dim, values, attributes)), with the variables of one block.
 
     Values are arbitrary; with `empty` they are NaN, or 0 of whole numbers, and take no memory.
     """
-    sizes = {dim: len(values) for dim, (_, values, _) in coords.items()}
+    sizes = {dim: len(values) for dim, values, _ in coords.values()}
     variables = {}
     for name, array in part.data_vars.items():
         shape = [sizes.get(str(dim), n) for dim, n in array.sizes.items()]

@@ -13,7 +13,8 @@ from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
 from ..equations.start import Launch
 from ..files.toml import dumps
-from ..motion.run_up import RunUp, run_up
+from ..motion.history import TimeHistory
+from ..motion.run_up import run_up
 from ..results.provenance import BRANCHES, assumed, versions
 from ..scene import Scene
 from ..spins.profile import SpeedProfile
@@ -83,7 +84,7 @@ def hysteresis(
     times = np.linspace(0.0, duration, samples)
     observed = times >= (1 - window) * duration
 
-    def at(before: float, speed: float, launch: Launch | None) -> RunUp:
+    def at(before: float, speed: float, launch: Launch | None) -> TimeHistory:
         spin = SpeedProfile([0.0, ramp * duration], [before, speed])
         turning = eqx.tree_at(lambda s: s.spin, scene, spin)
         return run_up(turning, times, start=launch, at=float(races[0].at), **options)
@@ -150,7 +151,7 @@ def _dataset(
     )
 
 
-def _observed(run: RunUp, observed: np.ndarray, within: float) -> Point:
+def _observed(run: TimeHistory, observed: np.ndarray, within: float) -> Point:
     """The point of a run, from its samples that are observed."""
     rms = lambda values: np.sqrt(np.mean(np.abs(np.asarray(values)[observed]) ** 2))
     span = np.asarray(run.time)[observed][[0, -1]]

@@ -11,8 +11,10 @@ import xarray as xr
 
 from ..core.attributes import about, flags
 from ..core.outcome import STATUS, failed, statuses, too_long
-from ..core.quantities import quantity_units
+from ..equations.start import numbers_of
 from ..files.toml import dumps
+from ..motion.integrated import IntegratedPace
+from ..motion.stepped import Stepping
 from ..results.provenance import BRANCHES, as_json, assumed, versions
 from ..solvers.choice import solver_name
 from ..solvers.exponential import Exponential
@@ -60,7 +62,7 @@ class Job(NamedTuple):
             lanes = run_chunk(self.context, self.stages, points, size, tick)
             return _dataset(self.context, axes, lanes)
         count = len(axes[self.carry])
-        row = points.reshape(count, -1, len(axes)).swapaxes(0, 1)
+        row = points.reshape(count, -1, points.shape[1]).swapaxes(0, 1)
         there_and_back = np.concatenate([row, row[:, ::-1]], axis=1)
         lanes = run_rows(self.context, self.stages, there_and_back, size, tick)
         return _dataset(self.context, {**self.dims, **axes}, _by_branch(lanes, count))
@@ -74,9 +76,10 @@ class Job(NamedTuple):
 
 
 def points_of(axes: Mapping[str, np.ndarray], lanes: np.ndarray) -> np.ndarray:
-    """Values of lanes by their numbers, (lanes, paths); the last path changes fastest."""
+    """Values of lanes by their numbers, (lanes, paths); the last axis changes fastest."""
     places = np.unravel_index(lanes, [len(values) for values in axes.values()])
-    return np.stack([v[place] for v, place in zip(axes.values(), places, strict=True)], axis=1)
+    columns = [v[place] for v, place in zip(axes.values(), places, strict=True)]
+    return np.column_stack(columns)
 
 
 def _by_branch(results: Lanes, values: int) -> Lanes:
@@ -172,22 +175,30 @@ def coords_of(context: Context, axes: Mapping[str, np.ndarray]) -> dict[str, Any
     """Coordinates of the axes, (dimension, values, attributes), each with its unit."""
     own = {"branch": {}, "error_lane": {"long_name": "lane that was run again"}}
     units = lambda path: {"units": _unit(context, path)}
-    return {
-        dim: (dim, values, own[dim] if dim in own else units(dim)) for dim, values in axes.items()
-    }
+    coords, paths = {}, iter(context.paths)
+    for dim, values in axes.items():
+        if dim in own:
+            coords[dim] = (dim, values, own[dim])
+            continue
+        if values.ndim > 1:  # of paths that vary together
+            coords[dim] = (dim, np.arange(len(values)), {"long_name": "number of the lane"})
+        for column in values.reshape(len(values), -1).T:
+            path = next(paths)
+            coords[path] = (dim, column, units(path))
+    return coords
 
 
 def _unit(context: Context, path: str) -> str:
     """Unit of a swept parameter."""
     if path.startswith("start."):
-        return quantity_units(context.start)[path.removeprefix("start.")]
+        return numbers_of(context.start)[path.removeprefix("start.")]
     return context.scene.unit(path)
 
 
 def _pace(context: Context) -> dict[str, Any]:
     """Attributes of the revolutions or of the times that are observed, and of the steps."""
-    stepping, steps = context.stepping, context.plan.steps
-    if stepping is None:
+    pace, steps = context.pace, context.plan.steps
+    if context.interval is None:
         period = "that of the spin" if context.period is None else float(context.period)
         return {
             "period": period,
@@ -195,11 +206,19 @@ def _pace(context: Context) -> dict[str, Any]:
             "keep": context.keep,
             "steps_per_revolution": steps,
         }
-    times = np.asarray(stepping.breaks)
+    intervals = steps * context.keep
+    stepped, duration = {}, context.interval * intervals
+    if isinstance(pace, Stepping):
+        stepped = {"steps_per_sample": pace.substeps}
+        duration = float(pace.breaks[-1])
+    elif isinstance(pace, IntegratedPace) and pace.first is not None:
+        duration += float(pace.first)
+    first = {"first_sample": duration - context.interval * intervals} if context.settle else {}
     return {
-        "duration": float(times[-1]),
-        "samples": times.size,
-        "steps_per_sample": stepping.substeps,
+        "duration": duration,
+        **first,
+        "samples": intervals + 1,
+        **stepped,
         "samples_per_window": steps,
     }
 

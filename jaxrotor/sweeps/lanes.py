@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -10,14 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core.compiled import QUICKLY
+from ..core.compiled import compiled, compiled_quickly
 from ..core.outcome import Outcome
 from ..core.parallel import first_alone
 from ..core.progress import segments
 from ..equations.constant_frame import linear_matrix
-from ..equations.start import AbstractStart
+from ..equations.start import AbstractStart, put_number
 from ..equations.system import assemble
-from ..motion.base import Plan
+from ..motion.base import AbstractMarch, Plan
+from ..motion.integrated import IntegratedMarch, IntegratedPace
 from ..motion.revolutions import March, revolution_rate
 from ..motion.stepped import Stepping
 from ..motion.windows import WindowMarch
@@ -41,9 +42,19 @@ class Context(eqx.Module):
     station: Float[Array, ""]
     period: float | None = eqx.field(static=True)
     observe: tuple[AbstractObservable, ...]
-    settle: int = eqx.field(static=True)  # revolutions, or windows of a run
+    settle: int = eqx.field(static=True)  # revolutions, or windows along times
     keep: int = eqx.field(static=True)
-    stepping: Stepping | None = None  # of runs along times; None: whole revolutions
+    pace: Stepping | IntegratedPace | None = None  # None: exponential steps of whole revolutions
+
+    @property
+    def interval(self) -> float | None:
+        """Time from sample to sample [s]; None where windows are revolutions."""
+        match self.pace:
+            case Stepping():
+                return float(self.pace.breaks[1])
+            case IntegratedPace():
+                return None if self.pace.interval is None else float(self.pace.interval)
+        return None
 
 
 class Stages(NamedTuple):
@@ -71,7 +82,7 @@ class Lanes(NamedTuple):
     outcome: Outcome
     started: np.ndarray  # whether the starting state is finite
     contact_stiffness_ratio: np.ndarray  # (lanes, 2), see `Tableau.contact_stiffness_ratio`
-    end: tuple[np.ndarray, np.ndarray] | None  # coordinates and velocities, (lanes, n)
+    end: tuple[np.ndarray, ...] | None  # see `AbstractMarch.decode`, (lanes, ..) each
 
 
 def run_chunk(
@@ -80,7 +91,7 @@ def run_chunk(
     points: np.ndarray,
     size: int,
     tick: Callable[[int], None],
-    begin: tuple[np.ndarray, np.ndarray] | None = None,
+    begin: tuple[np.ndarray, ...] | None = None,
     keep_end: bool = False,
 ) -> Lanes:
     """Results of a chunk of lanes, in programs for `size` of them.
@@ -164,7 +175,7 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
 
 def _marches(
     context: Context, points: np.ndarray, begin: Any
-) -> tuple[March | WindowMarch, np.ndarray, np.ndarray]:
+) -> tuple[AbstractMarch, np.ndarray, np.ndarray]:
     """Marches, states at the start and stiffness ratios of all lanes, with basis "auto" decided."""
     plan, solver = context.plan, context.plan.solver
     if not isinstance(solver, Exponential) or solver.basis != "auto":
@@ -176,7 +187,8 @@ def _marches(
         return _build_lanes(context, _with_solver(plan, chosen), points, begin, bases)
     in_modes = dataclasses.replace(solver, basis="modal")
     built = _build_lanes(context, _with_solver(plan, in_modes), points, begin)
-    chosen = decide_basis(solver, built[0].eigenvectors)
+    march = cast(March | WindowMarch, built[0])
+    chosen = decide_basis(solver, march.eigenvectors)
     if chosen == in_modes:
         return built
     return _build_lanes(context, _with_solver(plan, chosen), points, begin)
@@ -192,7 +204,7 @@ def _bases_of_equal_lanes(context: Context, points: np.ndarray) -> ModalBasis | 
 
     None where most differ, or where the shaft has so few nodes that a decomposition costs little.
     """
-    if context.stepping is not None or sum(context.scene.resolution) < MANY_NODES:
+    if context.pace is not None or sum(context.scene.resolution) < MANY_NODES:
         return None
     settings = context.scene, context.plan.together, context.period, context.paths
     with jax.default_device(jax.local_devices(backend="cpu")[0]):
@@ -216,16 +228,16 @@ def _matrices_of_lanes(scene: Scene, together, period, paths, points: Float[Arra
     return jax.lax.map(one, points)
 
 
-_matrices = eqx.filter_jit(_matrices_of_lanes, **QUICKLY)
-_decomposed = eqx.filter_jit(modal, **QUICKLY)
+_matrices = compiled_quickly(_matrices_of_lanes)
+_decomposed = compiled_quickly(modal)
 
 
 def _build_lanes(
     context: Context, plan: Plan, points: np.ndarray, begin: Any, bases: Any = None
-) -> tuple[March | WindowMarch, np.ndarray, np.ndarray]:
+) -> tuple[AbstractMarch, np.ndarray, np.ndarray]:
     """Marches, states at the start and stiffness ratios of all lanes, on the processor."""
     cpu = jax.local_devices(backend="cpu")[0]
-    paced = context.stepping or context.period
+    paced = context.pace or context.period
     parts = (context.scene, plan, context.start, context.station, paced)
     with jax.default_device(cpu):  # small matrices, one lane after the other
         lanes, constant = _build_all(
@@ -248,25 +260,26 @@ def _build_lane_by_lane(scene, plan, start, station, paced, paths, lanes):
 
 
 # Runs once for a chunk, so compiling it with optimisation would take longer than all its runs.
-_build_all = eqx.filter_jit(_build_lane_by_lane, **QUICKLY)
+_build_all = compiled_quickly(_build_lane_by_lane)
 
 
 def _build(
     scene: Scene, plan: Plan, start: AbstractStart, station, paced, paths, point, begin, basis
-) -> tuple[March | WindowMarch, Array, Float[Array, "2"]]:
+) -> tuple[AbstractMarch, Array, Float[Array, "2"]]:
     """March of a lane, its state at the start, and its contact stiffness ratio.
 
-    `paced` are the steps of a run along times, or the period of a revolution, see `revolution_rate`.
+    `paced` says how windows are stepped, or is the period of a revolution, see `revolution_rate`.
     """
     values = dict(zip(paths, point, strict=True))
     scene = _at_point(scene, paths, point)
     for path in values:
         if path.startswith("start."):
-            name = path.removeprefix("start.")
-            start = eqx.tree_at(lambda s, n=name: getattr(s, n), start, values[path])
-    march: March | WindowMarch
+            start = put_number(start, path.removeprefix("start."), values[path])
+    march: AbstractMarch
     if isinstance(paced, Stepping):
-        march = WindowMarch.build(scene, plan, paced, station[None])
+        march = WindowMarch.build(scene, plan, paced, start, station[None])
+    elif isinstance(paced, IntegratedPace):
+        march = IntegratedMarch.build(scene, plan, paced, start, station[None])
     else:
         march = March.build(scene, plan, revolution_rate(scene, paced), station[None], basis)
     y = march.begin(start, station) if begin is None else march.encode(*begin)
@@ -279,20 +292,20 @@ def _at_point(scene: Scene, paths: tuple[str, ...], point: Float[Array, " p"]) -
     return scene.put({path: value for path, value in values if not path.startswith("start.")})
 
 
-@eqx.filter_jit
-def _skip(shared: March, own: March, y: Array, revolutions: Int[Array, ""]):
+@compiled
+def _skip(shared: AbstractMarch, own: AbstractMarch, y: Array, revolutions: Int[Array, ""]):
     """States after some revolutions that are not observed, and how these went."""
     return jax.vmap(lambda own, y: eqx.combine(own, shared).skip(y, revolutions))(own, y)
 
 
-@eqx.filter_jit
+@compiled
 def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
     """States, carries and stored arrays after some kept revolutions or windows.
 
     The first of them has the given `number`, of `count` that are kept in all.
     """
 
-    def lane(own: March | WindowMarch, y, carry):
+    def lane(own: AbstractMarch, y, carry):
         def update(state, samples):
             number, carries = state
             turn = Turn.of(samples, number, count)
@@ -306,7 +319,7 @@ def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
     return jax.vmap(lane)(own, y, carry)
 
 
-@eqx.filter_jit
+@compiled
 def _decode(shared, own, y: Array):
-    """Coordinates and velocities of every lane."""
+    """Parts of the state of every lane, see `AbstractMarch.decode`."""
     return jax.vmap(lambda own, y: eqx.combine(own, shared).decode(y))(own, y)

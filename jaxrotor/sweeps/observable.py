@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar
-from ..motion.base import RevolutionSamples, WindowSamples
+from ..motion.base import Bodies, Window
 
 
 class Variable(NamedTuple):
@@ -38,17 +38,15 @@ class Turn(eqx.Module):
     count: int = eqx.field(static=True)  # revolutions kept
     time: Float[Array, " T"] | None = None  # since the start of a run [s]; None in revolutions
     speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None in revolutions
+    bodies: Bodies | None = None  # balls; None: there are none
 
     @classmethod
-    def of(cls, samples: RevolutionSamples | WindowSamples, number: Array, count: int) -> "Turn":
+    def of(cls, window: Window, number: Array, count: int) -> "Turn":
         """The revolution or window at the first of the sampled stations."""
-        z, velocity = samples.displacement[:, 0], samples.velocity[:, 0]
-        seen = z, velocity, samples.contact_force, number
-        if isinstance(samples, WindowSamples):
-            time, speed = samples.time, samples.speed
-            return cls(*seen, time[1] - time[0], jnp.sign(speed[-1]), count, time, speed)
-        step = 2 * jnp.pi * samples.seconds / (z.size - 1)
-        return cls(*seen, step, samples.s, count)
+        z, velocity = window.displacement[:, 0], window.velocity[:, 0]
+        seen = z, velocity, window.contact_force, number
+        pace = window.step, window.sense, count, window.time, window.speed
+        return cls(*seen, *pace, window.bodies)
 
     def in_centre(self) -> Bool[Array, " T"]:
         """Whether a sample is in the centre, or passes through it to within rounding."""
@@ -64,6 +62,7 @@ class AbstractObservable(eqx.Module):
     """A quantity that is kept of each revolution, and how it is reported."""
 
     needs_contact: eqx.AbstractClassVar[bool]
+    needs_balls: ClassVar[bool] = False
     paced: ClassVar[Literal["any", "revolutions", "times"]] = "revolutions"  # in what it is defined
 
     @abc.abstractmethod

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.plane import plane
+from ..core.quantities import Scalar, positive
 from .observable import AbstractObservable as AbstractObservable, Turn as Turn, Variable as Variable
+from .observe_balls import BallLag as BallLag, Imbalance as Imbalance
 
 
 class Section(AbstractObservable):
@@ -208,6 +210,35 @@ class Peak(AbstractObservable):
         }
 
 
+class Capture(AbstractObservable):
+    """Whether the speed at the last sample is below a critical speed, at which the drive hangs.
+
+    A drive that has passed and coasts down counts as captured, too.
+    """
+
+    needs_contact: ClassVar[bool] = False
+    paced = "times"
+    critical: Scalar = positive("critical [rad/s]")
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return jnp.zeros(())
+
+    def update(self, carry, turn: Turn):
+        assert turn.speed is not None, "checked before the run"
+        return turn.speed[-1], None
+
+    def report(self, carry, stored, count):
+        below = np.where(np.isfinite(carry), np.abs(carry) < np.asarray(self.critical), np.nan)
+        long_name = "whether the speed at the end is below the critical one"
+        return {
+            "captured": Variable((), below, "1", long_name),
+            "end_speed": Variable((), carry, "rad/s", "speed at the end"),
+        }
+
+
 class Envelope(AbstractObservable):
     """Largest distance from the centre at the samples of every window, and the speed at its end."""
 
@@ -218,16 +249,14 @@ class Envelope(AbstractObservable):
         del steps, contacts
 
     def start(self, contacts):
-        return jnp.zeros(())
+        return None
 
     def update(self, carry, turn: Turn):
         assert turn.time is not None and turn.speed is not None, "checked before the run"
-        kept = jnp.stack([jnp.max(jnp.abs(turn.z[1:])), turn.speed[-1]])
-        return turn.time[-1], kept
+        return carry, jnp.stack([jnp.max(jnp.abs(turn.z[1:])), turn.speed[-1], turn.time[-1]])
 
     def report(self, carry, stored, count):
-        end = float(np.ravel(carry)[0])
-        times = end * (np.arange(count) + 1) / count
+        times = np.reshape(stored[..., 2], (-1, count))[0]  # those of all lanes
         return {
             "envelope": Variable(("window",), stored[..., 0], "m", "largest radius of a window"),
             "speed": Variable(("window",), stored[..., 1], "rad/s", "speed at the end of a window"),
@@ -318,20 +347,22 @@ class WhirlSpectrum(AbstractObservable):
 
 
 def everything(
-    contacts: bool = False, *, along_times: bool = False
+    contacts: bool = False, *, along_times: bool = False, balls: bool = False
 ) -> tuple[AbstractObservable, ...]:
     """The default observables of a sweep: section, extrema, precession and radius.
 
     Args:
         contacts: whether `Contact`, which observes limiters, is among them.
         along_times: whether the lanes are runs along times, observed by peak, envelope and radius.
+        balls: whether `Imbalance` and `BallLag`, which observe balls, are among them.
 
     Returns:
         The observables, for `sweep(.., observe=..)`.
     """
+    others = *[Contact()][:contacts], *[Imbalance(), BallLag()][: 2 * balls]
     if along_times:
-        return Peak(), Envelope(), Radius(), *[Contact()][:contacts]
-    return Section(), Extrema(), Precession(), Radius(), *[Contact()][:contacts]
+        return Peak(), Envelope(), Radius(), *others
+    return Section(), Extrema(), Precession(), Radius(), *others
 
 
 def _check_direction_is_resolved(steps: int) -> None:

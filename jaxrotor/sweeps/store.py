@@ -169,16 +169,17 @@ class Store:
         has no file is not computed. Only `status` has files, which say so.
         """
         first = {
-            dim: (dim, values[:1] if dim in self.block else values, attrs)
-            for dim, (_, values, attrs) in self.coords.items()
+            name: (dim, values[:1] if dim in self.block else values, attrs)
+            for name, (dim, values, attrs) in self.coords.items()
         }
         seed = whole_of(part, first, empty=True).assign_attrs(self.attrs)
-        sizes = {dim: len(values) for dim, (_, values, _) in self.coords.items()}
+        sizes = {dim: len(values) for dim, values, _ in self.coords.values()}
+        cut = {name: dim for name, (dim, _, _) in self.coords.items() if dim in self.block}
         chunks = sizes | {str(dim): n for dim, n in seed.sizes.items()} | self.block
         encoding = {
             str(name): {"chunks": tuple(chunks[str(dim)] for dim in array.dims)}
             for name, array in seed.data_vars.items()
-        } | {dim: {"chunks": (sizes[dim],)} for dim in self.block}
+        } | {name: {"chunks": (sizes[dim],)} for name, dim in cut.items()}
         # Through memory, because files are then written to disk one by one: none comes after an error.
         files: dict[str, Any] = {}
         memory = zarr.storage.MemoryStore(files)
@@ -186,8 +187,8 @@ class Store:
         group: Any = zarr.open_group(memory, mode="r+", use_consolidated=False)
         for name, array in seed.variables.items():
             group[str(name)].resize([sizes.get(str(dim), n) for dim, n in array.sizes.items()])
-        for dim in self.block:
-            group[dim][:] = self.coords[dim][1]
+        for name in cut:
+            group[name][:] = self.coords[name][1]
         group["status"][:] = PENDING
         zarr.consolidate_metadata(memory, zarr_format=2)
         return files
@@ -201,10 +202,9 @@ class Store:
             raise ValueError(
                 f"{self.path} exists and is no store of a sweep; choose another."
             ) from None
-        if status.dims != tuple(self.coords):
-            present, wanted = (
-                ", ".join(f"`{dim}`" for dim in dims) for dims in (status.dims, self.coords)
-            )
+        own = tuple(dict.fromkeys(dim for dim, _, _ in self.coords.values()))
+        if status.dims != own:
+            present, wanted = (", ".join(f"`{dim}`" for dim in dims) for dims in (status.dims, own))
             raise OtherSweepError(
                 f"{self.path} holds a sweep over {present}, not over {wanted}; choose another store, or "
                 "delete it."

@@ -1,8 +1,6 @@
 """Sweep: many trajectories, streamed into observables."""
 
-import dataclasses
 import functools
-import itertools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -17,32 +15,34 @@ from ..core.checks import check_counts
 from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
-from ..effects.base import AbstractContact
-from ..equations.start import AbstractStart, AtRest
+from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
-from ..motion.revolutions import check_constant, revolution_rate
+from ..motion.revolutions import check_constant_speed, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
-from ..motion.stepped import Stepping, check_steppable
-from ..motion.windows import lane_stepping, window_of
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
-from ..solvers.choice import checked_solver
-from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
-from ..spins.drive import Drive
-from .axes import at_point, checked_axes, shared_ports, with_carried_first
+from .axes import (
+    at_point,
+    checked_axes,
+    paths_of,
+    shared_ports,
+    values_by_path,
+    with_carried_first,
+)
 from .cluster import executor
 from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, coords_of, errors_of, identity, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, everything
+from .pace import extremes, finer, pace_of, start_of_lanes, stepped_by, windows_of
 from .store import PENDING, Store, StoreError
 
 
 SETTLE, KEEP = 1000, 300  # revolutions, by default
 PILOT_LANES = 4  # lanes by which "auto" steps are chosen
-MOST_CORNERS = 64  # of a grid, at which the highest speed is looked for
 
 
 def sweep(
@@ -68,23 +68,25 @@ def sweep(
     workers: int | None = None,
     cluster: Any | None = None,
     progress: bool | None = None,
-    max_steps: int = 4096,
+    max_steps: int | None = None,
 ) -> xr.Dataset:
     """Motion over a grid of parameters, observed for `keep` revolutions after `settle` others.
 
-    With `times` the lanes are runs along these times, at any speed that is known in time, and are observed
-    as a whole.
+    With `times` the lanes are motions along these times, at any speed, and are observed as a whole. As in
+    `simulate`, what is drawn decides how lanes are stepped: exponential steps take all that they can, and
+    any other scene is integrated, a window at a time.
 
     Args:
         scene: the rotor; without `times` at constant speed.
-        over: values by parameter path; paths such as `start.radius` vary the starting state. All
-            combinations are run.
-        start: starting state of every lane, by default `AtRest()`.
+        over: values by parameter path; paths such as `start.radius` or `start.balls.0.angle` vary the
+            starting state. All combinations are run. Paths that vary together are one entry,
+            `{"lane": {"spin.speed": speeds, "unbalance.eccentricity": eccentricities}}`.
+        start: starting state of every lane, by default `AtRest()`; `Launch(..)` places balls.
         settle: revolutions before anything is observed (0 or more), by default 1000.
         keep: revolutions observed, by default 300.
-        times: evenly spaced times from 0 on [s], several in a revolution, as runs are observed at these
-            samples. The acceleration should jump at samples only; `settle`, `keep` and `carry` do not
-            apply.
+        times: evenly spaced times [s], several in a revolution, as motions are observed at these samples.
+            What is before the first of them is not observed. The acceleration should jump at samples
+            only; `settle`, `keep` and `carry` do not apply.
         observe: observables, by default `observe.everything()`, with contact where there is any.
         steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
             `PILOT_LANES` lanes, of those that converge. Of a run, steps a revolution at the highest speed.
@@ -100,8 +102,8 @@ def sweep(
         store: folder in Zarr format that every chunk of lanes is written to as soon as it is done. A
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
-        solver: as in `simulate`; along `times` Exponential(..), by default of order 2 with contact, else
-            of order 4.
+        solver: as in `simulate`; along `times` by default Exponential(..) of order 2 with contact, else
+            of order 4, where it can be taken.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
@@ -112,10 +114,12 @@ def sweep(
             `store` write there themselves; without a store, results are sent to this process. Needs
             `jaxrotor[cluster]`, with the same versions everywhere.
         progress: whether to show a progress bar; by default on a terminal.
-        max_steps: as in `simulate`.
+        max_steps: steps an adaptive solver may take, by default 4096 a revolution, or 100 000 a window
+            along `times`.
 
     Returns:
-        Dataset over the swept paths, not differentiable. `status` says of every lane whether it
+        Dataset over the swept paths, or over the name of paths that vary together, which are coordinates
+        of it; not differentiable. `status` says of every lane whether it
         succeeded; a failed lane is kept and flagged. Attributes hold the scene and all settings. With a
         `store`, values are read from the folder when they are used.
 
@@ -136,32 +140,32 @@ def sweep(
     check_counts(keep=keep)
     check_counts(0, settle=settle, error_sample=error_sample)
     if along is None:
-        check_constant(scene, "`sweep` without `times`")
+        check_constant_speed(scene, "`sweep` without `times`")
     if carry is not None:
         over = with_carried_first(over, carry, error_sample)
-    start = AtRest() if start is None else start
+    start = start_of_lanes(scene, start, paths_of(over))
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period, revolve=along is None)
-    scene = with_shared_nodes(scene, axes)
-    together = shared_ports(scene, axes)
+    columns = values_by_path(over, axes)
+    scene = with_shared_nodes(scene, columns)
+    together = shared_ports(scene, columns)
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
-        run |= {"max_steps": max_steps}
-        pilots += (_chosen_steps(scene, start, axes, settle + keep, tolerance, run),)
+        run |= {"max_steps": max_steps or 4096}
+        lanes = axes, tuple(columns)
+        pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
-    stepping = None
+    steps = steps_per_revolution
+    scenes, counts = extremes(scene, start, columns), (steps, max_steps)
+    pace = pace_of(scenes, start, columns, (along, period), solver, controller, counts)
     if along is not None:
-        stepping = _stepping(scene, start, axes, along, solver, controller, steps_per_revolution)
-        solver, settle, steps = stepping.solver, 0, window_of(along.size)
-        keep = (along.size - 1) // steps
-    else:
-        steps = steps_per_revolution
-        if "spin.speed" not in axes:
-            revolution_rate(scene, period)
+        settle, keep, steps = windows_of(along)
+    elif "spin.speed" not in columns:
+        revolution_rate(scene, period)
+    solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
-    station = _station(scene, at)
     plan = Plan(
-        checked_solver(solver),
+        solver,
         controller,
         dfx.ForwardMode(),
         max_steps,
@@ -173,7 +177,7 @@ def sweep(
         batch=True,
     )
     context = Context(
-        scene, start, tuple(axes), plan, station, period, observe, settle, keep, stepping
+        scene, start, tuple(columns), plan, _station(scene, at), period, observe, settle, keep, pace
     )
     job = Job(context, axes, carry, Stages.fresh())
     attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}
@@ -202,46 +206,23 @@ def _checked_run(times: Any, given: Mapping[str, Any], steps: Any) -> np.ndarray
     if (
         values.ndim > 1
         or values.size < 2
-        or values[0] != 0
+        or values[0] < 0
         or not lengths.min() > 0
         or np.ptp(lengths) > 1e-9 * values[-1]
     ):
         raise ValueError(
             f"`times [s]` of a sweep must be two or more evenly spaced times from 0 on, but are {times!r}."
         )
-    return np.linspace(0.0, values[-1], values.size)
-
-
-def _stepping(
-    scene: Scene, start: AbstractStart, axes, times: np.ndarray, solver, controller, steps
-) -> Stepping:
-    """Steps of all lanes of a sweep over runs, fine enough at the corners of the grid."""
-    if solver is None:
-        solver = Exponential(order=2 if scene.of(AbstractContact) else 4)
-    if not isinstance(solver, Exponential) or controller is not None:
-        raise ValueError(
-            "A sweep along `times` takes Exponential(..) steps; for another solver call `run_up` lane by "
-            "lane."
-        )
-    check_steppable(scene, solver)
-    inertia = isinstance(scene.spin, Drive) and scene.spin.polar is None
-    pacing = {path: v for path, v in axes.items() if inertia or path.startswith("spin.")}
-    corners = list(itertools.product(*({v.min(), v.max()} for v in pacing.values())))
-    if len(corners) > MOST_CORNERS:
-        raise ValueError(
-            f"{len(pacing)} swept parameters decide the speed; sweep fewer, or give the Drive its `polar`."
-        )
-    scenes = [at_point(scene, start, dict(zip(pacing, one, strict=True)))[0] for one in corners]
-    return lane_stepping([assemble(one) for one in scenes], times, solver, steps)
+    return np.linspace(values[0], values[-1], values.size)
 
 
 def _checked_observables(
     observe: Any, scene: Scene, steps: int, along_times: bool
 ) -> tuple[AbstractObservable, ...]:
     """The observables asked for, or by default all but the spectrum."""
-    contacts = len(scene.of(AbstractContact))
+    contacts, balls = len(scene.of(AbstractContact)), bool(scene.of(AbstractBodies))
     if observe is None:
-        observe = everything(bool(contacts), along_times=along_times)
+        observe = everything(bool(contacts), along_times=along_times, balls=balls)
     observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
     for one in observe:
         if not isinstance(one, AbstractObservable):
@@ -251,6 +232,8 @@ def _checked_observables(
                 "along `times`" if one.paced == "times" else "of whole revolutions, without `times`"
             )
             raise ValueError(f"`{type(one).__name__}` is an observable of motions {where}.")
+        if one.needs_balls and not balls:
+            raise ValueError(f"`{type(one).__name__}` observes balls, but the scene has none.")
         one.check(steps, contacts)
     return observe
 
@@ -264,13 +247,19 @@ def _station(scene: Scene, at: Any) -> jax.Array:
 
 
 def _chosen_steps(
-    scene: Scene, start: AbstractStart, axes: Mapping[str, np.ndarray], revolutions, tolerance, run
+    scene: Scene,
+    start: AbstractStart,
+    lanes: tuple[Any, tuple[str, ...]],
+    revolutions,
+    tolerance,
+    run,
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
-    lanes = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
+    axes, paths = lanes
+    few = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
     pilots, failures = [], []
-    for point in points_of(axes, lanes):
-        changed, begin = at_point(scene, start, dict(zip(axes, point, strict=True)))
+    for point in points_of(axes, few):
+        changed, begin = at_point(scene, start, dict(zip(paths, point, strict=True)))
         try:
             pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
         except (RuntimeError, ValueError) as error:  # this lane fails; others may not
@@ -333,8 +322,8 @@ def _run(
         if failed(found["status"]).all():  # raises if the start is what is wrong
             context.start.state(assemble(context.scene), context.station)
         if chunks:
-            finer = _finer(context)
-            repeat = functools.partial(job.repeat, finer=finer, size=sample_size)
+            closer = finer(context)
+            repeat = functools.partial(job.repeat, finer=closer, size=sample_size)
             parts = running.each(repeat, chunks, tick)
             repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
             sink.add(*errors_of(found, repeated))
@@ -347,18 +336,3 @@ def _chunks(lanes: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray
         return [], 0
     (size,) = block_shape([lanes.size], most, workers)
     return [lanes[i : i + size] for i in range(0, lanes.size, size)], size
-
-
-def _finer(context: Context) -> Context:
-    """The context with twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
-    plan, stepping = context.plan, context.stepping
-    if stepping is not None:
-        twice = dataclasses.replace(stepping, substeps=2 * stepping.substeps)
-        return dataclasses.replace(context, stepping=twice)
-    control: Any = plan.controller
-    if control is None and isinstance(plan.solver, dfx.AbstractSolver):
-        control = step_control(plan.solver)
-    if isinstance(control, dfx.PIDController):
-        control = dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
-    finer = dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
-    return dataclasses.replace(context, plan=finer)

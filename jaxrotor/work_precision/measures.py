@@ -10,8 +10,9 @@ import numpy as np
 from ..analysis import onset_speed, roots
 from ..core.outcome import failed
 from ..equations.start import AbstractStart, Launch
+from ..motion.history import TimeHistory
 from ..motion.reactions import reactions
-from ..motion.run_up import RunUp, run_up
+from ..motion.run_up import run_up
 from ..motion.transient import controller_for, default_solver
 from ..scene import Scene
 from ..solvers.exponential import Exponential
@@ -210,7 +211,7 @@ class FinalState(AbstractRunUp):
         return complex(last.flat[0]) if np.iscomplexobj(last) else float(last)
 
 
-def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> RunUp:
+def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> TimeHistory:
     """A run-up by the solver and the steps of a setting."""
     times = np.asarray(times, float)
     solver = default_solver(scene) if setting.solver is None else setting.solver

@@ -34,9 +34,9 @@ BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
     ("call", "sentence"),
     [
         (
-            lambda: jr.simulate(BOTH, 1, 8),
+            lambda: jr.simulate(BOTH, 1, 8, solver=jr.Exponential()),
             r"stand still \(supports.0 and supports.1\) and others turn with the shaft \(the shaft\); "
-            "use `jaxrotor.run_up`, or a diffrax solver",
+            "leave `solver` out, or name a diffrax solver",
         ),
         (
             lambda: jr.roots(BOTH),
@@ -49,7 +49,10 @@ BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
             lambda: jr.unbalance_response(held(RIGID, *STOPS), 10.0),
             r"contacts \(limiters.0 and limiters.1\); remove them, as by `scene.without\('limiters'\)`",
         ),
-        (lambda: jr.simulate(held(RIGID, BALLS), 1, 8), "without balls, but it has ball_balancer; use"),
+        (
+            lambda: jr.simulate(held(RIGID, BALLS), 1, 8, solver=jr.Exponential()),
+            r"does not take this motion: there are balls \(ball_balancer\)",
+        ),
         (lambda: jr.simulate(held(RIGID, HYSTERESIS), 1, 8), r"\(hysteretic_damping\).*not in time"),
         (
             lambda: jr.roots(held(UNEQUAL, HYSTERESIS)),
@@ -91,6 +94,8 @@ def test_what_to_write_is_said_as_what_to_type(python, prompt):
 def test_a_command_says_what_to_type(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jr.save(BOTH, "mine.toml")
-    result = CliRunner().invoke(app, ["simulate", "mine.toml", "--revolutions", "1"])
+    result = CliRunner().invoke(
+        app, ["simulate", "mine.toml", "--revolutions", "1", "--solver", "exponential2"]
+    )
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
-    assert "with the shaft (the shaft); use `jaxrotor run-up mine.toml`" in result.stderr
+    assert "with the shaft (the shaft); leave --solver out, or name a diffrax" in result.stderr

@@ -1,15 +1,54 @@
-"""Worked designs of `notebooks/designs`: against closed forms, scipy, the sheets and ensembles."""
+"""Worked designs of `notebooks/designs`: against closed forms, scipy, the sheets and ensembles.
+
+Notebook 06 computes most of them, and is run once for all tests that look at its numbers.
+"""
 
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from executed import NOTEBOOKS, check_found, check_runs, executed, found
 from scipy.optimize import brentq, minimize
 
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "notebooks"))
 from designs import balancing, damping, identification, limiters  # noqa: E402
+
+
+# Numbers of the notebook and their tolerances; others are below, each with its reference.
+FOUND = {
+    "nu0 at alpha 1 from -0.9": (-0.362049935181, 1e-9),
+    "nu0 at alpha 1 from 0.5": (-0.362049935181, 1e-9),
+    "whips that stay, before": (1.0, 1e-12),
+    "largest radius before [mm]": (0.1439 * 700, 0.1),
+    "backward after": (0.0, 1e-12),
+    "cost of the dampers": (1.7711834, 2e-5),
+    "onset speed [rad/s]": (300.0, 1e-3),
+    "left by gradient [um]": (0.0, 1.0),
+    "distance from the truth": (0.0, 11.345),
+    "gap [mm]": (7.5, 0.03),
+    "friction": (0.1, 1.4e-3),
+}
+
+
+@pytest.fixture(scope="module")
+def cells(tmp_path_factory):
+    """Code cells of the notebook after its run."""
+    (path,) = [path for path in NOTEBOOKS if path.stem == "06_design"]
+    return executed(path, tmp_path_factory.mktemp(path.stem))
+
+
+@pytest.fixture(scope="module")
+def numbers(cells):
+    """What the notebook has found."""
+    return found(cells)
+
+
+@pytest.mark.slow
+def test_notebook_runs_and_finds_its_numbers(cells):
+    check_runs(cells)
+    check_found(cells, FOUND)
 
 
 # === limiters
@@ -42,10 +81,13 @@ FEW = {"eccentricities": 5, "angles": 3, "settle": 200}
 
 
 @pytest.mark.slow
+def test_backward_rub_between_published_stops(numbers):
+    """Sheet, section 3.4; the violent whip is above."""
+    assert numbers["rubs that stay, before"] > 0.3
+
+
+@pytest.mark.slow
 def test_no_backward_whirl_between_designed_stops():
-    before = limiters.summary(limiters.ensemble(limiters.rotor(), **FEW))
-    assert before["violent whip"] == 1.0 and before["backward rub"] > 0.3  # sheet, section 3.4
-    assert before["largest radius"] == pytest.approx(1e3 * 0.7 * 0.1439, rel=1e-3)
     after = limiters.ensemble(limiters.rotor().replace(DESIGNED), **FEW)
     assert limiters.summary(after)["all"] == 0.0 and after["winding"].size == 45
     assert limiters.summary(after)["largest radius"] < 1e3 * limiters.PEAK
@@ -68,15 +110,14 @@ def onset_by_hand(disc, bearing):
 
 
 @pytest.mark.slow
-def test_cheapest_dampers_against_scipy():
+def test_cheapest_dampers_against_scipy(numbers):
     constraint = {"type": "ineq", "fun": lambda x: (onset_by_hand(*x) - 300.0) / 100}
     price = lambda x: (10 * x[0] + 2 * x[1]) / 1000
     expected = minimize(
         price, [100.0, 300.0], constraints=[constraint], method="SLSQP", options={"ftol": 1e-14}
     )
-    tuned = damping.dampers(quick=True)
-    values = [float(np.ravel(value)[0]) for value in tuned.values.values()]
-    assert float(tuned.loss) == pytest.approx(expected.fun, rel=1e-5)
+    values = [numbers["damper at the disc"], numbers["dampers in bearings"]]
+    assert numbers["cost of the dampers"] == pytest.approx(expected.fun, rel=1e-5)
     assert values == pytest.approx(expected.x, rel=5e-3)
     assert onset_by_hand(*values) == pytest.approx(300.0, abs=1e-2)
     # price of another 100 rad/s, from the closed form
@@ -85,7 +126,7 @@ def test_cheapest_dampers_against_scipy():
         price, expected.x, constraints=[more], method="SLSQP", options={"ftol": 1e-14}
     )
     slope = 100 * (dearer.fun - expected.fun)
-    assert float(tuned.multipliers["onset"]) == pytest.approx(slope, rel=1e-2)
+    assert numbers["price of 100 rad/s"] == pytest.approx(slope, rel=1e-2)
 
 
 @pytest.mark.slow
@@ -100,25 +141,21 @@ def test_medium_of_the_limiter_rotor():
 
 
 @pytest.mark.slow
-def test_balanced_through_a_rub():
+def test_balanced_through_a_rub(numbers):
     """Corrections are judged by the linear rotor, which the fit has never seen."""
-    solution = balancing.solve(quick=True)
-    wrong, right = (balancing.left(c) for c in solution.corrections.values())
-    assert right < 1e-6 < 1e-5 < wrong < balancing.GAP < balancing.left(np.zeros(2))
-    share = solution.corrections["by gradient"] / balancing.HIDDEN
-    np.testing.assert_allclose(share, -1, atol=0.05)
+    names = ("gradient", "influence", "nothing")
+    right, wrong, none = (1e-6 * numbers[f"left by {name} [um]"] for name in names)
+    assert right < 1e-6 < 1e-5 < wrong < balancing.GAP < none
+    assert numbers["largest share left"] < 0.05
     residuals = 2 * balancing.STEPS * 2
-    assert abs(float(solution.tuned.loss) - residuals) < 3 * np.sqrt(2 * residuals)
+    assert abs(numbers["misfit of the rub"] - residuals) < 3 * np.sqrt(2 * residuals)
 
 
 @pytest.mark.slow
-def test_limiter_is_identified_within_its_covariance():
+def test_limiter_is_identified_within_its_covariance(numbers):
     """Chi-square of 3 degrees of freedom below its 99 %; that of 8 records within its 1 and 99 %."""
-    recorded = identification.records(8)
-    tuned, known = identification.identify(recorded[0])
-    samples = 2 * recorded[0].size
-    assert abs(float(tuned.loss) - samples) < 3 * np.sqrt(2 * samples)
-    assert float(known.distance(identification.TRUTH)) < 11.345
-    every = identification.distances(known, identification.scatter(recorded))
-    assert every[0] == pytest.approx(float(known.distance(identification.TRUTH)), rel=1e-3)
-    assert 10.856 < every.sum() < 42.980
+    samples = 2 * (identification.REVOLUTIONS * identification.STEPS // identification.EVERY + 1)
+    assert abs(numbers["misfit of the record"] - samples) < 3 * np.sqrt(2 * samples)
+    own, again = (numbers[f"distance from the truth{more}"] for more in ("", ", fitted again"))
+    assert own < 11.345 and again == pytest.approx(own, rel=1e-3)
+    assert 10.856 < numbers["distances of all records"] < 42.980

@@ -46,9 +46,12 @@ def radius():
         )
         return jax.jvp(of, (eccentricity,), (jnp.ones(()),))
 
-    return lambda eccentricity, damping, start: tuple(
-        map(float, both(jnp.asarray(eccentricity), jnp.asarray(damping), start.q, start.velocity))
-    )
+    def at(eccentricity, damping, start):
+        # Plain floats alike: of a number from numpy jax would compile another program.
+        values = jnp.asarray(float(eccentricity)), jnp.asarray(float(damping))
+        return tuple(map(float, both(*values, start.q, start.velocity)))
+
+    return at
 
 
 @pytest.fixture(scope="module")

@@ -180,11 +180,17 @@ def test_what_cannot_be_eliminated_is_refused():
         jr.run_up(point, times)
 
 
-def test_by_revolutions_a_coordinate_without_mass_is_refused():
+def test_exponential_steps_refuse_a_coordinate_without_mass():
     shaft = jr.MasslessShaft(1.0, 0.5, SHAFT, ends="elastic")
     equal = jr.Scene(shaft, *rotor(jr.ConstantSpeed(80.0)).effects, spin=jr.ConstantSpeed(80.0))
-    for call in (lambda: jr.simulate(equal, 5), lambda: jr.sweep(equal, {"disc.mass": [1.0]})):
-        with pytest.raises(ValueError, match="needs mass at every coordinate"):
+    steps = {"solver": jr.Exponential()}
+    calls = (
+        lambda: jr.simulate(equal, 5, **steps),
+        lambda: jr.sweep(equal, {"disc.mass": [1.0]}, **steps),
+        lambda: jr.lyapunov(equal, 1),
+    )
+    for call in calls:
+        with pytest.raises(ValueError, match="has no mass|has none"):
             call()
 
 

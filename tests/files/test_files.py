@@ -37,6 +37,7 @@ from jaxrotor.core.blocks import Blocks
 from jaxrotor.core.quantities import positive
 from jaxrotor.effects import AbstractLinear
 from jaxrotor.equations.system import assemble
+from jaxrotor.files import units
 from jaxrotor.files.shipped import _shipped, shipped
 from jaxrotor.files.toml import dumps, load, loads, save, study
 from jaxrotor.files.toml_reader import read
@@ -1064,20 +1065,22 @@ def test_mutated_files_never_end_in_another_exception():
 
 @pytest.mark.slow
 def test_from_another_folder_and_without_pint(tmp_path):
-    """Shipped scenes load from any folder; pint is imported only if a file has units."""
+    """Shipped scenes load from any folder; pint is imported only for units that it was never asked."""
+    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     code = (
         "import sys, jaxrotor.files as f\n"
         "s = f.load('limiter-rotor-2023')\n"
         "f.save(s, 'here.toml')\n"
         "assert 'pint' in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, env=env)
     code = (
         "import sys, jaxrotor.files as f\n"
         "f.load('here.toml')\n"
+        "f.load('limiter-rotor-2023')\n"
         "assert 'pint' not in sys.modules and 'tomlkit' not in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, env=env)
 
 
 @pytest.mark.parametrize("name", [name for name, _ in shipped()])
@@ -1085,3 +1088,24 @@ def test_every_shipped_scene_has_finite_equations(name):
     system = assemble(load(name))
     numbers = [leaf for leaf in jax.tree.leaves(system) if eqx.is_inexact_array(leaf)]
     assert numbers and all(np.isfinite(leaf).all() for leaf in numbers)
+
+
+def test_factors_of_units_are_remembered(tmp_path, monkeypatch):
+    """The first process asks pint, later ones read its answers; a damaged file is written anew."""
+    file = tmp_path / "factors.json"
+    monkeypatch.setattr(units, "_factors_file", lambda: file)
+    asked = []
+
+    def by_pint(given, wanted, ask=units._factor_by_pint):
+        asked.append(given)
+        return ask(given, wanted)
+
+    monkeypatch.setattr(units, "_factor_by_pint", by_pint)
+    for content, times in ((None, 1), (None, 1), ('{"mm -> m": "not a nu', 2), ("[3]", 3)):
+        if content is not None:
+            file.write_text(content)
+        units._remembered.cache_clear()
+        assert units.quantity("7.5 mm", "m", "x") == 0.0075
+        assert asked == ["mm"] * times and file.read_text() == '{"mm -> m": "0.001"}'
+    assert list(tmp_path.iterdir()) == [file]
+    units._remembered.cache_clear()

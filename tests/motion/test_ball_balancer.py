@@ -586,5 +586,3 @@ def test_refusals():
         jr.basins(balancer(), np.zeros((2, 4)), 1.0)
     with pytest.raises(ValueError, match=r"`balls` must have an entry for every race"):
         run(balancer(), [1, 2], launch((PSI0[0],)))
-    with pytest.raises(ValueError, match=r"jaxrotor.run_up"):
-        jr.simulate(balancer(), 2)

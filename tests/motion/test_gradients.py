@@ -7,6 +7,8 @@ so there all stations move as one; the trapezoidal rule is smooth between its no
 moves by itself.
 """
 
+import functools
+
 import diffrax as dfx
 import jax
 import jax.numpy as jnp
@@ -58,32 +60,41 @@ def put(scene, values):
     return scene.put(values)
 
 
-def forward(function, values):
-    """Derivative by every entry, by one compiled forward-mode pass each."""
-    push = jax.jit(lambda at, along: jax.jvp(function, (at,), (along,))[1])
-    still = {path: jnp.zeros(()) for path in values}
-    return {path: float(push(values, still | {path: jnp.ones(())})) for path in values}
+def pushed(function):
+    """One program for the value of a function and its derivative along any direction."""
+    return jax.jit(lambda at, along: jax.jvp(function, (at,), (along,)))
+
+
+def still(values):
+    return {path: jnp.zeros(()) for path in values}
+
+
+def forward(push, values):
+    """Derivative by every entry, by one forward-mode pass each."""
+    one = jnp.ones(())
+    return {path: float(push(values, still(values) | {path: one})[1]) for path in values}
 
 
 def scale_of(value):
     return abs(float(value)) if abs(value) > 1e-12 else 1.0
 
 
-def agree(function, exact, values, change, most=0.02):
+def agree(push, exact, values, change, most=0.02):
     """Exact derivatives equal central differences to RTOL.
 
     A parameter steps so far that the result changes by about `change`, at most by a share `most`:
     little enough for no contact to move to another step of the grid, enough to rise above rounding.
     """
-    function, wrong = jax.jit(function), {}
-    for path, value in values.items():
+    wrong, nowhere = {}, still(values)
+    for path, slope in exact.items():
+        value = values[path]
         scale = scale_of(value)
-        slope = abs(exact[path]) * scale
-        h = scale * (min(most, change / slope) if slope else 1e-4)
-        at = lambda k, p=path, v=value, h=h: float(function(values | {p: v + k * h}))
-        found = central(at, h)
-        if not abs(exact[path] - found) <= RTOL * abs(found):
-            wrong[path] = (exact[path], found)
+        size = abs(slope) * scale
+        h = scale * (min(most, change / size) if size else 1e-4)
+        moved = lambda k, p=path, v=value, h=h: values | {p: v + k * h}
+        found = central(lambda k, moved=moved: float(push(moved(k), nowhere)[0]), h)
+        if not abs(slope - found) <= RTOL * abs(found):
+            wrong[path] = (slope, found)
     assert not wrong
 
 
@@ -98,16 +109,16 @@ def test_onset_speed_by_every_parameter(rule):
     values = parameters(scene)
     middle = float(jr.onset_speed(scene).speed)
     within = 0.8 * middle, 1.3 * middle
-    onset = lambda values: jr.onset_speed(put(scene, values), within=within, samples=8).speed
+    onset = pushed(lambda at: jr.onset_speed(put(scene, at), within=within, samples=8).speed)
     exact = forward(onset, values)
     idle = ("limiters", "unbalance", "gravity", "spin", "disc.offset", "disc.tilt")
     idle = [path for path in values if path.startswith(idle)]
     assert {exact[path] for path in idle} == {0.0}
-    acting = {path: value for path, value in values.items() if path not in idle}
+    acting = {path: slope for path, slope in exact.items() if path not in idle}
     # shaft, disc, external damping, disc damping, internal damping
     assert len(acting) == 5 + 4 + 1 + 3 + 1 - (rule == "spectral")
-    assert all(exact[path] for path in acting)
-    agree(lambda some: onset(values | some), exact, acting, change=2e-4 * middle)
+    assert all(acting.values())
+    agree(onset, acting, values, change=2e-4 * middle)
 
 
 # === trajectories
@@ -139,9 +150,10 @@ def test_free_trajectory_by_every_parameter(rule):
     acting = {"gravity": True, "contact": False, "out_of_true": ASKEW}
     scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **RULES[rule])
     function, values = final(scene, (0.004, -3.0, 0.2), 2, 32)
-    exact = forward(function, values)
+    push = pushed(function)
+    exact = forward(push, values)
     assert all(exact.values())
-    agree(function, exact, values, change=1e-3, most=0.05)
+    agree(push, exact, values, change=1e-3, most=0.05)
 
 
 CONTACT = {
@@ -162,25 +174,30 @@ def touching(rule, **law):
     return scene
 
 
+@functools.cache
+def struck(rule, law):
+    """A scene that strikes a limiter, its values, their program and the derivatives by them."""
+    scene = touching(rule, **CONTACT[law])
+    function, values = final(scene, START[rule], 1, 64)
+    push = pushed(function)
+    return scene, values, push, forward(push, values)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "law"), [("spectral", "sharp"), ("trapezoid", "sharp"), ("trapezoid", "blended")]
 )
 def test_contact_trajectory_by_every_parameter(rule, law):
-    scene = touching(rule, **CONTACT[law])
-    function, values = final(scene, START[rule], 1, 64)
-    exact = forward(function, values)
+    _, values, push, exact = struck(rule, law)
     # A limiter that is not struck does not matter, nor how fast the rim slips on a sharp one.
     idle = {path for path in values if not exact[path]}
     assert idle <= {"limiters.0.angle", "limiters.1.angle", "limiters.rim_radius"}
-    agree(function, exact, values, change=1e-4)
+    agree(push, exact, values, change=1e-4)
 
 
 @pytest.mark.slow
 def test_reverse_mode_equals_forward_mode():
-    scene = touching("spectral")
-    function, values = final(scene, START["spectral"], 1, 64)
-    exact = forward(function, values)
+    scene, values, _, exact = struck("spectral", "sharp")
     reverse = dfx.RecursiveCheckpointAdjoint()
     back, _ = final(scene, START["spectral"], 1, 64, adjoint=reverse)
     gradient = jax.jit(jax.grad(back))(values)

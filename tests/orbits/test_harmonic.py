@@ -237,7 +237,7 @@ def test_refusals(halved):
         (scene.at_speed(0.0), None, {}, "At zero speed a revolution has no length"),
         (scene, response, {"revolutions": 3}, "must hold 3 revolutions, but holds 2; raise"),
         (scene, orbit, {"revolutions": 3}, "has a period of 2 revolutions"),
-        (scene, 1.0, {}, "`guess` must be a response"),
+        (scene, 1.0, {}, "`guess` must be a motion"),
     ):
         with pytest.raises(ValueError, match=sentence):
             jr.harmonic_balance(changed, guess, **how)

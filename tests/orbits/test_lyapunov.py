@@ -128,7 +128,7 @@ def test_picture():
         ({"count": 0}, "`count` must be a whole number of at least 1, but is 0"),
         ({"settle": -1}, "`settle` must be a whole number of at least 0, but is -1"),
         ({"solver": jr.Exponential(4)}, "sharp stops take located steps"),
-        ({"start": "rest"}, "`start` must be a response"),
+        ({"start": "rest"}, "`start` must be a motion"),
     ],
 )
 def test_refusals(changed, words):

@@ -247,6 +247,6 @@ def test_spectrum_says_what_to_do_next():
     with pytest.raises(ValueError, match=r"undefined at 512 of 512 samples.*\.$"):
         plot.whirl_spectrum(still)
     for angle in (0 * moving.angle, moving.angle**2):
-        uneven = dataclasses.replace(moving, angle=angle)
+        uneven = dataclasses.replace(moving, angle=angle, steps_per_revolution=None)
         with pytest.raises(ValueError, match=r"sampled evenly in angle.*\.$"):
             plot.whirl_spectrum(uneven)

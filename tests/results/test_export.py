@@ -42,6 +42,7 @@ def test_table_of_a_motion(motion):
         *("displacement x at 0.5 m [m]", "displacement y at 0.5 m [m]"),
         *("velocity x at 0.5 m [m/s]", "velocity y at 0.5 m [m/s]"),
         *("slope x at 0.5 m [rad]", "slope y at 0.5 m [rad]"),
+        *("speed [rad/s]", "acceleration [rad/s^2]"),
     ]
     np.testing.assert_array_equal(found["time [s]"], motion.time)
     z = np.asarray(motion.displacement)[:, 0]

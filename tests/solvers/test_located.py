@@ -172,17 +172,18 @@ def test_derivatives_through_impacts(rub):
     names = ("unbalance.eccentricity", "limiters.stiffness", "limiters.gap")
     values = jnp.array([1e-5, 4.087e6, 0.0075 * LENGTH])
 
-    @jax.jit
     def final(values):
         changed = scene.put(dict(zip(names, [*values], strict=True)))
         solver = jr.Exponential(2, "dense", located=True)
         run = jr.simulate(changed, 1, 32, start=end, solver=solver, at=LENGTH)
         return 1e3 * run.displacement[-1, 0].real
 
+    push = jax.jit(lambda values, along: jax.jvp(final, (values,), (along,)))
     for i, value in enumerate(values):
         along = jnp.zeros(3).at[i].set(value)
-        _, slope = jax.jvp(final, (values,), (along,))
-        differ = lambda h: (final(values + h * along) - final(values - h * along)) / (2 * h)  # noqa: B023
+        _, slope = push(values, along)
+        at = lambda h: push(values + h * along, 0 * along)[0]  # noqa: B023
+        differ = lambda h: (at(h) - at(-h)) / (2 * h)  # noqa: B023
         found = (4 * differ(2e-6) - differ(4e-6)) / 3
         assert slope == pytest.approx(float(found), rel=1e-5)
 

@@ -307,7 +307,7 @@ def test_a_scene_at_another_speed(rotor):
 def test_stepping_at_constant_speed_refuses_a_speed_that_varies(rotor, spin):
     varied, name = with_spin(rotor, spin), type(spin).__name__
     for what, run in {
-        "`simulate`": lambda: jr.simulate(varied, 1),
+        "Motion by `revolutions`": lambda: jr.simulate(varied, 1),
         "`sweep` without `times`": lambda: jr.sweep(
             varied, {"unbalance.eccentricity": [1e-3]}, settle=0, keep=1
         ),
@@ -315,8 +315,8 @@ def test_stepping_at_constant_speed_refuses_a_speed_that_varies(rotor, spin):
         with pytest.raises(ValueError) as caught:
             run()
         assert str(caught.value) == (
-            f"{what} is for constant speed, but the spin of the scene is a {name}; use "
-            "`jaxrotor.run_up`, or `scene.at_speed(..)`."
+            f"{what} is for constant speed, but the spin of the scene is a {name}; give the `times` of "
+            "the samples [s], or take `scene.at_speed(..)`."
         )
 
 

@@ -45,6 +45,53 @@ def test_lanes_are_runs(runs):
     np.testing.assert_allclose(runs.window, TIMES[size::size])
 
 
+def test_what_is_before_the_first_time_is_not_observed(runs):
+    """The second half alone; paths that vary together are one axis."""
+    together = {path: [values[0], values[1]] for path, values in OVER.items()}
+    late = jr.sweep(
+        scene(), {"machine": together}, times=TIMES[32:], steps_per_revolution=128, progress=False
+    )
+    assert late.peak.dims == ("machine",) and late.attrs["first_sample"] == pytest.approx(0.16)
+    np.testing.assert_array_equal(late["limiters.stiffness"], OVER["limiters.stiffness"])
+    half = runs.envelope[:, :, runs.window > 0.17].max("window").values.diagonal()
+    np.testing.assert_allclose(late.envelope.max("window"), half, rtol=1e-9)
+    np.testing.assert_allclose(late.window, runs.window[runs.window > 0.17])
+    np.testing.assert_allclose(late.speed[0], runs.speed[0, 0, runs.window > 0.17])
+
+
+@pytest.mark.parametrize(
+    ("over", "words"),
+    [
+        (
+            {"a": {"limiters.gap": [1e-3], "limiters.stiffness": [1e5, 2e5]}},
+            "as many values of every",
+        ),
+        ({"a": {"limiters.at": [0.7], "limiters.gap": [1e-3]}}, "`limiters.at` decides stations"),
+    ],
+)
+def test_paths_that_cannot_vary_together(over, words):
+    with pytest.raises(ValueError, match=words):
+        jr.sweep(scene(), over, times=TIMES)
+    carried = {"a": {"limiters.gap": [1e-3, 2e-3]}}
+    with pytest.raises(ValueError, match="`carry` must be a single path"):
+        jr.sweep(scene().at_speed(100.0), carried, carry="a")
+
+
+def test_a_lane_begins_where_its_start_says():
+    """A later time of the profile; 33 intervals before the first sample, which no window divides."""
+    profile = jr.SpeedProfile([0.0, 1.0], [60.0, 200.0])
+    start, times = jr.Launch(jr.Whirl(1e-5), time=0.4), np.linspace(0.0, 0.485, 98)
+    over = {"unbalance.eccentricity": [3e-4]}
+    settings = {"start": start, "steps_per_revolution": 128, "progress": False}
+    late = jr.sweep(scene(profile), over, times=times[33:], **settings)
+    substeps = late.attrs["steps_per_sample"]
+    run = jr.run_up(scene(profile), times, start=start, solver=jr.Exponential(2), substeps=substeps)
+    assert late.attrs["solver"].startswith("Exponential") and late.attrs["samples_per_window"] == 32
+    np.testing.assert_allclose(late.speed[0], run.speed[np.array([65, 97])])
+    radius = np.abs(run.displacement[34:, 0]).max()
+    assert float(late.peak[0]) == pytest.approx(radius, rel=1e-9)
+
+
 def test_settings_are_told(runs):
     assert runs.attrs["duration"] == TIMES[-1] and runs.attrs["samples"] == TIMES.size
     assert "settle" not in runs.attrs
@@ -142,10 +189,10 @@ def test_samples_without_windows_are_refused():
         ({"carry": "limiters.stiffness"}, "`carry` is for whole revolutions"),
         ({"period": 1.0}, "`period` is for whole revolutions"),
         ({"times": [0.0, 0.1, 0.3]}, "evenly spaced times from 0 on"),
-        ({"times": [0.1, 0.2, 0.3]}, "evenly spaced times from 0 on"),
+        ({"times": [0.05, 0.15, 0.25]}, "must be a whole number of intervals, of 0.1 s"),
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
-        ({"solver": jr.Exponential(located=True)}, "Located steps are taken by `simulate`"),
+        ({"solver": jr.Exponential(located=True)}, "Located steps are for whole revolutions"),
     ],
 )
 def test_settings_that_runs_do_not_take(settings, words):
@@ -160,4 +207,4 @@ def test_what_whole_revolutions_do_not_take():
         jr.sweep(scene().at_speed(100.0), OVER, observe=[jr.observe.Peak()])
     feedback = scene(jr.Drive(10.0, 1.0, feedback=True))
     with pytest.raises(ValueError, match="the speed of its Drive is not known in advance"):
-        jr.sweep(feedback, OVER, times=TIMES)
+        jr.sweep(feedback, OVER, times=TIMES, solver=jr.Exponential(2))

@@ -1,5 +1,6 @@
 """Stores keep what was computed, whatever happens, and end with the same data."""
 
+import contextlib
 import errno
 import json
 import math
@@ -19,6 +20,7 @@ import xarray as xr
 
 import jaxrotor as jr
 from jaxrotor.core.outcome import STATUS
+from jaxrotor.core.program_cache import SETTINGS
 from jaxrotor.sweeps.grid import block_shape, blocks
 from jaxrotor.sweeps.store import PENDING, OtherSweepError, Store, StoreError
 
@@ -254,54 +256,67 @@ def test_other_folders_are_refused(tmp_path):
     assert (tmp_path / "b").read_text() == "no store"
 
 
+# It loads the library once, and forks a process for every store that it is told; no program of jax
+# has run before.
 SCRIPT = """
-import sys, numpy as np, jaxrotor as jr
+import os, sys, numpy as np, xarray as xr, zarr, jaxrotor as jr, jaxrotor.sweeps.store
+run, load, whirl = jr.sweep, jr.load, jr.Whirl
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 16), "start.angle": [0.0, 1.0, 2.0]}
 how = {"settle": 3, "keep": 2, "steps_per_revolution": 32, "lanes_per_chunk": 3, "workers": 1}
-print("begun", flush=True)
-jr.sweep(jr.load("limiter-rotor"), over, start=jr.Whirl(7e-3, 75.0), **how, store=sys.argv[1])
-print("done", flush=True)
+for line in sys.stdin:
+    if child := os.fork():
+        print("ended", os.waitpid(child, 0)[1], flush=True)
+        continue
+    print("begun", os.getpid(), flush=True)
+    run(load("limiter-rotor"), over, start=whirl(7e-3, 75.0), **how, store=line.strip())
+    os._exit(0)
 """
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="POSIX processes")
 def test_killed_at_random_moments(tmp_path):
     """After `kill -9` again and again, every byte of the data is that of a run never killed."""
     random = np.random.default_rng(0)
-    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "cache")}
-
-    def run(name):
-        command = [sys.executable, "-c", SCRIPT, str(tmp_path / name)]
-        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+    settings = {name.upper(): str(value) for name, value in SETTINGS.items()}
+    environment = os.environ | settings | {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "cache")}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "bufsize": 1}
 
     def done(store):
         if not store.exists():
             return 0
         return int((xr.open_zarr(store, chunks=None)["status"] != PENDING).sum())
 
-    whole = run("whole.zarr")
-    assert whole.communicate()[0].endswith("done\n")
-    kills = 0
-    while True:
-        process = run("killed.zarr")
-        assert process.stdout.readline() == "begun\n"
-        store = tmp_path / "killed.zarr"
-        before = done(store)
-        while process.poll() is None and done(store) <= before:  # until it computes again
-            time.sleep(0.02)
-        time.sleep(random.uniform(0, 0.1))
-        if process.poll() is None:
-            os.kill(process.pid, signal.SIGKILL)
-            kills += 1
-        if process.communicate()[0].endswith("done\n"):
-            break
-        found = xr.open_zarr(store, chunks=None)  # a reader may look at any time
-        computed = found["status"] != PENDING
-        expected = xr.open_zarr(tmp_path / "whole.zarr", chunks=None)
-        np.testing.assert_array_equal(
-            found["section"].where(computed), expected["section"].where(computed)
-        )
-    assert kills >= 3
+    with subprocess.Popen([sys.executable, "-c", SCRIPT], env=environment, **pipes) as process:
+
+        def begin(name):
+            process.stdin.write(f"{tmp_path / name}\n")
+            begun, child = process.stdout.readline().split()
+            assert begun == "begun"
+            return int(child)
+
+        begin("whole.zarr")
+        assert process.stdout.readline() == "ended 0\n"
+        kills, status = 0, signal.SIGKILL
+        while status == signal.SIGKILL:
+            store = tmp_path / "killed.zarr"
+            before, child = done(store), begin("killed.zarr")
+            with contextlib.suppress(ProcessLookupError):  # it has ended
+                while done(store) <= before:  # until it computes again
+                    os.kill(child, 0)
+                    time.sleep(0.02)
+                time.sleep(random.uniform(0, 0.1))
+                os.kill(child, signal.SIGKILL)
+            status = int(process.stdout.readline().split()[1])
+            kills += status == signal.SIGKILL
+            found = xr.open_zarr(store, chunks=None)  # a reader may look at any time
+            computed = found["status"] != PENDING
+            expected = xr.open_zarr(tmp_path / "whole.zarr", chunks=None)
+            np.testing.assert_array_equal(
+                found["section"].where(computed), expected["section"].where(computed)
+            )
+        assert status == 0 and kills >= 3
+        process.stdin.close()
     for path in (tmp_path / "whole.zarr").rglob("*"):
         if path.is_file():
             twin = tmp_path / "killed.zarr" / path.relative_to(tmp_path / "whole.zarr")

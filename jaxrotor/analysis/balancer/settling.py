@@ -37,7 +37,7 @@ def settling_time(run: Any, within: float = 1e-3) -> Settling:
     not balanced at its end is not converged. The resolution is that of the samples.
 
     Args:
-        run: a `RunUp` of a scene with balls, from its start on.
+        run: a `TimeHistory` of a scene with balls, from its start on.
         within: share that counts as balanced.
 
     Returns:

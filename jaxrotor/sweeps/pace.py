@@ -1,0 +1,216 @@
+"""Pace: how the lanes of a sweep are stepped, and by which start they begin."""
+
+import dataclasses
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, cast
+
+import diffrax as dfx
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.rotating_frame import massless_of
+from ..equations.start import AbstractStart, Launch
+from ..equations.system import assemble
+from ..motion.integrated import IntegratedPace
+from ..motion.run_up import after, integration_of, with_balls
+from ..motion.simulate import check_integrated, checked_start, steps_revolutions
+from ..motion.stepped import Stepping, check_steppable, steppable
+from ..motion.transient import Integration, controller_for
+from ..motion.windows import lane_stepping, window_of
+from ..scene import Scene
+from ..solvers.choice import checked_solver
+from ..solvers.control import step_control
+from ..solvers.exponential import Exponential
+from ..spins.drive import Drive
+from .axes import at_point
+from .lanes import Context
+
+
+STOPS = 8  # how often a drive with feedback may come to rest or break loose in a window
+REVOLUTION_STEPS = 4096  # of an adaptive solver in a revolution
+WINDOW_STEPS = 100_000  # of an adaptive solver in a window along times
+MOST_CORNERS = 64  # of a grid, at which the highest speed is looked for
+
+
+def start_of_lanes(
+    scene: Scene, start: AbstractStart | None, paths: Iterable[str]
+) -> AbstractStart:
+    """The start of all lanes, by default at rest; with balls in it where a path varies these."""
+    start = checked_start(start)
+    varied = [path for path in paths if path.startswith("start.")]
+    if not any(path.startswith("start.balls.") for path in varied):
+        return with_balls(scene, start) if isinstance(start, Launch) else start
+    if not scene.of(AbstractBodies):
+        raise ValueError(f"`{varied[0]}` varies a ball, but the scene has none; add BallBalancer.")
+    for name in ("radius", "rate", "angle"):
+        if not isinstance(start, Launch) and f"start.{name}" in varied:
+            raise ValueError(
+                f"Beside a path of balls, `start.{name}` must be written `start.shaft.{name}`, and the "
+                "start as Launch(Whirl(..))."
+            )
+    return with_balls(scene, Launch.of(start))
+
+
+def pace_of(
+    scenes: Sequence[Scene],
+    start: AbstractStart,
+    columns: Mapping[str, np.ndarray],
+    pacing: tuple[np.ndarray | None, float | None],
+    solver: Any,
+    controller: Any,
+    counts: tuple[Any, int | None],
+) -> Stepping | IntegratedPace | None:
+    """How lanes are stepped along times or by revolutions; None: by exponential steps of revolutions.
+
+    Args:
+        scenes: the scene first, then some of the lanes that hold the extremes of every parameter.
+        start: the start of all lanes.
+        columns: swept values by path.
+        pacing: times of the samples and the period of a revolution, either may be None.
+        solver: the one asked for, or None.
+        controller: the one asked for, or None.
+        counts: steps a revolution, and most steps of an adaptive solver in a window.
+    """
+    (times, period), (steps, most), scene = pacing, counts, scenes[0]
+    system = assemble(scene)
+    turned = isinstance(start, Launch) and (
+        bool(start.balls)
+        or start.whole() is False
+        or any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
+    )
+    named = isinstance(solver, Exponential)
+    if named and turned:
+        raise ValueError(
+            "Exponential() steps lanes that begin at angle zero and at the time of the start, without "
+            "balls, but the start places these or is swept over them; leave `solver` out."
+        )
+    if times is None:
+        if not turned and steps_revolutions(scene, system, solver):
+            return None
+    elif named or (solver is controller is None and not turned and steppable(scene, system)):
+        return _stepping(scene, start, columns, times, solver, controller, steps)
+    if named:
+        check_steppable(scene, solver, system)
+    if controller is None:
+        check_integrated(solver)
+    if times is None:
+        most = most or REVOLUTION_STEPS
+        return IntegratedPace(_integration(scenes, start, solver, controller, most), None, period)
+    integration = _integration(scenes, start, solver, controller, most or WINDOW_STEPS)
+    interval, first = jnp.asarray(times[1] - times[0]), jnp.asarray(times[0])
+    return IntegratedPace(integration, interval, None, first)
+
+
+def extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:
+    """The scene, and with each swept number at its least, at its largest and at zero."""
+    scenes = [scene]
+    for path, values in columns.items():
+        if not path.startswith("start."):
+            for value in {values.min(), values.max(), *values[values == 0]}:
+                scenes.append(at_point(scene, start, {path: value})[0])
+    return scenes
+
+
+def windows_of(times: np.ndarray) -> tuple[int, int, int]:
+    """Windows before the first sample, none or one, and after it; and the intervals of each of these."""
+    size = window_of(times.size)
+    return int(times[0] > 0), (times.size - 1) // size, size
+
+
+def stepped_by(
+    pace: Stepping | IntegratedPace | None, solver: Any, controller: Any, most: int | None
+) -> tuple[Exponential | dfx.AbstractSolver, dfx.AbstractStepSizeController | None, int]:
+    """Solver, step control and most steps in a window by which lanes are stepped."""
+    if isinstance(pace, IntegratedPace):
+        by = pace.integration
+        return by.solver, by.controller, by.max_steps
+    return checked_solver(pace.solver if pace else solver), controller, most or REVOLUTION_STEPS
+
+
+def _integration(
+    scenes: Sequence[Scene], start: AbstractStart, solver: Any, controller: Any, most: int
+) -> Integration:
+    """Integration of all lanes by a diffrax solver, with steps short enough for all scenes."""
+    options = {"adjoint": dfx.ForwardMode(), "max_steps": most, "max_stops": STOPS}
+    begun = [after(scene, Launch.of(start)) for scene in scenes]
+    found = integration_of(begun[0], solver, controller, 1, options, from_start=True)
+    if any(massless_of(one) != found.massless for one in begun[1:]):
+        found = dataclasses.replace(found, massless="unknown")
+    if controller is None:
+        found = dataclasses.replace(found, controller=_control_of_all(found.solver, begun))
+    return found
+
+
+def _control_of_all(solver: Any, scenes: Sequence[Scene]) -> Any:
+    """Step control by the shortest impact of any scene; jumps are step ends where all have the same."""
+    controls: list[Any] = [controller_for(solver, scene) for scene in scenes]
+    plain: list[Any] = [getattr(one, "controller", one) for one in controls]
+    if any(getattr(one, "dtmax", None) is not None for one in plain):
+        shortest = min(float(one.dtmax) for one in plain)
+        plain[0] = dataclasses.replace(plain[0], dtmax=jnp.asarray(shortest))
+    jumps, *others = cast(Any, [one.spin.kinks for one in scenes])
+    if jumps is None or not all(np.array_equal(jumps, other) for other in others):
+        return plain[0]
+    return dfx.ClipStepSizeController(plain[0], jump_ts=jumps)
+
+
+def _stepping(
+    scene: Scene, start: AbstractStart, columns, times: np.ndarray, solver, controller, steps
+) -> Stepping:
+    """Steps of all lanes of a sweep over runs, fine enough at the corners of the grid."""
+    if solver is None:
+        solver = Exponential(order=2 if scene.of(AbstractContact) else 4)
+    if controller is not None:
+        raise ValueError("`controller` is for diffrax solvers, not Exponential().")
+    check_steppable(scene, solver)
+    interval = times[1] - times[0]
+    before = times[0] / interval
+    if abs(before - round(before)) > 1e-6 * max(before, 1.0):
+        raise ValueError(
+            f"The first of `times`, {times[0]:g} s, must be a whole number of intervals, of {interval:g} "
+            "s, for Exponential()."
+        )
+    times = np.linspace(0.0, times[-1], times.size + round(before))
+    inertia = isinstance(scene.spin, Drive) and scene.spin.polar is None
+    pacing = {path: v for path, v in columns.items() if inertia or path.startswith("spin.")}
+    corners = list(itertools.product(*({v.min(), v.max()} for v in pacing.values())))
+    if len(corners) > MOST_CORNERS:
+        raise ValueError(
+            f"{len(pacing)} swept parameters decide the speed; sweep fewer, or give the Drive its `polar`."
+        )
+    points = [dict(zip(pacing, one, strict=True)) for one in corners]
+    scenes = [after(at_point(scene, start, one)[0], Launch.of(start)) for one in points]
+    found = lane_stepping([assemble(one) for one in scenes], times, solver, steps)
+    return dataclasses.replace(found, before=round(before))
+
+
+def finer(context: Context) -> Context:
+    """The context with twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
+    plan, pace = context.plan, context.pace
+    if isinstance(pace, Stepping):
+        twice = dataclasses.replace(pace, substeps=2 * pace.substeps)
+        return dataclasses.replace(context, pace=twice)
+    control: Any = plan.controller
+    if control is None and isinstance(plan.solver, dfx.AbstractSolver):
+        control = step_control(plan.solver)
+    if isinstance(control, dfx.ClipStepSizeController):
+        inner = _tenth_of_tolerance(control.controller)
+        control = eqx.tree_at(lambda control: control.controller, control, inner)
+    else:
+        control = _tenth_of_tolerance(control)
+    if isinstance(pace, IntegratedPace):
+        substeps = 2 * pace.integration.substeps
+        closer = dataclasses.replace(pace.integration, controller=control, substeps=substeps)
+        return dataclasses.replace(context, pace=dataclasses.replace(pace, integration=closer))
+    closer = dataclasses.replace(plan, steps=2 * plan.steps, controller=control)
+    return dataclasses.replace(context, plan=closer)
+
+
+def _tenth_of_tolerance(control: Any) -> Any:
+    """Step control with a tenth of its tolerances, if it has some."""
+    if not isinstance(control, dfx.PIDController):
+        return control
+    return dataclasses.replace(control, rtol=control.rtol / 10, atol=control.atol / 10)
