@@ -280,14 +280,14 @@ def moving_station(scene: Scene) -> float | None:
     stations = [at for at in placed if at is not None]
     every = [float(at) for at in (*scene.stations(), *stations, scene.shaft.length)]
     known = [at for at in every if scene.shaft.reason_against(at) is None]
-    moves = np.asarray(_largest_of_rows(scene, np.array(known))) > 1e-9
+    moves = np.asarray(_largest_of_rows(scene, jnp.array(known))) > 1e-9
     return next((at for at, one in zip(known, moves, strict=True) if one), None)
 
 
 @compiled_quickly
-def _largest_of_rows(scene: Scene, stations: np.ndarray) -> jax.Array:
+def _largest_of_rows(scene: Scene, stations: jax.Array) -> jax.Array:
     """Largest entry of the row of displacement of every station."""
-    rows = jax.vmap(scene.line().row)(jnp.asarray(stations))
+    rows = jax.vmap(scene.line().row)(stations)
     return jnp.max(jnp.abs(rows), axis=1, initial=0.0)
 
 
