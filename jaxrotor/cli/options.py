@@ -25,6 +25,7 @@ from .answer import AsJson as AsJson
 
 
 MOST = 10_000_000  # largest count accepted; a larger one is a mistake
+STILL = "a rigid shaft in two pins cannot move; use `jaxrotor reactions`"
 REVOLUTIONS = 50  # default length of a run at constant speed
 
 SceneName = Annotated[

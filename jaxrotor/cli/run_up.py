@@ -14,6 +14,7 @@ from ..results.dataset import dataset
 from ..results.provenance import assumed
 from . import answer
 from .options import (
+    STILL,
     Angle,
     AsJson,
     At,
@@ -36,7 +37,6 @@ from .options import (
 from .output import draft_or_none, draw, write_dataset, written_to
 
 
-_STILL = "a rigid shaft in two pins cannot move; use `jaxrotor reactions`"
 _FILES = ("run-up.zarr", "run-up.png", "speed.png", "balls.png", "film.gif")
 
 
@@ -98,7 +98,7 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     at = f"{peak['radius']:.6g} m at {peak['time']:.6g} s and {peak['speed']:.6g} rad/s"
     rows = [
         ("speed", f"{first:.6g} to {last:.6g} rad/s"),
-        ("peak", at if summary["moves"] else _STILL),
+        ("peak", at if summary["moves"] else STILL),
     ]
     if summary["stopped"] is not None:
         rows.append(("stopped", f"at {summary['stopped']:.6g} s"))

@@ -17,6 +17,7 @@ from ..spins import ConstantSpeed
 from . import answer
 from .options import (
     MOST,
+    STILL,
     Angle,
     AsJson,
     At,
@@ -122,12 +123,13 @@ def simulate(
     jaxrotor simulate turbine-run-up --times 0:20s:2001
     """
     rotor, table = scene_with(scene, settings), study(scene)
+    moves = moving_station(rotor)
     options: dict[str, Any] = {
         "solver": None if solver is None else _SOLVERS[solver](),
         "start": start_with(table, start_radius, start_rate, start_angle),
         "nodes": count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,
-        "at": moving_station(rotor) if at is None else optional(at, "m", "--at"),
+        "at": moves if at is None else optional(at, "m", "--at"),
     }
     if times is None and isinstance(rotor.spin, ConstantSpeed):
         samples = count_or_auto(steps, "--steps") or table.get("steps_per_revolution", 256)
@@ -149,8 +151,9 @@ def simulate(
         answer.print_json({"scene": scene, **summary, "written": written})
         return
     index = summary["index"]
+    between = f"{summary['radius_min']:.6g} to {summary['radius_max']:.6g} m"
     rows = [
-        ("radius", f"{summary['radius_min']:.6g} to {summary['radius_max']:.6g} m"),
+        ("radius", STILL if moves is None else between),
         ("precession index", "undefined: at rest" if np.isnan(index) else f"{index:.6g}"),
     ]
     rows += [

@@ -75,15 +75,19 @@ def _motion_rows(
     if "duration" in counts:
         peak = dataset["peak"].values[~failed(dataset["status"])]
         reached = f"{peak.min():.6g} to {peak.max():.6g} m" if peak.size else "none"
+        steps = "steps by its tolerance"
+        if "steps_per_sample" in counts:
+            steps = f"{counts['steps_per_sample']} steps from sample to sample"
         return [
             ("run", f"{counts['duration']:.6g} s, {counts['samples']} samples"),
-            ("solver", f"{solver}, {counts['steps_per_sample']} steps from sample to sample"),
+            ("solver", f"{solver}, {steps}"),
             ("lanes", f"{lanes['lanes']}"),
             ("largest radius", reached),
         ]
+    each = "steps" if solver.startswith("Exponential") else "samples"
     return [
         ("revolutions", f"{counts['settle']} to settle, {counts['keep']} observed"),
-        ("solver", f"{solver}, {counts['steps_per_revolution']} steps each"),
+        ("solver", f"{solver}, {counts['steps_per_revolution']} {each} each"),
         ("lanes", f"{lanes['lanes']}"),
         ("forward whirl", f"{lanes['forward']}"),
         ("backward whirl", f"{lanes['backward']}"),
