@@ -26,6 +26,7 @@ from .answer import AsJson as AsJson
 
 MOST = 10_000_000  # largest count accepted; a larger one is a mistake
 STILL = "a rigid shaft in two pins cannot move; use `jaxrotor reactions`"
+SAMPLES = 2001  # of a run, by default
 REVOLUTIONS = 50  # default length of a run at constant speed
 
 SceneName = Annotated[

@@ -17,6 +17,7 @@ from ..scene import Scene
 from ..spins.constant import ConstantSpeed
 from . import answer
 from .options import (
+    SAMPLES,
     AsJson,
     Duration,
     Layout,
@@ -42,7 +43,7 @@ def reactions(
     row: Row = None,
     layout: Layout = None,
     duration: Duration = None,
-    samples: Samples = 2001,
+    samples: Samples = SAMPLES,
     times: Times = None,
     rotating: Annotated[
         bool, typer.Option("--rotating", help="Draw vectors and paths in the shaft's axes.")

@@ -14,6 +14,7 @@ from ..results.dataset import dataset
 from ..results.provenance import assumed
 from . import answer
 from .options import (
+    SAMPLES,
     STILL,
     Angle,
     AsJson,
@@ -46,7 +47,7 @@ def run_up(
     row: Row = None,
     layout: Layout = None,
     duration: Duration = None,
-    samples: Samples = 2001,
+    samples: Samples = SAMPLES,
     times: Times = None,
     start_radius: Radius = None,
     start_rate: Rate = None,

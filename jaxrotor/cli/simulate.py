@@ -17,6 +17,7 @@ from ..spins import ConstantSpeed
 from . import answer
 from .options import (
     MOST,
+    SAMPLES,
     STILL,
     Angle,
     AsJson,
@@ -43,7 +44,6 @@ from .output import draft_or_none, draw, write_dataset, written_to
 
 
 REVOLUTIONS = 100  # by default
-SAMPLES = 2001  # of a motion whose speed varies
 _FILES = ("response.zarr", "orbit.png", "history.png")
 
 

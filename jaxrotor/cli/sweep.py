@@ -26,6 +26,7 @@ from ..sweeps.sweep import KEEP, SETTLE, sweep as run
 from . import answer
 from .options import (
     MOST,
+    SAMPLES,
     Angle,
     AsJson,
     At,
@@ -54,7 +55,6 @@ from .sweep_answer import errors, lanes_of, print_sweep, results
 
 _FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "envelope.png", "map.png")
 _RUN = ("duration", "samples", "steps_per_sample")  # of runs along times
-SAMPLES = 2001  # of runs of a scene whose speed varies
 _PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
 _COUNTS = {
     "settle": SETTLE,

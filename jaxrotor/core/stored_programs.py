@@ -16,6 +16,7 @@ import dataclasses
 import functools
 import hashlib
 import importlib.metadata
+import operator
 import os
 import pickle
 import sys
@@ -105,6 +106,31 @@ class StoredPrograms:
 
         The program comes from the disk, or it is compiled and stored now.
         """
+        found = self._file_and_arrays(args, kwargs)
+        if found is None:
+            return None
+        file, arrays = found
+        with self._lock:
+            if file.name not in self._programs:
+                self._programs[file.name] = self._loaded_or_built(file, args, kwargs, arrays)
+        program = self._programs[file.name]
+        return None if program is None else lambda: program(arrays)
+
+    def shapes(self, compute: Callable[[], Any], args: tuple, kwargs: dict[str, Any]) -> Any:
+        """Result of `compute` for a call with these arguments, which only their structure decides."""
+        found = self._file_and_arrays(args, kwargs)
+        if found is None:
+            return compute()
+        file = found[0].with_name(f"{found[0].name}-shapes")
+        with self._lock:
+            if file.name not in self._shapes:
+                self._shapes[file.name] = _remembered(file, compute)
+        return self._shapes[file.name]
+
+    def _file_and_arrays(
+        self, args: tuple, kwargs: dict[str, Any]
+    ) -> tuple[Path, list[Any]] | None:
+        """File of the program of a call, and the arrays of the call; None where none is stored."""
         folder = _folder() if self._found_by_name and programs_are_kept() else None
         if folder is None:
             return None
@@ -112,32 +138,14 @@ class StoredPrograms:
             key, arrays = self._key(args, kwargs)
         except (Indescribable, ImportError):  # unknown parts of a call; an unknown version of jax
             return None
-        with self._lock:
-            if key not in self._programs:
-                self._programs[key] = self._loaded_or_built(folder / key, args, kwargs, arrays)
-        program = self._programs[key]
-        return None if program is None else lambda: program(arrays)
-
-    def shapes(self, compute: Callable[[], Any], args: tuple, kwargs: dict[str, Any]) -> Any:
-        """Result of `compute` for a call with these arguments, which only their structure decides."""
-        folder = _folder() if self._found_by_name and programs_are_kept() else None
-        if folder is None:
-            return compute()
-        try:
-            key = f"{self._key(args, kwargs)[0]}-shapes"
-        except (Indescribable, ImportError):
-            return compute()
-        with self._lock:
-            if key not in self._shapes:
-                self._shapes[key] = _remembered(folder / key, compute)
-        return self._shapes[key]
+        return folder / key, arrays
 
     def _key(self, args: tuple, kwargs: dict[str, Any]) -> tuple[str, list[Any]]:
         """Hash of all that decides the program of a call, and the arrays of the call."""
         arrays: list[Any] = []
         call = described((args, kwargs), arrays)
         leaves = [leaf for leaf in jax.tree.leaves((args, kwargs)) if eqx.is_array(leaf)]
-        if len(leaves) != len(arrays) or any(map(_differ, leaves, arrays)):
+        if len(leaves) != len(arrays) or any(map(operator.is_not, leaves, arrays)):
             raise Indescribable("a class whose arrays jax takes in another order")
         name = self._function.__module__, self._function.__qualname__
         whole = name, described(self._options), call, _settings(), surroundings()
@@ -205,10 +213,6 @@ def _compiled_anew() -> Iterator[None]:
 
 
 _COMPILING = threading.Lock()
-
-
-def _differ(one: Any, other: Any) -> bool:
-    return one is not other
 
 
 def _calls_python(jaxpr: Any) -> bool:

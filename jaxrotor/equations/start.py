@@ -146,14 +146,25 @@ def numbers_of(start: AbstractStart) -> dict[str, str]:
     return found
 
 
+def address(path: str) -> tuple[list[Any], Any]:
+    """Attribute names and indices that lead to a part of a start, and the one of its number."""
+    *parents, last = (int(word) if word.isdigit() else word for word in path.split("."))
+    return parents, last
+
+
 def put_number(start: AbstractStart, path: str, value: Any) -> AbstractStart:
     """The start with another number at a path of `numbers_of`, not checked; `balls.0.angle` sets all."""
-    *parents, last = (int(word) if word.isdigit() else word for word in path.split("."))
+    parents, last = address(path)
     if isinstance(last, int):
         leaf = lambda start: follow(start, parents)
         return eqx.tree_at(leaf, start, jnp.asarray(leaf(start)).at[last].set(value))
     leaf = lambda start: getattr(follow(start, parents), last)
     return eqx.tree_at(leaf, start, jnp.full(np.shape(leaf(start)), value))
+
+
+def is_whole(start: AbstractStart) -> bool:
+    """Whether a start is that of the shaft alone and, unless its angle is traced, at whole revolutions."""
+    return not isinstance(start, Launch) or (not start.balls and start.whole() is not False)
 
 
 def shaft_of(start: AbstractStart, what: str) -> AbstractStart:

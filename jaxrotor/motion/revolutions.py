@@ -267,10 +267,10 @@ def check_constant_speed(scene: Scene, what: str) -> None:
         )
 
 
-def check_mass(scene: Scene, what: str, system: System | None = None) -> None:
-    """Raise unless all coordinates of a scene have mass; `what` needs it, `system` are its equations."""
-    if has_massless(scene, system):
-        check_moves(assemble(scene) if system is None else system)  # raises where nothing has mass
+def check_mass(scene: Scene, what: str) -> None:
+    """Raise unless all coordinates of a scene have mass; `what` needs it."""
+    if has_massless(scene):
+        check_moves(assemble(scene))  # raises where nothing has mass
         raise ValueError(
             f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
             "or use `jaxrotor.run_up`."

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex
+from jaxtyping import Array
 
 from ..core.compiled import compiled
 from ..core.outcome import gains_energy, steps_needed
@@ -254,8 +254,6 @@ class _Motion(NamedTuple):
 
     run: Integrated
     balls: tuple[Balls, ...]
-    coordinates: Complex[Array, "T n"]
-    rates: Complex[Array, "T n"]
     end: dict[str, Any]
 
 
@@ -269,20 +267,18 @@ def _motion(
     rates = instants.bodies_speed - instants.turning.speed[:, None]
     pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
     balls = tuple(Balls(*pair) for pair in pairs)
-    turn = jnp.exp(1j * instants.turning.angle)[:, None]
-    q, velocity = turn * instants.r, turn * jax.vmap(lambda now: now.velocity)(instants)
     last: Any = jax.tree.map(lambda leaf: leaf[-1], (instants, balls))
     end, balls_at_end = last
     stops = isinstance(scene.spin, Drive) and scene.spin.stops
     state = {
-        "shaft": Continued(q[-1], velocity[-1]),
+        "shaft": Continued(run.seen.coordinates[-1], run.seen.rates[-1]),
         "angle": end.turning.angle,
         "balls": balls_at_end,
         "speed": end.turning.speed,
         "time": launch.time + times[-1],
         "stopped": jnp.isfinite(run.stopped) & stops,
     }
-    return _Motion(run, balls, q, velocity, state)
+    return _Motion(run, balls, state)
 
 
 def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeHistory:
@@ -293,8 +289,6 @@ def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeH
         speed=instants.turning.speed,
         acceleration=instants.turning.acceleration,
         **motion.run.seen._asdict(),
-        coordinates=motion.coordinates,
-        rates=motion.rates,
         balls=motion.balls,
         stations=stations,
         stopped=motion.run.stopped,

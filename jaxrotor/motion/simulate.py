@@ -18,7 +18,7 @@ from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..equations.pencil import frame
-from ..equations.start import AbstractStart, AtRest, Continued, Launch, shaft_of
+from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
 from ..equations.system import System, assemble, has_massless, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
@@ -33,6 +33,7 @@ from .run_up import MOST_STEPS, run_up
 
 PILOT = 20  # revolutions at the end of a run, on which steps are chosen
 LADDER = (64, 128, 256, 512, 1024, 2048, 4096)  # steps a revolution that are tried
+REVOLUTION_STEPS = 4096  # of an adaptive solver in a revolution, by default
 KEPT = ("displacement", "velocity", "slope", "contact_force", "coordinates")  # of every sample
 
 
@@ -120,7 +121,7 @@ def simulate(
     if revolutions is None:
         raise ValueError("`simulate` needs `revolutions`, or the `times` of the samples [s].")
     keep = revolutions if keep is None else keep
-    run |= {"period": period, "max_steps": max_steps or 4096}
+    run |= {"period": period, "max_steps": max_steps or REVOLUTION_STEPS}
     if steps_per_revolution == "auto":
         check_counts(revolutions=revolutions)
         pilots += (chosen_steps(scene, revolutions, tolerance, **run),)
@@ -204,7 +205,7 @@ def steps_revolutions(
         return False
     if solver is None and frame(system.blocks) == "periodic":
         return False
-    return not isinstance(start, Launch) or not start.balls and start.whole() is not False
+    return start is None or is_whole(start)
 
 
 def check_integrated(solver: Any) -> None:

@@ -96,12 +96,14 @@ class Integration(eqx.Module):
 
 
 class StationMotion(NamedTuple):
-    """Motion of the stations in fixed axes, and contact forces."""
+    """Motion of the stations and of all coordinates in fixed axes, and contact forces."""
 
     displacement: Complex[Array, "T s"]  # [m]
     velocity: Complex[Array, "T s"]  # [m/s]
     slope: Complex[Array, "T s"]
     contact_force: Complex[Array, "T k"] | None  # [N]
+    coordinates: Complex[Array, "T n"]
+    rates: Complex[Array, "T n"]  # of them
 
 
 class Integrated(NamedTuple):
@@ -301,7 +303,7 @@ def _finite(instants: Kinematics) -> Array:
 
 
 def motion_of_stations(system: System, instants: Kinematics, stations: Array) -> StationMotion:
-    """Motion of the stations, and contact forces, in fixed axes."""
+    """Motion of the stations and of all coordinates, and contact forces, in fixed axes."""
     turn = jnp.exp(1j * instants.turning.angle)[:, None]
     r = turn * instants.r
     velocity = turn * jax.vmap(lambda now: now.velocity)(instants)
@@ -315,4 +317,4 @@ def motion_of_stations(system: System, instants: Kinematics, stations: Array) ->
             instants.turning.speed,
         )
         forces = forces[..., 0] + 1j * forces[..., 1]
-    return StationMotion(r @ rows.T, velocity @ rows.T, r @ slopes.T, forces)
+    return StationMotion(r @ rows.T, velocity @ rows.T, r @ slopes.T, forces, r, velocity)

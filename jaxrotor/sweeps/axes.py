@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..core.parameters import follow
-from ..equations.start import AbstractStart, numbers_of, put_number
+from ..equations.start import AbstractStart, address, numbers_of, put_number
 from ..equations.system import port_groups
 from ..motion.revolutions import revolution_rate
 from ..scene import Scene
@@ -181,7 +181,7 @@ def at_point(
 
 def _check_numbers(start: AbstractStart, path: str) -> None:
     """Raise unless a number that was put into a start, which is not checked there, is admissible."""
-    *parents, name = (int(word) if word.isdigit() else word for word in path.split("."))
+    parents, name = address(path)
     part = follow(start, parents)
     if isinstance(part, AbstractStart):
         fields = {name: getattr(part, name) for name in part.__dataclass_fields__}

@@ -120,13 +120,15 @@ def _starts(
         if not np.isfinite(values).all():
             lane = int(np.argmin(np.isfinite(values).all(axis=1)))
             raise ValueError(f"`{name}` must be finite, but are {values[lane]} in lane {lane}.")
-    places = [(race, k) for race, one in enumerate(races) for k in range(one.places)]
-    starts = {
-        f"start.balls.{race}.{name}.{k}": values[:, ball]
-        for name, values in (("angle", angles), ("rate", rates))
-        for ball, (race, k) in enumerate(places)
-    }
+    starts = dict(zip(_paths(scene, "angle"), angles.T, strict=True))
+    starts |= zip(_paths(scene, "rate"), rates.T, strict=True)
     return starts, Launch(AtRest() if shaft is None else shaft)
+
+
+def _paths(scene: Scene, name: str) -> list[str]:
+    """Paths of a number of all balls in the start, races one after the other."""
+    races = enumerate(scene.of(AbstractBodies))
+    return [f"start.balls.{race}.{name}.{k}" for race, one in races for k in range(one.places)]
 
 
 def _check_run(scene: Scene, duration: float, window: float, samples: int) -> None:
@@ -171,10 +173,7 @@ def _classified(scene: Scene, found: xr.Dataset, within: float, slip: float) -> 
     outcome = np.where(late.any(axis=1), np.where(late.all(axis=1), 3, 2), outcome)
     outcome = np.where(failed(found["status"].values), 4, outcome).astype(np.int8)
     race = np.repeat(np.arange(len(races)), [race.places for race in races])
-    angles = [
-        f"start.balls.{r}.angle.{k}" for r, one in enumerate(races) for k in range(one.places)
-    ]
-    start = np.stack([found[path].values for path in angles], axis=1)
+    start = np.stack([found[path].values for path in _paths(scene, "angle")], axis=1)
     both = ("lane", "ball")
     kept = found.drop_vars([name for name in found.coords if str(name).startswith("start.")])
     return (

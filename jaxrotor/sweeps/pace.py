@@ -12,11 +12,16 @@ import numpy as np
 
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.rotating_frame import massless_of
-from ..equations.start import AbstractStart, Launch
+from ..equations.start import AbstractStart, Launch, is_whole
 from ..equations.system import assemble
 from ..motion.integrated import IntegratedPace
 from ..motion.run_up import after, integration_of, with_balls
-from ..motion.simulate import check_integrated, checked_start, steps_revolutions
+from ..motion.simulate import (
+    REVOLUTION_STEPS,
+    check_integrated,
+    checked_start,
+    steps_revolutions,
+)
 from ..motion.stepped import Stepping, check_steppable, steppable
 from ..motion.transient import Integration, controller_for
 from ..motion.windows import lane_stepping, window_of
@@ -30,7 +35,6 @@ from .lanes import Context
 
 
 STOPS = 8  # how often a drive with feedback may come to rest or break loose in a window
-REVOLUTION_STEPS = 4096  # of an adaptive solver in a revolution
 WINDOW_STEPS = 100_000  # of an adaptive solver in a window along times
 MOST_CORNERS = 64  # of a grid, at which the highest speed is looked for
 
@@ -55,7 +59,7 @@ def start_of_lanes(
 
 
 def pace_of(
-    scenes: Sequence[Scene],
+    scene: Scene,
     start: AbstractStart,
     columns: Mapping[str, np.ndarray],
     pacing: tuple[np.ndarray | None, float | None],
@@ -66,7 +70,7 @@ def pace_of(
     """How lanes are stepped along times or by revolutions; None: by exponential steps of revolutions.
 
     Args:
-        scenes: the scene first, then some of the lanes that hold the extremes of every parameter.
+        scene: the scene, of which lanes differ in the swept values.
         start: the start of all lanes.
         columns: swept values by path.
         pacing: times of the samples and the period of a revolution, either may be None.
@@ -74,13 +78,9 @@ def pace_of(
         controller: the one asked for, or None.
         counts: steps a revolution, and most steps of an adaptive solver in a window.
     """
-    (times, period), (steps, most), scene = pacing, counts, scenes[0]
-    system = assemble(scene)
-    turned = isinstance(start, Launch) and (
-        bool(start.balls)
-        or start.whole() is False
-        or any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
-    )
+    (times, period), (steps, most), system = pacing, counts, assemble(scene)
+    varied = any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
+    turned = not is_whole(start) or (isinstance(start, Launch) and varied)
     named = isinstance(solver, Exponential)
     if named and turned:
         raise ValueError(
@@ -96,6 +96,7 @@ def pace_of(
         check_steppable(scene, solver, system)
     if controller is None:
         check_integrated(solver)
+    scenes = _extremes(scene, start, columns)
     if times is None:
         most = most or REVOLUTION_STEPS
         return IntegratedPace(_integration(scenes, start, solver, controller, most), None, period)
@@ -104,7 +105,7 @@ def pace_of(
     return IntegratedPace(integration, interval, None, first)
 
 
-def extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:
+def _extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:
     """The scene, and with each swept number at its least, at its largest and at zero."""
     scenes = [scene]
     for path, values in columns.items():

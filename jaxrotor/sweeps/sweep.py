@@ -37,7 +37,7 @@ from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, coords_of, errors_of, identity, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, everything
-from .pace import extremes, finer, pace_of, start_of_lanes, stepped_by, windows_of
+from .pace import finer, pace_of, start_of_lanes, stepped_by, windows_of
 from .store import PENDING, Store, StoreError
 
 
@@ -151,13 +151,13 @@ def sweep(
     together = shared_ports(scene, columns)
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
-        run |= {"max_steps": max_steps or 4096}
+        run |= {"max_steps": max_steps}
         lanes = axes, tuple(columns)
         pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
     steps = steps_per_revolution
-    scenes, counts = extremes(scene, start, columns), (steps, max_steps)
-    pace = pace_of(scenes, start, columns, (along, period), solver, controller, counts)
+    counts = steps, max_steps
+    pace = pace_of(scene, start, columns, (along, period), solver, controller, counts)
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
