@@ -22,7 +22,7 @@ from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole
 from ..equations.system import System, assemble, has_massless, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
-from ..solvers.choice import choose, solver_name
+from ..solvers.choice import choose, solver_name, with_shapes
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from .base import Plan
@@ -132,12 +132,21 @@ def simulate(
     check_constant_speed(scene, "Motion by `revolutions`")
     counts = revolutions, keep, steps_per_revolution
     run |= {"adjoint": adjoint, "progress": progress}
-    found = _by_revolutions(scene, counts, **run)
-    return dataclasses.replace(found, pilots=pilots)
+    found = _by_revolutions(scene, counts, tolerance, **run)
+    return dataclasses.replace(found, pilots=pilots + found.pilots)
 
 
 def _by_revolutions(
-    scene: Scene, counts: tuple[int, int, int], *, solver, start, at, period, progress, **options
+    scene: Scene,
+    counts: tuple[int, int, int],
+    tolerance: float | int,
+    *,
+    solver,
+    start,
+    at,
+    period,
+    progress,
+    **options,
 ) -> TimeHistory:
     """Motion by whole revolutions: their number, how many are kept, and the steps of each."""
     groups = port_groups(scene)
@@ -148,6 +157,7 @@ def _by_revolutions(
     revolutions, keep, steps = counts
     start = shaft_of(start, "Motion by `revolutions`")
     stations, rate = scene.stations(at), revolution_rate(scene, period)
+    solver, pilots = with_shapes(solver, [system], [rate], stations, tolerance)
     plan = Plan(
         choose(solver, system, rate, start),
         options["controller"],
@@ -194,6 +204,7 @@ def _by_revolutions(
         scene=scene,
         solver=solver_name(plan.solver),
         steps_per_revolution=steps,
+        pilots=pilots,
     )
 
 

@@ -23,6 +23,7 @@ from ..motion.revolutions import check_constant_speed, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
+from ..solvers.choice import with_shapes
 from ..solvers.exponential import Exponential
 from .axes import (
     at_point,
@@ -152,8 +153,8 @@ def sweep(
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
         run |= {"max_steps": max_steps}
-        lanes = axes, tuple(columns)
-        pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
+        lanes = _some_lanes(scene, start, axes, tuple(columns))
+        pilots += (_chosen_steps(lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
     steps = steps_per_revolution
     counts = steps, max_steps
@@ -162,6 +163,11 @@ def sweep(
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
+    if pace is None:
+        solver = Exponential(shapes="auto") if solver is None else solver
+        lanes = _some_lanes(scene, start, axes, tuple(columns))
+        solver, pilot = _with_shapes(solver, lanes, _station(scene, at), period, tolerance)
+        pilots += pilot
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
     plan = Plan(
@@ -246,22 +252,38 @@ def _station(scene: Scene, at: Any) -> jax.Array:
     return stations[0]
 
 
+def _some_lanes(
+    scene: Scene, start: AbstractStart, axes: dict[str, np.ndarray], paths: tuple[str, ...]
+) -> list[tuple[Scene, AbstractStart]]:
+    """Scenes and starts of `PILOT_LANES` lanes, the first and the last among them."""
+    few = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
+    points = points_of(axes, few)
+    return [at_point(scene, start, dict(zip(paths, point, strict=True))) for point in points]
+
+
+def _with_shapes(
+    solver: Any,
+    lanes: Sequence[tuple[Scene, AbstractStart]],
+    station: jax.Array,
+    period: float | None,
+    tolerance: float | int,
+) -> tuple[Any, tuple[Pilot, ...]]:
+    """The solver with as many shapes as the most demanding of a few lanes, see `with_shapes`."""
+    if not isinstance(solver, Exponential) or solver.shapes != "auto":
+        return solver, ()
+    systems = [assemble(scene) for scene, _ in lanes]
+    rates = [revolution_rate(scene, period) for scene, _ in lanes]
+    return with_shapes(solver, systems, rates, station[None], tolerance)
+
+
 def _chosen_steps(
-    scene: Scene,
-    start: AbstractStart,
-    lanes: tuple[Any, tuple[str, ...]],
-    revolutions,
-    tolerance,
-    run,
+    lanes: Sequence[tuple[Scene, AbstractStart]], revolutions, tolerance, run
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
-    axes, paths = lanes
-    few = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
     pilots, failures = [], []
-    for point in points_of(axes, few):
-        changed, begin = at_point(scene, start, dict(zip(paths, point, strict=True)))
+    for scene, start in lanes:
         try:
-            pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
+            pilots.append(chosen_steps(scene, revolutions, tolerance, start=start, **run))
         except (RuntimeError, ValueError) as error:  # this lane fails; others may not
             failures.append(error)
     if not pilots:
