@@ -73,7 +73,8 @@ def simulate(
             chooses them by a pilot run, see `chosen_steps`.
         times: ascending times of the samples [s], in place of revolutions.
         nodes: number of nodes of the shaft, by default its own; "auto" chooses it, see `chosen_nodes`.
-        tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes.
+        tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes, of the
+            response at a stop for the shapes of `Exponential(shapes="auto")`.
         solver: `Exponential()` or any diffrax solver, such as `diffrax.Kvaerno5()`; by default
             `Exponential()` where it can be taken, along `times` as in `run_up`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and

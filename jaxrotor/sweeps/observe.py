@@ -100,7 +100,7 @@ class Precession(AbstractObservable):
         add = {
             "index": spin * jnp.sum(rate) / (2 * jnp.pi),
             "winding": spin * jnp.sum(angle) / (2 * jnp.pi),
-            "whirl": spin * jnp.sum(bump * angle) * steps / (2 * jnp.pi),
+            "whirl": spin * (bump @ angle) * steps / (2 * jnp.pi),
             "weight": jnp.sum(bump),
             "undefined": jnp.sum(undefined.astype(float)),
         }

@@ -92,19 +92,20 @@ def sweep(
         steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
             `PILOT_LANES` lanes, of those that converge. Of a run, steps a revolution at the highest speed.
         nodes: as in `simulate`.
-        tolerance: as in `simulate`.
-        error_sample: number of lanes to run again with twice the steps (and a tenth of the tolerance of
-            an adaptive solver), spread over all lanes. The largest and the median change of every
-            variable that has one number a lane are its attributes `error` and `error_median`; the
-            changes of single lanes are in `<name>_error`, over `error_lane`, the number of the lane.
+        tolerance: as in `simulate`, and that of the shapes, see `solver`.
+        error_sample: number of lanes, spread over all, to run again with twice the steps and in all
+            coordinates, with a tenth of the tolerance of an adaptive solver. The largest and the median
+            change of every variable that has one number a lane are its attributes `error` and
+            `error_median`; changes of single lanes are in `<name>_error`, over `error_lane`, their number.
         carry: path of `over` whose values, ascending, are taken one after the other, up and then down.
             Every lane continues from the state it has reached; after a failure, from the state before
             it. The data set is over `branch` ("up", "down") too.
         store: folder in Zarr format that every chunk of lanes is written to as soon as it is done. A
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
-        solver: as in `simulate`; along `times` by default Exponential(..) of order 2 with contact, else
-            of order 4, where it can be taken.
+        solver: as in `simulate`. By default `Exponential(shapes="auto")`, which follows as many shapes
+            as `PILOT_LANES` lanes need, while `Exponential()` follows all coordinates; along `times`
+            Exponential(..) of order 2 with contact, else of order 4, where it can be taken.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
@@ -150,24 +151,20 @@ def sweep(
     columns = values_by_path(over, axes)
     scene = with_shared_nodes(scene, columns)
     together = shared_ports(scene, columns)
+    few = _few_lanes(scene, start, axes, tuple(columns))
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
-        run |= {"max_steps": max_steps}
-        lanes = _some_lanes(scene, start, axes, tuple(columns))
-        pilots += (_chosen_steps(lanes, settle + keep, tolerance, run),)
+        pilots += (_chosen_steps(few, settle + keep, tolerance, run | {"max_steps": max_steps}),)
         steps_per_revolution = pilots[-1].setting
-    steps = steps_per_revolution
-    counts = steps, max_steps
-    pace = pace_of(scene, start, columns, (along, period), solver, controller, counts)
+    steps, pacing = steps_per_revolution, (along, period)
+    pace = pace_of(scene, start, columns, pacing, solver, controller, (steps, max_steps))
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
-    if pace is None:
-        solver = Exponential(shapes="auto") if solver is None else solver
-        lanes = _some_lanes(scene, start, axes, tuple(columns))
-        solver, pilot = _with_shapes(solver, lanes, _station(scene, at), period, tolerance)
-        pilots += pilot
+    station = _station(scene, at)
+    solver, more = _with_shapes(pace, solver, few, station, period, tolerance)
+    pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
     plan = Plan(
@@ -182,9 +179,8 @@ def sweep(
         together=together,
         batch=True,
     )
-    context = Context(
-        scene, start, tuple(columns), plan, _station(scene, at), period, observe, settle, keep, pace
-    )
+    lanes = scene, start, tuple(columns), plan, station, period
+    context = Context(*lanes, observe, settle, keep, pace)
     job = Job(context, axes, carry, Stages.fresh())
     attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
@@ -252,7 +248,7 @@ def _station(scene: Scene, at: Any) -> jax.Array:
     return stations[0]
 
 
-def _some_lanes(
+def _few_lanes(
     scene: Scene, start: AbstractStart, axes: dict[str, np.ndarray], paths: tuple[str, ...]
 ) -> list[tuple[Scene, AbstractStart]]:
     """Scenes and starts of `PILOT_LANES` lanes, the first and the last among them."""
@@ -262,13 +258,17 @@ def _some_lanes(
 
 
 def _with_shapes(
+    pace: Any,
     solver: Any,
     lanes: Sequence[tuple[Scene, AbstractStart]],
     station: jax.Array,
     period: float | None,
     tolerance: float | int,
 ) -> tuple[Any, tuple[Pilot, ...]]:
-    """The solver with as many shapes as the most demanding of a few lanes, see `with_shapes`."""
+    """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
+    if pace is not None:
+        return solver, ()
+    solver = Exponential(shapes="auto") if solver is None else solver
     if not isinstance(solver, Exponential) or solver.shapes != "auto":
         return solver, ()
     systems = [assemble(scene) for scene, _ in lanes]

@@ -225,7 +225,7 @@ class FinalState(AbstractRunUp):
 
 
 @compiled
-def _of_run_up(measure: AbstractRunUp, scene: Scene, setting: Setting) -> Array:
+def _of_run_up(measure: Any, scene: Scene, setting: Setting) -> Array:
     """A number of a run-up by the solver and the steps of a setting, not finite where it fails."""
     times = np.asarray(measure.times)
     solver = default_solver(scene) if setting.solver is None else setting.solver
