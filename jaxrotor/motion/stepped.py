@@ -143,6 +143,11 @@ def check_steppable(scene: Scene, solver: Exponential, system: System | None = N
             f"Exponential() does not take this motion: {reason}; leave `solver` out, or name a diffrax "
             "one."
         )
+    if isinstance(solver.shapes, int):
+        raise ValueError(
+            "A few shapes are for whole revolutions, where the steady response is known; leave `shapes` "
+            "out."
+        )
     if solver.located:
         raise ValueError(
             "Located steps are for whole revolutions from angle zero; take Exponential(order=2) with more "

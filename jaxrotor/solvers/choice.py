@@ -72,8 +72,11 @@ def with_shapes(
         return every, ()
     if not all(known(leaf) for leaf in jax.tree.leaves((systems, rates, stations))):
         return every, ()
-    pairs = zip(systems, rates, strict=True)
-    errors = np.max([shape_errors(system, rate, stations, most) for system, rate in pairs], axis=0)
+    others: dict[bytes, tuple[System, Scalar]] = {}  # which differ in more than their loads
+    for pair in zip(systems, rates, strict=True):
+        parts = jax.tree.leaves((pair[0].blocks, pair[0].ports, pair[0].spin, pair[1]))
+        others[b"".join(np.asarray(part).tobytes() for part in parts)] = pair
+    errors = np.max([shape_errors(*pair, stations, most) for pair in others.values()], axis=0)
     enough = np.flatnonzero(errors <= tolerance)
     if not enough.size:
         return every, ()

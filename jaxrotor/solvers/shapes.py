@@ -23,7 +23,10 @@ ROUNDING = 1e-14  # importance of a shape, relative to the first, below which it
 
 
 class Shapes(eqx.Module):
-    """`q = right a`, `a = left M q`: biorthonormal with respect to the inertia, `left M right = 1`."""
+    """`q = right a`, `a = (left M right)^-1 left M q`, with `left M right = 1` but for its derivative.
+
+    The equations of the amplitudes are then `left P(l) right`, without an inverse of the inertia.
+    """
 
     right: Float[Array, "n k"]
     left: Float[Array, "k n"]
@@ -51,15 +54,16 @@ class Shapes(eqx.Module):
 
         Source: Willcox, Peraire (2002), AIAA J. 40, 2323, balanced proper orthogonal decomposition.
         """
-        system, rate, rows = jax.lax.stop_gradient((system, rate, rows))
         inertia = system.blocks.inertia
         assert inertia is not None
+        system, rate, rows = jax.lax.stop_gradient((system, rate, rows))
         pencil, roots = Pencil.of(system).along_axes, _roots(system, rate, RESPONSES)
         columns, seen = _columns(system), jnp.concatenate([_rows(system), rows])
         right = _responses(pencil, roots, columns)
         transposed: Pencil = jax.tree.map(jnp.transpose, pencil)
         left = _responses(transposed, roots, seen.T)
-        u, sizes, v = jnp.linalg.svd(left.T @ inertia @ right, full_matrices=False)
+        energy = left.T @ system.blocks.inertia @ right
+        u, sizes, v = jnp.linalg.svd(energy, full_matrices=False)
         there = sizes > ROUNDING * sizes[0]
         scale = jnp.where(there, 1 / jnp.sqrt(jnp.where(there, sizes, 1.0)), 0.0)
         found = right @ (v.T * scale), (u * scale).T @ left.T
@@ -67,9 +71,12 @@ class Shapes(eqx.Module):
 
     def within(self, a: Inexact[Array, "m m"]) -> tuple[Array, Array, Array]:
         """First-order equations of the amplitudes by those of the rotor; matrices from and to them."""
+        momentum = self.left @ self.inertia
+        absent = jnp.diag(1.0 * jnp.all(self.left == 0, axis=1))
+        amplitudes = jnp.linalg.solve(momentum @ self.right + absent, momentum)
         same = jnp.eye(a.shape[0] // self.right.shape[0])
         into = jnp.kron(same, self.right).astype(a.dtype)
-        back = jnp.kron(same, self.left @ self.inertia).astype(a.dtype)
+        back = jnp.kron(same, amplitudes).astype(a.dtype)
         return back @ a @ into, into, back
 
 
