@@ -60,6 +60,10 @@ def goals(rows: list[dict], by_hand: list[dict], began: dict, target: float) -> 
     )
     goal("4. time over C++, one core", 1.5, cost("jaxrotor", 1) / cost("C++", 1), at_most=True)
     goal("4. time over C++, all cores", 1.5, all_ours / cost("C++", CORES), at_most=True)
+    few = next((row["by"] for row in by_hand if "shapes" in row["by"]), "")
+    for name, count in (("one core", 1), ("all cores", CORES)):
+        ratio = cost(few, count) / cost("C++", count)
+        goal(f"4. time over C++ by few shapes, {name}", 1.0, ratio, at_most=True)
     goal("5. all cores over one core, sweep", 1.7, best("jaxrotor", f"workers {CORES}") / one)
     goal("5. all cores over one core, end states", 1.7, cost("jaxrotor", 1) / all_ours)
     goal("5. seconds of `jaxrotor sweep limiter-rotor`", 15, began["first s"], at_most=True)

@@ -62,7 +62,7 @@ class Shapes(eqx.Module):
         right = _responses(pencil, roots, columns)
         transposed: Pencil = jax.tree.map(jnp.transpose, pencil)
         left = _responses(transposed, roots, seen.T)
-        energy = left.T @ system.blocks.inertia @ right
+        energy = left.T @ jax.lax.stop_gradient(inertia) @ right
         u, sizes, v = jnp.linalg.svd(energy, full_matrices=False)
         there = sizes > ROUNDING * sizes[0]
         scale = jnp.where(there, 1 / jnp.sqrt(jnp.where(there, sizes, 1.0)), 0.0)
