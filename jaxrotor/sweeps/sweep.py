@@ -16,6 +16,7 @@ from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
@@ -156,8 +157,7 @@ def sweep(
         pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
         steps_per_revolution = pilots[-1].setting
     steps = steps_per_revolution
-    counts = steps, max_steps
-    pace = pace_of(scene, start, columns, (along, period), solver, controller, counts)
+    pace = pace_of(scene, start, columns, (along, period), solver, controller, (steps, max_steps))
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
@@ -175,6 +175,7 @@ def sweep(
         contacts=any(one.needs_contact for one in observe),
         together=together,
         batch=True,
+        massless=massless_in_steps(scene, assemble(scene))[0] if pace is None else None,
     )
     context = Context(
         scene, start, tuple(columns), plan, _station(scene, at), period, observe, settle, keep, pace
