@@ -11,14 +11,15 @@ class Pilot(NamedTuple):
 
     what: str
     setting: int
-    difference: float  # relative, of the last two results
+    difference: float  # relative, of the last two results, or from the exact one
     tolerance: float  # requested largest difference
     converged: bool  # False: no two results agreed, and accuracy is unknown
+    measure: str = "change"  # that of `difference`
 
     def __str__(self) -> str:
         if self.converged:
-            return f"{self.setting} {self.what} (change {self.difference:.1e})"
-        reason = f"change {self.difference:.1e} above the tolerance {self.tolerance:g}"
+            return f"{self.setting} {self.what} ({self.measure} {self.difference:.1e})"
+        reason = f"{self.measure} {self.difference:.1e} above the tolerance {self.tolerance:g}"
         return f"{self.setting} {self.what} (not converged: {reason})"
 
 

@@ -10,3 +10,8 @@ def plane(z: Any, axis: int = 0) -> Any:
     """`x` and `y` of complex numbers, stacked along a new `axis`; an array of numpy remains one."""
     stack = np.stack if isinstance(z, np.ndarray) else jnp.stack
     return stack([z.real, z.imag], axis=axis)
+
+
+def square(z: Any) -> Any:
+    """`|z|^2`, in a fraction of the time that `abs` takes, which cannot overflow."""
+    return z.real**2 + z.imag**2

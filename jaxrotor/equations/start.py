@@ -1,6 +1,7 @@
 """Starting states of a motion."""
 
 import abc
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -103,7 +104,9 @@ class Launch(AbstractStart):
     @classmethod
     def of(cls, start: AbstractStart | None) -> "Launch":
         """A start as a launch, at angle zero unless it is one; None is at rest."""
-        return start if isinstance(start, Launch) else cls(AtRest() if start is None else start)
+        if start is None:
+            return _at_rest(jax.dtypes.canonicalize_dtype(float))
+        return start if isinstance(start, Launch) else cls(start)
 
     def state(self, system: System, at: Scalar):
         return self.shaft.state(system, at)
@@ -129,6 +132,14 @@ class Launch(AbstractStart):
         if not known(self.angle):
             return None
         return bool(abs(np.exp(1j * float(self.angle)) - 1) < WHOLE)
+
+
+@functools.cache
+def _at_rest(dtype: Any) -> Launch:
+    """The launch from rest with numbers of a type, built once as short runs would wait for it."""
+    del dtype
+    with jax.ensure_compile_time_eval():
+        return Launch()
 
 
 def numbers_of(start: AbstractStart) -> dict[str, str]:

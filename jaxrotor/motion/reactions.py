@@ -84,7 +84,7 @@ class Reactions(eqx.Module):
         """Force of one support, constraint or contact, by its name [N]."""
         if name not in self.names:
             raise ValueError(f"There is no {name!r}; there are: {', '.join(self.names)}.")
-        return self.force[:, self.names.index(name)]
+        return jax.lax.index_in_dim(self.force, self.names.index(name), 1, keepdims=False)
 
 
 def reactions(response: TimeHistory) -> Reactions:

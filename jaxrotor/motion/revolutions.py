@@ -79,7 +79,7 @@ class March(AbstractMarch):
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
             return cls(plan, system, stations, PhysicalForm(motion, rows), None, None, span)
-        form = plan.solver.form(system, motion, rows, basis)
+        form = plan.solver.form(system, motion, rows, basis, stations.size)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
         free = None if step is None else form.free_propagator(span)
         return cls(plan, system, stations, form, step, free, span)

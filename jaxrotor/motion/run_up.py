@@ -124,8 +124,9 @@ def run_up(
         plan = integration_of(
             begun, solver, controller, substeps or 1, options, from_start=from_start
         )
+    times = jnp.asarray(times, float)
     with waiting(progress, "run-up"):
-        motion = _motion(begun, jnp.asarray(times, float), launch, stations, plan)
+        motion = _motion(begun, times, launch, stations, plan)
         failed = known(motion.run.good) and not bool(motion.run.good)
     if isinstance(plan, Stepping):
         _check_substeps(motion.run, plan)
@@ -136,9 +137,7 @@ def run_up(
             "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
             "brakes at any sign of the speed), or take more `max_stops` if it stops often."
         )
-    return _result(
-        scene, jnp.asarray(times, float), stations, motion, solver_name(plan.solver), pilots
-    )
+    return _result(scene, times, stations, motion, solver_name(plan.solver), pilots)
 
 
 def integration_of(

@@ -23,7 +23,7 @@ from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole
 from ..equations.system import System, assemble, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
-from ..solvers.choice import choose, solver_name
+from ..solvers.choice import choose, solver_name, with_shapes
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from .base import Plan
@@ -75,7 +75,8 @@ def simulate(
             chooses them by a pilot run, see `chosen_steps`.
         times: ascending times of the samples [s], in place of revolutions.
         nodes: number of nodes of the shaft, by default its own; "auto" chooses it, see `chosen_nodes`.
-        tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes.
+        tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes, of the
+            response at a stop for the shapes of `Exponential(shapes="auto")`.
         solver: `Exponential()` or any diffrax solver, such as `diffrax.Kvaerno5()`; by default
             `Exponential()` where it can be taken, along `times` as in `run_up`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
@@ -134,12 +135,21 @@ def simulate(
     check_constant_speed(scene, "Motion by `revolutions`")
     counts = revolutions, keep, steps_per_revolution
     run |= {"adjoint": adjoint, "progress": progress}
-    found = _by_revolutions(scene, counts, **run)
-    return dataclasses.replace(found, pilots=pilots)
+    found = _by_revolutions(scene, counts, tolerance, **run)
+    return dataclasses.replace(found, pilots=pilots + found.pilots)
 
 
 def _by_revolutions(
-    scene: Scene, counts: tuple[int, int, int], *, solver, start, at, period, progress, **options
+    scene: Scene,
+    counts: tuple[int, int, int],
+    tolerance: float | int,
+    *,
+    solver,
+    start,
+    at,
+    period,
+    progress,
+    **options,
 ) -> TimeHistory:
     """Motion by whole revolutions: their number, how many are kept, and the steps of each."""
     groups = port_groups(scene)
@@ -150,6 +160,7 @@ def _by_revolutions(
     revolutions, keep, steps = counts
     start = shaft_of(start, "Motion by `revolutions`")
     stations, rate = scene.stations(at), revolution_rate(scene, period)
+    solver, pilots = with_shapes(solver, [system], [rate], stations, tolerance)
     plan = Plan(
         choose(solver, system, rate, start),
         options["controller"],
@@ -196,6 +207,7 @@ def _by_revolutions(
         scene=scene,
         solver=solver_name(plan.solver),
         steps_per_revolution=steps,
+        pilots=pilots,
     )
 
 
@@ -213,6 +225,11 @@ def system_of_march(
         raise ValueError(f"Exponential() does not take this motion: {reason}; leave `solver` out.")
     if reason is not None or massless is not None and not (named or solver is None):
         return None
+    if massless and isinstance(solver, Exponential) and isinstance(solver.shapes, int):
+        raise ValueError(
+            f"Exponential(shapes={solver.shapes}) needs mass at every coordinate, but a part of the rotor "
+            "has none; leave `shapes` out."
+        )
     return dataclasses.replace(system, massless=massless)
 
 

@@ -1,5 +1,6 @@
 """Bases: coordinates in which the linear part of a motion is advanced exactly."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -11,6 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
 from ..core.quantities import Scalar
 from .lanes import product
 from .phi import balancing_units, phi_dense, phi_scalar
+from .shapes import Shapes
 
 
 Count = int | Int[Array, ""]  # of revolutions; with a traced one, one program serves all counts
@@ -23,8 +25,8 @@ class ModalBasis(eqx.Module):
     """`A = V diag(values) V^-1`: coordinates are amplitudes of the modes."""
 
     values: Complex[Array, " m"]
-    vectors: Complex[Array, "m m"]
-    inverse: Complex[Array, "m m"]
+    vectors: Complex[Array, "n2 m"]
+    inverse: Complex[Array, "m n2"]
 
     @classmethod
     def build(cls, a: Complex[Array, "m m"]) -> "ModalBasis":
@@ -94,8 +96,8 @@ class SlotBasis(eqx.Module):
 
     values: Complex[Array, "2 j"]  # of the first and of the second coordinate
     pairs: Bool[Array, " j"]
-    vectors: Float[Array, "m m"]
-    inverse: Float[Array, "m m"]
+    vectors: Float[Array, "n4 m"]
+    inverse: Float[Array, "m n4"]
 
     @classmethod
     def build(cls, a: Float[Array, "m m"]) -> "SlotBasis":
@@ -151,17 +153,32 @@ class SlotBasis(eqx.Module):
         return SlotRotation(f[0].real, -turn, turn, jnp.where(self.pairs, f[0], f[1]).real)
 
 
-def modal(a: Inexact[Array, "m m"]) -> ModalBasis | SlotBasis:
-    """Modal coordinates of a complex or a real matrix."""
-    return (ModalBasis if jnp.iscomplexobj(a) else SlotBasis).build(a)
+def modal(a: Inexact[Array, "m m"], shapes: Shapes | None = None) -> ModalBasis | SlotBasis:
+    """Modal coordinates of a complex or a real matrix, or of what it is for a few shapes."""
+    return _within((ModalBasis if jnp.iscomplexobj(a) else SlotBasis).build, a, shapes)
+
+
+def dense(a: Inexact[Array, "m m"], shapes: Shapes | None = None) -> "DenseBasis":
+    """The state itself, or the amplitudes of a few shapes, as coordinates."""
+    return _within(DenseBasis.build, a, shapes)
+
+
+def _within(build: Callable, a: Array, shapes: Shapes | None) -> Any:
+    """A basis, with vectors (m, c) and their left inverse (c, m) where shapes make it smaller."""
+    if shapes is None:
+        return build(a)
+    smaller, into, back = shapes.within(a)
+    own = build(smaller)
+    parts = into @ own.vectors, own.inverse @ back
+    return eqx.tree_at(lambda basis: (basis.vectors, basis.inverse), own, parts)
 
 
 class DenseBasis(eqx.Module):
     """Coordinates are the state itself: no eigenvectors are needed or differentiated."""
 
     a: Inexact[Array, "m m"]
-    vectors: Inexact[Array, "m m"]
-    inverse: Inexact[Array, "m m"]
+    vectors: Inexact[Array, "n2 m"]
+    inverse: Inexact[Array, "m n2"]
 
     @classmethod
     def build(cls, a: Inexact[Array, "m m"]) -> "DenseBasis":
@@ -241,7 +258,7 @@ class Dense(eqx.Module):
 
 
 def well_conditioned(vectors: Array | np.ndarray) -> bool:
-    """Whether the eigenvectors of all matrices, (.., m, m) and known, are far enough from merging.
+    """Whether the eigenvectors of all matrices, (.., m, k) and known, are far enough from merging.
 
     `|V| |V^-1|` in Frobenius norms is at least the condition and much cheaper, so singular values are
     computed only where it exceeds the limit; and equal matrices, as of lanes at one speed, only once.
@@ -253,7 +270,9 @@ def well_conditioned(vectors: Array | np.ndarray) -> bool:
         return False
     try:
         with np.errstate(over="ignore"):  # of one that is singular but for rounding
-            bound = _frobenius(scaled) * _frobenius(np.linalg.inv(scaled))
+            square = scaled.shape[-1] == scaled.shape[-2]  # few shapes have fewer columns
+            inverse = np.linalg.inv(scaled) if square else np.linalg.pinv(scaled)
+            bound = _frobenius(scaled) * _frobenius(inverse)
     except np.linalg.LinAlgError:  # one is singular
         return False
     return bool(np.all(condition(distinct[~(bound < WORST_CONDITION)]) < WORST_CONDITION))

@@ -1,6 +1,7 @@
 """Choice of a solver: which ones are accepted, and whether exponential steps are modal or dense."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import diffrax as dfx
@@ -9,12 +10,17 @@ import numpy as np
 from jaxtyping import Array, Inexact
 
 from ..core.compiled import compiled_quickly
+from ..core.pilot import Pilot
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import linear_matrix
 from ..equations.pencil import frame
 from ..equations.system import System
 from .basis import well_conditioned
 from .exponential import Exponential
+from .shapes import shape_errors
+
+
+MOST = 24  # shapes that are tried
 
 
 def choose(
@@ -33,6 +39,48 @@ def choose(
     roots, vectors = np.linalg.eig(np.asarray(matrix))
     _check_resonance(system, roots, [float(frequency) for frequency in frequencies])
     return decide_basis(solver, vectors) if solver.basis == "auto" else solver
+
+
+def with_shapes(
+    solver: Any,
+    systems: Sequence[System],
+    rates: Sequence[Scalar],
+    stations: Array,
+    tolerance: float | int,
+) -> tuple[Any, tuple[Pilot, ...]]:
+    """The solver with its shapes "auto" decided, and the pilot that did, if so.
+
+    They are as many as the most demanding of some systems needs for an error below a tolerance, see
+    `shape_errors`. All coordinates are followed where a system is traced, has no contact, or has
+    massless parts, or where `MOST` shapes or those but one are not enough.
+
+    Args:
+        solver: `Exponential`, or any other, which is left as it is.
+        systems: equations of a scene at some points of a sweep, all of one structure.
+        rates: 2 pi over the length of a revolution of each [rad/s].
+        stations: those that are seen [m].
+        tolerance: largest error.
+
+    Returns:
+        The solver and the pilots.
+    """
+    if not isinstance(solver, Exponential) or solver.shapes != "auto":
+        return solver, ()
+    every = dataclasses.replace(solver, shapes=None)
+    most = min(MOST, systems[0].n - 1)
+    if not (systems[0].ports and most > 0) or systems[0].massless is not None:
+        return every, ()
+    if not all(known(leaf) for leaf in jax.tree.leaves((systems, rates, stations))):
+        return every, ()
+    pairs = zip(systems, rates, strict=True)
+    errors = np.max([shape_errors(system, rate, stations, most) for system, rate in pairs], axis=0)
+    enough = np.flatnonzero(errors <= tolerance)
+    if not enough.size:
+        return every, ()
+    count = int(enough[0]) + 1
+    error = float(errors[enough[0]])
+    pilot = Pilot("shapes", count, error, float(tolerance), True, "error")
+    return dataclasses.replace(solver, shapes=count), (pilot,)
 
 
 def decide_basis(solver: Exponential, vectors: Array | np.ndarray) -> Exponential:
@@ -80,5 +128,6 @@ def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
     """Short name of a solver for results."""
     if isinstance(solver, Exponential):
         located = ", located=True" if solver.located else ""
-        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located})"
+        shapes = "" if solver.shapes is None else f", shapes={solver.shapes!r}"
+        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located}{shapes})"
     return type(solver).__name__

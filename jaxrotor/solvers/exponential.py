@@ -20,10 +20,11 @@ from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import DenseBasis, ModalBasis, SlotBasis, modal
+from .basis import ModalBasis, SlotBasis, dense, modal
 from .lanes import lanes_last, per_lane
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading, YieldingReading
+from .shapes import Shapes
 from .tableau import AbstractStep, Tableau, tableau_of
 
 
@@ -38,17 +39,27 @@ class Exponential(eqx.Module):
     Modal coordinates take the fewest operations. They fail where eigenvectors merge (over-damped or
     defective pairs), and their derivatives, in forward and reverse mode, fail earlier; "auto" takes the
     dense matrix exponential there and whenever parameters are traced.
+
+    With contact at constant speed, the deviation from the steady response can be made up of a few
+    `shapes`, those that matter most for forces at the ports, see `Shapes`. "auto" takes as many as
+    `jr.sweep` and `jr.simulate` need for their `tolerance`, and elsewhere, as None does, all coordinates.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)
     basis: Literal["auto", "modal", "dense"] = eqx.field(default="auto", static=True)
     located: bool = eqx.field(default=False, static=True)
+    shapes: int | Literal["auto"] | None = eqx.field(default=None, static=True)
 
     def __check_init__(self):
         if self.order not in (2, 4):
             raise ValueError(f"`order` must be 2 or 4, but is {self.order!r}.")
         if self.basis not in ("auto", "modal", "dense"):
             raise ValueError(f"`basis` must be 'auto', 'modal' or 'dense', but is {self.basis!r}.")
+        counted = isinstance(self.shapes, int) and self.shapes > 0 and self.shapes is not True
+        if not (counted or self.shapes in (None, "auto")):
+            raise ValueError(
+                f"`shapes` must be a positive whole number, 'auto' or None, but is {self.shapes!r}."
+            )
 
     def form(
         self,
@@ -56,17 +67,22 @@ class Exponential(eqx.Module):
         motion: Motion,
         rows: Float[Array, "s n"],
         basis: ModalBasis | SlotBasis | None = None,
+        stations: int = 1,
     ) -> PortForm:
         """The motion in the coordinates of this solver's basis, with stations `rows` to read.
 
-        A modal `basis` may be given, that of `linear_matrix`.
+        A modal `basis` may be given, that of `linear_matrix`. Shapes, where some are asked for, are those
+        by which the first `stations` of the rows are seen.
         """
-        make = DenseBasis.build if self.basis == "dense" else modal
+        shapes = None
+        if isinstance(self.shapes, int) and self.shapes < system.n and system.ports:
+            shapes = Shapes.of(system, motion.rate, rows[:stations], self.shapes)
+        make = dense if self.basis == "dense" else modal
         if isotropic(system.blocks) and system.massless is None:
-            own = make(motion.matrix()) if basis is None else basis
+            own = make(motion.matrix(), shapes) if basis is None else basis
             return PortForm.build(system, motion, rows, own)
         axes = ConstantFrame.of(system, motion.rate)
-        own = make(axes.matrix) if basis is None else basis
+        own = make(axes.matrix, shapes) if basis is None else basis
         return PortForm.along_axes(axes, motion, rows, own)
 
     def stepper(

@@ -239,7 +239,9 @@ class PortForm(AbstractForm):
                 _reading(motion, output, basis, still, whirling),
             )
         stations = _reading(motion, _output(motion, rows), basis, still, whirling)
-        steady = sum((part for part in (still, whirling) if part is not None), 0 * basis.vectors[0])
+        steady = sum(
+            (part for part in (still, whirling) if part is not None), 0 * basis.vectors[:, 0]
+        )
         return cls(motion, basis, contacts, stations, steady)
 
     @property
@@ -282,7 +284,7 @@ class PortForm(AbstractForm):
 
     def free_propagator(self, span: Scalar) -> Rotation | SlotRotation | Dense:
         """Propagator over an angle of revolution without contact."""
-        nothing = jnp.zeros((self.basis.vectors.shape[0], 0), self.basis.vectors.dtype)
+        nothing = jnp.zeros((self.basis.vectors.shape[1], 0), self.basis.vectors.dtype)
         flow, _ = self.basis.flow(span, nothing, 0)
         return self.basis.propagator(flow)
 

@@ -202,9 +202,10 @@ def _with_solver(plan: Plan, solver: Exponential) -> Plan:
 def _bases_of_equal_lanes(context: Context, points: np.ndarray) -> ModalBasis | SlotBasis | None:
     """Modal bases of all lanes, where many share their linear equations, which are decomposed once.
 
-    None where most differ, or where the shaft has so few nodes that a decomposition costs little.
+    None where most differ, or where a decomposition costs little: of few nodes or few shapes.
     """
-    if context.pace is not None or sum(context.scene.resolution) < MANY_NODES:
+    few = isinstance(getattr(context.plan.solver, "shapes", None), int)
+    if context.pace is not None or few or sum(context.scene.resolution) < MANY_NODES:
         return None
     settings = context.scene, context.plan.together, context.period, context.paths
     with jax.default_device(jax.local_devices(backend="cpu")[0]):

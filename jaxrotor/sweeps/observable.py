@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..core.plane import square
 from ..core.quantities import Scalar
 from ..motion.base import Bodies, Window
 
@@ -50,8 +51,8 @@ class Turn(eqx.Module):
 
     def in_centre(self) -> Bool[Array, " T"]:
         """Whether a sample is in the centre, or passes through it to within rounding."""
-        rounding = jnp.finfo(self.velocity.real.dtype).eps ** 0.5
-        return jnp.abs(self.z) <= rounding * self.step * jnp.abs(self.velocity)
+        rounding = jnp.finfo(self.velocity.real.dtype).eps
+        return square(self.z) <= rounding * self.step**2 * square(self.velocity)
 
     def turned(self) -> Float[Array, " S"]:
         """Change of the polar angle `arg z` in every step [rad]."""

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..core.plane import plane
+from ..core.plane import plane, square
 from ..core.quantities import Scalar, positive
 from .observable import AbstractObservable as AbstractObservable, Turn as Turn, Variable as Variable
 from .observe_balls import BallLag as BallLag, Imbalance as Imbalance
@@ -90,17 +90,17 @@ class Precession(AbstractObservable):
 
     def update(self, carry, turn: Turn):
         steps = turn.z.size - 1
-        angle, square = turn.turned(), jnp.abs(turn.z[1:]) ** 2
+        angle, area = turn.turned(), square(turn.z[1:])
         undefined = turn.in_centre()[1:]
         momentum = jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:])
         spin = jnp.where(turn.s == 0, jnp.nan, turn.s)
-        rate = turn.step * momentum / jnp.where(undefined, 1.0, square)
+        rate = turn.step * momentum / jnp.where(undefined, 1.0, area)
         t = (turn.number + (jnp.arange(steps) + 0.5) / steps) / turn.count
         bump = jnp.exp(-1 / (t * (1 - t)))
         add = {
             "index": spin * jnp.sum(rate) / (2 * jnp.pi),
             "winding": spin * jnp.sum(angle) / (2 * jnp.pi),
-            "whirl": spin * jnp.sum(bump * angle) * steps / (2 * jnp.pi),
+            "whirl": spin * (bump @ angle) * steps / (2 * jnp.pi),
             "weight": jnp.sum(bump),
             "undefined": jnp.sum(undefined.astype(float)),
         }
@@ -135,21 +135,21 @@ class Radius(AbstractObservable):
         return jnp.inf + jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
 
     def update(self, carry, turn: Turn):
-        low, high, square = carry
-        radius = jnp.abs(turn.z[1:])
+        low, high, total = carry
+        squares = square(turn.z[1:])
         carry = (
-            jnp.minimum(low, radius.min()),
-            jnp.maximum(high, radius.max()),
-            square + jnp.mean(radius**2),
+            jnp.minimum(low, squares.min()),
+            jnp.maximum(high, squares.max()),
+            total + jnp.mean(squares),
         )
         return carry, None
 
     def report(self, carry, stored, count):
-        low, high, square = carry
+        low, high, total = carry
         return {
-            "radius_min": Variable((), low, "m", "smallest radius"),
-            "radius_max": Variable((), high, "m", "largest radius"),
-            "radius_rms": Variable((), np.sqrt(square / count), "m", "rms radius"),
+            "radius_min": Variable((), np.sqrt(low), "m", "smallest radius"),
+            "radius_max": Variable((), np.sqrt(high), "m", "largest radius"),
+            "radius_rms": Variable((), np.sqrt(total / count), "m", "rms radius"),
         }
 
 
@@ -169,14 +169,15 @@ class Contact(AbstractObservable):
     def update(self, carry, turn: Turn):
         duty, peak = carry
         assert turn.contact_force is not None, "checked before the run"
-        force = jnp.abs(turn.contact_force[1:])
-        return (duty + jnp.mean(force > 0, axis=0), jnp.maximum(peak, force.max(axis=0))), None
+        squares = square(turn.contact_force[1:])
+        duty, peak = duty + jnp.mean(squares > 0, axis=0), jnp.maximum(peak, squares.max(axis=0))
+        return (duty, peak), None
 
     def report(self, carry, stored, count):
         duty, peak = carry
         return {
             "duty": Variable(("limiter",), duty / count, "1", "share of time in contact"),
-            "peak_force": Variable(("limiter",), peak, "N", "largest contact force"),
+            "peak_force": Variable(("limiter",), np.sqrt(peak), "N", "largest contact force"),
         }
 
 

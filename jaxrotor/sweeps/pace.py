@@ -199,8 +199,15 @@ def _stepping(
 
 
 def finer(context: Context) -> Context:
-    """The context with twice the steps, and a tenth of the tolerance of a solver that chooses its own."""
+    """The context with twice the steps, and all coordinates in place of a few shapes.
+
+    A solver that chooses its steps gets a tenth of its tolerance.
+    """
     plan, pace = context.plan, context.pace
+    if isinstance(plan.solver, Exponential):
+        every = dataclasses.replace(plan.solver, shapes=None)
+        plan = eqx.tree_at(lambda plan: plan.solver, plan, every)
+        context = dataclasses.replace(context, plan=plan)
     if isinstance(pace, Stepping):
         twice = dataclasses.replace(pace, substeps=2 * pace.substeps)
         return dataclasses.replace(context, pace=twice)

@@ -1,5 +1,6 @@
 """Sweep: many trajectories, streamed into observables."""
 
+import dataclasses
 import functools
 import math
 import os
@@ -16,6 +17,7 @@ from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.massless_coordinates import Massless
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
@@ -24,6 +26,7 @@ from ..motion.revolutions import check_constant_speed, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
+from ..solvers.choice import with_shapes
 from ..solvers.exponential import Exponential
 from .axes import (
     at_point,
@@ -92,19 +95,20 @@ def sweep(
         steps_per_revolution: as in `simulate`; "auto" takes as many as the most demanding of
             `PILOT_LANES` lanes, of those that converge. Of a run, steps a revolution at the highest speed.
         nodes: as in `simulate`.
-        tolerance: as in `simulate`.
-        error_sample: number of lanes to run again with twice the steps (and a tenth of the tolerance of
-            an adaptive solver), spread over all lanes. The largest and the median change of every
-            variable that has one number a lane are its attributes `error` and `error_median`; the
-            changes of single lanes are in `<name>_error`, over `error_lane`, the number of the lane.
+        tolerance: as in `simulate`, and that of the shapes, see `solver`.
+        error_sample: number of lanes, spread over all, to run again with twice the steps and in all
+            coordinates, with a tenth of the tolerance of an adaptive solver. The largest and the median
+            change of every variable that has one number a lane are its attributes `error` and
+            `error_median`; changes of single lanes are in `<name>_error`, over `error_lane`, their number.
         carry: path of `over` whose values, ascending, are taken one after the other, up and then down.
             Every lane continues from the state it has reached; after a failure, from the state before
             it. The data set is over `branch` ("up", "down") too.
         store: folder in Zarr format that every chunk of lanes is written to as soon as it is done. A
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
-        solver: as in `simulate`; along `times` by default Exponential(..) of order 2 with contact, else
-            of order 4, where it can be taken.
+        solver: as in `simulate`. By default `Exponential(shapes="auto")`, which follows as many shapes
+            as `PILOT_LANES` lanes need, while `Exponential()` follows all coordinates; along `times`
+            Exponential(..) of order 2 with contact, else of order 4, where it can be taken.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
@@ -132,13 +136,12 @@ def sweep(
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
-    check_counts(lanes_per_chunk=lanes_per_chunk)
     if steps_per_revolution != "auto":
         check_counts(steps_per_revolution=steps_per_revolution)
     given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
     along = None if times is None else _checked_run(times, given, steps_per_revolution)
     settle, keep = SETTLE if settle is None else settle, KEEP if keep is None else keep
-    check_counts(keep=keep)
+    check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
     check_counts(0, settle=settle, error_sample=error_sample)
     if along is None:
         check_constant_speed(scene, "`sweep` without `times`")
@@ -149,19 +152,21 @@ def sweep(
     axes = checked_axes(scene, start, over, period, revolve=along is None)
     columns = values_by_path(over, axes)
     scene = with_shared_nodes(scene, columns)
-    together = shared_ports(scene, columns)
+    few = _few_lanes(scene, start, axes, tuple(columns))
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
-        run |= {"max_steps": max_steps}
-        lanes = axes, tuple(columns)
-        pilots += (_chosen_steps(scene, start, lanes, settle + keep, tolerance, run),)
+        pilots += (_chosen_steps(few, settle + keep, tolerance, run | {"max_steps": max_steps}),)
         steps_per_revolution = pilots[-1].setting
-    steps = steps_per_revolution
-    pace = pace_of(scene, start, columns, (along, period), solver, controller, (steps, max_steps))
+    steps, pacing = steps_per_revolution, (along, period)
+    pace = pace_of(scene, start, columns, pacing, solver, controller, (steps, max_steps))
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
+    station = _station(scene, at)
+    massless = None if pace is not None else massless_in_steps(scene, assemble(scene))[0]
+    solver, more = _with_shapes(pace, solver, few, (station, period, massless), tolerance)
+    pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
     plan = Plan(
@@ -173,13 +178,12 @@ def sweep(
         slopes=False,
         coordinates=False,
         contacts=any(one.needs_contact for one in observe),
-        together=together,
+        together=shared_ports(scene, columns),
         batch=True,
-        massless=massless_in_steps(scene, assemble(scene))[0] if pace is None else None,
+        massless=massless,
     )
-    context = Context(
-        scene, start, tuple(columns), plan, _station(scene, at), period, observe, settle, keep, pace
-    )
+    lanes = scene, start, tuple(columns), plan, station, period
+    context = Context(*lanes, observe, settle, keep, pace)
     job = Job(context, axes, carry, Stages.fresh())
     attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
@@ -247,22 +251,43 @@ def _station(scene: Scene, at: Any) -> jax.Array:
     return stations[0]
 
 
+def _few_lanes(
+    scene: Scene, start: AbstractStart, axes: dict[str, np.ndarray], paths: tuple[str, ...]
+) -> list[tuple[Scene, AbstractStart]]:
+    """Scenes and starts of `PILOT_LANES` lanes, the first and the last among them."""
+    few = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
+    points = points_of(axes, few)
+    return [at_point(scene, start, dict(zip(paths, point, strict=True))) for point in points]
+
+
+def _with_shapes(
+    pace: Any,
+    solver: Any,
+    lanes: Sequence[tuple[Scene, AbstractStart]],
+    settings: tuple[jax.Array, float | None, Massless | None],
+    tolerance: float | int,
+) -> tuple[Any, tuple[Pilot, ...]]:
+    """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
+    station, period, massless = settings
+    if pace is not None:
+        return solver, ()
+    solver = Exponential(shapes="auto") if solver is None else solver
+    if not isinstance(solver, Exponential) or solver.shapes != "auto":
+        return solver, ()
+    whole = (assemble(scene) for scene, _ in lanes)
+    systems = [dataclasses.replace(system, massless=massless) for system in whole]
+    rates = [revolution_rate(scene, period) for scene, _ in lanes]
+    return with_shapes(solver, systems, rates, station[None], tolerance)
+
+
 def _chosen_steps(
-    scene: Scene,
-    start: AbstractStart,
-    lanes: tuple[Any, tuple[str, ...]],
-    revolutions,
-    tolerance,
-    run,
+    lanes: Sequence[tuple[Scene, AbstractStart]], revolutions, tolerance, run
 ) -> Pilot:
     """The most steps of a few lanes, of those that converge where any does."""
-    axes, paths = lanes
-    few = _evenly_spread(math.prod(map(len, axes.values())), PILOT_LANES)
     pilots, failures = [], []
-    for point in points_of(axes, few):
-        changed, begin = at_point(scene, start, dict(zip(paths, point, strict=True)))
+    for scene, start in lanes:
         try:
-            pilots.append(chosen_steps(changed, revolutions, tolerance, start=begin, **run))
+            pilots.append(chosen_steps(scene, revolutions, tolerance, start=start, **run))
         except (RuntimeError, ValueError) as error:  # this lane fails; others may not
             failures.append(error)
     if not pilots:

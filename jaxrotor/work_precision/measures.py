@@ -5,9 +5,12 @@ from typing import Any, ClassVar, Literal
 
 import diffrax as dfx
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..analysis import onset_speed, roots
+from ..core.compiled import compiled
 from ..core.outcome import failed
 from ..equations.start import AbstractStart, Launch
 from ..motion.history import TimeHistory
@@ -25,6 +28,10 @@ FINE_NODES = 12  # nodes, steps and tolerance of a reference
 FINE_STEPS = 4096
 FINE_TOLERANCE = 1e-10
 SAMPLES = 256  # samples a revolution of a solver that chooses its steps
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    return tuple(np.asarray(values, float).tolist())
 
 
 class AbstractMeasure(eqx.Module):
@@ -65,9 +72,17 @@ class AbstractLinear(AbstractMeasure):
 
 
 class AbstractRunUp(AbstractMeasure):
-    """A number of a `run_up` that is sampled at `times`."""
+    """A number of a `run_up` that is sampled at `times`, by one program from the scene to the number."""
 
     many: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def of(self, run: TimeHistory) -> Array:
+        """The number of a motion."""
+
+    def value(self, scene, setting, lanes=1):
+        found = np.asarray(_of_run_up(setting.cast(self), scene, setting))
+        return found.astype(complex if np.iscomplexobj(found) else float).item()
 
     def methods(self):
         return of_run_up()
@@ -175,7 +190,7 @@ class Reaction(AbstractRunUp):
     Names are those of `jaxrotor.reactions`.
     """
 
-    times: Any  # (T,) [s]
+    times: Any = eqx.field(converter=_numbers, static=True)  # (T,) [s]
     name: str = eqx.field(static=True)
     which: Literal["largest", "last"] = eqx.field(default="largest", static=True)
     start: AbstractStart | Launch | None = None
@@ -184,16 +199,15 @@ class Reaction(AbstractRunUp):
     def about(self):
         return "N", f"{self.which} reaction of {self.name}"
 
-    def value(self, scene, setting, lanes=1):
-        found = reactions(_run(scene, self.times, self.start, setting))
-        force = np.abs(np.asarray(found.of(self.name)))
-        return float(force.max() if self.which == "largest" else force[-1])
+    def of(self, run):
+        force = jnp.abs(reactions(run).of(self.name))
+        return force.max() if self.which == "largest" else force[-1]
 
 
 class FinalState(AbstractRunUp):
     """A number of the state in which a `run_up` ends."""
 
-    times: Any  # (T,) [s]
+    times: Any = eqx.field(converter=_numbers, static=True)  # (T,) [s]
     name: Literal["speed", "angle", "displacement", "imbalance"] = eqx.field(static=True)
     start: AbstractStart | Launch | None = None
 
@@ -206,14 +220,14 @@ class FinalState(AbstractRunUp):
             "imbalance": ("kg m", "imbalance left at the end"),
         }[self.name]
 
-    def value(self, scene, setting, lanes=1):
-        last = np.asarray(getattr(_run(scene, self.times, self.start, setting), self.name))[-1]
-        return complex(last.flat[0]) if np.iscomplexobj(last) else float(last)
+    def of(self, run):
+        return getattr(run, self.name)[-1].ravel()[0]
 
 
-def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> TimeHistory:
-    """A run-up by the solver and the steps of a setting."""
-    times = np.asarray(times, float)
+@compiled
+def _of_run_up(measure: Any, scene: Scene, setting: Setting) -> Array:
+    """A number of a run-up by the solver and the steps of a setting, not finite where it fails."""
+    times = np.asarray(measure.times)
     solver = default_solver(scene) if setting.solver is None else setting.solver
     steps: dict[str, Any] = {}
     if setting.tolerance is not None:
@@ -224,4 +238,4 @@ def _run(scene: Scene, times: Any, start: Any, setting: Setting) -> TimeHistory:
         whole = times if times[0] == 0 else np.append(0.0, times)
         grid = np.append((whole[:-1, None] + np.diff(whole)[:, None] * share).ravel(), whole[-1])
         steps["controller"] = dfx.StepTo(ts=grid)
-    return run_up(scene, times, start=setting.cast(start), solver=solver, **steps)
+    return measure.of(run_up(scene, times, start=measure.start, solver=solver, **steps))
