@@ -47,11 +47,12 @@ class AbstractLoad(AbstractEffect):
 
 
 class Hardness(NamedTuple):
-    """Stiffness and damping of a contact for an outward motion along a direction."""
+    """Stiffness and damping of a contact for an outward motion along a direction, and its friction."""
 
     stiffness: Scalar  # [N/m]
     damping: Scalar  # [N s/m]
     direction: Plane  # unit vector
+    friction: Scalar | float = 0.0  # coefficient [1]
 
 
 class AbstractLaw(eqx.Module):
@@ -71,7 +72,7 @@ class AbstractLaw(eqx.Module):
 
     @abc.abstractmethod
     def hardness(self) -> "Hardness":
-        """Stiffness and damping of the contact, which limit the length of steps in time."""
+        """Stiffness and damping of the contact, which limit the length of steps in time; friction."""
 
     @property
     @abc.abstractmethod

@@ -72,7 +72,8 @@ class ViscoelasticStop(AbstractLaw):
 
     def hardness(self) -> Hardness:
         stop = self.limiter
-        return Hardness(stop.stiffness, stop.damping, jnp.stack([self.cos, self.sin]))
+        outward = jnp.stack([self.cos, self.sin])
+        return Hardness(stop.stiffness, stop.damping, outward, stop.friction)
 
     @property
     def kinked(self) -> bool:

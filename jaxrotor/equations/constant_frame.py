@@ -12,6 +12,7 @@ from jaxtyping import Array, Complex, Float, Inexact
 
 from ..core.blocks import Load
 from ..core.quantities import Scalar
+from .massless_coordinates import Condensed, Massless
 from .pencil import Pencil, check_axes, frame, isotropic, steady_response
 from .stationary_frame import Motion
 from .system import System
@@ -26,13 +27,14 @@ class ConstantFrame(eqx.Module):
     in turning axes, and weight turns backward there. Parts that no load makes are None.
     """
 
-    matrix: Float[Array, "n4 n4"]
-    drive: Float[Array, "n4 p2"] | None  # by [Re F, Im F] of all ports, in these axes
+    matrix: Float[Array, "k k"]  # of Y, or of the part of it that `condensed` keeps
+    drive: Float[Array, "k p2"] | None  # by [Re F, Im F] of all ports, in these axes
     still: Float[Array, " n4"] | None
     cos: Float[Array, " n4"] | None
     sin: Float[Array, " n4"] | None
     rate: Scalar  # [rad/s]
     turn: Scalar | None  # s: the axes turn by s theta; None: they are fixed
+    condensed: Condensed | None = None  # where there are coordinates without mass
 
     @classmethod
     def of(cls, system: System, rate: Scalar) -> "ConstantFrame":
@@ -42,18 +44,13 @@ class ConstantFrame(eqx.Module):
             "No axes have constant coefficients, as exponential steps need,",
             "leave `solver` out, or name a diffrax solver such as `solver=diffrax.Kvaerno5()`",
         )
-        pencil, speed, load = Pencil.of(system).along_axes, system.spin.speed, system.load
-        inertia = pencil.inertia
-        n, turns = system.n, frame(system.blocks) == "rotating"
-        low = -jnp.linalg.solve(inertia, jnp.concatenate([pencil.stiffness, pencil.damping], 1))
-        low = low.at[:, : 2 * n].divide(rate**2).at[:, 2 * n :].divide(rate)
-        high = jnp.concatenate([jnp.zeros((2 * n, 2 * n)), jnp.eye(2 * n)], axis=1)
-        drive = None
-        if system.ports:
-            columns = jnp.stack([port.column for port in system.ports], axis=1)
-            columns = jnp.linalg.solve(system.blocks.inertia, columns) / rate**2
-            both = jnp.kron(jnp.eye(2), columns)
-            drive = jnp.concatenate([jnp.zeros_like(both), both])
+        pencil, speed, load = _of_axes(Pencil.of(system)), system.spin.speed, system.load
+        turns = frame(system.blocks) == "rotating"
+        if system.massless is None:
+            (matrix, drive), condensed = _first_order(system, pencil, rate), None
+        else:
+            condensed = _condensed(system, system.massless, pencil, rate)
+            matrix, drive = condensed.matrix, condensed.drive
         steady, whirling = load.constant, load.unbalance_force(speed)
         if turns:
             steady, whirling = whirling, load.constant
@@ -70,14 +67,15 @@ class ConstantFrame(eqx.Module):
             if turns:  # weight stands still beside a rotor at rest
                 rest = jnp.where(speed == 0, cos, 0.0)
                 still, cos = rest if still is None else still + rest, cos - rest
-        matrix = jnp.concatenate([high, low])
-        return cls(matrix, drive, still, cos, sin, rate, speed / rate if turns else None)
+        turn = speed / rate if turns else None
+        return cls(matrix, drive, still, cos, sin, rate, turn, condensed)
 
     @property
     def steady(self) -> Float[Array, " n4"]:
         """The steady response at `theta = 0`."""
         parts = [part for part in (self.still, self.cos) if part is not None]
-        return sum(parts, start=jnp.zeros(self.matrix.shape[0]))
+        whole = self.matrix if self.condensed is None else self.condensed.lift
+        return sum(parts, start=jnp.zeros(whole.shape[0]))
 
     def state(self, q: Complex[Array, " n"], velocity: Complex[Array, " n"]) -> Float[Array, " n4"]:
         """State at `theta = 0` of coordinates [m] and their velocities [m/s] in fixed axes."""
@@ -105,9 +103,34 @@ class ConstantFrame(eqx.Module):
         return jnp.block([[rows, zero, zero, zero], along, [zero, rows, zero, zero], across])
 
 
+def _first_order(system: System, pencil: Pencil, rate: Scalar) -> tuple[Array, Array | None]:
+    """`A` and `B` of the equations of coordinates that all have mass."""
+    n, inertia = system.n, pencil.inertia
+    low = -jnp.linalg.solve(inertia, jnp.concatenate([pencil.stiffness, pencil.damping], 1))
+    low = low.at[:, : 2 * n].divide(rate**2).at[:, 2 * n :].divide(rate)
+    high = jnp.concatenate([jnp.zeros((2 * n, 2 * n)), jnp.eye(2 * n)], axis=1)
+    drive = None
+    if system.ports:
+        columns = jnp.stack([port.column for port in system.ports], axis=1)
+        columns = jnp.linalg.solve(system.blocks.inertia, columns) / rate**2
+        both = jnp.kron(jnp.eye(2), columns)
+        drive = jnp.concatenate([jnp.zeros_like(both), both])
+    return jnp.concatenate([high, low]), drive
+
+
+def _condensed(system: System, massless: Massless, pencil: Pencil, rate: Scalar) -> Condensed:
+    """The equations without the coordinates that have no mass, by the angle of revolution."""
+    parts = pencil.inertia, pencil.damping / rate, pencil.stiffness / rate**2
+    columns = None
+    if system.ports:
+        columns = jnp.stack([port.column for port in system.ports], axis=1) / rate**2
+        columns = jnp.kron(jnp.eye(2), columns)
+    return Condensed.of(parts, columns, massless)
+
+
 def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
     """`A` of the linear equations without loads: complex where all axes are equal, else real."""
-    if isotropic(system.blocks):
+    if isotropic(system.blocks) and system.massless is None:
         return Motion(system, rate, loads=False).matrix()
     unloaded = eqx.tree_at(lambda s: s.load, system, Load())
     return ConstantFrame.of(unloaded, rate).matrix
@@ -120,6 +143,14 @@ def steady_amplitudes(system: System) -> list[Array]:
     axes = ConstantFrame.of(system, jnp.ones(()))
     parts = (axes.still, axes.cos, axes.sin)
     return [part[: 2 * system.n] for part in parts if part is not None]
+
+
+def _of_axes(pencil: Pencil) -> Pencil:
+    """The pencil in real unknowns `(x, y)`."""
+    if pencil.paired:
+        return pencil.along_axes
+    real = lambda z: jnp.block([[z.real, -z.imag], [z.imag, z.real]])
+    return Pencil(real(pencil.inertia), real(pencil.damping), real(pencil.stiffness))
 
 
 def _in_axes(z: Complex[Array, " n"]) -> Float[Array, " n2"]:

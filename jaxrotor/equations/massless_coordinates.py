@@ -1,6 +1,7 @@
 """Massless coordinates: their motion follows at every instant from that of the coordinates with mass."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,6 +18,14 @@ Residual = Callable[[Complex[Array, " n"]], Complex[Array, " n"]]
 Mask = Bool[Array, " n"] | Bool[np.ndarray, " n"]
 # Masks of the damped and of the undamped massless coordinates, where all masses are known.
 Known = tuple[tuple[bool, ...], tuple[bool, ...]]
+
+
+class Massless(NamedTuple):
+    """Constant masks of the massless coordinates of a scene, and whether a contact acts on one of them."""
+
+    damped: tuple[bool, ...]
+    undamped: tuple[bool, ...]
+    pressed: bool
 
 
 class MasslessCoordinates(eqx.Module):
@@ -117,3 +126,62 @@ def _equations(residual: Residual, where: Mask) -> tuple[Array, Array]:
     size = jax.lax.stop_gradient(jnp.max(jnp.abs(matrix), axis=1, keepdims=True))
     scale = 1 / jnp.where(size > 0, size, 1.0)
     return scale * matrix, scale[:, 0] * offset
+
+
+class Condensed(eqx.Module):
+    """`Y' = A Y + B f`, `(q, q') = T Y + F f` of `M q'' + C q' + K q = b f` with massless coordinates.
+
+    `Y` holds the displacements of the coordinates with mass and of the damped massless ones, and the
+    velocities of those with mass. The other displacements and velocities follow from `Y` and from the
+    forces `f` at once. Velocities of undamped coordinates do not contain what `f'` adds to them.
+    """
+
+    matrix: Float[Array, "k k"]
+    drive: Float[Array, "k p"] | None
+    lift: Float[Array, "m2 k"]
+    feed: Float[Array, "m2 p"] | None  # None: no force acts on a massless coordinate
+    kept: tuple[int, ...] = eqx.field(static=True)  # entries of (q, q') that make up `Y`
+
+    @classmethod
+    def of(
+        cls,
+        pencil: tuple[Float[Array, "m m"], Float[Array, "m m"], Float[Array, "m m"]],
+        columns: Float[Array, "m p"] | None,
+        massless: Massless,
+    ) -> "Condensed":
+        """Condensed equations of `M`, `C`, `K` and `b`, with two real unknowns a coordinate."""
+        (inertia, damping, stiffness), m = pencil, pencil[0].shape[0]
+        masks = [np.tile(mask, 2) for mask in (massless.damped, massless.undamped)]
+        damped, undamped = (np.flatnonzero(mask) for mask in masks)
+        heavy, held = np.flatnonzero(~(masks[0] | masks[1])), np.flatnonzero(~masks[1])
+        forces = jnp.zeros((m, 0)) if columns is None else columns
+        part = lambda block, rows, of: block[rows[:, None], of]
+        solve = lambda matrix, right: jnp.linalg.solve(matrix, right) if len(matrix) else right
+        size, p = held.size + heavy.size, forces.shape[1]
+        # q = T Y + F f
+        one = jnp.zeros((m, size + p)).at[held, np.arange(held.size)].set(1.0)
+        if undamped.size:
+            right = -stiffness[undamped] @ one
+            right = right.at[:, size:].add(forces[undamped])
+            one = one.at[undamped].set(solve(part(stiffness, undamped, undamped), right))
+        elastic = -stiffness @ one
+        elastic = elastic.at[:, size:].add(forces)  # b f - K q
+        # q' of the coordinates that are held in Y
+        two = jnp.zeros((m, size + p)).at[heavy, held.size + np.arange(heavy.size)].set(1.0)
+        if damped.size:
+            right = elastic[damped] - damping[damped] @ two
+            two = two.at[damped].set(solve(part(damping, damped, damped), right))
+        if undamped.size:
+            right = -part(stiffness, undamped, held) @ two[held]
+            two = two.at[undamped].set(solve(part(stiffness, undamped, undamped), right))
+        three = solve(part(inertia, heavy, heavy), (elastic - damping @ two)[heavy])
+        rates = jnp.concatenate([two[held], three])
+        whole = jnp.concatenate([one, two])
+        kept = (*map(int, held), *(m + int(i) for i in heavy))
+        return cls(
+            rates[:, :size],
+            None if columns is None else rates[:, size:],
+            whole[:, :size],
+            whole[:, size:] if massless.pressed and columns is not None else None,
+            kept,
+        )

@@ -1,7 +1,7 @@
 """Equations of motion at a speed that varies, in the axes of the shaft. See docs/concepts/frames.md."""
 
 import dataclasses
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -25,7 +25,7 @@ from .forces import (
     resistance,
 )
 from .kinematics import Kinematics, RotatingState
-from .massless_coordinates import Known, MasslessCoordinates
+from .massless_coordinates import Known, Massless, MasslessCoordinates
 from .moments import MomentBalance, drive_of
 from .pencil import Pencil
 from .stationary_frame import check_known_in_time
@@ -239,22 +239,76 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
     if has_massless(scene, system) is False:
         return None
     system, coordinates, condition = _massless(scene)
-    if not all(known(mask) for mask in (coordinates.damped, coordinates.undamped)):
+    if not _all_known(coordinates):
         return "unknown"
-    massless = np.asarray(coordinates.either)
-    acted_on = lambda column: known(column) and np.any(np.asarray(column)[massless] != 0)
     for at, column in nonlinear_columns(system):
-        if acted_on(column):
+        if _acts_on(column, coordinates.either):
             raise ValueError(
-                f"A contact or balls act at {float(at):g} m, where the rotor has no mass; "
-                "put a Disc there."
+                f"A contact or balls act at {float(at):g} m, where the rotor has no mass; put a Disc "
+                "there, or simulate whole revolutions without `solver` and a contact without friction."
             )
     steady = isinstance(scene.spin, ConstantSpeed)
-    if not steady and system.load.unbalance is not None and acted_on(system.load.unbalance):
+    unbalance = system.load.unbalance
+    if not steady and unbalance is not None and _acts_on(unbalance, coordinates.either):
         raise ValueError(
             "An Unbalance acts where the rotor has no mass, which is possible at constant speed only; "
             "put a Disc there."
         )
+    _check_determined(condition)
+    return _constant(coordinates)
+
+
+def massless_in_steps(scene: Scene, system: System) -> tuple[Massless | None, str | None]:
+    """Massless coordinates that exponential steps eliminate at constant speed, or why they cannot.
+
+    Both are None where all coordinates have mass, and where masses are traced. Raises where the motion
+    of massless coordinates is not determined.
+    """
+    if not has_massless(scene, system):
+        return None, None
+    if system.blocks.inertia is None:
+        return None, "no part of the rotor has mass"
+    system, coordinates, condition = _massless(scene)
+    if not _all_known(coordinates):
+        return None, "dampings are traced, so that one may be zero where the rotor has no mass"
+    _check_determined(condition)
+    pressed = False
+    for port in system.ports:
+        if not known(port.column):
+            return None, "the station of a contact is traced, which may be without mass"
+        if not _acts_on(port.column, coordinates.either):
+            continue
+        pressed, at = True, f"at {float(port.at):g} m, where the rotor has no mass,"
+        for stack in port.laws:
+            hardness = jax.vmap(lambda law: law.hardness())(stack)
+            if not _is_zero(hardness.friction):
+                return None, f"{at} a contact rubs"
+            if _acts_on(port.column, coordinates.undamped) and not _is_zero(hardness.damping):
+                return None, f"{at} a contact has damping and the rotor none"
+    return Massless(*_constant(coordinates), pressed), None
+
+
+def _all_known(coordinates: MasslessCoordinates) -> bool:
+    return all(known(mask) for mask in (coordinates.damped, coordinates.undamped))
+
+
+def _acts_on(column: Array, mask: Any) -> bool:
+    """Whether a force acts on some coordinates, where that is known."""
+    return known(column) and bool(np.any(np.asarray(column)[np.asarray(mask)] != 0))
+
+
+def _is_zero(values: Array) -> bool:
+    return known(values) and not np.any(np.asarray(values))
+
+
+def _constant(coordinates: MasslessCoordinates) -> Known:
+    """Masks of the damped and the undamped coordinates, as constants."""
+    damped, undamped = (tuple(np.asarray(mask).tolist()) for mask in jax.tree.leaves(coordinates))
+    return damped, undamped
+
+
+def _check_determined(condition: Scalar) -> None:
+    """Raise where the equations do not determine the motion of massless coordinates."""
     rounding = jnp.finfo(jnp.result_type(condition)).eps
     if known(condition) and not float(condition) * rounding < LEAST_DIGITS:
         raise ValueError(
@@ -262,8 +316,6 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
             "along one direction only, or by gyroscopic moments alone while the rotor does not turn; put "
             "a Disc there, give the Disc that tilts a `diametral` inertia, or damp every direction."
         )
-    damped, undamped = (tuple(np.asarray(mask).tolist()) for mask in jax.tree.leaves(coordinates))
-    return damped, undamped
 
 
 @compiled

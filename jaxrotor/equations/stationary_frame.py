@@ -10,6 +10,7 @@ from jaxtyping import Array, Complex, Float
 from ..core.blocks import Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
+from .massless_coordinates import MasslessCoordinates
 from .pencil import check_moves
 from .system import Port, System, port_forces
 
@@ -77,7 +78,10 @@ class Motion(eqx.Module):
             "unbalance": (load.unbalance_force(s), 1.0),  # `s` is the speed by the angle
             "columns": (columns, 1 / rate**2),
         }
-        inverse = jnp.linalg.inv(blocks.inertia)
+        invert = jnp.linalg.inv
+        if system.massless is not None:
+            invert = MasslessCoordinates.known(system.massless[:2]).inverse
+        inverse = invert(blocks.inertia)
         for name, (part, factor) in parts.items():
             scaled = None if part is None else factor * (inverse @ part)
             if scaled is not None and jnp.iscomplexobj(scaled):

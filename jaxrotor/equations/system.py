@@ -24,6 +24,7 @@ from ..scene import Scene
 from ..shafts.line import AbstractLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
+from .massless_coordinates import Massless
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -67,7 +68,7 @@ class Port(eqx.Module):
 
     def hardness(self) -> Float[Array, "2"]:
         """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
-        stacks = [jax.vmap(lambda law: law.hardness())(stack) for stack in self.laws]
+        stacks = [jax.vmap(lambda law: law.hardness()[:3])(stack) for stack in self.laws]
         stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
         share = larger(out @ out.T, 0.0) ** 2  # of law i in a motion outward along law j
         return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
@@ -121,6 +122,7 @@ class System(eqx.Module):
     n: int = eqx.field(static=True)  # number of complex coordinates
     members: tuple[int, ...] = eqx.field(static=True)  # index of each law's contact in the scene
     owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # (block, part that adds to it)
+    massless: Massless | None = eqx.field(static=True, default=None)  # that steps eliminate
 
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""

@@ -13,6 +13,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
+from ..equations.massless_coordinates import Massless
 from ..equations.start import AbstractStart
 from ..solvers.basis import Count
 from ..solvers.exponential import Exponential
@@ -34,6 +35,7 @@ class Plan(eqx.Module):
     coordinates: bool = eqx.field(static=True)  # whether all coordinates are read
     together: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     batch: bool = eqx.field(static=True, default=False)  # whether vmapped lanes are one array
+    massless: Massless | None = eqx.field(static=True, default=None)  # coordinates without mass
 
 
 class Window(eqx.Module):

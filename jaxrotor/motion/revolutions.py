@@ -1,5 +1,6 @@
 """March: a motion at constant speed, advanced revolution by revolution."""
 
+import dataclasses
 from typing import Any
 
 import diffrax as dfx
@@ -52,7 +53,8 @@ class March(AbstractMarch):
         basis: ModalBasis | SlotBasis | None = None,
     ) -> "March":
         """Assemble a scene for a plan; `rate` is 2 pi over the length of a revolution."""
-        return cls.of(assemble(scene, plan.together), plan, rate, stations, basis=basis)
+        system = dataclasses.replace(assemble(scene, plan.together), massless=plan.massless)
+        return cls.of(system, plan, rate, stations, basis=basis)
 
     @classmethod
     def of(
@@ -93,8 +95,8 @@ class March(AbstractMarch):
             return jnp.zeros(2)
         form = self.form
         assert isinstance(form, PortForm) and form.contacts is not None
-        seen = form.contacts.reading.matrix
-        return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports)
+        seen, through = form.contacts.reading.matrix, form.contacts.through
+        return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports, through)
 
     def encode(self, *parts: Array) -> Array:
         """State at a whole revolution of coordinates [m] and their velocities [m/s]."""

@@ -18,8 +18,9 @@ from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..equations.pencil import frame
+from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
-from ..equations.system import System, assemble, has_massless, port_groups
+from ..equations.system import System, assemble, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
 from ..solvers.choice import choose, solver_name, with_shapes
@@ -62,8 +63,9 @@ def simulate(
 
     Any scene is simulated: at constant speed by whole revolutions, at any speed along `times`, where it
     is `run_up(scene, times)`. What is drawn decides how it is stepped. Exponential steps take whole
-    revolutions of all rotors but those with balls, with parts without mass, or with unequal axes of which
-    some turn and others do not; these are integrated by the solver that `run_up` takes.
+    revolutions of all rotors but those with balls, or with unequal axes of which some turn and others do
+    not; these are integrated by the solver that `run_up` takes. A contact may act on a part without mass
+    if it has no friction, and no damping either where nothing damps that part.
 
     Args:
         scene: the rotor; by `revolutions` at constant speed.
@@ -151,8 +153,8 @@ def _by_revolutions(
 ) -> TimeHistory:
     """Motion by whole revolutions: their number, how many are kept, and the steps of each."""
     groups = port_groups(scene)
-    system = assemble(scene, groups)
-    if not steps_revolutions(scene, system, solver, start):
+    system = system_of_march(scene, assemble(scene, groups), solver, start)
+    if system is None:
         options |= {"solver": solver, "start": start, "at": at, "progress": progress}
         return _by_times(scene, counts, revolution_rate(scene, period), options)
     revolutions, keep, steps = counts
@@ -209,15 +211,26 @@ def _by_revolutions(
     )
 
 
-def steps_revolutions(
+def system_of_march(
     scene: Scene, system: System, solver: Any, start: AbstractStart | None = None
-) -> bool:
-    """Whether a `March` takes a scene by whole revolutions; others are integrated along times."""
-    if system.races or has_massless(scene, system):
-        return False
-    if solver is None and frame(system.blocks) == "periodic":
-        return False
-    return start is None or is_whole(start)
+) -> System | None:
+    """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
+    if system.races or not (start is None or is_whole(start)):
+        return None
+    named, periodic = isinstance(solver, Exponential), frame(system.blocks) == "periodic"
+    if solver is None and periodic:
+        return None
+    massless, reason = massless_in_steps(scene, system)
+    if named and reason is not None:
+        raise ValueError(f"Exponential() does not take this motion: {reason}; leave `solver` out.")
+    if reason is not None or massless is not None and not (named or solver is None):
+        return None
+    if massless and isinstance(solver, Exponential) and isinstance(solver.shapes, int):
+        raise ValueError(
+            f"Exponential(shapes={solver.shapes}) needs mass at every coordinate, but a part of the rotor "
+            "has none; leave `shapes` out."
+        )
+    return dataclasses.replace(system, massless=massless)
 
 
 def check_integrated(solver: Any) -> None:

@@ -1,5 +1,8 @@
 """Branches of contact laws: forces continued smoothly past the ends of a branch, and margins to these."""
 
+import dataclasses
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +13,11 @@ from ..equations.stationary_frame import Motion
 from ..equations.system import Branches
 from .basis import packed
 from .crossing import Crossing
-from .ports import Contacts, PortForm, Reading, phase_at
+from .feedthrough import force_through
+from .ports import Contacts, Phase, PortForm, Reading, phase_at
+
+
+Law = Callable[[Array, Array], Array]  # (2, p) forces by displacement and velocity of the ports
 
 
 class BranchedPorts(eqx.Module):
@@ -23,6 +30,8 @@ class BranchedPorts(eqx.Module):
     motion: Motion
     contacts: Contacts
     accelerance: Float[Array, "p p"]  # acceleration of the ports by a unit of force at each
+    # Rates of displacement and velocity by the forces, instead of it, where ports have no mass:
+    mobility: Float[Array, "p4 p2"] | None = None
 
     @classmethod
     def build(cls, form: PortForm) -> "BranchedPorts":
@@ -45,7 +54,18 @@ class BranchedPorts(eqx.Module):
             sin = _with_third(sin, _rate(-along, across, old.turn))
         reading = Reading(jnp.zeros((6 * p, 0)), still, cos, sin, old.turn)
         accelerance = motion.rate * motion.rows @ motion.columns
-        return cls(motion, Contacts(output, contacts.input_matrix, reading), accelerance)
+        enters, through = contacts.input_matrix, contacts.through
+        mobility = None if through is None else contacts.output_matrix @ enters
+        return cls(motion, Contacts(output, enters, reading, through), accelerance, mobility)
+
+    def at(self, phase: Phase) -> "BranchedPorts":
+        """The ports with what forces change at once along fixed axes, as `seen` is."""
+        contacts, mobility = self.contacts, self.mobility
+        if contacts.through is None or mobility is None or contacts.reading.turn is None:
+            return self
+        around = contacts.reading.around
+        contacts = dataclasses.replace(contacts, through=around(phase, contacts.through))
+        return dataclasses.replace(self, contacts=contacts, mobility=around(phase, mobility))
 
     def read(self, w: Inexact[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
         """Readings of the ports in a state, along fixed axes."""
@@ -56,6 +76,8 @@ class BranchedPorts(eqx.Module):
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
         """Branches of all laws in a state."""
         d, v, _ = self._parts(seen)
+        if self.contacts.through is not None:
+            d, v = self._moved(d, v, self.actual_forces(seen), self.contacts.through)
         speed = self.motion.speed
         ports = enumerate(self.motion.ports)
         return tuple(port.branches(d[:, i], v[:, i], speed) for i, port in ports)
@@ -63,26 +85,66 @@ class BranchedPorts(eqx.Module):
     def forces(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]):
         """`[Re, Im]` of the port forces by the formulas of given branches."""
         d, v, _ = self._parts(seen)
-        ports = enumerate(zip(self.motion.ports, branches, strict=True))
-        along = [port.along(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
-        return jnp.stack([force.sum(0) for force in along], axis=1).ravel()
+        return self._by_law(self._along(branches), d, v, self.contacts.through)
 
     def actual_forces(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
         """`[Re, Im]` of the port forces, with their jumps."""
         d, v, _ = self._parts(seen)
-        return self.motion.port_forces(d, v).ravel()
+        return self._by_law(self.motion.port_forces, d, v, self.contacts.through)
 
     def crossing(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]) -> Crossing:
         """Margins of the conditions of given branches, and their rates."""
         d, v, a = self._parts(seen)
-        a = a + self.forces(branches, seen).reshape(2, -1) @ self.accelerance.T
 
         def margins(d, v):
             ports = enumerate(zip(self.motion.ports, branches, strict=True))
             found = [port.margins(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
             return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
 
-        return Crossing(*jax.jvp(margins, (d, v), (v / self.motion.rate, a)))
+        force = self.forces(branches, seen)
+        through, mobility = self.contacts.through, self.mobility
+        if through is None or mobility is None:
+            a = a + force.reshape(2, -1) @ self.accelerance.T
+            return Crossing(*jax.jvp(margins, (d, v), (v / self.motion.rate, a)))
+
+        def yielding(d, v, through):
+            force = self._by_law(self._along(branches), d, v, through)
+            return margins(*self._moved(d, v, force, through))
+
+        more = jnp.moveaxis((mobility @ force).reshape(2, 2, -1), 1, 0)
+        rates = v / self.motion.rate + more[0], a + more[1], self._turning(through)
+        return Crossing(*jax.jvp(yielding, (d, v, through), rates))
+
+    def _along(self, branches: tuple[Branches, ...]) -> Law:
+        """Port forces by the formulas of given branches."""
+
+        def law(d: Array, v: Array) -> Array:
+            ports = enumerate(zip(self.motion.ports, branches, strict=True))
+            found = [port.along(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
+            return jnp.stack([force.sum(0) for force in found], axis=1)
+
+        return law
+
+    def _by_law(self, law: Law, d: Array, v: Array, through: Array | None) -> Float[Array, " p2"]:
+        """`[Re, Im]` of the port forces of a law, from the motion of the ports without them."""
+        if through is None:
+            return law(d, v).ravel()
+        parts = lambda seen: jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
+        seen = jnp.stack([d, v], axis=1).ravel()
+        return force_through(lambda seen: law(*parts(seen)).ravel(), seen, through)
+
+    def _moved(self, d: Array, v: Array, force: Array, through: Array) -> tuple[Array, Array]:
+        """Displacement and velocity of the ports under their forces, (2, p) each."""
+        more = jnp.moveaxis((through @ force).reshape(2, 2, -1), 1, 0)
+        return d + more[0], v + more[1]
+
+    def _turning(self, through: Float[Array, "p4 p2"]) -> Float[Array, "p4 p2"]:
+        """Rate of `through` along fixed axes, by the angle, where it stands still in axes that turn."""
+        turn = self.contacts.reading.turn
+        if turn is None:
+            return jnp.zeros_like(through)
+        quarter = lambda part: jnp.concatenate([-jnp.split(part, 2)[1], jnp.split(part, 2)[0]])
+        return turn * (quarter(through) + quarter(through.T).T)
 
     def _parts(self, seen: Float[Array, " p6"]) -> tuple[Array, Array, Array]:
         """Displacement, velocity and acceleration, (2, p) each."""

@@ -51,8 +51,8 @@ def with_shapes(
     """The solver with its shapes "auto" decided, and the pilot that did, if so.
 
     They are as many as the most demanding of some systems needs for an error below a tolerance, see
-    `shape_errors`. All coordinates are followed where a system is traced, has no contact, or where `MOST`
-    shapes or those but one are not enough.
+    `shape_errors`. All coordinates are followed where a system is traced, has no contact, or has
+    massless parts, or where `MOST` shapes or those but one are not enough.
 
     Args:
         solver: `Exponential`, or any other, which is left as it is.
@@ -68,7 +68,7 @@ def with_shapes(
         return solver, ()
     every = dataclasses.replace(solver, shapes=None)
     most = min(MOST, systems[0].n - 1)
-    if not (systems[0].ports and most > 0):
+    if not (systems[0].ports and most > 0) or systems[0].massless is not None:
         return every, ()
     if not all(known(leaf) for leaf in jax.tree.leaves((systems, rates, stations))):
         return every, ()

@@ -23,7 +23,7 @@ from ..equations.system import System
 from .basis import ModalBasis, SlotBasis, dense, modal
 from .lanes import lanes_last, per_lane
 from .located import LocatedStep
-from .ports import PortField, PortForm, Reading
+from .ports import PortField, PortForm, Reading, YieldingReading
 from .shapes import Shapes
 from .tableau import AbstractStep, Tableau, tableau_of
 
@@ -78,7 +78,7 @@ class Exponential(eqx.Module):
         if isinstance(self.shapes, int) and self.shapes < system.n and system.ports:
             shapes = Shapes.of(system, motion.rate, rows[:stations], self.shapes)
         make = dense if self.basis == "dense" else modal
-        if isotropic(system.blocks):
+        if isotropic(system.blocks) and system.massless is None:
             own = make(motion.matrix(), shapes) if basis is None else basis
             return PortForm.build(system, motion, rows, own)
         axes = ConstantFrame.of(system, motion.rate)
@@ -135,7 +135,8 @@ class ExponentialStep(AbstractStep):
         def forces(stage: Array, time: int) -> Array:
             phase = lambda: phases[time]
             seen = reading.fixed(phase, stage)
-            return reading.turned(phase, per_lane(PortField.forces, self.field, seen))
+            field = self.field.at(phase)
+            return reading.turned(phase, per_lane(PortField.forces, field, seen))
 
         return self.tableau.advance(y) + self.tableau.increment(free, forces)
 
@@ -144,7 +145,7 @@ def revolution(
     step: ExponentialStep,
     y: Float[Array, " m2"],
     steps: int,
-    stations: Reading | None,
+    stations: Reading | YieldingReading | None,
     *,
     batch: bool = False,
 ) -> tuple[Float[Array, " m2"], Float[Array, "T s4"] | None]:

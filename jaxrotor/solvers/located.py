@@ -85,16 +85,17 @@ class LocatedStep(AbstractStep):
         free = tableau.free_readings(phases, y[:, None], reading)
         fixed, turned = ports.contacts.reading.fixed, ports.contacts.reading.turned
         now, then = fixed(lambda: phases[0], free[0][:, 0]), free[-1][:, 0]
-        branches = ports.branches(now)
+        at = lambda time: ports.at(lambda: phases[time])
+        branches = at(0).branches(now)
 
         def force(stage: Array, time: int) -> Array:
             phase = lambda: phases[time]
-            return turned(phase, ports.forces(branches, fixed(phase, stage[:, 0])))[:, None]
+            return turned(phase, at(time).forces(branches, fixed(phase, stage[:, 0])))[:, None]
 
         added = tableau.increment(free, force)[:, 0]
         y1 = self.tableau.advance(y) + added
         finish = fixed(lambda: phases[-1], then + as_real(ports.contacts.output_matrix) @ added)
-        begin, end = ports.crossing(branches, now), ports.crossing(branches, finish)
+        begin, end = at(0).crossing(branches, now), at(-1).crossing(branches, finish)
         whole = ~jnp.any(falls_through_zero(begin, end, h))
         split = Split(
             jnp.where(whole, y1, y),
@@ -122,16 +123,18 @@ class LocatedStep(AbstractStep):
         def applied(force, after):  # as the input matrix takes it
             return unpacked(basis, turned(lambda: phase_at(split.theta + after), force))
 
+        at = lambda after: ports.at(lambda: phase_at(split.theta + after))
+
         def force(w, after):
-            seen = read(w, after)
-            found = jnp.where(exhausted, ports.actual_forces(seen), ports.forces(branches, seen))
+            seen, here = read(w, after), at(after)
+            found = jnp.where(exhausted, here.actual_forces(seen), here.forces(branches, seen))
             return applied(found, after)
 
         w = unpacked(basis, split.y)
-        begin = ports.crossing(branches, read(w, 0.0))
+        begin = at(0.0).crossing(branches, read(w, 0.0))
         w = step_of(self.order_, basis, input_matrix, w, span, force)
-        finish = read(w, span)
-        end = ports.crossing(branches, finish)
+        finish, there = read(w, span), at(span)
+        end = there.crossing(branches, finish)
         falling = falls_through_zero(begin, end, span)
         # The condition that ends here, and its distance; at the end of the step it must be past.
         last = span >= split.left
@@ -140,8 +143,8 @@ class LocatedStep(AbstractStep):
         first = jnp.argmin(jnp.where(ends, off, jnp.inf))
         ends &= (jnp.arange(ends.size) == first) & ~exhausted
         accepted = exhausted | ~jnp.any(falling & ~ends)
-        after = self._branches_after(ends, end, branches, finish)
-        jump = applied(ports.forces(branches, finish) - ports.forces(after, finish), span)
+        after = _branches_after(there, ends, end, branches, finish)
+        jump = applied(there.forces(branches, finish) - there.forces(after, finish), span)
         w = w + input_matrix @ (jump * jnp.sum(jnp.where(ends, off, 0.0)))
         left = jnp.where(last, 0.0, split.left - span)
         keep = lambda new, old: jax.tree.map(lambda a, b: jnp.where(accepted, a, b), new, old)
@@ -158,12 +161,15 @@ class LocatedStep(AbstractStep):
             split.tries + 1,
         )
 
-    def _branches_after(self, ends: Bool[Array, " c"], end: Crossing, branches, seen: Array):
-        """Branches after some conditions end; inactive conditions are evaluated anew."""
-        flat, rebuild = ravel_pytree(branches)
-        now, _ = ravel_pytree(self.ports.branches(seen))
-        stay = jnp.where(jnp.isfinite(end.margin), flat, now)
-        return rebuild(jnp.where(ends, 1 - flat, stay))
+
+def _branches_after(
+    ports: BranchedPorts, ends: Bool[Array, " c"], end: Crossing, branches, seen: Array
+):
+    """Branches after some conditions end; inactive conditions are evaluated anew."""
+    flat, rebuild = ravel_pytree(branches)
+    now, _ = ravel_pytree(ports.branches(seen))
+    stay = jnp.where(jnp.isfinite(end.margin), flat, now)
+    return rebuild(jnp.where(ends, 1 - flat, stay))
 
 
 def _finish(step: LocatedStep, split: Split) -> Split:

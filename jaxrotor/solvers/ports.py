@@ -5,15 +5,19 @@
 See docs/concepts/ports.md.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Inexact
 
 from ..core.quantities import Scalar
 from ..equations.constant_frame import ConstantFrame
+from ..equations.massless_coordinates import Condensed
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
@@ -27,8 +31,9 @@ from .basis import (
     packed,
     unpacked,
 )
+from .feedthrough import force_through
 from .form import AbstractForm
-from .lanes import product
+from .lanes import per_lane, product
 
 
 Phase = Callable[[], Float[Array, "2"]]  # cosine and sine of an angle of revolution
@@ -66,6 +71,13 @@ class Reading(eqx.Module):
         cos, sin = self._angle(phase)
         return _turned(cos, -sin, force)
 
+    def around(self, phase: Phase, matrix: Float[Array, "a2 b2 ..."]) -> Array:
+        """A matrix between vectors given along the axes of the readings, as it acts along fixed axes."""
+        if self.turn is None:
+            return matrix
+        columns = jnp.swapaxes(self.fixed(phase, matrix), 0, 1)
+        return jnp.swapaxes(self.fixed(phase, columns), 0, 1)
+
     def _angle(self, phase: Phase) -> tuple[Array, Array]:
         """Cosine and sine of `s theta`, with `s` -1, 1 or, of a rotor at rest, 0."""
         cos, sin = phase()
@@ -92,28 +104,83 @@ class Contacts(eqx.Module):
     output_matrix: Inexact[Array, "p2 m"]  # C, (4p, m) in a real basis
     input_matrix: Inexact[Array, "m p"]  # B, (m, 2p) in a real basis
     reading: Reading
+    through: Float[Array, "s f"] | None = None  # D, (4p, 2p), of ports without mass
 
 
 class PortField(eqx.Module):
-    """`dy/dtheta = A y + B f(C y + steady)`, all real; a vector field for diffrax."""
+    """`dy/dtheta = A y + B f`, `f = f(C y + steady + D f)`, all real; a vector field for diffrax.
+
+    `D` is None where all ports have mass, so that their motion follows from the state alone.
+    """
 
     motion: Motion
     generator: Float[Array, "m2 m2"]
     input_matrix: Float[Array, "m2 p2"] | None
     reading: Reading | None
+    through: Float[Array, "p4 p2"] | None = None
 
     def __call__(self, theta: Scalar, y: Array, args: None = None) -> Array:
         del args
         rate = self.generator @ y
         if self.reading is not None and self.input_matrix is not None:
-            force = self.forces(self.reading(theta, y))
-            rate = rate + self.input_matrix @ self.reading.turned(lambda: phase_at(theta), force)
+            phase = lambda: phase_at(theta)
+            force = self.at(phase).forces(self.reading(theta, y))
+            rate = rate + self.input_matrix @ self.reading.turned(phase, force)
         return rate
 
+    def at(self, phase: Phase) -> "PortField":
+        """The field with `D` along fixed axes, as `forces` takes it."""
+        if self.through is None or self.reading is None or self.reading.turn is None:
+            return self
+        turned = self.reading.around(phase, self.through)
+        return eqx.tree_at(lambda field: field.through, self, turned)
+
     def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
-        """`[Re, Im]` of the port forces from displacement and velocity of the ports."""
+        """`[Re, Im]` of the port forces from displacement and velocity of the ports without them."""
+        if self.through is None:
+            return self._law(seen)
+        return force_through(self._law, seen, self.through)
+
+    def _law(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
         parts = seen.reshape(2, 2, -1)
         return self.motion.port_forces(parts[:, 0], parts[:, 1]).ravel()
+
+
+class YieldingReading(eqx.Module):
+    """Reading of stations, some of which yield at once to the forces of the ports.
+
+    d = C y + steady + D f,   v = rate dd/dtheta
+    """
+
+    stations: Reading
+    through: Float[Array, "s4 p2"]
+    field: PortField
+
+    def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
+        return self._at(phase_at(theta), y)
+
+    def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
+        """Readings of all lanes, by cosine and sine of the angle of revolution."""
+        read = lambda parts, y: parts[0]._at(parts[1], y)
+        return per_lane(read, (self, phase[:, None]), y)
+
+    def _at(self, phase: Float[Array, "2"], y: Array) -> Float[Array, " s4"]:
+        field, stations = self.field, self.stations
+        ports, enters = field.reading, field.input_matrix
+        assert ports is not None and enters is not None
+
+        def seen(phase: Array, y: Array) -> tuple[Array, Array]:
+            at = lambda: phase
+            read = lambda of: of.fixed(at, of.matrix @ y + of.steady(phase))
+            force = field.at(at).forces(read(ports))
+            return read(stations) + stations.around(at, self.through) @ force, force
+
+        _, force = seen(phase, y)
+        rate = field.generator @ y + enters @ ports.turned(lambda: phase, force)
+        ahead = jnp.stack([-phase[1], phase[0]])
+        (now, _), (rates, _) = jax.jvp(seen, (phase, y), (ahead, rate))
+        place, speed = (part.reshape(2, 2, -1)[:, 0] for part in (now, field.motion.rate * rates))
+        return jnp.stack([place, speed], axis=1).ravel()
 
 
 class PortForm(AbstractForm):
@@ -125,7 +192,7 @@ class PortForm(AbstractForm):
     motion: Motion
     basis: Basis
     contacts: Contacts | None
-    stations: Reading
+    stations: Reading | YieldingReading
     steady: Inexact[Array, " m"]  # at theta = 0
     axes: ConstantFrame | None = None  # None: one complex coordinate serves both axes
 
@@ -133,17 +200,26 @@ class PortForm(AbstractForm):
     def along_axes(cls, axes: ConstantFrame, motion: Motion, rows: Array, basis: Basis):
         """Form of the motion of a rotor with unequal axes, with stations `rows` (s, n) to read."""
         parts = axes.still, axes.cos, axes.sin
+        condensed = axes.condensed
+        vectors = basis.vectors if condensed is None else condensed.lift @ basis.vectors
+        feed = None if condensed is None else condensed.feed
 
         def reading(output: Array) -> Reading:
             still, cos, sin = (None if part is None else output @ part for part in parts)
-            return Reading(output @ basis.vectors, still, cos, sin, axes.turn)
+            return Reading(output @ vectors, still, cos, sin, axes.turn)
 
         contacts = None
         if axes.drive is not None and motion.rows is not None:
             output = axes.output(motion.rows)
             forced = basis.inverse @ axes.drive
-            contacts = Contacts(output @ basis.vectors, forced, reading(output))
-        return cls(motion, basis, contacts, reading(axes.output(rows)), axes.steady, axes)
+            through = None if feed is None else output @ feed
+            contacts = Contacts(output @ vectors, forced, reading(output), through)
+        output = axes.output(rows)
+        form = cls(motion, basis, contacts, reading(output), axes.steady, axes)
+        if feed is None:
+            return form
+        yielding = YieldingReading(reading(output), output @ feed, form.field)
+        return dataclasses.replace(form, stations=yielding)
 
     @classmethod
     def build(cls, system: System, motion: Motion, rows: Array, basis: Basis):
@@ -173,21 +249,35 @@ class PortForm(AbstractForm):
         generator, contacts = as_real(self.basis.matrix()), self.contacts
         if contacts is None:
             return PortField(self.motion, generator, None, None)
-        return PortField(self.motion, generator, as_real(contacts.input_matrix), contacts.reading)
+        enters = as_real(contacts.input_matrix)
+        return PortField(self.motion, generator, enters, contacts.reading, contacts.through)
 
     def encode(self, q, velocity):
         if self.axes is not None:
             state = self.axes.state(q, velocity)
         else:
             state = jnp.concatenate([q, velocity / self.motion.rate])
-        return packed(self.basis.inverse @ (state - self.steady))
+        moved = state - self.steady
+        if self.axes is not None and self.axes.condensed is not None:
+            moved = moved[np.asarray(self.axes.condensed.kept)]
+        return packed(self.basis.inverse @ moved)
 
     def decode(self, y):
-        state = self.basis.vectors @ unpacked(self.basis, y) + self.steady
+        moved = self.basis.vectors @ unpacked(self.basis, y)
+        if self.axes is not None and self.axes.condensed is not None:
+            moved = self._whole(self.axes.condensed, moved, y)
+        state = moved + self.steady
         if self.axes is not None:
             return self.axes.coordinates(state)
         q, rate = jnp.split(state, 2)
         return q, self.motion.rate * rate
+
+    def _whole(self, condensed: Condensed, moved: Array, y: Array) -> Array:
+        """Deviation of all coordinates and their rates at `theta = 0`, by that of those that are kept."""
+        whole, field = condensed.lift @ moved, self.field
+        if condensed.feed is None or field.reading is None:
+            return whole
+        return whole + condensed.feed @ field.forces(field.reading(jnp.zeros(()), y))
 
     def read(self, theta, y):
         return self.stations(theta, y).reshape(2, 2, -1)

@@ -60,16 +60,24 @@ class Tableau(eqx.Module):
         return product(self.weights, jnp.concatenate(found))
 
     def contact_stiffness_ratio(
-        self, seen: Float[Array, "p4 m2"], ports: tuple[Port, ...]
+        self,
+        seen: Float[Array, "p4 m2"],
+        ports: tuple[Port, ...],
+        through: Float[Array, "p4 p2"] | None = None,
     ) -> Float[Array, "2"]:
         """Force of a stop after a unit of force is held for one step, at the hardest port.
 
         `k d` and `c v`, with the stiffness `k` and damping `c` of the stop, and the displacement `d` and
         velocity `v` that the unit force gives the port in a step `h`. A mass `m` on the stop alone has
-        `k h^2 / (2 m)` and `c h / m`. `seen` reads the ports, whose forces are the first of the inputs.
+        `k h^2 / (2 m)` and `c h / m`. `seen` reads the ports, whose forces are the first of the inputs. A
+        port that yields at once by `through` presses a stop as much softer.
         """
         hardness = jnp.stack([port.hardness() for port in ports])  # (p, 2)
         found = hardness * jnp.stack(self._port_response(seen), axis=1)
+        if through is not None:
+            own = _own_parts(through, len(ports))
+            least = jnp.linalg.svd(own, compute_uv=False)[..., -1]
+            found = found / (1 + jnp.sum(hardness.T * least, axis=0))[:, None]
         return found[jnp.argmax(found.sum(1))]
 
     def _port_response(
@@ -79,14 +87,18 @@ class Tableau(eqx.Module):
         p = seen.shape[0] // 4
         inputs = self.weights.shape[1] // (2 * len(self.stages))
         held = self.weights.reshape(self.weights.shape[0], -1, 2, inputs).sum(1)  # at all stages
-        # (Re Im, d v, port, Re Im, force)
-        plane = jnp.einsum("sm,mif->sif", seen, held[..., :p]).reshape(2, 2, p, 2, p)
-        own = jax.lax.stop_gradient(jnp.einsum("adpbp->dpab", plane))
+        own = _own_parts(jnp.einsum("sm,mif->sif", seen, held[..., :p]), p)
         square = jnp.sum(own**2, axis=(-2, -1))
         determinant = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] * own[..., 1, 0]
         # The larger singular value: the softer of two unequal axes counts.
         most = jnp.sqrt((square + jnp.sqrt(larger(square**2 - 4 * determinant**2, 0.0))) / 2)
         return most[0], most[1]
+
+
+def _own_parts(response: Float[Array, "..."], p: int) -> Float[Array, "2 p 2 2"]:
+    """Displacement and velocity of every port by the force there, without derivatives."""
+    parts = response.reshape(2, 2, p, 2, p)  # (Re Im, d v, port, Re Im, force)
+    return jax.lax.stop_gradient(jnp.einsum("adpbp->dpab", parts))
 
 
 class AbstractStep(dfx.AbstractSolver):

@@ -11,16 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects.base import AbstractBodies, AbstractContact
-from ..equations.rotating_frame import massless_of
+from ..equations.rotating_frame import massless_in_steps, massless_of
 from ..equations.start import AbstractStart, Launch, is_whole
-from ..equations.system import assemble
+from ..equations.system import System, assemble
 from ..motion.integrated import IntegratedPace
 from ..motion.run_up import after, integration_of, with_balls
 from ..motion.simulate import (
     REVOLUTION_STEPS,
     check_integrated,
     checked_start,
-    steps_revolutions,
+    system_of_march,
 )
 from ..motion.stepped import Stepping, check_steppable, steppable
 from ..motion.transient import Integration, controller_for
@@ -88,7 +88,7 @@ def pace_of(
             "balls, but the start places these or is swept over them; leave `solver` out."
         )
     if times is None:
-        if not turned and steps_revolutions(scene, system, solver):
+        if not turned and _marches_all(scene, start, columns, system, solver):
             return None
     elif named or (solver is controller is None and not turned and steppable(scene, system)):
         return _stepping(scene, start, columns, times, solver, controller, steps)
@@ -103,6 +103,16 @@ def pace_of(
     integration = _integration(scenes, start, solver, controller, most or WINDOW_STEPS)
     interval, first = jnp.asarray(times[1] - times[0]), jnp.asarray(times[0])
     return IntegratedPace(integration, interval, None, first)
+
+
+def _marches_all(scene: Scene, start: AbstractStart, columns, system: System, solver) -> bool:
+    """Whether a `March` takes all lanes, which then have the same coordinates without mass."""
+    taken = system_of_march(scene, system, solver)
+    if taken is None or taken.massless is None:
+        return taken is not None
+    wanted = taken.massless, None
+    scenes = _extremes(scene, start, columns)
+    return all(massless_in_steps(one, assemble(one)) == wanted for one in scenes)
 
 
 def _extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:

@@ -1,5 +1,6 @@
 """Sweep: many trajectories, streamed into observables."""
 
+import dataclasses
 import functools
 import math
 import os
@@ -16,6 +17,8 @@ from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.massless_coordinates import Massless
+from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
@@ -133,13 +136,12 @@ def sweep(
     """
     if lanes_per_chunk is None:  # on a core, more no longer fit the cache
         lanes_per_chunk = 128 if jax.default_backend() == "cpu" else 16384
-    check_counts(lanes_per_chunk=lanes_per_chunk)
     if steps_per_revolution != "auto":
         check_counts(steps_per_revolution=steps_per_revolution)
     given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
     along = None if times is None else _checked_run(times, given, steps_per_revolution)
     settle, keep = SETTLE if settle is None else settle, KEEP if keep is None else keep
-    check_counts(keep=keep)
+    check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
     check_counts(0, settle=settle, error_sample=error_sample)
     if along is None:
         check_constant_speed(scene, "`sweep` without `times`")
@@ -150,7 +152,6 @@ def sweep(
     axes = checked_axes(scene, start, over, period, revolve=along is None)
     columns = values_by_path(over, axes)
     scene = with_shared_nodes(scene, columns)
-    together = shared_ports(scene, columns)
     few = _few_lanes(scene, start, axes, tuple(columns))
     if steps_per_revolution == "auto":
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
@@ -163,7 +164,8 @@ def sweep(
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
     station = _station(scene, at)
-    solver, more = _with_shapes(pace, solver, few, station, period, tolerance)
+    massless = None if pace is not None else massless_in_steps(scene, assemble(scene))[0]
+    solver, more = _with_shapes(pace, solver, few, (station, period, massless), tolerance)
     pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
@@ -176,8 +178,9 @@ def sweep(
         slopes=False,
         coordinates=False,
         contacts=any(one.needs_contact for one in observe),
-        together=together,
+        together=shared_ports(scene, columns),
         batch=True,
+        massless=massless,
     )
     lanes = scene, start, tuple(columns), plan, station, period
     context = Context(*lanes, observe, settle, keep, pace)
@@ -261,17 +264,18 @@ def _with_shapes(
     pace: Any,
     solver: Any,
     lanes: Sequence[tuple[Scene, AbstractStart]],
-    station: jax.Array,
-    period: float | None,
+    settings: tuple[jax.Array, float | None, Massless | None],
     tolerance: float | int,
 ) -> tuple[Any, tuple[Pilot, ...]]:
     """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
+    station, period, massless = settings
     if pace is not None:
         return solver, ()
     solver = Exponential(shapes="auto") if solver is None else solver
     if not isinstance(solver, Exponential) or solver.shapes != "auto":
         return solver, ()
-    systems = [assemble(scene) for scene, _ in lanes]
+    whole = (assemble(scene) for scene, _ in lanes)
+    systems = [dataclasses.replace(system, massless=massless) for system in whole]
     rates = [revolution_rate(scene, period) for scene, _ in lanes]
     return with_shapes(solver, systems, rates, station[None], tolerance)
 

@@ -1,29 +1,34 @@
 """Coordinates without mass in time: against scipy, where they are eliminated by hand."""
 
 import diffrax as dfx
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from differences import check_forward
+from differences import central, check_forward
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
+from jaxrotor.equations.massless_coordinates import Condensed, Massless
 from jaxrotor.equations.rotating_frame import massless_of
+from jaxrotor.solvers.feedthrough import force_through
 
 
 FINE = dfx.PIDController(rtol=1e-11, atol=1e-15)
 MASS, SHAFT, ANISOTROPY, DAMPING, OUTSIDE = 10.0, 1e5, 0.2, 160.0, 100.0
 HELD, DAMPED = 2e5, 320.0  # stiffness and damping of both supports
 UNBALANCE = MASS * 1e-4
+FREE = {"damping": None, "support": {}}  # ends that nothing damps
+VARIED = {"disc.mass": [9.0, 10.0]}
 AXIS = np.exp(2j * 0.4)  # of supports that are unequal along directions fixed in space
 
 
-def rotor(spin, *effects, damping=DAMPING, support=None):
+def rotor(spin, *effects, damping=DAMPING, support=None, anisotropy=ANISOTROPY):
     """Disc between two massless elastic ends."""
     support = {"damping": DAMPED / 2} if support is None else support
     return jr.Scene(
-        jr.MasslessShaft(1.0, 0.5, SHAFT, anisotropy=ANISOTROPY, damping=damping, ends="elastic"),
+        jr.MasslessShaft(1.0, 0.5, SHAFT, anisotropy=anisotropy, damping=damping, ends="elastic"),
         jr.Disc(0.5, MASS),
         jr.DiscDamping(0.5, OUTSIDE),
         jr.Unbalance(0.5, MASS, UNBALANCE / MASS),
@@ -34,14 +39,15 @@ def rotor(spin, *effects, damping=DAMPING, support=None):
     )
 
 
-def by_scipy(rates, times, size):
-    """Complex states of `y. = rates(t, y)` by an explicit method of order 8."""
+def by_scipy(rates, times, size, start=None):
+    """Complex states of `y. = rates(t, y)` by an explicit method of order 8, by default from rest."""
     real = lambda y: np.stack([y.real, y.imag]).ravel()
+    start = np.zeros(size, complex) if start is None else np.asarray(start)
     whole = lambda y: y[:size] + 1j * y[size:]
     found = solve_ivp(
         lambda t, y: real(np.array(rates(t, whole(y)))),
         (0, times[-1]),
-        np.zeros(2 * size),
+        real(start),
         "DOP853",
         times,
         rtol=1e-12,
@@ -180,17 +186,21 @@ def test_what_cannot_be_eliminated_is_refused():
         jr.run_up(point, times)
 
 
-def test_exponential_steps_refuse_a_coordinate_without_mass():
-    shaft = jr.MasslessShaft(1.0, 0.5, SHAFT, ends="elastic")
-    equal = jr.Scene(shaft, *rotor(jr.ConstantSpeed(80.0)).effects, spin=jr.ConstantSpeed(80.0))
-    steps = {"solver": jr.Exponential()}
-    calls = (
-        lambda: jr.simulate(equal, 5, **steps),
-        lambda: jr.sweep(equal, {"disc.mass": [1.0]}, **steps),
-        lambda: jr.lyapunov(equal, 1),
-    )
-    for call in calls:
-        with pytest.raises(ValueError, match="has no mass|has none"):
+def test_exponential_steps_refuse_what_they_cannot_eliminate():
+    constant, steps = jr.ConstantSpeed(80.0), {"solver": jr.Exponential()}
+    rough = rotor(constant, jr.Limiter(0.0, 0.0, 1e-3, 1e6, 0.0, 0.1))
+    damper = rotor(constant, jr.Limiter(0.0, 0.0, 1e-3, 1e6, 50.0), **FREE)
+    ramp = rotor(jr.SpeedProfile.ramp(80.0, 90.0, 1.0), anisotropy=None)
+    calls = {
+        "where the rotor has no mass, a contact rubs": lambda: jr.simulate(rough, 5, **steps),
+        "a contact has damping and the rotor none": lambda: jr.sweep(
+            damper, {"disc.mass": [1.0]}, **steps
+        ),
+        "has none": lambda: jr.lyapunov(rough, 1),
+        "a part of the rotor has no mass": lambda: jr.run_up(ramp, [0.0, 0.1], **steps),
+    }
+    for match, call in calls.items():
+        with pytest.raises(ValueError, match=match):
             call()
 
 
@@ -247,3 +257,180 @@ def test_scenes_that_are_traced():
         scene.shaft, *scene.effects, jr.Limiter(0.0, 0.0, 1e-9, 1e6), spin=scene.spin
     )
     assert not np.isfinite(jax.jit(lambda m: last(touched.replace({"disc.mass": m})))(10.0))
+
+
+# === exponential steps
+
+
+GAP, STOP, DASHPOT = 4e-4, 1e6, 100.0
+TOWARDS = 0.3  # direction of the stop
+START = {"start": jr.Whirl(2e-3, 60.0), "at": [0.5, 0.0]}
+
+
+@pytest.mark.parametrize("kinds", ["du", "d", "u"])
+def test_condensed_equations_are_those_of_all_coordinates(kinds):
+    """Displacements, velocities and accelerations that it gives satisfy every equation."""
+    rng, n = np.random.default_rng(0), 4
+    damped, undamped = np.arange(n) == 1, np.arange(n) == 2
+    masks = damped & ("d" in kinds), undamped & ("u" in kinds)
+    massless, still = np.tile(masks[0] | masks[1], 2), np.tile(masks[1], 2)
+    inertia, damping = (np.eye(2 * n) + 0.1 * rng.normal(size=(2 * n, 2 * n)) for _ in range(2))
+    inertia[massless], inertia[:, massless] = 0.0, 0.0
+    damping[still], damping[:, still] = 0.0, 0.0
+    stiffness = 3 * np.eye(2 * n) + rng.normal(size=(2 * n, 2 * n))
+    columns = rng.normal(size=(2 * n, 2))
+    known = Massless(*(tuple(mask.tolist()) for mask in masks), True)
+    build = eqx.filter_jit(lambda *parts: Condensed.of(parts[:3], parts[3], known))
+    found = jax.tree.map(np.asarray, build(inertia, damping, stiffness, columns))
+    y, f = rng.normal(size=found.matrix.shape[0]), rng.normal(size=2)
+    q, velocity = np.split(found.lift @ y + found.feed @ f, 2)
+    np.testing.assert_allclose(np.append(q, velocity)[list(found.kept)], y)
+    rates = found.matrix @ y + found.drive @ f
+    acceleration = np.zeros(2 * n)
+    acceleration[~massless] = rates[np.sum(~still) :]
+    left = inertia @ acceleration + damping @ velocity + stiffness @ q
+    np.testing.assert_allclose(left, columns @ f, atol=1e-12)
+    np.testing.assert_allclose(rates[: np.sum(~still)], velocity[~still], atol=1e-12)
+
+
+def test_a_stop_on_a_port_that_yields():
+    """N = (k g0 + d g0') / (1 + k D_0 + d D_v); and a stop of no stiffness to speak of beside it."""
+    stops = [jr.Limiter(0.0, TOWARDS, GAP, STOP, DASHPOT), jr.Limiter(0.0, 2.0, GAP, STOP)]
+    place, velocity = np.array([3 * GAP, 0.0]), np.array([0.1, 0.05])
+    yields, drifts = 2e-6, 1 / 480.0
+    through = jnp.kron(jnp.eye(2), jnp.array([[yields], [drifts]]))
+
+    @jax.jit
+    def force(seen):
+        def law(seen):
+            d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
+            return sum(stop.law()(d[:, 0], v[:, 0], jnp.zeros(())) for stop in stops)
+
+        return force_through(law, seen, through)
+
+    out = np.array([np.cos(TOWARDS), np.sin(TOWARDS)])
+    pressed = STOP * (out @ place - GAP) + DASHPOT * out @ velocity
+    expected = -pressed / (1 + STOP * yields + DASHPOT * drifts) * out
+    found = force(jnp.stack([place, velocity], axis=1).ravel())
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def damped_by_hand(times, anisotropy, start):
+    """Disc and ends with a stop on the damped ends, whose force slows them down at once."""
+    out, c = np.exp(1j * TOWARDS), DAMPED + DAMPING
+
+    def rates(t, y):
+        z, dz, z0 = y
+        turn, stretch = np.exp(1j * 80.0 * t), z - z0
+        elastic = SHAFT * (stretch + anisotropy * np.conj(stretch) * turn**2)
+        inside = DAMPING * (dz - 80j * stretch)
+        free = (elastic + inside - HELD * z0) / c
+        depth, closing = np.real(z0 / out) - GAP, np.real(free / out)
+        pressed = max(STOP * depth + DASHPOT * closing, 0.0) / (1 + DASHPOT / c) * (depth > 0)
+        dz0 = free - pressed * out / c
+        return dz, accelerated(t, z, dz, elastic + inside - DAMPING * dz0), dz0
+
+    return by_scipy(rates, times, 3, start)[[0, 2]]
+
+
+def undamped_by_hand(times, anisotropy, start):
+    """Disc alone, with the ends from two algebraic equations, pressed against the stop or not."""
+    normal = np.array([np.cos(TOWARDS), np.sin(TOWARDS)])
+
+    def ends(t, z):
+        twice = np.exp(160j * t)
+        mirror = np.array([[twice.real, twice.imag], [twice.imag, -twice.real]])
+        shaft = SHAFT * (np.eye(2) + anisotropy * mirror)
+        inverse = np.linalg.inv(shaft + HELD * np.eye(2))
+        free = inverse @ shaft @ [z.real, z.imag]
+        pressed = max(STOP * (normal @ free - GAP), 0.0) / (1 + STOP * normal @ inverse @ normal)
+        at = free - pressed * inverse @ normal
+        return at[0] + 1j * at[1]
+
+    def rates(t, y):
+        z, dz = y
+        stretch = z - ends(t, z)
+        elastic = SHAFT * (stretch + anisotropy * np.conj(stretch) * np.exp(160j * t))
+        return dz, accelerated(t, z, dz, elastic)
+
+    z, _ = by_scipy(rates, times, 2, start[:2])
+    return np.stack([z, [ends(t, one) for t, one in zip(times, z, strict=True)]])
+
+
+def errors(scene, by_hand, anisotropy, solver, counts):
+    """Largest error of disc and ends at the samples, relative, by steps a revolution."""
+    times = 2 * np.pi / 80.0 * np.arange(33) / 16
+    q, velocity = START["start"].state(jr.assemble(scene), jnp.asarray(0.5))
+    expected = by_hand(times, anisotropy, np.array([q[0], velocity[0], q[1]])).T
+    found = []
+    for steps in counts:
+        run = jr.simulate(scene, 2, steps, solver=solver, **START)
+        assert (np.abs(run.contact_force) > 0).any() and (run.contact_force == 0).any()
+        error = np.abs(run.displacement[:: steps // 16] - expected).max(axis=0)
+        found.append(error / np.abs(expected).max(axis=0))
+    return np.array(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("anisotropy", [None, ANISOTROPY])
+@pytest.mark.parametrize("ends", ["damped", "undamped"])
+def test_order_through_impacts_on_a_part_without_mass(ends, anisotropy):
+    """A stop on the ends of the shaft, with a clearance, located steps of order 4, and plain ones."""
+    damped = ends == "damped"
+    stop = jr.Limiter(0.0, TOWARDS, GAP, STOP, DASHPOT if damped else 0.0)
+    scene = rotor(jr.ConstantSpeed(80.0), stop, anisotropy=anisotropy, **({} if damped else FREE))
+    by_hand, unequal = damped_by_hand if damped else undamped_by_hand, anisotropy or 0.0
+    counts = (288, 576) if damped else (64, 128)
+    fine = errors(scene, by_hand, unequal, jr.Exponential(4, located=True), counts)
+    assert fine[-1].max() < 1e-6 and (np.log2(fine[0] / fine[1]) > 3.4).all()
+    plain = errors(scene, by_hand, unequal, jr.Exponential(2), counts)
+    assert plain[-1].max() < 3e-4 and (np.log2(plain[0] / plain[1]) > 1.3).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stops", ["one rigid, without clearance", "three around"])
+def test_energy_of_bounces_of_a_part_without_mass(stops):
+    """Nothing damps; two of three stops are pressed at once, and a rigid one is as soft as the ends."""
+    angles, gap, k = ([0.0, 2.1, 4.2], 1e-4, 1e7) if stops == "three around" else ([0.0], 0.0, 1e9)
+    limiters = jr.Limiter.at_angles(angles, at=0.0, gap=gap, stiffness=k)
+    scene = rotor(jr.ConstantSpeed(80.0), *limiters, anisotropy=None, **FREE)
+    for part in ("disc_damping", "unbalance", "gravity"):
+        scene = scene.without(part)
+    run = jr.simulate(scene, 2, 128, solver=jr.Exponential(4, located=True), **START)
+    z, z0 = np.asarray(run.displacement).T
+    depth = np.real(z0[:, None] * np.exp(-1j * np.array(angles))) - gap
+    kinetic = MASS * np.abs(run.velocity[:, 0]) ** 2
+    elastic = SHAFT * np.abs(z - z0) ** 2 + HELD * np.abs(z0) ** 2
+    energy = kinetic + elastic + k * (np.maximum(depth, 0.0) ** 2).sum(axis=1)
+    assert (depth > 0).sum(axis=1).max() == (2 if stops == "three around" else 1)
+    assert np.ptp(energy[1:]) < 1e-6 * energy[1]
+    # The velocity of the ends, which a force changes at once, is the derivative of their displacement.
+    middle = (z0[2:] - z0[:-2]) / (run.time[2] - run.time[0])
+    smooth = np.diff((depth > 0).sum(axis=1)) == 0
+    smooth = smooth[1:] & smooth[:-1]
+    velocity = np.asarray(run.velocity[1:-1, 1])
+    assert np.abs(velocity - middle)[smooth].max() < 2e-3 * np.abs(velocity).max()
+
+
+@pytest.mark.slow
+def test_lanes_and_derivatives_with_a_part_without_mass():
+    """Lanes of a sweep are those of single motions; derivatives by shaft, ends and stop."""
+    scene = rotor(jr.ConstantSpeed(80.0), jr.Limiter(0.0, TOWARDS, GAP, STOP), **FREE)
+    gaps = [GAP, GAP / 2, 1.0]
+    run = {"steps_per_revolution": 64, "start": START["start"], "at": 0.0}
+    observe = [jr.observe.Section(), jr.observe.Contact()]
+    found = jr.sweep(scene, {"limiter.gap": gaps}, settle=0, keep=1, observe=observe, **run)
+    assert (found.status == 0).all() and (found.duty.values[:2] > 0.1).all() and found.duty[2] == 0
+    last = jr.simulate(scene, 1, **run).displacement[-1, 0]
+    np.testing.assert_allclose(found.section[0, 0], [last.real, last.imag], rtol=1e-9)
+    paths = ["shaft.k11", "supports.stiffness", "limiter.gap", "limiter.stiffness"]
+    values = np.array([float(np.ravel(scene.get(path))[0]) for path in paths])
+    way = values * [0.5, -0.4, 1.0, -0.3]
+
+    def late(x):
+        changed = scene.replace(dict(zip(paths, values + x * way, strict=True)))
+        motion = jr.simulate(changed, 1, **run, solver=jr.Exponential(4, located=True))
+        return 1e6 * motion.displacement[-1, 0].real
+
+    _, slope = jax.jvp(late, (0.0,), (1.0,))
+    assert float(slope) == pytest.approx(central(lambda k: float(late(1e-3 * k)), 1e-3), rel=1e-5)
