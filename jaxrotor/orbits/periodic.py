@@ -25,7 +25,13 @@ from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .guess import OrbitGuess, autonomous_guess, revolutions_of, start_of
 from .orbit import OrbitError, PeriodicOrbit, winding_angle
-from .shooting import Shooting, differentiable, shooting_residual, with_derivative
+from .shooting import (
+    NewtonByTrial,
+    Shooting,
+    differentiable,
+    shooting_residual,
+    with_derivative,
+)
 
 
 def periodic(
@@ -112,7 +118,7 @@ def periodic(
         rate, whole = revolution_rate(scene, None), jnp.asarray(2 * jnp.pi)
         start = start_of(guess).state(system, stations[0])
         first = OrbitGuess(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
-    finder = optx.Newton(tolerance, tolerance) if finder is None else finder
+    finder = NewtonByTrial(optx.Newton(tolerance, tolerance)) if finder is None else finder
     chosen: Any = choose(solver, system, first.rate, first.start)
     settings = chosen, together, finder, tolerance
     traced = not all(map(known, jax.tree.leaves((system, first))))

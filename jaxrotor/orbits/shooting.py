@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
 from ..analysis.floquet import multipliers_of
@@ -201,6 +202,41 @@ def _shooting_residual_jvp(primals, tangents):
     if jax.tree.leaves(change):
         moved = moved + eqx.filter_jvp(lambda s: s.residual(x)[0], (shooting,), (change,))[1]
     return (shot.residual, shot), (moved, jax.tree.map(_no_tangent, shot))
+
+
+class NewtonByTrial(optx.AbstractRootFinder):
+    """Newton's method with the Jacobian that comes with every trial.
+
+    `jax.linearize`, by which the method of optimistix has it, would trace the trial three times.
+    """
+
+    newton: optx.Newton
+
+    @property
+    def rtol(self):
+        return self.newton.rtol
+
+    @property
+    def atol(self):
+        return self.newton.atol
+
+    @property
+    def norm(self):
+        return self.newton.norm
+
+    def init(self, fn, y, args, options, f_struct, aux_struct, tags):
+        return self.newton.init(fn, y, args, options, f_struct, aux_struct, tags)
+
+    def step(self, fn, y, args, options, state, tags):
+        residual, shot = fn(y, args)
+        tangent_plane = lambda x, _: (residual + shot.jacobian @ (x - y), shot)
+        return self.newton.step(tangent_plane, y, args, options, state, tags)
+
+    def terminate(self, fn, y, args, options, state, tags):
+        return self.newton.terminate(fn, y, args, options, state, tags)
+
+    def postprocess(self, fn, y, aux, args, options, state, tags, result):
+        return self.newton.postprocess(fn, y, aux, args, options, state, tags, result)
 
 
 @eqx.filter_custom_jvp

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from distributed import Client, LocalCluster
+from systems import one_disc
 from typer.testing import CliRunner
 
 import jaxrotor as jr
@@ -24,7 +25,9 @@ from jaxrotor.sweeps import cluster as module
 from jaxrotor.sweeps.store import PENDING, Store, StoreError
 
 
-ROTOR = jr.load("limiter-rotor")
+STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=1e6)
+# A mass that meets one stop: of a larger rotor, every process would compile larger programs.
+ROTOR = one_disc(STOP, mass=10.0, damping=60.0, stiffness=1e5, speed=50.0, eccentricity=1e-4)
 OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 24), "start.angle": [0.0, 1.0, 2.0]}
 HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
 HOW |= {"lanes_per_chunk": 3}
