@@ -65,7 +65,7 @@ def test_too_many_lanes_are_refused():
 )
 def test_sweep_is_a_loop_of_simulations(over):
     observe = (*jr.observe.everything(), jr.observe.Contact())
-    ds = jr.sweep(ROTOR, over, start=RUB, observe=observe, **SHORT)
+    ds = jr.sweep(ROTOR, over, start=RUB, observe=observe, solver=jr.Exponential(), **SHORT)
     assert ds.index.dims == tuple(over)
     for point in itertools.product(*(range(len(v)) for v in over.values())):
         values = {path: over[path][i] for path, i in zip(over, point, strict=True)}
@@ -305,11 +305,12 @@ def test_large_eccentricity_escapes_to_the_rub_from_rest():
 
 @pytest.mark.slow
 def test_states_are_carried_up_and_down():
-    """The sweep is a loop of simulations, each from the end of the one before."""
+    """The sweep is a loop of simulations, each from the end of the one before, in all coordinates."""
     values = np.array([1e-4, 5e-4, 1e-3])
     over = {"start.angle": [0.0, 1.0], "unbalance.eccentricity": values}
     start = jr.Whirl(7e-3, rate=75.0)
-    found = jr.sweep(ROTOR, over, start=start, carry="unbalance.eccentricity", **SHORT)
+    how = SHORT | {"carry": "unbalance.eccentricity", "solver": jr.Exponential()}
+    found = jr.sweep(ROTOR, over, start=start, **how)
     assert found["index"].dims[:2] == ("branch", "unbalance.eccentricity")
     assert found["branch"].values.tolist() == ["up", "down"] and (found["status"] == 0).all()
     for angle in (0.0, 1.0):
