@@ -245,7 +245,8 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
         if _acts_on(column, coordinates.either):
             raise ValueError(
                 f"A contact or balls act at {float(at):g} m, where the rotor has no mass; put a Disc "
-                "there, or simulate whole revolutions without `solver` and a contact without friction."
+                "there. At constant speed a contact without friction can also be simulated by whole "
+                "revolutions if `solver` is left out."
             )
     steady = isinstance(scene.spin, ConstantSpeed)
     unbalance = system.load.unbalance

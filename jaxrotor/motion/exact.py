@@ -1,5 +1,7 @@
 """Exact motion of a linear rotor at constant speed, at any times."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -40,25 +42,36 @@ def exact_motion(
     Without a modal basis it is advanced from time to time, of one distance if they are `even`.
     """
     axes = FixedAxes.of(system, rate)
-    steady = _steady(system, axes)
-    phases = angle + system.spin.speed * times
-    deviation = axes.state(*begin) - steady(phases[0])
+    steady = _steady(system, axes, angle + system.spin.speed * times)
+    deviation = axes.state(*begin) - steady[0]
     if basis is None:
         states = _by_exponentials(axes.matrix, rate * jnp.diff(times), deviation, even=even)
     else:
-        states = _by_modes(basis, rate * times, deviation)
-    return jax.vmap(lambda state, phase: axes.coordinates(state + steady(phase)))(states, phases)
+        states = _by_modes(basis, rate * times, deviation, even=even)
+    return jax.vmap(axes.coordinates)(states + steady)
 
 
-def _by_modes(basis: ModalBasis | SlotBasis, times: Float[Array, " T"], begin: Array) -> Array:
-    """`V exp(L t) V^-1 Y`: free motion at all times."""
+def _by_modes(
+    basis: ModalBasis | SlotBasis, times: Float[Array, " T"], begin: Array, *, even: bool
+) -> Array:
+    """`V exp(L t) V^-1 Y`: free motion at all times.
+
+    At even times the exponentials are products `exp(L t_i) exp(L (t - t_i))`, of which twice as many are
+    computed as the root of the number of times.
+    """
     amplitudes = basis.inverse @ begin
-
-    def at(time: Scalar) -> Array:
-        flow, _ = basis.flow(time, jnp.zeros((amplitudes.size, 0), amplitudes.dtype), 0)
-        return unpacked(basis, basis.propagator(flow)(packed(amplitudes)))
-
-    return jax.vmap(at)(times) @ basis.vectors.T
+    none, count = jnp.zeros((amplitudes.size, 0), amplitudes.dtype), times.size
+    after = lambda time: basis.propagator(basis.flow(time, none, 0)[0])
+    at = jax.vmap(lambda time: after(time)(packed(amplitudes)))
+    if even:
+        length, block = (times[-1] - times[0]) / (count - 1), math.isqrt(count - 1) + 1
+        firsts = at(times[0] + length * block * jnp.arange(-(-count // block)))
+        within = jax.vmap(after)(length * jnp.arange(block))
+        grid = jax.vmap(lambda y: jax.vmap(lambda flow: flow(y))(within))(firsts)
+        states = grid.reshape(-1, grid.shape[-1])[:count]
+    else:
+        states = at(times)
+    return jax.vmap(lambda state: unpacked(basis, state))(states) @ basis.vectors.T
 
 
 def _by_exponentials(
@@ -75,21 +88,27 @@ def _by_exponentials(
     return jnp.concatenate([begin[None], jax.lax.scan(one, begin, lengths)[1]])
 
 
-def _steady(system: System, axes: FixedAxes):
-    """State of the steady response by the angle of rotation."""
-    speed = system.spin.speed
+def _steady(system: System, axes: FixedAxes, phases: Float[Array, " T"]) -> Inexact[Array, "T m"]:
+    """States of the steady response by the angles of rotation.
+
+    Each is a sum of a few states, so that no sine is taken for every coordinate.
+    """
+    speed, one = system.spin.speed, jnp.ones_like(phases)
+    parts: list[tuple[Array, Array]] = []  # values at all angles, and the state that they multiply
     if axes.equal:
         still, whirling = steady_response(system)
         none = jnp.zeros(system.n, complex)
-        rest = none if still is None else still + none
-        rest = axes.state(rest, none)
-        if whirling is None:
-            return lambda phase: rest
-        whirl = axes.state(whirling, 1j * speed * whirling)
-        return lambda phase: rest + whirl * jnp.exp(1j * phase)
-    frame = ConstantFrame.of(system, axes.rate)
-    rest = jnp.zeros(frame.matrix.shape[0]) if frame.still is None else frame.still
-    if frame.cos is None or frame.sin is None:
-        return lambda phase: rest
-    along, ahead = frame.cos, jnp.sign(speed) * frame.sin
-    return lambda phase: rest + jnp.cos(phase) * along + jnp.sin(phase) * ahead
+        if still is not None:
+            parts.append((one, axes.state(still + none, none)))
+        if whirling is not None:
+            parts.append((jnp.exp(1j * phases), axes.state(whirling, 1j * speed * whirling)))
+    else:
+        frame = ConstantFrame.of(system, axes.rate)
+        if frame.still is not None:
+            parts.append((one, frame.still))
+        if frame.cos is not None and frame.sin is not None:
+            parts += [(jnp.cos(phases), frame.cos), (jnp.sin(phases), jnp.sign(speed) * frame.sin)]
+    if not parts:
+        return jnp.zeros((phases.size, axes.matrix.shape[0]), axes.matrix.dtype)
+    values, states = (jnp.stack(each) for each in zip(*parts, strict=True))
+    return values.T @ states

@@ -53,7 +53,7 @@ class TimeHistory(eqx.Module):
         """Positions, velocities and accelerations of all moving parts, in the axes of the shaft."""
         if self.integrated is not None:
             return self.integrated
-        return _instants(self.scene, self.time, self.coordinates, self.rates)
+        return _instants(self.scene, self.time, self.angle, self.coordinates, self.rates)
 
     @property
     def imbalance(self) -> Complex[Array, " T"]:
@@ -94,16 +94,18 @@ def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "
 
 
 @compiled
-def _instants(scene: Scene, times: Array, coordinates: Array, rates: Array) -> Kinematics:
-    """Kinematics at the samples of a motion at constant speed, from angle zero on."""
-    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+def _instants(
+    scene: Scene, times: Array, angles: Array, coordinates: Array, rates: Array
+) -> Kinematics:
+    """Kinematics at the samples of a motion at constant speed."""
     speed, none = scene.spin.speed, jnp.zeros(0)
+    transient = Transient.of(scene, jnp.ones(()), angles[0] - speed * times[0])
 
-    def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
-        turn = jnp.exp(-1j * speed * time)
+    def instant(time: Scalar, angle: Scalar, q: Array, velocity: Array) -> Kinematics:
+        turn = jnp.exp(-1j * angle)
         r = turn * q
         drift = turn * velocity - 1j * speed * r
         state = RotatingState(plane(r), plane(drift), none, none, none, none)
         return transient.instant(time, state)
 
-    return jax.vmap(instant)(times, coordinates, rates)
+    return jax.vmap(instant)(times, angles, coordinates, rates)

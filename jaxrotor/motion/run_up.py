@@ -262,18 +262,19 @@ def _motion(
 ) -> _Motion:
     """Motion of a run in one program; what follows the integration would take longer than it outside."""
     run = integrate(scene, times, launch, stations, plan)
-    instants = run.instants
-    rates = instants.bodies_speed - instants.turning.speed[:, None]
-    pairs = zip(by_race(scene, instants.bodies), by_race(scene, rates), strict=True)
-    balls = tuple(Balls(*pair) for pair in pairs)
-    last: Any = jax.tree.map(lambda leaf: leaf[-1], (instants, balls))
+    balls: tuple[Balls, ...] = ()
+    if run.instants is not None:
+        rates = run.instants.bodies_speed - run.turning.speed[:, None]
+        pairs = zip(by_race(scene, run.instants.bodies), by_race(scene, rates), strict=True)
+        balls = tuple(Balls(*pair) for pair in pairs)
+    last: Any = jax.tree.map(lambda leaf: leaf[-1], (run.turning, balls))
     end, balls_at_end = last
     stops = isinstance(scene.spin, Drive) and scene.spin.stops
     state = {
         "shaft": Continued(run.seen.coordinates[-1], run.seen.rates[-1]),
-        "angle": end.turning.angle,
+        "angle": end.angle,
         "balls": balls_at_end,
-        "speed": end.turning.speed,
+        "speed": end.speed,
         "time": launch.time + times[-1],
         "stopped": jnp.isfinite(run.stopped) & stops,
     }
@@ -281,12 +282,12 @@ def _motion(
 
 
 def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeHistory:
-    instants = motion.run.instants
+    angle, speed, acceleration = motion.run.turning
     return TimeHistory(
         time=times,
-        angle=instants.turning.angle,
-        speed=instants.turning.speed,
-        acceleration=instants.turning.acceleration,
+        angle=angle,
+        speed=speed,
+        acceleration=acceleration,
         **motion.run.seen._asdict(),
         balls=motion.balls,
         stations=stations,
@@ -297,7 +298,7 @@ def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeH
         solver=name,
         steps_per_revolution=None,
         pilots=pilots,
-        integrated=instants,
+        integrated=motion.run.instants,
     )
 
 

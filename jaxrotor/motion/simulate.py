@@ -64,8 +64,8 @@ def simulate(
     Any scene is simulated: at constant speed by whole revolutions, at any speed along `times`, where it
     is `run_up(scene, times)`. What is drawn decides how it is stepped. Exponential steps take whole
     revolutions of all rotors but those with balls, or with unequal axes of which some turn and others do
-    not; these are integrated by the solver that `run_up` takes. A contact may act on a part without mass
-    if it has no friction, and no damping either where nothing damps that part.
+    not; these are integrated by the solver that `run_up` takes. By whole revolutions a contact may act on
+    a part without mass if it has no friction, and no damping either where nothing damps that part.
 
     Args:
         scene: the rotor; by `revolutions` at constant speed.

@@ -14,7 +14,7 @@ from ..core.extremes import larger
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
-from ..equations.kinematics import Kinematics, RotatingState
+from ..equations.kinematics import Kinematics, RotatingState, Turning
 from ..equations.massless_coordinates import Known
 from ..equations.rotating_frame import Transient
 from ..equations.start import Launch
@@ -22,7 +22,7 @@ from ..equations.system import System, has_massless
 from ..scene import Scene
 from ..solvers.control import step_control
 from ..spins.drive import Drive
-from .stepped import Stepping, stepped
+from .stepped import Stepping, stepped, turning
 
 
 def default_solver(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
@@ -109,7 +109,8 @@ class StationMotion(NamedTuple):
 class Integrated(NamedTuple):
     """A run: motion at the times, its success, and what tells whether steps of fixed size were enough."""
 
-    instants: Kinematics
+    turning: Turning
+    instants: Kinematics | None  # None where nothing was stepped, see `TimeHistory.instants`
     stopped: Scalar  # time of the last stop [s]
     good: Array
     seen: StationMotion
@@ -131,7 +132,8 @@ def integrate(
     instants = part.instants(field, times)
     seen = motion_of_stations(system, instants, stations)
     no = jnp.zeros((), bool), jnp.zeros(2)  # an error estimate tells where steps are too long
-    return Integrated(instants, part.stopped, part.good & _finite(instants), seen, *no)
+    good = part.good & _finite(instants)
+    return Integrated(instants.turning, instants, part.stopped, good, seen, *no)
 
 
 class Part(NamedTuple):
@@ -175,6 +177,12 @@ def _step(
     system, none = field.system, jnp.zeros(0)
     begin = launch.shaft.state(system, stations[0])
     path = stepped(system, plan, begin, launch.angle)
+    never, steps = jnp.asarray(jnp.inf), (path.touched, path.contact_stiffness_ratio)
+    if plan.exact:  # accelerations would take longer than the motion, and few ask for them
+        now = turning(system, times)
+        now = now._replace(angle=launch.angle + now.angle)
+        seen = _seen(system, path.q, path.velocity, now.speed, stations)
+        return Integrated(now, None, never, _finite(seen), seen, *steps)
 
     def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
         angle, speed, _ = system.spin.turning(time, system.blocks.polar)
@@ -185,8 +193,7 @@ def _step(
 
     instants = jax.vmap(instant)(times, path.q, path.velocity)
     seen = motion_of_stations(system, instants, stations)
-    steps = path.touched, path.contact_stiffness_ratio
-    return Integrated(instants, jnp.asarray(jnp.inf), _finite(instants), seen, *steps)
+    return Integrated(instants.turning, instants, never, _finite(instants), seen, *steps)
 
 
 def first_state(field: Transient, launch: Launch, station: Scalar, *, free: bool) -> RotatingState:
@@ -297,24 +304,32 @@ def _run_to_rest(
     return Part(done.path, done.senses, good, done.stopped, done.y, done.stays)
 
 
-def _finite(instants: Kinematics) -> Array:
+def _finite(motion: Kinematics | StationMotion) -> Array:
     """Whether all of a motion is finite."""
-    return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(instants)]))
+    return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(motion)]))
 
 
 def motion_of_stations(system: System, instants: Kinematics, stations: Array) -> StationMotion:
     """Motion of the stations and of all coordinates, and contact forces, in fixed axes."""
     turn = jnp.exp(1j * instants.turning.angle)[:, None]
-    r = turn * instants.r
     velocity = turn * jax.vmap(lambda now: now.velocity)(instants)
+    return _seen(system, turn * instants.r, velocity, instants.turning.speed, stations)
+
+
+def _seen(
+    system: System,
+    q: Complex[Array, "T n"],
+    velocity: Complex[Array, "T n"],
+    speed: Float[Array, " T"],
+    stations: Array,
+) -> StationMotion:
+    """Motion of the stations and forces of the contacts, by the coordinates and their rates."""
     rows, slopes = (jax.vmap(row)(stations) for row in (system.line.row, system.line.slope_row))
     forces = None
     if system.ports:
         ports = jnp.stack([port.row for port in system.ports])
         forces = jax.vmap(system.contact_forces)(
-            plane(r @ ports.T, axis=-1),
-            plane(velocity @ ports.T, axis=-1),
-            instants.turning.speed,
+            plane(q @ ports.T, axis=-1), plane(velocity @ ports.T, axis=-1), speed
         )
         forces = forces[..., 0] + 1j * forces[..., 1]
-    return StationMotion(r @ rows.T, velocity @ rows.T, r @ slopes.T, forces, r, velocity)
+    return StationMotion(q @ rows.T, velocity @ rows.T, q @ slopes.T, forces, q, velocity)

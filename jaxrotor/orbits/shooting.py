@@ -158,6 +158,10 @@ def differentiable(solver: Any, system: System) -> Exponential:
     """The solver; raise unless its steps include the jumps of their derivative at contacts."""
     if not isinstance(solver, Exponential):
         raise ValueError(f"`solver` of an orbit must be Exponential(..), but is {solver!r}.")
+    if solver.shapes is not None:
+        raise ValueError(
+            f"Orbits follow all coordinates of the rotor, but `shapes` is {solver.shapes!r}; leave it out."
+        )
     if not solver.located and any(law.kinked for port in system.ports for law in port.laws):
         raise ValueError(
             "Derivatives of a motion against sharp stops take located steps; give "

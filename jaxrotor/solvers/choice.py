@@ -52,7 +52,8 @@ def with_shapes(
 
     They are as many as the most demanding of some systems needs for an error below a tolerance, see
     `shape_errors`. All coordinates are followed where a system is traced, has no contact, or has
-    massless parts, or where `MOST` shapes or those but one are not enough.
+    massless parts, where a law of contact states no stiffness, and where neither `MOST` shapes nor one
+    fewer than the coordinates are enough.
 
     Args:
         solver: `Exponential`, or any other, which is left as it is.

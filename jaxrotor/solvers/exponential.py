@@ -41,8 +41,10 @@ class Exponential(eqx.Module):
     dense matrix exponential there and whenever parameters are traced.
 
     With contact at constant speed, the deviation from the steady response can be made up of a few
-    `shapes`, those that matter most for forces at the ports, see `Shapes`. "auto" takes as many as
-    `jr.sweep` and `jr.simulate` need for their `tolerance`, and elsewhere, as None does, all coordinates.
+    `shapes`, see `Shapes`: not modes, but those motions that forces at the contacts excite and that
+    contacts and stations see. "auto" takes as many as `jr.sweep` and `jr.simulate` need for their
+    `tolerance`, and elsewhere, as None does, all coordinates. What of the start is not made up of them is
+    lost, so they are for motions that go on in contact, not for the first revolutions.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)

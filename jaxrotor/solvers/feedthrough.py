@@ -10,6 +10,7 @@ from ..core.elimination import eliminated
 
 
 ITERATIONS = 6  # of Newton's method; one is exact while a stop stays pressed or free
+CONVERGED = 1e-8  # change of the force by a last iteration, relative to the force
 
 
 def force_through(
@@ -21,14 +22,19 @@ def force_through(
 
         N = (k g0 + d g0') / (1 + k D_0 + d D_v)
 
-    Derivatives are those of the solution, as the last iteration starts from it.
+    Derivatives are those of the solution, as the last iteration starts from it. Where the iterations do
+    not converge, as for a spring that is very steep beside what yields, the force is not a number.
     """
 
     def newton(force: Array) -> Array:
         place = seen + through @ force
         gain = jax.jacfwd(law)(place) @ through
-        return force + eliminated(jnp.eye(force.size) - gain, law(place) - force)
+        return force + eliminated(jnp.eye(force.size) - gain, law(place) - force, pivots=True)
 
     none = jnp.zeros(through.shape[1])
     near = jax.lax.fori_loop(0, ITERATIONS - 1, lambda _, force: newton(force), none)
-    return newton(jax.lax.stop_gradient(near))
+    near = jax.lax.stop_gradient(near)
+    force = newton(near)
+    change = jax.lax.stop_gradient(jnp.abs(force - near))
+    good = jnp.all(change <= CONVERGED * jnp.max(jnp.abs(near)))
+    return jnp.where(good, force, jnp.nan)

@@ -1,4 +1,4 @@
-"""Shapes: a few shapes of the rotor, of which its deviation from the steady response is made up."""
+"""Shapes: a few vectors, not modes, of which a rotor's deviation from its steady response is made up."""
 
 import math
 
@@ -15,7 +15,7 @@ from ..equations.pencil import Pencil, isotropic
 from ..equations.system import System
 
 
-GROWTH = 1 / (2 * math.pi)  # of the forces over the rate: by e in a revolution
+GROWTH = 1 / (2 * math.pi)  # rate at which test forces grow, over that of rotation: e a revolution
 BEYOND = 2.0  # highest frequency over that of rotation and of the rotor on its hardest stop
 RESPONSES = 12  # frequencies of the forces whose responses make the shapes
 TRIED = 48  # frequencies at which the error is taken
@@ -84,12 +84,14 @@ class Shapes(eqx.Module):
 def shape_errors(
     system: System, rate: Scalar, stations: Float[Array, " s"], most: int
 ) -> Float[Array, " most"]:
-    """Errors by 1 .. `most` shapes: of the motion of ports and stations, by that of a stop that presses.
+    """Errors by 1 .. `most` shapes: of motions of ports and stations, by that which a stop hinders.
 
         error = max_j |(H_k - H) (H + 1 / L)^-1|,   H = rows P(l_j)^-1 columns,   L = k + l_j c
 
-    `H` is the compliance of the rotor, `L` the stiffness of the hardest stop at each port. As stops are
-    soft beside the rotor in some motions and hard in others, the sum stands for both.
+    `H` is the compliance of the rotor, `L` the stiffness of the hardest stop at each port, and
+    `(H + 1 / L)^-1` the force by which a stop answers a motion that the rotor would have without it.
+    Responses to the start and to the unbalance are not in this error. It is not a number where a law
+    states no stiffness, as that of a `CubicSpring`, and infinite where no force moves a port.
     """
     rows = jax.vmap(system.line.row)(stations)
     shapes = Shapes.of(system, rate, rows, most)
@@ -112,7 +114,8 @@ def shape_errors(
             small = jnp.where(there[:, None] & there, left @ exact @ right, jnp.eye(len(left)))
             forced = jnp.where(there[:, None], left @ columns, 0.0)
             found = right @ jnp.linalg.solve(small, forced)
-            return jnp.max(jnp.abs(seen @ (found - compliance) @ pressed))
+            error = jnp.max(jnp.abs(seen @ (found - compliance) @ pressed))
+            return jnp.where(jnp.any(alive), error, jnp.inf)
 
         return jax.vmap(error)(jnp.arange(1, most + 1))
 
@@ -128,7 +131,7 @@ def _rows(system: System) -> Float[Array, "p n"]:
 
 
 def _roots(system: System, rate: Scalar, count: int) -> Complex[Array, " c"]:
-    """Growth rates of forces, up to `BEYOND` times the rate and the frequencies of the rotor on its stops.
+    """Complex frequencies of forces, up to `BEYOND` times the rate and the rotor's frequency on its stops.
 
     A force at a port finds the mass `1 / (row M^-1 column)` there. Real equations respond alike to a
     frequency and its negative.

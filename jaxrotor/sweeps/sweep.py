@@ -106,9 +106,9 @@ def sweep(
         store: folder in Zarr format that every chunk of lanes is written to as soon as it is done. A
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
-        solver: as in `simulate`. By default `Exponential(shapes="auto")`, which follows as many shapes
-            as `PILOT_LANES` lanes need, while `Exponential()` follows all coordinates; along `times`
-            Exponential(..) of order 2 with contact, else of order 4, where it can be taken.
+        solver: as in `simulate`. `Exponential(shapes="auto")` follows as many shapes as `PILOT_LANES`
+            lanes need. Along `times` it is by default Exponential(..) of order 2 with contact, else of
+            order 4, where it can be taken.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.
@@ -271,7 +271,6 @@ def _with_shapes(
     station, period, massless = settings
     if pace is not None:
         return solver, ()
-    solver = Exponential(shapes="auto") if solver is None else solver
     if not isinstance(solver, Exponential) or solver.shapes != "auto":
         return solver, ()
     whole = (assemble(scene) for scene, _ in lanes)

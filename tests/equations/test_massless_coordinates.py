@@ -315,6 +315,43 @@ def test_a_stop_on_a_port_that_yields():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+def test_a_port_that_yields_aslant():
+    """A force along the normal moves the port across its axes, as between cross-coupled springs."""
+    stop = jr.Limiter(0.0, TOWARDS, GAP, STOP)
+    yields = np.array([[1e-6, 4e-6], [-6e-6, 2e-6]])  # [m/N]
+    through = jnp.asarray(np.kron(yields, [[1.0], [0.0]]))
+    place = np.array([3 * GAP, GAP])
+
+    @jax.jit
+    def force(seen):
+        def law(seen):
+            d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
+            return stop.law()(d[:, 0], v[:, 0], jnp.zeros(()))
+
+        return force_through(law, seen, through)
+
+    out = np.array([np.cos(TOWARDS), np.sin(TOWARDS)])
+    depth = out @ place - GAP
+    expected = -STOP * depth / (1 + STOP * out @ yields @ out) * out
+    assert depth > 0
+    np.testing.assert_allclose(
+        force(jnp.stack([place, 0 * place], axis=1).ravel()), expected, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(("steep", "converges"), [(1e2, True), (1e12, False)])
+def test_a_spring_that_is_too_steep_for_the_iterations_is_no_number(steep, converges):
+    """`x + D k x^3 = x_0`, whose root numpy finds."""
+    yields, place = 1e-2, 2.0
+    law = lambda seen: -steep * seen**3
+    found = jax.jit(lambda x: force_through(law, x, jnp.full((1, 1), yields)))(jnp.array([place]))
+    (root,) = [x.real for x in np.roots([yields * steep, 0, 1, -place]) if abs(x.imag) < 1e-9]
+    if converges:
+        np.testing.assert_allclose(found, -steep * root**3, rtol=1e-7)
+    else:
+        assert np.isnan(found).all()
+
+
 def damped_by_hand(times, anisotropy, start):
     """Disc and ends with a stop on the damped ends, whose force slows them down at once."""
     out, c = np.exp(1j * TOWARDS), DAMPED + DAMPING
