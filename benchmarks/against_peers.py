@@ -120,10 +120,7 @@ class Method:
 
 def choices() -> dict[str, dict]:
     """Keywords of the exponential solvers there are, by name."""
-    found = {
-        f"jaxrotor order {order}": {"order": order, "shapes": "auto"}  # as a sweep takes by default
-        for order in (2, 4)
-    }
+    found = {f"jaxrotor order {order}": {"order": order, "shapes": "auto"} for order in (2, 4)}
     if "located" in {field.name for field in dataclasses.fields(jr.Exponential)}:
         located = {f"{name} located": how | {"located": True} for name, how in found.items()}
         found |= located

@@ -63,7 +63,7 @@ def goals(rows: list[dict], by_hand: list[dict], began: dict, target: float) -> 
     few = next((row["by"] for row in by_hand if "shapes" in row["by"]), "")
     for name, count in (("one core", 1), ("all cores", CORES)):
         ratio = cost(few, count) / cost("C++", count)
-        goal(f"4. time over C++ by few shapes, {name}", 1.0, ratio, at_most=True)
+        goal(f"4. time by few shapes over C++ in all coordinates, {name}", 1.0, ratio, at_most=True)
     goal("5. all cores over one core, sweep", 1.7, best("jaxrotor", f"workers {CORES}") / one)
     goal("5. all cores over one core, end states", 1.7, cost("jaxrotor", 1) / all_ours)
     goal("5. seconds of `jaxrotor sweep limiter-rotor`", 15, began["first s"], at_most=True)

@@ -165,8 +165,9 @@ def sweep(
         revolution_rate(scene, period)
     station = _station(scene, at)
     massless = None if pace is not None else massless_in_steps(scene, assemble(scene))[0]
-    solver, more = _with_shapes(pace, solver, few, (station, period, massless), tolerance)
-    pilots += more
+    if pace is None:
+        solver, more = _shapes_of_lanes(solver, few, station, period, massless, tolerance)
+        pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
     plan = Plan(
@@ -260,17 +261,15 @@ def _few_lanes(
     return [at_point(scene, start, dict(zip(paths, point, strict=True))) for point in points]
 
 
-def _with_shapes(
-    pace: Any,
+def _shapes_of_lanes(
     solver: Any,
     lanes: Sequence[tuple[Scene, AbstractStart]],
-    settings: tuple[jax.Array, float | None, Massless | None],
+    station: jax.Array,
+    period: float | None,
+    massless: Massless | None,
     tolerance: float | int,
 ) -> tuple[Any, tuple[Pilot, ...]]:
     """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
-    station, period, massless = settings
-    if pace is not None:
-        return solver, ()
     if not isinstance(solver, Exponential) or solver.shapes != "auto":
         return solver, ()
     whole = (assemble(scene) for scene, _ in lanes)
