@@ -6,6 +6,7 @@ import pytest
 import jaxrotor as jr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["two-discs", "two-discs-unequal"])
 def test_accelerations_are_the_slopes_of_the_velocities(name):
     """From an angle of its own, at uneven and at even times, by differences of fourth order."""
