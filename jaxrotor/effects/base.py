@@ -52,7 +52,7 @@ class Hardness(NamedTuple):
     stiffness: Scalar  # [N/m]
     damping: Scalar  # [N s/m]
     direction: Plane  # unit vector
-    friction: Scalar | float = 0.0  # coefficient [1]
+    friction: Scalar  # coefficient [1]
 
 
 class AbstractLaw(eqx.Module):

@@ -47,7 +47,7 @@ class CubicLaw(AbstractLaw):
     def hardness(self) -> Hardness:
         """Zero, as at the centre; elsewhere it is `3 k3 u^2`, which does not limit the steps."""
         zero = jnp.zeros_like(self.stiffness)
-        return Hardness(zero, zero, jnp.stack([self.cos, self.sin]))
+        return Hardness(zero, zero, jnp.stack([self.cos, self.sin]), zero)
 
     @property
     def kinked(self) -> bool:

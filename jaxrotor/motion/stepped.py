@@ -143,7 +143,7 @@ def check_steppable(scene: Scene, solver: Exponential, system: System | None = N
             f"Exponential() does not take this motion: {reason}; leave `solver` out, or name a diffrax "
             "one."
         )
-    if isinstance(solver.shapes, int):
+    if solver.shapes is not None:
         raise ValueError(
             "A few shapes are for whole revolutions, where the steady response is known; leave `shapes` "
             "out."

@@ -48,9 +48,9 @@ def with_shapes(
     stations: Array,
     tolerance: float | int,
 ) -> tuple[Any, tuple[Pilot, ...]]:
-    """The solver with its shapes "auto" decided, and the pilot that did, if so.
+    """The solver with its shapes decided, and the pilot that did, if they are "auto".
 
-    They are as many as the most demanding of some systems needs for an error below a tolerance, see
+    They are then as many as the most demanding of some systems needs for an error below a tolerance, see
     `shape_errors`. All coordinates are followed where a system is traced, has no contact, or has
     massless parts, where a law of contact states no stiffness, and where neither `MOST` shapes nor one
     fewer than the coordinates are enough.
@@ -65,9 +65,12 @@ def with_shapes(
     Returns:
         The solver and the pilots.
     """
-    if not isinstance(solver, Exponential) or solver.shapes != "auto":
+    if not isinstance(solver, Exponential) or solver.shapes is None:
         return solver, ()
     every = dataclasses.replace(solver, shapes=None)
+    if solver.shapes != "auto":
+        fewer = systems[0].ports and solver.shapes < systems[0].n
+        return solver if fewer else every, ()
     most = min(MOST, systems[0].n - 1)
     if not (systems[0].ports and most > 0) or systems[0].massless is not None:
         return every, ()

@@ -270,7 +270,7 @@ def _shapes_of_lanes(
     tolerance: float | int,
 ) -> tuple[Any, tuple[Pilot, ...]]:
     """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
-    if not isinstance(solver, Exponential) or solver.shapes != "auto":
+    if not isinstance(solver, Exponential) or solver.shapes is None:
         return solver, ()
     whole = (assemble(scene) for scene, _ in lanes)
     systems = [dataclasses.replace(system, massless=massless) for system in whole]

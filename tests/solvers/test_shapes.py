@@ -7,6 +7,7 @@ import pytest
 
 import jaxrotor as jr
 from jaxrotor.equations.constant_frame import linear_matrix
+from jaxrotor.solvers.choice import with_shapes
 from jaxrotor.solvers.shapes import Shapes, shape_errors
 
 
@@ -86,6 +87,24 @@ def test_shapes_are_counted_or_refused():
         jr.run_up(scene, np.linspace(0, 0.1, 5), solver=jr.Exponential(shapes=3))
 
 
+def test_orbits_refuse_shapes(rotor):
+    """Their direction of motion is that of all coordinates."""
+    solver = jr.Exponential(4, located=True, shapes=4)
+    with pytest.raises(ValueError, match="Orbits follow all coordinates of the rotor"):
+        jr.periodic(rotor[0], jr.Whirl(1e-3), revolutions=1, solver=solver)
+
+
+def test_stops_that_no_force_moves_leave_all_coordinates(rotor):
+    """At the clamped end no force moves the rotor; and a cubic spring states no stiffness."""
+    bare = rotor[0].without("limiters")
+    for contact in (jr.Limiter(0.0, 0.0, 1e-3, 1e6), jr.CubicSpring(TIP, 0.0, 1e9)):
+        scene = jr.Scene(bare.shaft, *bare.effects, contact, spin=bare.spin)
+        system = jr.assemble(scene)
+        given = jr.Exponential(shapes="auto"), [system], [scene.spin.speed]
+        solver, pilots = with_shapes(*given, jnp.array([TIP]), 1e-3)
+        assert solver.shapes is None and not pilots
+
+
 def test_without_contact_all_coordinates_are_followed():
     scene = jr.load("limiter-rotor").without("limiter")
     found = jr.simulate(scene, 1, 8, solver=jr.Exponential(shapes="auto"))
@@ -135,8 +154,8 @@ def test_a_sweep_takes_shapes_and_says_so(rotor):
     scene, _, _ = rotor
     run = {"start": jr.Whirl(12e-3, -441.0), "settle": 60, "keep": 20, "steps_per_revolution": 64}
     over = {"unbalance.eccentricity": np.array([0.0, 1e-6])}
-    few = jr.sweep(scene, over, error_sample=2, **run)
-    every = jr.sweep(scene, over, solver=jr.Exponential(), **run)
+    few = jr.sweep(scene, over, solver=jr.Exponential(shapes="auto"), error_sample=2, **run)
+    every = jr.sweep(scene, over, **run)
     assert "shapes=4" in few.attrs["solver"] and "4 shapes (error" in few.attrs["chosen"]
     assert "shapes" not in every.attrs["solver"] and "chosen" not in every.attrs
     np.testing.assert_allclose(few["whirl_rate"], every["whirl_rate"], rtol=0, atol=2e-4)
