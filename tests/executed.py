@@ -22,14 +22,23 @@ first = lambda value: float(value[0] if isinstance(value, tuple) else value)
 print(json.dumps({name: first(value) for name, value in found.items()}))"""
 
 
-def executed(path: Path, folder: Path) -> list:
-    """Code cells of a notebook that ran in a folder, in its quick version."""
+# Settings of the compiler for a notebook whose programs run longer than they take to compile.
+OPTIMISED = "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false"
+
+
+def executed(path: Path, folder: Path, flags: str | None = None) -> list:
+    """Code cells of a notebook that ran in a folder, in its quick version.
+
+    `flags` are settings of the compiler, by default those of the tests.
+    """
     notebook = nbformat.read(path, as_version=4)
     first, last = map(nbformat.v4.new_code_cell, (RARELY, TOLD))
     notebook.cells = [first, *notebook.cells, last]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("JAXROTOR_QUICK", "1")
         patch.setenv("PYTHONPATH", str(path.parent), prepend=os.pathsep)
+        if flags is not None:
+            patch.setenv("XLA_FLAGS", flags)
         patch.delenv("MPLBACKEND", raising=False)  # the kernel's own draws into the notebook
         resources = {"metadata": {"path": str(folder)}}
         NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()

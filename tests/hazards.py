@@ -5,6 +5,7 @@ compiler has its own settings there, as it has for a user: those of `conftest.py
 is looked for.
 """
 
+import gc
 import json
 import os
 import subprocess
@@ -142,7 +143,7 @@ def one_chunk() -> None:
     scene = jr.load("limiter-rotor").with_nodes(3)
     whole, parts = (
         jr.sweep(scene, eccentricity, **run, lanes_per_chunk=size, progress=False)
-        for size in (LANES, CHUNK)
+        for size in (LANES, LANES // 8)
     )
     assert set(whole) == set(parts)
     for name in whole:
@@ -360,4 +361,6 @@ FAILING = {
 }  # of which tests are sure
 
 if __name__ == "__main__":
+    gc.freeze()  # as in `conftest.py`
+    gc.set_threshold(50_000, 20, 50)
     _run(sys.argv[1:])

@@ -81,7 +81,7 @@ class Stepping(eqx.Module):
         solver, bases = self.solver, None
         all_known = all(known(leaf) for leaf in jax.tree.leaves((system, self.breaks)))
         if solver.basis == "modal" or (solver.basis == "auto" and all_known):
-            bases = _modal_bases(system, self)
+            bases = _modal_bases(system, self.breaks, self.span, self.speeds)
         if solver.basis == "auto":
             good = bases is not None and well_conditioned(bases.vectors)
             solver = dataclasses.replace(solver, basis="modal" if good else "dense")
@@ -95,14 +95,7 @@ class Stepping(eqx.Module):
 
     def centres(self, system: System) -> tuple[Float[Array, " w"], Scalar]:
         """Speeds at which the rotor is decomposed, and the rate by which time is scaled [rad/s]."""
-        if self.span is None:
-            speed = turning(system, self.breaks).speed
-            low, high = jnp.min(speed), jnp.max(speed)
-        else:
-            low, high = map(jnp.asarray, self.span)
-        share = (jnp.arange(self.speeds) + 0.5) / self.speeds
-        fastest = larger(jnp.abs(low), jnp.abs(high))
-        return low + share * (high - low), jnp.where(fastest > 0, fastest, 1.0)
+        return _centres(system, self.breaks, self.span, self.speeds)
 
 
 def stepping_of(
@@ -225,10 +218,29 @@ def steps_between(length: float, fastest: float, revolution: int) -> int:
     return max(1, math.ceil(float(revolution * length * fastest) / (2 * math.pi) - 1e-6))
 
 
+def _centres(
+    system: System, breaks: Array, span: tuple[Scalar, Scalar] | None, count: int
+) -> tuple[Float[Array, " w"], Scalar]:
+    """See `Stepping.centres`."""
+    if span is None:
+        speed = turning(system, breaks).speed
+        low, high = jnp.min(speed), jnp.max(speed)
+    else:
+        low, high = map(jnp.asarray, span)
+    share = (jnp.arange(count) + 0.5) / count
+    fastest = larger(jnp.abs(low), jnp.abs(high))
+    return low + share * (high - low), jnp.where(fastest > 0, fastest, 1.0)
+
+
 @compiled_quickly
-def _modal_bases(system: System, stepping: Stepping) -> Basis:
-    """Modal bases of the linear equations at all speeds of decomposition."""
-    centres, rate = stepping.centres(system)
+def _modal_bases(
+    system: System, breaks: Array, span: tuple[Scalar, Scalar] | None, count: int
+) -> Basis:
+    """Modal bases of the linear equations at all speeds of decomposition.
+
+    One program serves steps of any number and order, so it is not given the settings as a whole.
+    """
+    centres, rate = _centres(system, breaks, span, count)
     one = lambda speed: modal(linear_matrix(system.at_speed(speed), rate))
     return jax.lax.map(one, centres)
 

@@ -4,6 +4,9 @@
 
 The equations are in flexibility form: Galerkin's equations times the inverse of the stiffness, as in
 collocation. (Collocation of the kernel with shear has high modes that grow.)
+
+Every effect asks for rows and columns of its own; what computes them is compiled as a function, so that
+it is traced once for all effects.
 """
 
 import equinox as eqx
@@ -91,6 +94,7 @@ class ShearLine(AbstractLine):
 
     # --- energy
 
+    @eqx.filter_jit
     def _deflection(self, force: Array) -> Array:
         """Coordinates due to forces of Galerkin's equations, with a soft spring on each rigid motion."""
         energy = self.strain_energy
@@ -142,6 +146,7 @@ class ShearLine(AbstractLine):
         forms = jnp.einsum("gk,pkj,pjn->pgn", basis, self._to_legendre, self._places(which))
         return forms / self._widths[:, None, None] ** derivative
 
+    @eqx.filter_jit
     def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:
         span = jnp.searchsorted(self.ends[1:-1], at)
         local = (at - self.ends[span]) / self._widths[span]

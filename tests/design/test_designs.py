@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from executed import NOTEBOOKS, check_found, check_runs, executed, found
+from executed import NOTEBOOKS, OPTIMISED, check_found, check_runs, executed, found
 from scipy.optimize import brentq, minimize
 
 
@@ -36,7 +36,7 @@ FOUND = {
 def cells(tmp_path_factory):
     """Code cells of the notebook after its run."""
     (path,) = [path for path in NOTEBOOKS if path.stem == "06_design"]
-    return executed(path, tmp_path_factory.mktemp(path.stem))
+    return executed(path, tmp_path_factory.mktemp(path.stem), OPTIMISED)
 
 
 @pytest.fixture(scope="module")

@@ -123,6 +123,8 @@ def _stop(law, z, v, speed):
     """Force of one stop on the disc."""
     turn, blend, slip = law
     z, v = z / turn, v / turn
+    if z.real <= OFF["gap"]:
+        return 0.0
     normal, way = _pressure(z.real - OFF["gap"], v.real, blend), speed * OFF["rim_radius"] + v.imag
     if slip is None:
         way = np.sign(way)

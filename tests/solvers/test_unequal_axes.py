@@ -64,34 +64,58 @@ class ByHand:
         self.K = self.K + 1j * (one["skew_stiffness"] - w * one["circulatory"])
         self.unequal = [one[f"{axes}_{what}"] for axes in ("fixed", "rotating") for what in WHAT]
         self.inverse = np.linalg.inv(one["inertia"])
-        self.load = [np.asarray(system.load.constant), w**2 * np.asarray(system.load.unbalance)]
-        self.stops = scene.of(jr.Limiter)
+        # The field is linear in the state: its matrices are taken from `linear` once.
+        unit = np.eye(4 * self.n)
+        still, turning = self.linear(unit)
+        self.matrix = self.pushed(still)
+        self.matrix[: 2 * self.n] = unit[2 * self.n :]
+        self.turning = [self.pushed(turning), self.pushed(1j * turning)]
+        load = w**2 * np.asarray(system.load.unbalance)
+        self.weight = self.pushed(np.asarray(system.load.constant))
+        self.unbalance = [self.pushed(load), self.pushed(1j * load)]
+        names = ("angle", "gap", "stiffness", "damping", "friction", "rim_radius")
+        stops = [[float(getattr(stop, name)) for name in names] for stop in scene.of(jr.Limiter)]
+        self.stops = [(np.exp(1j * angle), *law) for angle, *law in stops]
         if self.stops:
-            self.row, self.column = map(np.asarray, (system.ports[0].row, system.ports[0].column))
+            self.row, column = map(np.asarray, (system.ports[0].row, system.ports[0].column))
+            self.push = [self.pushed(column), self.pushed(1j * column)]
+
+    def linear(self, y):
+        """Forces that the state gives, and those that turn by `exp(2 i Omega t)`."""
+        x, y, u, v = np.split(y, 4)
+        q, rate = x + 1j * y, u + 1j * v
+        damping, stiffness, turning_damping, turning_stiffness = self.unequal
+        still = -self.C @ rate - self.K @ q - damping @ rate.conj() - stiffness @ q.conj()
+        drift = rate - 1j * self.speed * q
+        return still, -turning_damping @ drift.conj() - turning_stiffness @ q.conj()
+
+    def pushed(self, force):
+        """Change of the state by forces."""
+        a = self.inverse @ force
+        return np.concatenate([0 * a.real, 0 * a.real, a.real, a.imag])
 
     def contact(self, z, v):
-        force = 0.0
-        for stop in self.stops:
-            normal = np.exp(1j * float(stop.angle))
-            depth, rate = (z / normal).real - float(stop.gap), (v / normal).real
-            push = float(stop.stiffness) * depth + float(stop.damping) * rate
-            if depth > 0 and push > 0:
-                slip = (v / normal).imag + self.speed * float(stop.rim_radius)
-                force -= push * normal * (1 + 1j * float(stop.friction) * np.sign(slip))
-        return force
+        total = 0j
+        for normal, gap, stiffness, damping, friction, rim in self.stops:
+            depth = (z / normal).real - gap
+            if depth > 0:
+                push = stiffness * depth + damping * (v / normal).real
+                slip = (v / normal).imag + self.speed * rim
+                total -= max(push, 0.0) * normal * (1 + 1j * friction * np.sign(slip))
+        return total
 
     def __call__(self, t, y):
-        x, y, u, v = np.split(y, 4)
-        q, rate, turn = x + 1j * y, u + 1j * v, np.exp(1j * self.speed * t)
-        r, drift = q / turn, (rate - 1j * self.speed * q) / turn
-        damping, stiffness, turning_damping, turning_stiffness = self.unequal
-        force = self.load[0] + self.load[1] * turn - self.C @ rate - self.K @ q
-        force = force - damping @ rate.conj() - stiffness @ q.conj()
-        force = force - turn * (turning_damping @ drift.conj() + turning_stiffness @ r.conj())
+        turn, n = np.exp(1j * self.speed * t), self.n
+        twice = turn**2
+        change = self.matrix @ y + self.weight
+        change += twice.real * (self.turning[0] @ y) + twice.imag * (self.turning[1] @ y)
+        change += turn.real * self.unbalance[0] + turn.imag * self.unbalance[1]
         if self.stops:
-            force = force + self.column * self.contact(self.row @ q, self.row @ rate)
-        change = self.inverse @ force
-        return np.concatenate([u, v, change.real, change.imag])
+            z, v = (self.row @ a + 1j * (self.row @ b) for a, b in y.reshape(2, 2, n))
+            force = self.contact(z, v)
+            if force:
+                change += force.real * self.push[0] + force.imag * self.push[1]
+        return change
 
     def map(self, seconds, start, **options):
         """State `(x, y, x., y.)` at the end of a run."""
