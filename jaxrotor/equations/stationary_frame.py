@@ -3,6 +3,8 @@
 Axes are fixed in space, see docs/concepts/frames.md.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
@@ -78,7 +80,7 @@ class Motion(eqx.Module):
             "unbalance": (load.unbalance_force(s), 1.0),  # `s` is the speed by the angle
             "columns": (columns, 1 / rate**2),
         }
-        invert = jnp.linalg.inv
+        invert: Any = jnp.linalg.inv
         if system.massless is not None:
             invert = MasslessCoordinates.known(system.massless[:2]).inverse
         inverse = invert(blocks.inertia)

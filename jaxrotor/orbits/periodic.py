@@ -118,7 +118,7 @@ def periodic(
         rate, whole = revolution_rate(scene, None), jnp.asarray(2 * jnp.pi)
         start = start_of(guess).state(system, stations[0])
         first = OrbitGuess(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
-    finder = NewtonByTrial(optx.Newton(tolerance, tolerance)) if finder is None else finder
+    finder = NewtonByTrial(tolerance, tolerance) if finder is None else finder
     chosen: Any = choose(solver, system, first.rate, first.start)
     settings = chosen, together, finder, tolerance
     traced = not all(map(known, jax.tree.leaves((system, first))))

@@ -6,6 +6,7 @@
 motion in the guess.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -214,19 +215,13 @@ class NewtonByTrial(optx.AbstractRootFinder):
     `jax.linearize`, by which the method of optimistix has it, would trace the trial three times.
     """
 
-    newton: optx.Newton
+    rtol: float
+    atol: float
+    norm: Callable = optx.max_norm
 
     @property
-    def rtol(self):
-        return self.newton.rtol
-
-    @property
-    def atol(self):
-        return self.newton.atol
-
-    @property
-    def norm(self):
-        return self.newton.norm
+    def newton(self) -> optx.Newton:
+        return optx.Newton(self.rtol, self.atol, self.norm)
 
     def init(self, fn, y, args, options, f_struct, aux_struct, tags):
         return self.newton.init(fn, y, args, options, f_struct, aux_struct, tags)
