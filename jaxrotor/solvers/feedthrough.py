@@ -10,7 +10,7 @@ from ..core.elimination import eliminated
 
 
 ITERATIONS = 6  # of Newton's method; one is exact while a stop stays pressed or free
-CONVERGED = 1e-8  # change of the force by a last iteration, relative to the force
+CONVERGED = 1e-8  # what the last iteration moves the ports by, relative to where they are
 
 
 def force_through(
@@ -35,6 +35,8 @@ def force_through(
     near = jax.lax.fori_loop(0, ITERATIONS - 1, lambda _, force: newton(force), none)
     near = jax.lax.stop_gradient(near)
     force = newton(near)
-    change = jax.lax.stop_gradient(jnp.abs(force - near))
-    good = jnp.all(change <= CONVERGED * jnp.max(jnp.abs(near)))
-    return jnp.where(good, force, jnp.nan)
+    moved, at = (
+        jnp.abs(x).reshape(-1, 2) for x in (through @ (force - near), seen + through @ force)
+    )
+    good = jnp.all(moved <= CONVERGED * jnp.max(at, axis=0))  # in displacements, and in velocities
+    return jnp.where(jax.lax.stop_gradient(good), force, jnp.nan)

@@ -343,8 +343,9 @@ def test_a_port_that_yields_aslant():
 def test_a_spring_that_is_too_steep_for_the_iterations_is_no_number(steep, converges):
     """`x + D k x^3 = x_0`, whose root numpy finds."""
     yields, place = 1e-2, 2.0
-    law = lambda seen: -steep * seen**3
-    found = jax.jit(lambda x: force_through(law, x, jnp.full((1, 1), yields)))(jnp.array([place]))
+    law = lambda seen: -steep * seen[:1] ** 3
+    through = jnp.array([[yields], [0.0]])
+    found = jax.jit(lambda x: force_through(law, x, through))(jnp.array([place, 0.0]))
     (root,) = [x.real for x in np.roots([yields * steep, 0, 1, -place]) if abs(x.imag) < 1e-9]
     if converges:
         np.testing.assert_allclose(found, -steep * root**3, rtol=1e-7)
