@@ -35,8 +35,7 @@ def force_through(
     near = jax.lax.fori_loop(0, ITERATIONS - 1, lambda _, force: newton(force), none)
     near = jax.lax.stop_gradient(near)
     force = newton(near)
-    moved, at = (
-        jnp.abs(x).reshape(-1, 2) for x in (through @ (force - near), seen + through @ force)
-    )
-    good = jnp.all(moved <= CONVERGED * jnp.max(at, axis=0))  # in displacements, and in velocities
+    along_axes = lambda change: jnp.abs(change).reshape(2, 2, -1)  # displacements, then velocities
+    moved, at = along_axes(through @ (force - near)), along_axes(seen + through @ force)
+    good = jnp.all(moved <= CONVERGED * jnp.max(at, axis=(0, 2), keepdims=True))
     return jnp.where(jax.lax.stop_gradient(good), force, jnp.nan)

@@ -343,9 +343,10 @@ def test_a_port_that_yields_aslant():
 def test_a_spring_that_is_too_steep_for_the_iterations_is_no_number(steep, converges):
     """`x + D k x^3 = x_0`, whose root numpy finds."""
     yields, place = 1e-2, 2.0
-    law = lambda seen: -steep * seen[:1] ** 3
-    through = jnp.array([[yields], [0.0]])
-    found = jax.jit(lambda x: force_through(law, x, through))(jnp.array([place, 0.0]))
+    law = lambda seen: -steep * seen[::2] ** 3
+    through = jnp.kron(yields * jnp.eye(2), jnp.array([[1.0], [0.0]]))
+    seen = jnp.array([place, 0.0, 0.0, 0.0])
+    found = jax.jit(lambda seen: force_through(law, seen, through)[:1])(seen)
     (root,) = [x.real for x in np.roots([yields * steep, 0, 1, -place]) if abs(x.imag) < 1e-9]
     if converges:
         np.testing.assert_allclose(found, -steep * root**3, rtol=1e-7)
