@@ -215,9 +215,9 @@ class NewtonByTrial(optx.AbstractRootFinder):
     `jax.linearize`, by which the method of optimistix has it, would trace the trial three times.
     """
 
-    rtol: float
-    atol: float
-    norm: Callable = optx.max_norm
+    rtol: float = eqx.field(static=True)
+    atol: float = eqx.field(static=True)
+    norm: Callable = eqx.field(static=True, default=optx.max_norm)
 
     @property
     def newton(self) -> optx.Newton:

@@ -157,8 +157,8 @@ def sweep(
         run = {"solver": solver, "controller": controller, "at": at, "period": period}
         pilots += (_chosen_steps(few, settle + keep, tolerance, run | {"max_steps": max_steps}),)
         steps_per_revolution = pilots[-1].setting
-    steps, pacing = steps_per_revolution, (along, period)
-    pace = pace_of(scene, start, columns, pacing, solver, controller, (steps, max_steps))
+    steps = steps_per_revolution
+    pace = pace_of(scene, start, columns, (along, period), solver, controller, (steps, max_steps))
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
@@ -184,9 +184,8 @@ def sweep(
         massless=massless,
     )
     lanes = scene, start, tuple(columns), plan, station, period
-    context = Context(*lanes, observe, settle, keep, pace)
-    job = Job(context, axes, carry, Stages.fresh())
-    attributes = identity(context) | chosen(pilots) | {"carry": carry or "none"}
+    job = Job(Context(*lanes, observe, settle, keep, pace), axes, carry, Stages.fresh())
+    attributes = identity(job.context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
         place = _place(store, job, attributes, lanes_per_chunk, running.count)
         return _run(job, place, error_sample, lanes_per_chunk, running, progress)
