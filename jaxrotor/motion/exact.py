@@ -1,7 +1,5 @@
 """Exact motion of a linear rotor at constant speed, at any times."""
 
-import math
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -47,31 +45,19 @@ def exact_motion(
     if basis is None:
         states = _by_exponentials(axes.matrix, rate * jnp.diff(times), deviation, even=even)
     else:
-        states = _by_modes(basis, rate * times, deviation, even=even)
+        states = _by_modes(basis, rate * times, deviation)
     return jax.vmap(axes.coordinates)(states + steady)
 
 
-def _by_modes(
-    basis: ModalBasis | SlotBasis, times: Float[Array, " T"], begin: Array, *, even: bool
-) -> Array:
-    """`V exp(L t) V^-1 Y`: free motion at all times.
-
-    At even times the exponentials are products `exp(L t_i) exp(L (t - t_i))`, of which twice as many are
-    computed as the root of the number of times.
-    """
+def _by_modes(basis: ModalBasis | SlotBasis, times: Float[Array, " T"], begin: Array) -> Array:
+    """`V exp(L t) V^-1 Y`: free motion at all times."""
     amplitudes = basis.inverse @ begin
-    none, count = jnp.zeros((amplitudes.size, 0), amplitudes.dtype), times.size
-    after = lambda time: basis.propagator(basis.flow(time, none, 0)[0])
-    at = jax.vmap(lambda time: after(time)(packed(amplitudes)))
-    if even:
-        length, block = (times[-1] - times[0]) / (count - 1), math.isqrt(count - 1) + 1
-        firsts = at(times[0] + length * block * jnp.arange(-(-count // block)))
-        within = jax.vmap(after)(length * jnp.arange(block))
-        grid = jax.vmap(lambda y: jax.vmap(lambda flow: flow(y))(within))(firsts)
-        states = grid.reshape(-1, grid.shape[-1])[:count]
-    else:
-        states = at(times)
-    return jax.vmap(lambda state: unpacked(basis, state))(states) @ basis.vectors.T
+
+    def at(time: Scalar) -> Array:
+        flow, _ = basis.flow(time, jnp.zeros((amplitudes.size, 0), amplitudes.dtype), 0)
+        return unpacked(basis, basis.propagator(flow)(packed(amplitudes)))
+
+    return jax.vmap(at)(times) @ basis.vectors.T
 
 
 def _by_exponentials(
