@@ -1,6 +1,5 @@
 """Settings every test runs under: double precision, and pictures without a window."""
 
-import gc
 import os
 import signal
 from pathlib import Path
@@ -15,6 +14,7 @@ os.environ.setdefault(
 )
 
 import durations  # noqa: E402
+import garbage  # noqa: E402
 import jax  # noqa: E402
 import pytest  # noqa: E402
 from hard import table  # noqa: E402
@@ -75,9 +75,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish():
-    """Tracing makes millions of objects that stay: searching them for garbage is a tenth of the time."""
-    gc.freeze()
-    gc.set_threshold(50_000, 20, 50)
+    garbage.collect_rarely()
 
 
 def pytest_itemcollected(item):

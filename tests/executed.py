@@ -6,6 +6,7 @@ import os
 import re
 from pathlib import Path
 
+import garbage
 import nbformat
 import pytest
 from nbclient import NotebookClient
@@ -14,8 +15,6 @@ from nbclient import NotebookClient
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 DRAWS = re.compile(r"\bplot\.\w+\(|\bplt\.subplots\(")
 PNG = b"\x89PNG\r\n\x1a\n"
-# Run before the first cell, since tracing makes millions of objects that stay; see `conftest.py`.
-RARELY = "import gc; gc.set_threshold(50_000, 20, 50)"
 # Run after the last cell: numbers the notebook has found, of 01 each with its reference.
 TOLD = """import json
 first = lambda value: float(value[0] if isinstance(value, tuple) else value)
@@ -32,7 +31,7 @@ def executed(path: Path, folder: Path, flags: str | None = None) -> list:
     `flags` are settings of the compiler, by default those of the tests.
     """
     notebook = nbformat.read(path, as_version=4)
-    first, last = map(nbformat.v4.new_code_cell, (RARELY, TOLD))
+    first, last = map(nbformat.v4.new_code_cell, (garbage.CODE, TOLD))
     notebook.cells = [first, *notebook.cells, last]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("JAXROTOR_QUICK", "1")

@@ -5,7 +5,6 @@ compiler has its own settings there, as it has for a user: those of `conftest.py
 is looked for.
 """
 
-import gc
 import json
 import os
 import subprocess
@@ -15,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 
 import diffrax as dfx
+import garbage
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -143,7 +143,7 @@ def one_chunk() -> None:
     scene = jr.load("limiter-rotor").with_nodes(3)
     whole, parts = (
         jr.sweep(scene, eccentricity, **run, lanes_per_chunk=size, progress=False)
-        for size in (LANES, LANES // 8)
+        for size in (LANES, CHUNK)
     )
     assert set(whole) == set(parts)
     for name in whole:
@@ -361,6 +361,5 @@ FAILING = {
 }  # of which tests are sure
 
 if __name__ == "__main__":
-    gc.freeze()  # as in `conftest.py`
-    gc.set_threshold(50_000, 20, 50)
+    garbage.collect_rarely()
     _run(sys.argv[1:])

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -152,12 +152,12 @@ def sweep(
     axes = checked_axes(scene, start, over, period, revolve=along is None)
     columns = values_by_path(over, axes)
     scene = with_shared_nodes(scene, columns)
-    few = _few_lanes(scene, start, axes, tuple(columns))
-    if steps_per_revolution == "auto":
-        run = {"solver": solver, "controller": controller, "at": at, "period": period}
-        pilots += (_chosen_steps(few, settle + keep, tolerance, run | {"max_steps": max_steps}),)
-        steps_per_revolution = pilots[-1].setting
+    pilot_lanes = functools.partial(_few_lanes, scene, start, axes, tuple(columns))
     steps = steps_per_revolution
+    if steps == "auto":
+        how = dict(solver=solver, controller=controller, at=at, period=period, max_steps=max_steps)
+        pilots += (_chosen_steps(pilot_lanes(), settle + keep, tolerance, how),)
+        steps = pilots[-1].setting
     pace = pace_of(scene, start, columns, (along, period), solver, controller, (steps, max_steps))
     if along is not None:
         settle, keep, steps = windows_of(along)
@@ -166,7 +166,7 @@ def sweep(
     station = _station(scene, at)
     massless = None if pace is not None else massless_in_steps(scene, assemble(scene))[0]
     if pace is None:
-        solver, more = _shapes_of_lanes(solver, few, station, period, massless, tolerance)
+        solver, more = _shapes_of_lanes(solver, pilot_lanes, station, period, massless, tolerance)
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
@@ -262,7 +262,7 @@ def _few_lanes(
 
 def _shapes_of_lanes(
     solver: Any,
-    lanes: Sequence[tuple[Scene, AbstractStart]],
+    pilot_lanes: Callable[[], list[tuple[Scene, AbstractStart]]],
     station: jax.Array,
     period: float | None,
     massless: Massless | None,
@@ -271,9 +271,9 @@ def _shapes_of_lanes(
     """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
     if not isinstance(solver, Exponential) or solver.shapes is None:
         return solver, ()
-    whole = (assemble(scene) for scene, _ in lanes)
-    systems = [dataclasses.replace(system, massless=massless) for system in whole]
-    rates = [revolution_rate(scene, period) for scene, _ in lanes]
+    scenes = [scene for scene, _ in pilot_lanes()]
+    systems = [dataclasses.replace(assemble(scene), massless=massless) for scene in scenes]
+    rates = [revolution_rate(scene, period) for scene in scenes]
     return with_shapes(solver, systems, rates, station[None], tolerance)
 
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import diffrax as dfx
+import garbage
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -371,9 +372,10 @@ def test_period_one_contact_does_not_drift(record_property):
 @pytest.mark.hard("6.1 single precision")
 def test_single_precision_runs_and_says_so(record_property):
     """With JAX_ENABLE_X64=0: the onset to 1e-2, a short rub to 1e-2, the data set says float32."""
-    code = """
-import gc, numpy as np, jaxrotor as jr
-gc.freeze(), gc.set_threshold(50_000, 20, 50)
+    code = (
+        f"{garbage.CODE}\n"
+        + """
+import numpy as np, jaxrotor as jr
 scene = jr.load("limiter-rotor").with_nodes(4)
 onset = float(jr.onset_speed(scene).speed)
 r = jr.simulate(scene, 5, 256, start=jr.Whirl(0.0084, -441.57))
@@ -381,6 +383,7 @@ print(r.displacement.dtype, onset, abs(complex(r.displacement[-1, 0])))
 ds = jr.sweep(scene, {"unbalance.eccentricity": [1e-4]}, settle=1, keep=1, steps_per_revolution=32)
 print(ds.attrs["precision"])
 """
+    )
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | {"JAX_ENABLE_X64": "0"},

@@ -439,15 +439,10 @@ def test_places_without_balls_do_nothing():
     start = launch((PSI0[0], np.append(PSI0[1], 2.5)))
     tau, ends = np.linspace(5, 10, 9), np.array([0, 8])
     one, other = run(balancer(), tau), run(padded, tau, start)
-    moved, angles = (
-        [np.asarray(x)[ends] for x in pair]
-        for pair in (
-            (one.displacement, other.displacement),
-            (one.balls[1].angle, other.balls[1].angle),
-        )
-    )
+    moved = [run.displacement[ends] for run in (one, other)]
+    angles = [run.balls[1].angle[ends, :3] for run in (one, other)]
     assert np.allclose(*moved, rtol=0, atol=1e-13)
-    assert np.allclose(angles[0], angles[1][:, :3], rtol=0, atol=1e-10)
+    assert np.allclose(*angles, rtol=0, atol=1e-10)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import diffrax as dfx
+import garbage
 import numpy as np
 import pytest
 import xarray as xr
@@ -263,9 +264,10 @@ def test_other_folders_are_refused(tmp_path):
 # It loads the library once, and forks a process for every store that it is told; no program of jax
 # has run before.
 MOST_KILLS = 4
-SCRIPT = """
-import gc, os, sys, numpy as np, xarray as xr, zarr, jaxrotor as jr, jaxrotor.sweeps.store
-gc.freeze(), gc.set_threshold(50_000, 20, 50)
+SCRIPT = (
+    f"{garbage.CODE}\n"
+    + """
+import os, sys, numpy as np, xarray as xr, zarr, jaxrotor as jr, jaxrotor.sweeps.store
 run, load, whirl = jr.sweep, jr.load, jr.Whirl
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 32), "start.angle": [0.0, 1.0, 2.0]}
 how = {"settle": 3, "keep": 2, "steps_per_revolution": 32, "lanes_per_chunk": 3, "workers": 1}
@@ -277,6 +279,7 @@ for line in sys.stdin:
     run(load(sys.argv[1]), over, start=whirl(7e-3, 75.0), **how, store=line.strip())
     os._exit(0)
 """
+)
 
 
 @pytest.mark.slow
