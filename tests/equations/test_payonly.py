@@ -347,6 +347,7 @@ def test_linear_scene_skips_in_closed_form(basis):
         "coordinates": False,
         "together": (),
         "batch": False,
+        "massless": None,
     }
     assert fields == set(settings)
     scene = bare(DISC, ExternalDamping(8.0), Unbalance(LENGTH, MASS, 1e-4))
