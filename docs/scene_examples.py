@@ -174,6 +174,8 @@ slip = "0.1 m/s"
         '[disc_damping]\nat = "0.4 m"\ntranslational = "100 N s/m"\nangular = "5 N m s"\n'
     ],
     "internal_damping": ['[internal_damping]\nvoigt_time = "0.2 ms"\n'],
+    "rayleigh_damping": ['[rayleigh_damping]\nmass = "6 1/s"\nstiffness = "20 us"\n'],
+    "modal_damping": ["[modal_damping]\nratios = [0.01, 0.02]              # of the first modes\n"],
     "hysteretic_damping": ["[hysteretic_damping]\nloss_factor = 0.01\n"],
     "ball_balancer": [
         """\

@@ -85,6 +85,8 @@ from .effects import (
     HystereticDamping as HystereticDamping,
     InternalDamping as InternalDamping,
     Limiter as Limiter,
+    ModalDamping as ModalDamping,
+    RayleighDamping as RayleighDamping,
     Support as Support,
     Unbalance as Unbalance,
 )

@@ -17,6 +17,8 @@ from jaxrotor import (
     InternalDamping,
     Limiter,
     MasslessShaft,
+    ModalDamping,
+    RayleighDamping,
     Scene,
     Support,
     Unbalance,
@@ -118,6 +120,8 @@ EFFECTS = [
     ExternalDamping(8.0),
     DiscDamping(LENGTH, 0.6, 0.05),
     InternalDamping(2e-4),
+    RayleighDamping(4.0, 3e-5),
+    ModalDamping([0.02, 0.01]),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
     CubicSpring(LENGTH, 0.6, 1e9),
     Support(
@@ -142,6 +146,8 @@ STRENGTHS = {
     "external_damping": ("per_length",),
     "disc_damping": ("translational", "angular"),
     "internal_damping": ("voigt_time",),
+    "rayleigh_damping": ("mass", "stiffness"),
+    "modal_damping": ("ratios",),
     "limiter": ("stiffness", "damping"),
     "cubic_spring": ("stiffness",),
     "support": (

@@ -5,6 +5,7 @@ from .base import (
     AbstractBetween as AbstractBetween,
     AbstractBodies as AbstractBodies,
     AbstractContact as AbstractContact,
+    AbstractDamping as AbstractDamping,
     AbstractEffect as AbstractEffect,
     AbstractLaw as AbstractLaw,
     AbstractLinear as AbstractLinear,
@@ -17,5 +18,7 @@ from .gravity import Gravity as Gravity
 from .hysteretic_damping import HystereticDamping as HystereticDamping
 from .internal_damping import InternalDamping as InternalDamping
 from .limiter import Limiter as Limiter
+from .modal_damping import ModalDamping as ModalDamping
+from .rayleigh_damping import RayleighDamping as RayleighDamping
 from .support import Support as Support
 from .unbalance import Unbalance as Unbalance

@@ -38,6 +38,18 @@ class AbstractLinear(AbstractEffect):
         """Blocks of this effect."""
 
 
+class AbstractDamping(AbstractEffect):
+    """Effect that damps the rotor in proportion to the inertia and stiffness that other parts give it."""
+
+    @abc.abstractmethod
+    def damping(self, line: AbstractLine, blocks: Blocks, motion: Blocks) -> Blocks:
+        """Blocks of this effect.
+
+        `blocks` are those of the shaft and of all linear effects, with the rows of `line`. `motion` are
+        the same in the equations of motion; they differ where the rows of `line` are virtual work.
+        """
+
+
 class AbstractLoad(AbstractEffect):
     """Effect that adds a constant or synchronous load."""
 

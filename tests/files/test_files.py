@@ -281,7 +281,9 @@ def every_effect() -> Scene:
     for cls in kinds().values():
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
-            numbers = {name: rng.random() / 3 for name in names}
+            numbers: dict = {name: rng.random() / 3 for name in names}
+            if "ratios" in numbers:
+                numbers["ratios"] = [rng.random() / 3 for _ in range(3)]
             if "ball_radius" in numbers:  # must be below the race radius
                 numbers["ball_radius"] = numbers["race_radius"] / 7
             for name in ANOTHER_WAY.get(cls, ()):
