@@ -109,6 +109,25 @@ mass = "80 kg"                     # of the rotor
 speed = "3000 rpm"                 # of service; that of a constant [spin] unless given
 """
     ],
+    "casing": [
+        """\
+[casing]                           # a housing, a pedestal, a frame: a mass that does not tilt
+name = "pedestal"
+mass = "40 kg"
+
+[[support]]                        # bearing between shaft and pedestal
+at = "0.1 m"
+stiffness = "80 MN/m"
+on = "pedestal"
+
+[[support]]                        # foundation between pedestal and ground
+of = "pedestal"
+kxx = "200 MN/m"
+kyy = "120 MN/m"
+cxx = "1e4 N s/m"
+cyy = "1e4 N s/m"
+"""
+    ],
     "support": [
         """\
 [[support]]                        # as bearing reports print it
@@ -142,6 +161,20 @@ damping = "500 N s/m"
 damping_anisotropy = 0.1
 damping_angle = "0 deg"
 cross_damping = "0 N s/m"
+""",
+        """\
+[[casing]]                         # a bearing on a pedestal, which stands on a foundation
+name = "pedestal"
+mass = "40 kg"
+
+[[support]]
+at = "0.1 m"
+stiffness = "80 MN/m"
+on = "pedestal"                    # in place of the ground
+
+[[support]]
+of = "pedestal"                    # in place of the shaft
+stiffness = "200 MN/m"
 """,
     ],
     "limiter": [

@@ -77,6 +77,7 @@ from .design import (
 from .effects import (
     BallBalancer as BallBalancer,
     BallContact as BallContact,
+    Casing as Casing,
     CubicSpring as CubicSpring,
     Disc as Disc,
     DiscDamping as DiscDamping,

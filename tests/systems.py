@@ -6,6 +6,7 @@ import numpy as np
 from jaxrotor import (
     BallBalancer,
     BallContact,
+    Casing,
     ConstantSpeed,
     CubicSpring,
     Disc,
@@ -139,7 +140,9 @@ ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
     BallContact(1e5, 8.0),
 ]
+BESIDE = [Casing("pedestal", 3.0)]  # a mass beside the shaft, which a support has to hold
 STRENGTHS = {
+    "casing": (),  # its supports, see tests/effects/test_casing.py
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
     "gravity": ("acceleration",),

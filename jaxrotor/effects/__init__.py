@@ -4,6 +4,7 @@ from .ball_balancer import BallBalancer as BallBalancer, BallContact as BallCont
 from .base import (
     AbstractBetween as AbstractBetween,
     AbstractBodies as AbstractBodies,
+    AbstractCasing as AbstractCasing,
     AbstractContact as AbstractContact,
     AbstractDamping as AbstractDamping,
     AbstractEffect as AbstractEffect,
@@ -11,6 +12,7 @@ from .base import (
     AbstractLinear as AbstractLinear,
     AbstractLoad as AbstractLoad,
 )
+from .casing import Casing as Casing
 from .cubic_spring import CubicSpring as CubicSpring
 from .disc import Disc as Disc
 from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping
