@@ -109,6 +109,25 @@ mass = "80 kg"                     # of the rotor
 speed = "3000 rpm"                 # of service; that of a constant [spin] unless given
 """
     ],
+    "casing": [
+        """\
+[casing]                           # a housing, a pedestal, a frame: a mass that does not tilt
+name = "pedestal"
+mass = "40 kg"
+
+[[support]]                        # bearing between shaft and pedestal
+at = "0.1 m"
+stiffness = "80 MN/m"
+on = "pedestal"
+
+[[support]]                        # foundation between pedestal and ground
+of = "pedestal"
+kxx = "200 MN/m"
+kyy = "120 MN/m"
+cxx = "1e4 N s/m"
+cyy = "1e4 N s/m"
+"""
+    ],
     "support": [
         """\
 [[support]]                        # as bearing reports print it
@@ -143,6 +162,20 @@ damping_anisotropy = 0.1
 damping_angle = "0 deg"
 cross_damping = "0 N s/m"
 """,
+        """\
+[[casing]]                         # a bearing on a pedestal, which stands on a foundation
+name = "pedestal"
+mass = "40 kg"
+
+[[support]]
+at = "0.1 m"
+stiffness = "80 MN/m"
+on = "pedestal"                    # in place of the ground
+
+[[support]]
+of = "pedestal"                    # in place of the shaft
+stiffness = "200 MN/m"
+""",
     ],
     "limiter": [
         """\
@@ -174,6 +207,8 @@ slip = "0.1 m/s"
         '[disc_damping]\nat = "0.4 m"\ntranslational = "100 N s/m"\nangular = "5 N m s"\n'
     ],
     "internal_damping": ['[internal_damping]\nvoigt_time = "0.2 ms"\n'],
+    "rayleigh_damping": ['[rayleigh_damping]\nmass = "6 1/s"\nstiffness = "20 us"\n'],
+    "modal_damping": ["[modal_damping]\nratios = [0.01, 0.02]              # of the first modes\n"],
     "hysteretic_damping": ["[hysteretic_damping]\nloss_factor = 0.01\n"],
     "ball_balancer": [
         """\

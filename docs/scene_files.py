@@ -146,7 +146,7 @@ def _unit(field: dataclasses.Field) -> str:
     if typing.get_origin(kind) is tuple:
         return "list of tables"
     words, plain = choices_of(kind)
-    names = {bool: "true or false", int: "whole number"}
+    names = {bool: "true or false", int: "whole number", str: "text"}
     return " or ".join([*(names[one] for one in plain), *(f'`"{one}"`' for one in words)])
 
 

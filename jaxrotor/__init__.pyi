@@ -77,6 +77,7 @@ from .design import (
 from .effects import (
     BallBalancer as BallBalancer,
     BallContact as BallContact,
+    Casing as Casing,
     CubicSpring as CubicSpring,
     Disc as Disc,
     DiscDamping as DiscDamping,
@@ -85,6 +86,8 @@ from .effects import (
     HystereticDamping as HystereticDamping,
     InternalDamping as InternalDamping,
     Limiter as Limiter,
+    ModalDamping as ModalDamping,
+    RayleighDamping as RayleighDamping,
     Support as Support,
     Unbalance as Unbalance,
 )

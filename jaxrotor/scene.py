@@ -16,7 +16,14 @@ from .core.plausibility import warn_implausible
 from .core.quantities import known, quantity_units
 from .core.representation import number_text
 from .core.tables import notebook_table
-from .effects.base import AbstractContact, AbstractEffect
+from .effects.base import (
+    AbstractCasing,
+    AbstractContact,
+    AbstractEffect,
+    check_casing,
+    check_casings,
+)
+from .shafts.cased import CasedLine
 from .shafts.line import NODES, AbstractLine, AbstractShaft
 from .spins.base import AbstractSpin
 from .spins.constant import constant
@@ -63,6 +70,7 @@ class Scene(eqx.Module):
             _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
         self.shaft, self.effects, self.spin, self.assumption = shaft, members, spin, assumption
+        check_casings(members)
         stations = _known_stations(shaft, members)
         if stations is None:
             raise ValueError(
@@ -74,8 +82,12 @@ class Scene(eqx.Module):
         warn_implausible(known_values(self, _addresses(self)))
 
     def line(self) -> AbstractLine:
-        """The elastic line of the shaft."""
-        return self.shaft.line(_stations(self.shaft, self.effects), self.spans, self.resolution)
+        """The elastic line of the shaft, and of the casings beside it if there are any."""
+        line = self.shaft.line(_stations(self.shaft, self.effects), self.spans, self.resolution)
+        casings = tuple(casing.name for casing in self.of(AbstractCasing))
+        if not casings:
+            return line
+        return CasedLine(line=line, casings=casings, anisotropy=line.anisotropy)
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations to observe [m].
@@ -138,6 +150,16 @@ class Scene(eqx.Module):
         """Effects that are instances of a class: an effect, `Disc`, or a capability, `AbstractContact`."""
         return tuple(effect for effect in self.effects if isinstance(effect, kind))
 
+    def casing(self, name: str) -> int:
+        """Number of a casing by its name; its coordinate is this one of the last, in the same order.
+
+        Raises:
+            ValueError: If there is no such casing.
+        """
+        names = [casing.name for casing in self.of(AbstractCasing)]
+        check_casing(name, names)
+        return names.index(name)
+
     def name_of(self, effect: AbstractEffect) -> str:
         """Name of an effect in parameter paths: `support`, or `supports.1` if there are several."""
         alike = [other for other in self.effects if other.kind == effect.kind]
@@ -167,8 +189,9 @@ class Scene(eqx.Module):
         """Label of a constraint or an effect with its station: `constraints.0 at 93 mm`."""
         table = _addresses(self)
         for path in (f"shaft.{name}.at", f"{name}.at"):
-            if path in table:
-                return f"{name} at {1e3 * float(follow(self, table[path][0])):.6g} mm"
+            at = follow(self, table[path][0]) if path in table else None
+            if at is not None:
+                return f"{name} at {1e3 * float(at):.6g} mm"
         return name
 
     def __repr__(self) -> str:
@@ -345,7 +368,8 @@ def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
 
 def _count_held(effects) -> int:
     """Number of stations where effects hold the shaft, always or while in contact."""
-    return len({float(effect.at) for effect in effects if effect.holds_shaft})
+    held = (_station(effect) for effect in effects if effect.holds_shaft)
+    return len({float(at) for at in held if at is not None})
 
 
 def _has_automatic_nodes(shaft) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxrotor import (
     BallBalancer,
     BallContact,
+    Casing,
     ConstantSpeed,
     CubicSpring,
     Disc,
@@ -17,6 +18,8 @@ from jaxrotor import (
     InternalDamping,
     Limiter,
     MasslessShaft,
+    ModalDamping,
+    RayleighDamping,
     Scene,
     Support,
     Unbalance,
@@ -118,6 +121,8 @@ EFFECTS = [
     ExternalDamping(8.0),
     DiscDamping(LENGTH, 0.6, 0.05),
     InternalDamping(2e-4),
+    RayleighDamping(4.0, 3e-5),
+    ModalDamping([0.02, 0.01]),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
     CubicSpring(LENGTH, 0.6, 1e9),
     Support(
@@ -135,13 +140,17 @@ ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
     BallContact(1e5, 8.0),
 ]
+BESIDE = [Casing("pedestal", 3.0)]  # a mass beside the shaft, which a support has to hold
 STRENGTHS = {
+    "casing": (),  # its supports, see tests/effects/test_casing.py
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
     "gravity": ("acceleration",),
     "external_damping": ("per_length",),
     "disc_damping": ("translational", "angular"),
     "internal_damping": ("voigt_time",),
+    "rayleigh_damping": ("mass", "stiffness"),
+    "modal_damping": ("ratios",),
     "limiter": ("stiffness", "damping"),
     "cubic_spring": ("stiffness",),
     "support": (

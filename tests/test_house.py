@@ -14,7 +14,7 @@ from pathlib import Path
 
 import equinox as eqx
 import pytest
-from systems import EFFECTS, HARMONIC, ROLLING, STRENGTHS
+from systems import BESIDE, EFFECTS, HARMONIC, ROLLING, STRENGTHS
 
 import jaxrotor
 import jaxrotor.plot
@@ -169,7 +169,7 @@ NAMED = ("motion", "reactions")  # of supports and constraints, each by its name
     ids=name_of,
 )
 def test_core_knows_no_concrete_effect_or_shaft(path):
-    allowed = {("effects", "base"), ("shafts", "line"), ("shafts", "virtual")}
+    allowed = {("effects", "base"), *(("shafts", name) for name in ("line", "cased", "virtual"))}
     known = {there for there in imports(path)[0] if there[0] in ("effects", "shafts")}
     assert known <= allowed
 
@@ -302,7 +302,7 @@ CONCRETE = [
 
 
 def test_every_effect_is_in_the_list_of_the_tests():
-    assert {type(effect) for effect in EFFECTS + HARMONIC + ROLLING} == set(CONCRETE)
+    assert {type(effect) for effect in EFFECTS + HARMONIC + ROLLING + BESIDE} == set(CONCRETE)
     assert set(STRENGTHS) == {cls.kind for cls in CONCRETE}
     assert all(getattr(jaxrotor, cls.__name__) is cls for cls in CONCRETE)
 

@@ -100,7 +100,8 @@ def bearing_stations(scene: Scene) -> Float[Array, " b"]:
     else:
         own = shaft.constraints if isinstance(shaft, FlexibleShaft | RigidShaft) else ()
         held = [one.at for one in own if one.displacement]
-        held += [one.at for one in scene.of(Support) if float(one.mean_stiffness) > 0]
+        bearings = [one for one in scene.of(Support) if one.of is None]
+        held += [one.at for one in bearings if float(one.mean_stiffness) > 0]
     return jnp.asarray(sorted({float(at) for at in held}))
 
 

@@ -15,6 +15,8 @@ from ..effects import AbstractBodies, AbstractContact, Disc
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
 from ..equations.system import System, assemble, structure
 from ..scene import Scene
+from ..shafts.cased import row_of
+from ..shafts.line import AbstractLine
 
 
 CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
@@ -59,7 +61,7 @@ class HarmonicResponse(eqx.Module):
 
     speeds: Float[Array, " k"]  # Omega [rad/s]
     frequencies: Float[Array, " k"]  # w [rad/s]
-    stations: Float[Array, " s"]  # [m]
+    stations: Float[Array, " s"]  # [m], NaN for a casing
     forward: Complex[Array, "k s"]  # [m]
     backward: Complex[Array, "k s"]  # [m]
     sidebands: Complex[Array, "2 k s"] | None  # [m]
@@ -82,7 +84,7 @@ class WeightResponse(eqx.Module):
     """`z(x, t) = deflection + twice exp(2 i Omega t)`; `k` speeds, `s` stations."""
 
     speeds: Float[Array, " k"]  # [rad/s]
-    stations: Float[Array, " s"]  # [m]
+    stations: Float[Array, " s"]  # [m], NaN for a casing
     deflection: Complex[Array, "k s"]  # [m]
     twice: Complex[Array, "k s"]  # [m], zero where the shaft is equally stiff along every axis
 
@@ -112,7 +114,7 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
     Args:
         scene: a rotor without contact (`scene.without("limiters")` removes it).
         speeds: one or more speeds [rad/s], none of them an undamped critical speed.
-        at: station(s) [m], by default the observed station of `simulate`.
+        at: station(s) [m] or names of casings, by default the observed station of `simulate`.
 
     Returns:
         `HarmonicResponse` with `w = Omega`: the angle of `forward` is its lead over the rotation angle.
@@ -124,9 +126,9 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) with Pi = eps N^2 exp(i N tau).
     """
-    speeds, stations = _cases(scene, speeds, at)
-    forward, backward, mirrored, _ = _respond(scene, speeds, speeds, stations, _of_unbalance)
-    return HarmonicResponse(speeds, speeds, stations, forward + mirrored, backward, None)
+    speeds, places = _cases(scene, speeds, at)
+    forward, backward, mirrored, _ = _respond(scene, speeds, speeds, places, _of_unbalance)
+    return HarmonicResponse(speeds, speeds, places.stations, forward + mirrored, backward, None)
 
 
 def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
@@ -139,7 +141,7 @@ def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
     Args:
         scene: a rotor without contact that has Gravity.
         speeds: one or more speeds [rad/s], none of them an undamped resonance.
-        at: station(s) [m], by default the observed station of `simulate`.
+        at: station(s) [m] or names of casings, by default the observed station of `simulate`.
 
     Returns:
         `WeightResponse`. Differentiable.
@@ -150,10 +152,12 @@ def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
 
     Source: Klochkov, eqs. (4), (8).
     """
-    speeds, stations = _cases(scene, speeds, at)
+    speeds, places = _cases(scene, speeds, at)
     frequencies = jnp.zeros_like(speeds)
-    forward, backward, twice, _ = _respond(scene, speeds, frequencies, stations, _of_weight)
-    return WeightResponse(speeds, stations, forward + backward, twice)  # both at frequency zero
+    forward, backward, twice, _ = _respond(scene, speeds, frequencies, places, _of_weight)
+    return WeightResponse(
+        speeds, places.stations, forward + backward, twice
+    )  # both at frequency zero
 
 
 def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) -> HarmonicResponse:
@@ -165,7 +169,7 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
         force: station, amplitude and direction of the force. The deflection of a flexible shaft has a
             kink there, so a span is made to end there; if a station is traced, end the span by a
             Disc of zero mass instead.
-        at: station(s) [m] to observe, by default that of the force.
+        at: station(s) [m] or names of casings to observe, by default that of the force.
 
     Returns:
         `HarmonicResponse` to the force alone. The sign of hysteretic damping follows each part's whirl,
@@ -176,13 +180,13 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
             off the shaft, or a frequency is an undamped resonance.
     """
     scene = ending_span(scene, scene.stations(force.at)[0])
-    frequencies, stations = _cases(scene, frequencies, force.at if at is None else at)
+    frequencies, places = _cases(scene, frequencies, force.at if at is None else at)
     speeds = jnp.broadcast_to(scene.spin.speed, frequencies.shape)
     forces = eqx.Partial(_of_force, force)
-    forward, backward, *mirrored = _respond(scene, speeds, frequencies, stations, forces)
+    forward, backward, *mirrored = _respond(scene, speeds, frequencies, places, forces)
     rotating = frame(structure(scene).blocks) == "rotating"
     sidebands = jnp.stack(mirrored) if rotating else None
-    return HarmonicResponse(speeds, frequencies, stations, forward, backward, sidebands)
+    return HarmonicResponse(speeds, frequencies, places.stations, forward, backward, sidebands)
 
 
 def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
@@ -253,8 +257,36 @@ def ending_span(scene: Scene, at: Scalar) -> Scene:
     return scene
 
 
-def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " s"]]:
-    """Speeds or frequencies (k,), and stations (s,); raises unless there is a closed-form response."""
+class Places(eqx.Module):
+    """Places to observe: stations of the shaft, and casings by their names."""
+
+    stations: Float[Array, " s"]  # [m], NaN for a casing
+    casings: tuple[str | None, ...] = eqx.field(static=True)  # None for a station
+
+    @classmethod
+    def of(cls, scene: Scene, at) -> "Places":
+        """Places of stations [m] and names, one or several; raises if the scene does not have one."""
+        every = list(at) if isinstance(at, list | tuple) else [at]
+        names = tuple(one if isinstance(one, str) else None for one in every)
+        if not any(names):
+            stations = scene.stations(at)
+            return cls(stations, (None,) * stations.size)
+        for name in filter(None, names):
+            scene.casing(name)
+        own = [one for one in every if not isinstance(one, str)]
+        stations = iter(scene.stations(own) if own else ())
+        return cls(jnp.stack([jnp.asarray(jnp.nan) if n else next(stations) for n in names]), names)
+
+    def rows(self, line: AbstractLine) -> Float[Array, "s n"]:
+        """Displacements there as linear forms of the coordinates."""
+        if not any(self.casings):
+            return jax.vmap(line.row)(self.stations)
+        pairs = zip(self.stations, self.casings, strict=True)
+        return jnp.stack([row_of(line, at if name is None else name) for at, name in pairs])
+
+
+def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Places]:
+    """Speeds or frequencies (k,), and places (s,); raises unless there is a closed-form response."""
     system = structure(scene)
     if system.ports:
         kinds = sorted({effect.plural for effect in scene.of(AbstractContact)})
@@ -268,15 +300,15 @@ def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Float[Array, " 
         "The response to a harmonic load is an infinite series of frequencies, not a closed form,",
         "use `jaxrotor.run_up`, or make one kind of axes equal",
     )
-    return jnp.atleast_1d(jnp.asarray(cases, float)), scene.stations(at)
+    return jnp.atleast_1d(jnp.asarray(cases, float)), Places.of(scene, at)
 
 
-def _respond(scene: Scene, speeds, frequencies, stations, forces):
+def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
     """Parts at `w`, `-w` and, mirrored in rotating axes, at `2 Omega - w`, `2 Omega + w`; (k, s) each.
 
     `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none.
     """
-    *parts, distance = _parts_of_all(scene, speeds, frequencies, stations, forces)
+    *parts, distance = _parts_of_all(scene, speeds, frequencies, places, forces)
     if known(distance) and np.any(np.asarray(distance) < CRITICAL):
         bad = int(np.argmin(distance))
         raise ValueError(
@@ -287,14 +319,14 @@ def _respond(scene: Scene, speeds, frequencies, stations, forces):
 
 
 @compiled_quickly
-def _parts_of_all(scene: Scene, speeds, frequencies, stations, forces):
+def _parts_of_all(scene: Scene, speeds, frequencies, places: Places, forces):
     rotor = assemble(scene)
 
     def one(case):
         speed, frequency = case
         system = rotor.at_speed(speed)
         *parts, distance = _parts(system, frequency, *forces(system))
-        rows = jax.vmap(system.line.row)(stations)
+        rows = places.rows(system.line)
         return *(rows @ part for part in parts), distance
 
     return jax.lax.map(one, (speeds, frequencies))

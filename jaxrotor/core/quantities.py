@@ -10,7 +10,7 @@ import functools
 import math
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ else:
     Scalar = Float[Array, ""]
     Series = Float[Array, "_"]
 
+COUNTED = {1: "one", 2: "two"}  # words of the smallest counts of a list
 _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
 
 
@@ -72,26 +73,36 @@ def real(label: str, **options: Any) -> Any:
     return _quantity(label, checked, **options)
 
 
-def series(label: str, *, ascending: bool = False, **options: Any) -> Any:
-    """Field for a list of two or more finite numbers.
+def series(
+    label: str,
+    *,
+    ascending: bool = False,
+    nonnegative: bool = False,
+    least: Literal[1, 2] = 2,
+    **options: Any,
+) -> Any:
+    """Field for a list of finite numbers.
 
     Args:
         label: name and unit, "times [s]".
         ascending: whether each number must be above the one before it.
+        nonnegative: whether each number must be zero or positive.
+        least: smallest allowed count of them.
         options: as of `positive`.
 
     Returns:
         The field of an `equinox.Module`.
     """
-    checked = functools.partial(_check_series, ascending=ascending)
-    return _quantity(label, checked, many=True, **options)
+    rules = {"ascending": ascending, "nonnegative": nonnegative, "least": least}
+    checked = functools.partial(_check_series, **rules)
+    return _quantity(label, checked, many=least, **options)
 
 
 def _quantity(
     label: str,
     checked: Callable[[Any, str], Any],
     default: Any = dataclasses.MISSING,
-    many: bool = False,
+    many: int = 0,  # smallest count of a list of numbers, 0 for a single number
     matrix: bool = False,
 ) -> Any:
     match = _LABEL.fullmatch(label)
@@ -141,9 +152,9 @@ def _check_shape(array: Array | np.ndarray, label: str) -> None:
         )
 
 
-def _check_series(value: Any, label: str, ascending: bool) -> Array:
+def _check_series(value: Any, label: str, ascending: bool, nonnegative: bool, least: int) -> Array:
     """`value` as a one-dimensional array; raises as `check` does."""
-    wanted = f"`{label}` must be a list of two or more finite numbers"
+    wanted = f"`{label}` must be a list of {COUNTED[least]} or more finite numbers"
     traced = not all(map(known, value if isinstance(value, list | tuple) else [value]))
     try:
         if isinstance(value, str | bool) or value is None:
@@ -151,15 +162,20 @@ def _check_series(value: Any, label: str, ascending: bool) -> Array:
         array = jnp.asarray(value, float) if traced else np.asarray(value, float)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{wanted}, but is {value!r}.") from None
-    if array.ndim != 1 or array.size < 2:
+    if array.ndim != 1 or array.size < least:
         raise ValueError(f"{wanted}, but has shape {array.shape}.")
     order = f"`{label}` must be ascending, each above the one before"
     falls = array[1:] <= array[:-1]
+    sign = f"`{label}` must not be negative"
     if traced:
         array = eqx.error_if(array, ~jnp.isfinite(array), f"{wanted}.")
+        if nonnegative:
+            array = eqx.error_if(array, array < 0, f"{sign}.")
         return eqx.error_if(array, falls, f"{order}.") if ascending else array
     if not np.isfinite(array).all():
         raise ValueError(f"{wanted}, but is {array.tolist()}.")
+    if nonnegative and (array < 0).any():
+        raise ValueError(f"{sign}, but one is {array.min():g}.")
     if ascending and falls.any():
         i = int(np.argmax(falls))
         raise ValueError(f"{order}, but has {array[i]:g} and then {array[i + 1]:g}.")
@@ -193,7 +209,12 @@ def unit_of(field: dataclasses.Field) -> str | None:
 
 def is_series(field: dataclasses.Field) -> bool:
     """Whether a quantity field holds several numbers."""
-    return field.metadata.get("many", False)
+    return least_count(field) > 0
+
+
+def least_count(field: dataclasses.Field) -> int:
+    """Smallest allowed count of the numbers of a quantity field that holds several; 0 for a single one."""
+    return field.metadata.get("many", 0)
 
 
 def takes_matrix(field: dataclasses.Field) -> bool:

@@ -4,12 +4,15 @@ from .ball_balancer import BallBalancer as BallBalancer, BallContact as BallCont
 from .base import (
     AbstractBetween as AbstractBetween,
     AbstractBodies as AbstractBodies,
+    AbstractCasing as AbstractCasing,
     AbstractContact as AbstractContact,
+    AbstractDamping as AbstractDamping,
     AbstractEffect as AbstractEffect,
     AbstractLaw as AbstractLaw,
     AbstractLinear as AbstractLinear,
     AbstractLoad as AbstractLoad,
 )
+from .casing import Casing as Casing
 from .cubic_spring import CubicSpring as CubicSpring
 from .disc import Disc as Disc
 from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping
@@ -17,5 +20,7 @@ from .gravity import Gravity as Gravity
 from .hysteretic_damping import HystereticDamping as HystereticDamping
 from .internal_damping import InternalDamping as InternalDamping
 from .limiter import Limiter as Limiter
+from .modal_damping import ModalDamping as ModalDamping
+from .rayleigh_damping import RayleighDamping as RayleighDamping
 from .support import Support as Support
 from .unbalance import Unbalance as Unbalance

@@ -5,12 +5,14 @@ columns of `AbstractLine`.
 """
 
 import abc
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks, Load
+from ..core.checks import suggest
 from ..core.quantities import Scalar
 from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine
@@ -36,6 +38,18 @@ class AbstractLinear(AbstractEffect):
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:
         """Blocks of this effect."""
+
+
+class AbstractDamping(AbstractEffect):
+    """Effect that damps the rotor in proportion to the inertia and stiffness that other parts give it."""
+
+    @abc.abstractmethod
+    def damping(self, line: AbstractLine, blocks: Blocks, motion: Blocks) -> Blocks:
+        """Blocks of this effect.
+
+        `blocks` are those of the shaft and of all linear effects, with the rows of `line`. `motion` are
+        the same in the equations of motion; they differ where the rows of `line` are virtual work.
+        """
 
 
 class AbstractLoad(AbstractEffect):
@@ -139,6 +153,12 @@ class AbstractBodies(AbstractEffect):
         """Drag along the race [N] by the rate relative to the shaft [rad/s]; it reacts on the shaft."""
 
 
+class AbstractCasing(AbstractEffect):
+    """Body beside the shaft with a coordinate of its own, that other effects name."""
+
+    name: eqx.AbstractVar[str]
+
+
 class AbstractBetween(AbstractEffect):
     """Effect that acts between the bodies of a race."""
 
@@ -154,3 +174,30 @@ class AbstractBetween(AbstractEffect):
     @abc.abstractmethod
     def duration(self, mass: Scalar) -> Scalar:
         """Duration [s] of an impact of a body of inertia `mass` [kg] along the race: limits the steps."""
+
+
+# === casings
+
+
+def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
+    """Raise unless casings have names of their own, and each is held by a part that names it."""
+    names = [effect.name for effect in effects if isinstance(effect, AbstractCasing)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"Two casings have the name {name!r}; give each a name of its own.")
+    named = (getattr(effect, key, None) for effect in effects for key in ("of", "on"))
+    used = list(dict.fromkeys(name for name in named if name is not None))
+    for name in used:
+        check_casing(name, names)
+    for name in names:
+        if name not in used:
+            raise ValueError(
+                f"Nothing holds the casing {name!r}; give it a Support by `of`, and the shaft one by `on`."
+            )
+
+
+def check_casing(name: str, names: Sequence[str]) -> None:
+    """Raise unless a casing has a name."""
+    if name not in names:
+        there = f"the scene has: {', '.join(names)}" if names else "the scene has none"
+        raise ValueError(f"There is no casing {name!r}{suggest(str(name), names)}; {there}.")

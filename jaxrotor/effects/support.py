@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.blocks import Blocks
 from ..core.quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_values
+from ..shafts.cased import column_of, row_of
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
 
@@ -39,6 +40,9 @@ class Support(AbstractLinear):
     anisotropic part in the equations.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
+    A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
+    to the casing, which gets the opposite force. `of` names a casing that it holds, in place of a
+    station `at`. A casing does not tilt, so to the slope it is the ground.
     With `rotating=True` the axes of the bearing and its damper turn with the shaft, so the damping is
     internal: `z. - i Omega z` in place of `z.`. None means absent.
     Source: Klochkov, eqs. (1), (6), (7); Friswell et al. (2010).
@@ -48,7 +52,7 @@ class Support(AbstractLinear):
     plural: ClassVar[str] = "supports"
     holds_shaft: ClassVar[bool] = True
 
-    at: Scalar = nonnegative("at [m]")
+    at: Scalar = nonnegative("at [m]", default=None)
     stiffness: Scalar = nonnegative("stiffness [N/m]", default=None, matrix=True)
     damping: Scalar = nonnegative("damping [N s/m]", default=None, matrix=True)
     anisotropy: Scalar = real("anisotropy [1]", default=None)
@@ -68,6 +72,8 @@ class Support(AbstractLinear):
     angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
+    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
+    of: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the shaft
     vanishing: tuple[str, ...] = eqx.field(init=False, static=True)  # parts known to be zero
 
     def __post_init__(self):
@@ -80,6 +86,7 @@ class Support(AbstractLinear):
     def __check_init__(self):
         given = [name for name in _COEFFICIENTS if getattr(self, name) is not None]
         means = [name for name in _MEANS if getattr(self, name) is not None]
+        self._check_ends()
         if given and means:
             raise ValueError(
                 f"`{given[0]}` and `{means[0]}` belong to two different ways to describe a support; give "
@@ -106,6 +113,23 @@ class Support(AbstractLinear):
                 "`damping_angle [rad]` belongs to `damping_anisotropy [1]`; give both or neither."
             )
 
+    def _check_ends(self) -> None:
+        """Raise unless the support has one end that moves and another one to stand on."""
+        if (self.at is None) == (self.of is None):
+            raise ValueError(
+                "A support holds the shaft at a station, `at [m]`, or a casing by its name, `of`; give "
+                "one of the two, and by `on` the name of a casing on which it stands."
+            )
+        if self.of is None:
+            return
+        if self.on == self.of:
+            raise ValueError(f"The casing {self.of!r} cannot stand on itself; leave out `on`.")
+        if self.rotating or not (self.angular_stiffness is None and self.angular_damping is None):
+            raise ValueError(
+                f"A casing does not turn or tilt, but the support of {self.of!r} is `rotating`, or has "
+                "`angular_stiffness [N m/rad]` or `angular_damping [N m s/rad]`; leave these out."
+            )
+
     def refreshed(self) -> "Support":
         """Copy whose `vanishing` parts are derived from its current values."""
         return with_values(self, vanishing=tuple(self._vanishing()))
@@ -116,7 +140,11 @@ class Support(AbstractLinear):
         return self._plane("stiffness").mean
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        force = jnp.outer(line.column(self.at), line.row(self.at))
+        place = self.at if self.of is None else self.of
+        column, row = column_of(line, place), row_of(line, place)
+        if self.on is not None:
+            column, row = column - column_of(line, self.on), row - row_of(line, self.on)
+        force = jnp.outer(column, row)
         spring, damper = (
             {
                 part: None if value is None or f"{name} {part}" in self.vanishing else value * force
@@ -125,11 +153,14 @@ class Support(AbstractLinear):
             for name in _LETTERS
         )
         stiffness, damping = spring["mean"], damper["mean"]
-        couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
-        if self.angular_stiffness is not None:
-            stiffness = (0.0 if stiffness is None else stiffness) + self.angular_stiffness * couple
-        if self.angular_damping is not None:
-            damping = (0.0 if damping is None else damping) + self.angular_damping * couple
+        if self.angular_stiffness is not None or self.angular_damping is not None:
+            couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
+            if self.angular_stiffness is not None:
+                stiffness = (
+                    0.0 if stiffness is None else stiffness
+                ) + self.angular_stiffness * couple
+            if self.angular_damping is not None:
+                damping = (0.0 if damping is None else damping) + self.angular_damping * couple
         frame = "rotating" if self.rotating else "fixed"
         return Blocks(
             stiffness=stiffness,

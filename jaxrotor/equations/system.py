@@ -16,12 +16,14 @@ from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
+    AbstractDamping,
     AbstractLaw,
     AbstractLinear,
     AbstractLoad,
 )
 from ..scene import Scene
 from ..shafts.line import AbstractLine
+from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
@@ -212,6 +214,19 @@ def assemble_blocks(scene: Scene, line: AbstractLine) -> Blocks:
 
 
 def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
+    """Blocks of the shaft and of every effect by its name."""
+    parts = _linear_parts(scene, line)
+    dampings = scene.of(AbstractDamping)
+    if not dampings:
+        return parts
+    blocks = motion = sum(parts.values(), Blocks())
+    if isinstance(line, VirtualLine):
+        motion = sum(_linear_parts(scene, line.line).values(), Blocks())
+    found = {scene.name_of(effect): effect.damping(line, blocks, motion) for effect in dampings}
+    return parts | found
+
+
+def _linear_parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
     """Blocks of the shaft and of every linear effect by its name."""
     effects = {scene.name_of(effect): effect.blocks(line) for effect in scene.of(AbstractLinear)}
     return {"the shaft": scene.shaft.blocks(line)} | effects

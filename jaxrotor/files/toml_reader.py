@@ -17,7 +17,7 @@ import numpy as np
 
 from .. import shafts, spins
 from ..core.checks import suggest
-from ..core.quantities import is_series, takes_matrix, unit_of
+from ..core.quantities import COUNTED, is_series, least_count, takes_matrix, unit_of
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..shafts.materials import NAMED, Material
@@ -148,7 +148,8 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
     unit, kind = unit_of(field), typing.cast(Any, field.type)
     if unit is not None and is_series(field):
         if not isinstance(value, list):
-            refuse(path, f"must be a list of two or more numbers, but is {show(value)}.")
+            least = COUNTED[least_count(field)]
+            refuse(path, f"must be a list of {least} or more numbers, but is {show(value)}.")
         return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
     if unit is not None and takes_matrix(field) and isinstance(value, list):
         return _matrix(value, unit, path)

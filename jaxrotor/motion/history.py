@@ -12,7 +12,7 @@ from ..core.pilot import Pilot
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
-from ..effects.base import AbstractBodies
+from ..effects.base import AbstractBodies, AbstractCasing
 from ..equations.kinematics import Kinematics, RotatingState
 from ..equations.rotating_frame import Transient
 from ..equations.start import Balls, Launch
@@ -61,6 +61,11 @@ class TimeHistory(eqx.Module):
         angles = [balls.angle for balls in self.balls]
         none = jnp.zeros((*self.time.shape, 0))
         return imbalance_of(self.scene, jnp.concatenate([none, *angles], axis=-1))
+
+    def of_casing(self, name: str) -> Complex[Array, " T"]:
+        """Displacement of a casing by its name [m]."""
+        number = self.scene.casing(name)
+        return self.coordinates[:, number - len(self.scene.of(AbstractCasing))]
 
     def _repr_html_(self) -> str:
         sizes, rows = np.abs(self.displacement), []

@@ -17,6 +17,7 @@ from ..equations.pencil import Pencil, frame
 from ..equations.rotating_frame import Transient
 from ..equations.system import System, assemble_blocks, assemble_load
 from ..scene import Scene
+from ..shafts.cased import row_of
 from ..shafts.influence import Influence
 from ..shafts.virtual import VirtualLine
 from ..spins.base import Turning
@@ -90,7 +91,7 @@ class Reactions(eqx.Module):
 def reactions(response: TimeHistory) -> Reactions:
     """Reactions of supports, constraints and contacts on the rotor, at every sample.
 
-        support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.)
+        support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.),   `of` a casing the force on that
         constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
 
     The reaction of a constraint is minus the work of all loads and inertia forces on the displacement
@@ -157,12 +158,18 @@ def _all(scene: Scene, instants: Kinematics):
 
 
 def _support(system: System, support: Support) -> Act:
-    """Force and moment of a support, in the axes of the shaft."""
-    line = VirtualLine.resultant(system.line, support.at)
+    """Force and moment of a support on what it holds, in the axes of the shaft."""
+    if support.of is None:
+        line = VirtualLine.resultant(system.line, support.at)
+        held = jnp.eye(2)
+    else:
+        line = system.line
+        row = row_of(line, support.of)
+        held = jnp.stack([row, jnp.zeros_like(row)])
     blocks = support.blocks(line)
 
     def act(now: Kinematics):
-        force, moment = -resistance(blocks, now)
+        force, moment = -(held @ resistance(blocks, now))
         return force[None], moment[None]
 
     return act

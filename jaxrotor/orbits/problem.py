@@ -24,7 +24,7 @@ from ..equations.system import System, assemble, port_groups
 from ..motion.base import Plan
 from ..motion.revolutions import Outcome, joined
 from ..scene import Scene, with_shared_nodes
-from ..shafts.line import same_shape
+from ..shafts.cased import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit, winding_angle

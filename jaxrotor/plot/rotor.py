@@ -6,14 +6,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from ..effects import BallBalancer, Disc, Limiter, Support, Unbalance
+from ..effects import BallBalancer, Casing, Disc, Limiter, Support, Unbalance
 from ..scene import Scene
 from . import colours, labels, page
 
 
 MM = 1e3
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
-DRAWN = (Disc, BallBalancer, Limiter, Support, Unbalance)
+HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
+DRAWN = (Disc, BallBalancer, Casing, Limiter, Support, Unbalance)
 
 
 def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
@@ -40,7 +41,11 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     for held in getattr(scene.shaft, "constraints", ()):
         _constraint(ax, MM * float(held.at), held.holds, ground)
     for support in scene.of(Support):
-        _spring(ax, MM * float(support.at), ground)
+        if support.at is not None:
+            foot = ground if support.on is None else HOUSED[0] * ground
+            _spring(ax, MM * float(support.at), 0.0, foot, ground)
+    for casing in scene.of(Casing):
+        _casing(ax, scene, casing, ground)
     heavy = [MM * float(unbalance.at) for unbalance in scene.of(Unbalance)]
     if heavy:
         style = {"color": colours.RED, "markersize": 4.0, "zorder": 4.0}
@@ -133,13 +138,26 @@ def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
         ax.plot([at, at], [ground, -ground], linewidth=1.0, linestyle="--", **style)
 
 
-def _spring(ax: Axes, at: float, ground: float) -> None:
-    """Draw a support as a spring down to the ground."""
+def _casing(ax: Axes, scene: Scene, casing: Casing, ground: float) -> None:
+    """Draw a casing below the supports of the shaft that stand on it, and a spring to the ground."""
+    supports = scene.of(Support)
+    above = [MM * float(one.at) for one in supports if one.on == casing.name and one.at is not None]
+    if not above:
+        return
+    x = min(above) + 0.3 * ground, max(above) - 0.3 * ground
+    _box(ax, x, (HOUSED[1] * ground, HOUSED[0] * ground), facecolor="0.7", label="casing")
+    if any(one.of == casing.name for one in supports):
+        _spring(ax, sum(x) / 2, HOUSED[1] * ground, ground, ground)
+
+
+def _spring(ax: Axes, at: float, top: float, foot: float, ground: float) -> None:
+    """Draw a support as a spring between two heights, with a base if it stands on the ground."""
     x = at + 0.12 * ground * np.array([0, 0, *[1, -1] * 4, 0, 0])
-    y = np.linspace(0.0, ground, x.size)
+    y = np.linspace(top, foot, x.size)
     ax.plot(x, y, color=colours.MAGENTA, linewidth=1.0, label="support")
-    base = at + 0.3 * ground * np.array([-1, 1])
-    ax.plot(base, [ground, ground], color=colours.DARK, linewidth=1.5)
+    if foot == ground:
+        base = at + 0.3 * ground * np.array([-1, 1])
+        ax.plot(base, [ground, ground], color=colours.DARK, linewidth=1.5)
 
 
 def _unseen(scene: Scene) -> str:

@@ -54,13 +54,7 @@ class SpectralLine(AbstractLine):
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
-        stiffness = jnp.eye(self.nodes.size + self._inner.size)
-        if isinstance(self.kernel, HeldKernel):
-            for number, end in enumerate(self._free_nodes):
-                rigid = self.kernel.rigid(number, self.nodes)
-                tilted = self.ends[-1] * self.kernel.rigid_slope(number, self._inner)
-                stiffness = stiffness.at[:, end].add(-jnp.concatenate([rigid, tilted]))
-            stiffness = stiffness.at[np.array(self._free_nodes, int)].set(0.0)
+        stiffness = elastic(self.kernel, self.nodes, self._inner, self._free_nodes)
         return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
 
     @property
@@ -99,21 +93,9 @@ class SpectralLine(AbstractLine):
     # --- equations
 
     def _collocate(self, couple: bool, evaluate: Callable) -> Array:
-        """Equations of the displacements at the nodes, then of the scaled slopes, due to a load."""
-        kernel, length = self.kernel, self.ends[-1]
-        displaced = kernel.deflection_by_couple if couple else kernel.deflection
-        sloped = kernel.slope_by_couple if couple else kernel.slope
-        equations = evaluate(displaced, self.nodes)
-        if self._inner.size:
-            slopes = length * evaluate(sloped, self._inner)
-            equations = jnp.concatenate([equations, slopes])
-        if isinstance(kernel, HeldKernel):
-            moved = kernel.rigid_slope if couple else kernel.rigid
-            for number, node in enumerate(self._free_nodes):
-                work = lambda x, s, number=number: moved(number, s) + jnp.zeros_like(x)
-                row = kernel.compliance * evaluate(work, self.nodes[:1])[0]
-                equations = equations.at[node].set(row)
-        return equations[self._unconstrained]
+        """Equations of the coordinates due to a load, see `collocated`."""
+        places = self.ends[-1], self.nodes, self._inner, self._free_nodes
+        return collocated(self.kernel, *places, couple, evaluate)[self._unconstrained]
 
     def _integrate(self, shapes: Callable, per_length: PerLength, kernel: Callable, x: Array):
         """`Int kernel(x_i, s) per_length(s) h_j(s) ds`: (i, coordinates)."""
@@ -203,6 +185,52 @@ class SpectralLine(AbstractLine):
     def _slopes(self, local: Array) -> tuple[Array, np.ndarray]:
         slopes, places = self._shapes(local, 1)
         return slopes / self._widths[:, None, None], places
+
+
+def elastic(
+    kernel: AbstractKernel, nodes: Array, sloped: Array, free: list[int]
+) -> Float[Array, "m m"]:
+    """Stiffness of the equations of displacements at `nodes` and scaled slopes at `sloped` [m].
+
+    It is one but for rigid motions, whose coordinates are the displacements of the nodes `free`.
+    """
+    stiffness = jnp.eye(nodes.size + sloped.size)
+    if isinstance(kernel, HeldKernel):
+        for number, node in enumerate(free):
+            rigid = kernel.rigid(number, nodes)
+            tilted = kernel.length * kernel.rigid_slope(number, sloped)
+            stiffness = stiffness.at[:, node].add(-jnp.concatenate([rigid, tilted]))
+        stiffness = stiffness.at[np.array(free, int)].set(0.0)
+    return stiffness
+
+
+def collocated(
+    kernel: AbstractKernel,
+    length: Scalar,
+    nodes: Array,
+    sloped: Array,
+    free: list[int],
+    couple: bool,
+    evaluate: Callable,
+) -> Array:
+    """Equations of the displacements at `nodes`, then of the scaled slopes at `sloped`, due to a load.
+
+    `evaluate(G, x)` is the load's sum or integral of a kernel `G(x, s)`; `couple`: of couples, not forces.
+    The equation of a node `free` is the balance of its rigid motion.
+    """
+    displaced = kernel.deflection_by_couple if couple else kernel.deflection
+    slope = kernel.slope_by_couple if couple else kernel.slope
+    equations = evaluate(displaced, nodes)
+    if sloped.size:
+        slopes = length * evaluate(slope, sloped)
+        equations = jnp.concatenate([equations, slopes])
+    if isinstance(kernel, HeldKernel):
+        moved = kernel.rigid_slope if couple else kernel.rigid
+        for number, node in enumerate(free):
+            work = lambda x, s, number=number: moved(number, s) + jnp.zeros_like(x)
+            row = kernel.compliance * evaluate(work, nodes[:1])[0]
+            equations = equations.at[node].set(row)
+    return equations
 
 
 def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:

@@ -37,8 +37,8 @@ class FlexibleShaft(AbstractShaft):
     those of the round section.
     `rule="spectral"`: `nodes` per span between stations, with exponential convergence; `nodes="auto"`
     chooses 2 to 8 for each span, as its part of the bending waves needs, and 8 where sections are traced.
-    `rule="trapezoid"`: `nodes` equal cells of a uniform cantilever, of second order, as published; "auto"
-    stands for 8.
+    `rule="trapezoid"`: `nodes` equal cells, of second order, as published; "auto" stands for 8. It is for
+    a uniform shaft without shear whose constraints, if any, are at its ends.
     Source: Azarov, Gouskov, Panovko (2023), eqs. (6), (9).
     """
 
@@ -75,10 +75,10 @@ class FlexibleShaft(AbstractShaft):
         for section in self._sections:
             section.check(self.shear)
         check_ratio(self.anisotropy)
-        if self.rule == "trapezoid" and (self.steps or self.shear or not self._cantilever):
+        if self.rule == "trapezoid" and (self.steps or self.shear or self._held_inside):
             raise ValueError(
-                "The trapezoidal rule is for a uniform shaft clamped at 0, without shear; take "
-                'rule="spectral".'
+                "The trapezoidal rule is for a uniform shaft without shear, with constraints at its ends "
+                'only; take rule="spectral".'
             )
 
     def _check_nodes(self) -> None:
@@ -110,10 +110,11 @@ class FlexibleShaft(AbstractShaft):
         return [first, *(step.section(self.material) for step in self.steps)]
 
     @property
-    def _cantilever(self) -> bool:
-        """Whether the only constraint is a clamp at 0, as far as values are known."""
-        one = self.constraints[0] if len(self.constraints) == 1 else None
-        return one is not None and one.holds == "clamp" and not (known(one.at) and one.at > 0)
+    def _held_inside(self) -> bool:
+        """Whether a constraint is known to be between the ends of the shaft."""
+        held = [one.at for one in self.constraints if known(one.at) and known(self.length)]
+        ends = (0.0, 1.0)
+        return any(min(abs(at / self.length - end) for end in ends) > 1e-12 for at in held)
 
     # --- stations
 
@@ -177,12 +178,6 @@ class FlexibleShaft(AbstractShaft):
     def line(
         self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
     ) -> AbstractLine:
-        beam = self._beam
-        if self.rule == "trapezoid":
-            (cells,) = resolution
-            return TrapezoidLine(
-                kernel=beam, length=self.length, cells=cells, anisotropy=self.anisotropy
-            )
         ends = self._ends(stations, spans)
         held, free = self._held(spans)
         if self.shear:
@@ -197,21 +192,18 @@ class FlexibleShaft(AbstractShaft):
                 held=held,
                 anisotropy=self.anisotropy,
             )
-        kernel = beam
+        kernel = self._beam
         if held[0] != (True, True) or any(any(one) for one in held[1:]):
             holds = [(k, sloped) for k, one in enumerate(held) for sloped in (0, 1) if one[sloped]]
             holds += [(k, 0) for k in free]
             at = jnp.stack([ends[k] for k, _ in holds])
             sloped = tuple(bool(sloped) for _, sloped in holds)
-            kernel = HeldKernel(beam, self.length, at, sloped, len(free))
-        return SpectralLine(
-            kernel=kernel,
-            ends=ends,
-            degrees=resolution,
-            held=held,
-            free=free,
-            anisotropy=self.anisotropy,
-        )
+            kernel = HeldKernel(kernel, self.length, at, sloped, len(free))
+        common: dict[str, Any] = {"held": held, "free": free, "anisotropy": self.anisotropy}
+        if self.rule == "trapezoid":
+            (cells,) = resolution
+            return TrapezoidLine(kernel=kernel, length=self.length, cells=cells, **common)
+        return SpectralLine(kernel=kernel, ends=ends, degrees=resolution, **common)
 
     def _ends(
         self, stations: tuple[Scalar, ...] | tuple[float, ...], spans: tuple[int, ...]

@@ -2,7 +2,6 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -106,16 +105,6 @@ def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]
     x, weights = (part.ravel() for part in gauss_points(line.breaks))
     bent = jax.vmap(jax.jacfwd(line.slope_row))(x)
     return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
-
-
-def same_shape(
-    q: Complex[Any, " n"], line: AbstractLine, finer: AbstractLine
-) -> Complex[np.ndarray, " m"]:
-    """Coordinates on a finer line, with the same ends of spans, of the shape that `q` has on a line."""
-    x = gauss_points(finer.breaks)[0].ravel()
-    length = finer.breaks[-1]
-    rows = lambda one: jnp.concatenate([jax.vmap(one.row)(x), length * jax.vmap(one.slope_row)(x)])
-    return np.linalg.lstsq(np.asarray(rows(finer)), np.asarray(rows(line)) @ np.asarray(q))[0]
 
 
 class AbstractShaft(AbstractPart):

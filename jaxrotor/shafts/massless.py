@@ -237,8 +237,11 @@ class MasslessShaft(AbstractShaft):
     def blocks(self, line: AbstractLine) -> Blocks:
         viscous = None
         if self.damping is not None:
-            stretch = self._relative()[0]
-            viscous = self.damping * jnp.outer(stretch, stretch)
+            column, row = line.column(self.at), line.row(self.at)
+            if self.ends == "elastic":
+                end = jnp.zeros_like(self.length)
+                column, row = column - line.column(end), row - line.row(end)
+            viscous = self.damping * jnp.outer(column, row)
         return Blocks(
             stiffness=line.stiffness,
             rotating_stiffness=line.rotating_stiffness,

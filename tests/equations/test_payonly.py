@@ -198,12 +198,18 @@ def rates(scene, states):
     return jax.vmap(motion)(0.4 * jnp.arange(len(states)), states)
 
 
+def without_strength(scene, effect):
+    """The scene with all parameters zero that make an effect act."""
+    paths = [f"{effect.kind}.{name}" for name in STRENGTHS[effect.kind]]
+    return scene.replace({path: 0.0 * scene.get(path) for path in paths})
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.kind)
 def test_zero_strength_equals_absence(effect):
     others = [one for one in EFFECTS if one.kind != effect.kind]
     base, here = bare(*others, N=4.0), bare(*others, effect, N=4.0)
-    zero = here.replace({f"{effect.kind}.{name}": 0.0 for name in STRENGTHS[effect.kind]})
+    zero = without_strength(here, effect)
     # Bent by millimetres every way, so that the limiter is struck in some and moves in all.
     states = 4e-3 * np.random.default_rng(3).standard_normal((6, 2, 2, assemble(base).n))
     expected = np.asarray(rates(base, states))
@@ -216,7 +222,7 @@ def test_zero_strength_equals_absence(effect):
 @pytest.mark.parametrize("effect", HARMONIC, ids=lambda effect: effect.kind)
 def test_zero_strength_equals_absence_among_harmonic_motions(effect):
     base, here = bare(*EFFECTS, N=4.0), bare(*EFFECTS, effect, N=4.0)
-    zero = here.replace({f"{effect.kind}.{name}": 0.0 for name in STRENGTHS[effect.kind]})
+    zero = without_strength(here, effect)
     expected = np.asarray(jr.roots(base, 6))
     np.testing.assert_allclose(np.asarray(jr.roots(zero, 6)), expected, rtol=1e-11)
     assert np.max(np.abs(np.asarray(jr.roots(here, 6)) / expected - 1)) > 1e-4
@@ -253,7 +259,7 @@ def rates_with_bodies(scene, states, bodies):
 def test_zero_strength_equals_absence_among_bodies(effect):
     others = [*EFFECTS, *(one for one in ROLLING[:1] if one.kind != effect.kind)]
     base, here = bare(*others, N=4.0), bare(*others, effect, N=4.0)
-    zero = here.replace({f"{effect.kind}.{name}": 0.0 for name in STRENGTHS[effect.kind]})
+    zero = without_strength(here, effect)
     states = 4e-3 * np.random.default_rng(3).standard_normal((6, 2, 2, assemble(base).n))
     bodies = jnp.array([[0.1, 0.3, 2.0], [0.2, -0.1, 0.0]])  # the first two touch
     shaft, balls = rates_with_bodies(base, states, bodies)

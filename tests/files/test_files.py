@@ -18,6 +18,7 @@ from systems import leaf_values
 
 from jaxrotor import (
     BallBalancer,
+    Casing,
     ConstantSpeed,
     Constraint,
     Disc,
@@ -279,9 +280,16 @@ def every_effect() -> Scene:
     rng = random.Random(7)
     members = []
     for cls in kinds().values():
+        if cls is Casing:
+            members.append(Casing("pedestal", rng.random() / 3))
+            continue
+        if cls is Support:
+            members.append(Support(of="pedestal", kxx=1 / 3, kyy=1 / 7, cyy=1 / 9))
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
-            numbers = {name: rng.random() / 3 for name in names}
+            numbers: dict = {name: rng.random() / 3 for name in names}
+            if "ratios" in numbers:
+                numbers["ratios"] = [rng.random() / 3 for _ in range(3)]
             if "ball_radius" in numbers:  # must be below the race radius
                 numbers["ball_radius"] = numbers["race_radius"] / 7
             for name in ANOTHER_WAY.get(cls, ()):
@@ -323,9 +331,11 @@ def film_scene() -> Scene:
     bearings = [
         Support(0.0, kxx=1e8 / 3, kxy=1e7 / 7, kyx=-2e7 / 9, kyy=4e7, cxx=2e5, cyy=1e5 / 7),
         Support(1 / 3, kxx=8e7 / 3, angular_stiffness=1e3 / 7, rotating=True),
+        Support(2 / 9, kxx=8e7 / 3, on="frame"),
     ]
-    weight = Unbalance(0.2, moment=8e-5 / 7, phase=1 / 3)
-    return Scene(RigidShaft(1 / 3), bearings, Disc(0.2, 80.0), weight, spin=ConstantSpeed(1.0))
+    weight, frame = Unbalance(0.2, moment=8e-5 / 7, phase=1 / 3), Casing("frame", 7.0)
+    parts = bearings, Disc(0.2, 80.0), weight, frame
+    return Scene(RigidShaft(1 / 3), *parts, spin=ConstantSpeed(1.0))
 
 
 WRITTEN = {"every effect": every_effect(), "rigid": rigid_scene(), "profile": profile_scene()}
@@ -826,7 +836,7 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a part of a scene (did you mean `[disc]`?); it has: title, assumption, "
-            "shaft, ball_balancer, ball_contact, cubic_spring, disc, ",
+            "shaft, ball_balancer, ball_contact, casing, cubic_spring, disc, ",
         ),
         (
             "[disc]",

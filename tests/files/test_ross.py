@@ -15,6 +15,7 @@ from jaxrotor.cli import app
 HERE = Path(__file__).parent / "ross"  # written by ROSS 2.3.0, see `reference.py` there
 ROOTS = json.loads((HERE / "roots.json").read_text())
 CASES = [("example.toml", s) for s in (0, 400, 1200)] + [("stepped.json", s) for s in (0, 500)]
+CASES += [("housed.json", s) for s in (0, 500)]  # bearings on masses of their own
 STEPPED = json.loads((HERE / "stepped.json").read_text())
 SHAFT, FRONT = "ShaftElement_Shaft Element 1", "BearingElement_front"
 
@@ -201,14 +202,15 @@ def test_sleeve_of_another_material(changed):
     assert float(step.material.density) * area == pytest.approx(mass)
 
 
-def on_support(ground):
-    """Change that puts the front bearing on another one, with a mass between them."""
+def on_support(ground, mass=None):
+    """Change that puts the front bearing on another one, with a mass between them unless it is None."""
     plain = {key: [0.0] for key in ("kxy", "kyx", "cxy", "cyx")}
 
     def link(document):
         document[FRONT].update(n_link=20, kxx=[3e7], kyy=[5e7], cxx=[4e3], cyy=[6e3], **plain)
         document["BearingElement_ground"] = {"n": 20, "tag": "ground", **ground}
-        document["PointMass_casing"] = {"n": 20, "mx": 40.0, "my": 40.0, "tag": "casing"}
+        if mass is not None:
+            document["PointMass_casing"] = {"n": 20, "mx": mass, "my": mass, "tag": "casing"}
 
     return link
 
@@ -222,9 +224,36 @@ def test_bearing_on_a_flexible_support(changed):
     loss = np.array([4e3, 6e3]) * (expected / [3e7, 5e7]) ** 2 + 1e3 * (expected / 1e8) ** 2
     assert [float(front.cxx), float(front.cyy)] == pytest.approx(loss)
     assert len(scene.of(jr.Support)) == 2 and len(scene.of(jr.Disc)) == 2
-    assert "mass of a flexible support is left out: casing" in notes
+    assert not scene.of(jr.Casing)
     (said,) = [note for note in notes if "in series" in note]
     assert "(omega C << K of either): front" in said
+
+
+def test_mass_of_a_flexible_support_is_a_casing(changed):
+    scene, notes = changed(on_support({"kxx": 1e8, "kyy": 7e7, "cxx": 1e3}, mass=40.0))
+    (casing,) = scene.of(jr.Casing)
+    assert (casing.name, float(casing.mass)) == ("casing", 40.0)
+    bearings = scene.of(jr.Support)
+    assert [(one.on, one.of) for one in bearings] == [
+        ("casing", None),
+        (None, None),
+        (None, "casing"),
+    ]
+    assert np.diag(stiffness(scene, 0)) == pytest.approx([3e7, 5e7])
+    assert np.diag(stiffness(scene, 2)) == pytest.approx([1e8, 7e7])
+    assert len(notes) == 1 and "depend on speed" in notes[0]
+
+
+def test_masses_at_one_node_and_one_that_nothing_holds(changed):
+    def more(document):
+        on_support({"kxx": 1e8}, mass=40.0)(document)
+        document["PointMass_lid"] = {"n": 20, "mx": 5.0, "my": 7.0, "tag": "lid"}
+        document["PointMass_far"] = {"n": 33, "mx": 5.0, "my": 5.0, "tag": "far"}
+
+    scene, notes = changed(more)
+    assert [float(one.mass) for one in scene.of(jr.Casing)] == [46.0]
+    assert "mass that no bearing holds is left out: far" in notes
+    assert "mass that differs along x and y is replaced by its mean: lid" in notes
 
 
 def test_squeeze_film_in_series_is_noted(changed):

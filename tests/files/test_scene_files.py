@@ -58,6 +58,6 @@ def test_every_part_has_examples_of_all_its_keys(script):
 
 def test_examples_of_one_bearing_are_the_same_bearing(script):
     base = "\n".join([BASE["shaft"], BASE["spin"]])
-    first, second, _ = (loads(f"{base}\n{text}") for text in script.EXAMPLES["support"])
+    first, second, *_ = (loads(f"{base}\n{text}") for text in script.EXAMPLES["support"])
     for name in ("kxx", "kxy", "kyx", "kyy", "cxx", "cxy", "cyx", "cyy"):
         assert first.get(f"support.{name}") == second.get(f"support.{name}")

@@ -47,6 +47,24 @@ def test_every_shipped_rotor_can_be_drawn(name):
     plt.close("all")
 
 
+def test_a_casing_is_drawn_between_shaft_and_ground():
+    """It reaches beyond both bearings that stand on it, and a spring holds it at its middle."""
+    bearings = [jr.Support(at, 1e7, on="frame") for at in (0.2, 0.8)]
+    frame = jr.Casing("frame", 40.0), jr.Support(of="frame", stiffness=1e8)
+    disc = jr.Disc.thin(0.5, 10.0, 0.1)
+    scene = jr.Scene(jr.RigidShaft(1.0), *bearings, *frame, disc, spin=jr.ConstantSpeed(1.0))
+    ax = plot.rotor(scene)
+    (box,) = [box for box in ax.patches if box.get_label() == "casing"]
+    left, right = box.get_x(), box.get_x() + box.get_width()
+    assert left < 200.0 and right > 800.0 and left + right == pytest.approx(1000.0)
+    springs = [line for line in ax.lines if line.get_color() == colours.MAGENTA]
+    feet = [(line.get_xdata()[-1], line.get_ydata()[-1]) for line in springs]
+    assert [x for x, _ in feet] == pytest.approx([200.0, 800.0, 500.0])
+    top = box.get_y() + box.get_height()
+    assert feet[0][1] == feet[1][1] == pytest.approx(top) and feet[2][1] < box.get_y()
+    plt.close("all")
+
+
 def test_a_scene_prints_its_parameters():
     text = str(jr.load("turbine-variants", row=1))
     assert text.startswith("RigidShaft, Drive (layout assumed: chain)")

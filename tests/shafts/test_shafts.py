@@ -523,7 +523,7 @@ def build(**options):
         ),
         (lambda: build(shear=True, rotary_inertia=False), "slopes are coordinates"),
         (lambda: build(anisotropy=1.2), "must be between -1 and 1"),
-        (lambda: build(rule="trapezoid", constraints=(Constraint(0.0),)), "clamped at 0"),
+        (lambda: build(rule="trapezoid", constraints=(Constraint(0.5),)), "at its ends only"),
         (lambda: build(rule="trapezoid", steps=(Step(0.5, 0.03),)), "uniform shaft"),
     ],
 )

@@ -1,11 +1,11 @@
-"""Discs and supports from the elements of ROSS on the shaft."""
+"""Discs, casings and supports from the elements of ROSS on the shaft and beside it."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from ...effects import Disc, Support
+from ...effects import Casing, Disc, Support
 from ..units import SceneError, quantity, refuse, show
 from .file import Element, Notes, station
 
@@ -25,32 +25,73 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
             yield _made(
                 element, Disc, station(element, places), element.number("m", "kg"), *inertia
             )
-        elif element.kind == "PointMass":
-            along, across = (element.number(key, "kg") for key in ("mx", "my"))
-            if element.node not in places:
-                notes.add("mass of a flexible support is left out", element)
-                continue
-            if along != across:
-                notes.add("mass that differs along x and y is replaced by its mean", element)
-            yield _made(element, Disc, station(element, places), (along + across) / 2)
+        elif element.kind == "PointMass" and element.node in places:
+            yield _made(element, Disc, station(element, places), _mass(element, notes))
+
+
+def casings(elements: Sequence[Element], places: dict[int, float]) -> dict[int, str]:
+    """Names of casings by their nodes: point masses beside the shaft that a bearing holds or stands on."""
+    bearings = [element for element in elements if "kxx" in element.table]
+    links = [e for e in bearings if e.table.get("n_link") is not None]
+    held = {e.node for e in bearings} | {e.count("n_link") for e in links}
+    found: dict[int, str] = {}
+    for element in elements:
+        if element.kind == "PointMass" and element.node in held.difference(places, found):
+            taken = element.name in found.values()
+            found[element.node] = f"{element.name} {element.node}" if taken else element.name
+    return found
+
+
+def housed(
+    elements: Sequence[Element], names: dict[int, str], places: dict[int, float], notes: Notes
+) -> Iterator[Casing]:
+    """Casings with the point masses at their nodes."""
+    masses = [element for element in elements if element.kind == "PointMass"]
+    for node, name in names.items():
+        own = [element for element in masses if element.node == node]
+        yield _made(own[0], Casing, name, sum(_mass(element, notes) for element in own))
+    for element in masses:
+        if element.node not in places and element.node not in names:
+            notes.add("mass that no bearing holds is left out", element)
+
+
+def _mass(element: Element, notes: Notes) -> float:
+    """Mass of a point mass, the mean of those along x and y."""
+    along, across = (element.number(key, "kg") for key in ("mx", "my"))
+    if along != across:
+        notes.add("mass that differs along x and y is replaced by its mean", element)
+    return (along + across) / 2
 
 
 def supports(
-    elements: Sequence[Element], places: dict[int, float], speed: float, notes: Notes
+    elements: Sequence[Element],
+    places: dict[int, float],
+    names: dict[int, str],
+    speed: float,
+    notes: Notes,
 ) -> Iterator[Support]:
-    """Supports from bearings and seals on the shaft, with their coefficients at a speed [rad/s]."""
+    """Supports from bearings and seals, with their coefficients at a speed [rad/s].
+
+    `names` are those of casings by their nodes.
+    """
     bearings = [element for element in elements if "kxx" in element.table]
-    of_ground = {e.node: e for e in bearings if e.node not in places}
+    of_ground = {e.node: e for e in bearings if e.node not in places and e.node not in names}
     known = ("ShaftElement", "PointMass")
     for element in elements:
         if element.kind not in known and not {"kxx", "Ip"} & element.table.keys():
             notes.add(f"{element.kind} is left out", element)
     for element in bearings:
-        if element.node not in places:
+        if element.node not in places and element.node not in names:
             continue
+        ends: dict[str, Any] = {"of": names.get(element.node)}
+        if element.node in places:
+            ends = {"at": station(element, places)}
         stiffness, damping = _coefficients(element, speed, notes)
-        if element.table.get("n_link") is not None:
-            below = of_ground.get(element.count("n_link"))
+        link = None if element.table.get("n_link") is None else element.count("n_link")
+        if link in names:
+            ends["on"] = names[link]
+        elif link is not None:
+            below = of_ground.get(link)
             if below is None:
                 refuse(
                     f"{element.path}.n_link",
@@ -71,8 +112,8 @@ def supports(
                     element,
                 )
         if stiffness.any() or damping.any():
-            matrices = (stiffness, damping if damping.any() else None)
-            yield _made(element, Support, station(element, places), *matrices)
+            ends |= {"stiffness": stiffness, "damping": damping if damping.any() else None}
+            yield _made(element, Support, **ends)
 
 
 def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndarray, np.ndarray]:
@@ -136,10 +177,10 @@ def _series(
     return stiffness, stiffness @ loss @ stiffness
 
 
-def _made(element: Element, build: Any, *values: Any) -> Any:
-    """Result of `build(*values)`, with the path of the element in the message of an error."""
+def _made(element: Element, build: Any, *values: Any, **named: Any) -> Any:
+    """Result of `build(*values, **named)`, with the path of the element in the message of an error."""
     try:
         with np.errstate(over="ignore"):  # infinite values are refused by `build`
-            return build(*values)
+            return build(*values, **named)
     except ValueError as error:
         raise SceneError(f"{element.path}: {error}") from None

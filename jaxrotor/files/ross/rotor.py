@@ -1,14 +1,16 @@
 """Scene of a rotor that ROSS has written."""
 
 import os
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from ...effects import AbstractEffect
 from ...scene import Scene
 from ...shafts import FlexibleShaft
 from ...shafts.materials import Material
 from ...spins.constant import ConstantSpeed
 from ..units import SceneError, quantity, refuse
-from .bearings import discs, supports
+from .bearings import casings, discs, housed, supports
 from .file import Notes, read
 from .shaft import merged, placed, sections, step
 
@@ -27,10 +29,11 @@ def from_ross(
     is interpolated at the speed by cubic splines, or taken at its nearer end. A tapered element becomes
     up to four uniform ones, and layers of sleeves become one ring.
 
-    A bearing on a flexible support becomes one `Support` of both in series, `K^-1 = K1^-1 + K2^-1`,
-    `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`, without the mass of the support. That is right for slow
-    motions, `omega C << K` of either one; in faster motions, as on a squeeze film, the damping is too
-    high. Axial and torsional motion, axial force, torque and damping of the shaft are not carried over.
+    A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
+    holds. Without a mass there both become one `Support` in series, `K^-1 = K1^-1 + K2^-1`,
+    `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`. That is right for slow motions, `omega C << K` of either
+    one; in faster motions, as on a squeeze film, the damping is too high. Axial and torsional motion,
+    axial force, torque and damping of the shaft are not carried over.
     The reader is written for files of ROSS 2.3.
 
     Args:
@@ -51,9 +54,14 @@ def from_ross(
     elements, notes = read(source), Notes()
     places, rings, gyroscopic, flags = sections(elements, source, notes)
     total = places[max(places)]
-    effects = [*discs(elements, places, notes), *supports(elements, places, speed, notes)]
+    housings = casings(elements, places)
+    effects = [
+        *discs(elements, places, notes),
+        *housed(elements, housings, places, notes),
+        *supports(elements, places, housings, speed, notes),
+    ]
     shaft, *steps = merged(rings, total, notes)
-    ends = [0.0, total, *(at for at, _ in placed(shaft, steps)), *(float(e.at) for e in effects)]
+    ends = [0.0, total, *(at for at, _ in placed(shaft, steps)), *_stations(effects)]
     spans = len({round(at / total, 4) for at in ends}) - 1
     left_out = tuple(notes)
     said = f"without what could not be carried over from {Path(source).name}" if left_out else ""
@@ -73,3 +81,9 @@ def from_ross(
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from None
     return scene, left_out
+
+
+def _stations(effects: Iterable[AbstractEffect]) -> Iterator[float]:
+    """Stations of the effects that have one [m]."""
+    found = (getattr(effect, "at", None) for effect in effects)
+    return (float(at) for at in found if at is not None)

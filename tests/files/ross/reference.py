@@ -3,9 +3,9 @@
     pip install "ross-rotordynamics==2.3.0" "plotly<6"
     python tests/files/ross/reference.py
 
-writes `example.toml`, `stepped.json` and `roots.json`: eigenvalues [rad/s] of lateral motion of the
-same rotors, with every shaft element cut into 1 (as in the files), 12 and 24 pieces, from which the
-limit of a fine mesh is extrapolated.
+writes `example.toml`, `stepped.json`, `housed.json` and `roots.json`: eigenvalues [rad/s] of lateral
+motion of the same rotors, with every shaft element cut into 1 (as in the files), 12 and 24 pieces, from
+which the limit of a fine mesh is extrapolated.
 """
 
 import json
@@ -21,7 +21,7 @@ import ross  # noqa: E402
 
 
 HERE = Path(__file__).parent
-SPEEDS = {"example": (0.0, 400.0, 1200.0), "stepped": (0.0, 500.0)}
+SPEEDS = {"example": (0.0, 400.0, 1200.0), "stepped": (0.0, 500.0), "housed": (0.0, 500.0)}
 CUTS = (1, 12, 24)
 COUNT = 12
 
@@ -89,6 +89,25 @@ def stepped(cut):
     return ross.Rotor(shaft, discs, bearings)
 
 
+def housed(cut):
+    """The stepped rotor in two bearings whose housings have masses and stand on bases."""
+    rotor, last = stepped(cut), 7 * cut
+    bearings = [
+        ross.BearingElement(
+            n=cut, n_link=last + 1, kxx=3e7, kyy=5e7, kxy=4e6, kyx=-6e6, cxx=4e3, cyy=6e3, cxy=-500,
+            cyx=-300, tag="front",
+        ),
+        ross.BearingElement(n=last, n_link=last + 2, kxx=2.5e7, kyy=3.5e7, cxx=5e3, tag="rear"),
+        ross.BearingElement(n=last + 1, kxx=6e7, kyy=4e7, cxx=2e3, cyy=1e3, tag="front base"),
+        ross.BearingElement(n=last + 2, kxx=8e7, kyy=5e7, cxx=1e3, tag="rear base"),
+    ]  # fmt: skip
+    housings = [
+        ross.PointMass(n=last + 1, m=14.0, tag="front housing"),
+        ross.PointMass(n=last + 2, m=20.0, tag="rear housing"),
+    ]
+    return ross.Rotor(rotor.shaft_elements, rotor.disk_elements, bearings, housings)
+
+
 def lateral_roots(rotor, speed):
     """Slowest eigenvalues of x, y and the two tilts, from the matrices of ROSS."""
     lateral = [i for i in range(rotor.ndof) if i % 6 not in (2, 5)]
@@ -112,8 +131,9 @@ def lateral_roots(rotor, speed):
 def main():
     example(1).save(HERE / "example.toml")
     stepped(1).save(HERE / "stepped.json")
+    housed(1).save(HERE / "housed.json")
     found = {"ross_version": ross.__version__}
-    for build in (example, stepped):
+    for build in (example, stepped, housed):
         for cut in CUTS:
             rotor = build(cut)
             for speed in SPEEDS[build.__name__]:

@@ -1,0 +1,114 @@
+"""Elastic line of a shaft with casings beside it, whose displacements are further coordinates."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..core.quantities import Scalar
+from .line import AbstractLine, PerLength, gauss_points
+from .virtual import VirtualLine
+
+
+class CasedLine(AbstractLine):
+    """`z(x) = (row(x), 0) . q` on the shaft, `z_k = (0 .. 1 .. 0) . q` of a casing; these come last.
+
+    A force on a casing enters its own equation as it is.
+    """
+
+    line: AbstractLine  # of the shaft alone
+    casings: tuple[str, ...] = eqx.field(static=True)  # names
+    anisotropy: Scalar | None
+
+    @property
+    def breaks(self) -> Float[Array, " breaks"]:
+        return self.line.breaks
+
+    @property
+    def stiffness(self) -> Float[Array, "n n"]:
+        return self._padded(self.line.stiffness)
+
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self._padded(self.line.bending_stiffness)
+
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        return self._padded(self.line.strain_energy)
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        return self._padded(self.line.bending_energy)
+
+    def row(self, at: Scalar) -> Float[Array, " n"]:
+        return self._padded(self.line.row(at))
+
+    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
+        return self._padded(self.line.slope_row(at))
+
+    def column(self, at: Scalar) -> Float[Array, " n"]:
+        return self._padded(self.line.column(at))
+
+    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
+        return self._padded(self.line.couple_column(at))
+
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        return self._padded(self.line.forces_along(per_length))
+
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        return self._padded(self.line.couples_along(per_length))
+
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        return self._padded(self.line.load_along(per_length))
+
+    def of_casing(self, name: str) -> Float[Array, " n"]:
+        """Displacement of a casing as a linear form, and the term of a unit force on it."""
+        own = self.line.row(self.breaks[0]).size
+        return jnp.zeros(own + len(self.casings)).at[own + self.casings.index(name)].set(1.0)
+
+    def _padded(self, block: Array) -> Array:
+        return jnp.pad(block, [(0, len(self.casings))] * block.ndim)
+
+
+def row_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " n"]:
+    """Displacement as a linear form of the coordinates, at a station [m] or of a casing by its name."""
+    return line.row(place) if not isinstance(place, str) else _cased(line).of_casing(place)
+
+
+def column_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " r"]:
+    """Term of a unit force in the equations, at a station [m] or on a casing by its name.
+
+    Of virtual displacements only those of Galerkin's equations move a casing.
+    """
+    if not isinstance(place, str):
+        return line.column(place)
+    if isinstance(line, VirtualLine) and not line.strained:
+        return 0.0 * line.column(line.breaks[0])
+    return row_of(line, place)
+
+
+def _cased(line: AbstractLine) -> CasedLine:
+    """The line with casings that a line is, or that a virtual one is of."""
+    while isinstance(line, VirtualLine):
+        line = line.line
+    assert isinstance(line, CasedLine), "a scene knows the casings that its parts name"
+    return line
+
+
+def same_shape(
+    q: Complex[Any, " n"], line: AbstractLine, finer: AbstractLine
+) -> Complex[np.ndarray, " m"]:
+    """Coordinates on a finer line, with the same ends of spans, of the shape that `q` has on a line."""
+    x = gauss_points(finer.breaks)[0].ravel()
+    length = finer.breaks[-1]
+
+    def rows(one: AbstractLine) -> np.ndarray:
+        found = [jax.vmap(one.row)(x), length * jax.vmap(one.slope_row)(x)]
+        if isinstance(one, CasedLine):
+            found += [one.of_casing(name)[None] for name in one.casings]
+        return np.concatenate(found)
+
+    return np.linalg.lstsq(rows(finer), rows(line) @ np.asarray(q))[0]
