@@ -93,6 +93,7 @@ class Transient(eqx.Module):
         """The same with a free spin stopped where `held`, and friction that opposes `sense`."""
         return dataclasses.replace(self, held=held, sense=sense)
 
+    @eqx.filter_jit
     def __call__(self, time: Scalar, y: RotatingState, args: None = None) -> RotatingState:
         """Rates of the state per second."""
         del args

@@ -81,7 +81,10 @@ class March(AbstractMarch):
             return cls(plan, system, stations, PhysicalForm(motion, rows), None, None, span)
         form = plan.solver.form(system, motion, rows, basis, stations.size)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
-        free = None if step is None else form.free_propagator(span)
+        free = None
+        if step is not None:  # it only tells whether there was contact, so it needs no derivative
+            still = eqx.tree_at(lambda f: f.basis, form, jax.lax.stop_gradient(form.basis))
+            free = still.free_propagator(jax.lax.stop_gradient(span))
         return cls(plan, system, stations, form, step, free, span)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:

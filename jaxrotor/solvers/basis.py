@@ -45,6 +45,10 @@ class ModalBasis(eqx.Module):
         """`exp(span A) b`."""
         return flow[:, None] * b
 
+    def twice(self, flow: Complex[Array, " m"]) -> Complex[Array, " m"]:
+        """`exp(2 span A)`."""
+        return flow**2
+
     def output_after(
         self, output: Complex[Array, "s m"], flow: Complex[Array, " m"]
     ) -> Complex[Array, "s m"]:
@@ -131,6 +135,12 @@ class SlotBasis(eqx.Module):
         """`exp(span A) b`."""
         return flow(b)
 
+    def twice(self, flow: "SlotRotation") -> "SlotRotation":
+        """`exp(2 span A)`."""
+        one, two, three, four = flow.one, flow.two, flow.three, flow.four
+        cross, trace = two * three, one + four
+        return SlotRotation(one**2 + cross, two * trace, three * trace, four**2 + cross)
+
     def output_after(
         self, output: Float[Array, "s m"], flow: "SlotRotation"
     ) -> Float[Array, "s m"]:
@@ -196,6 +206,10 @@ class DenseBasis(eqx.Module):
     def apply(self, flow: Inexact[Array, "m m"], b: Inexact[Array, "m p"]) -> Inexact[Array, "m p"]:
         """`exp(span A) b`."""
         return flow @ b
+
+    def twice(self, flow: Inexact[Array, "m m"]) -> Inexact[Array, "m m"]:
+        """`exp(2 span A)`."""
+        return flow @ flow
 
     def output_after(
         self, output: Inexact[Array, "s m"], flow: Inexact[Array, "m m"]

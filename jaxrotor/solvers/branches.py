@@ -67,12 +67,14 @@ class BranchedPorts(eqx.Module):
         contacts = dataclasses.replace(contacts, through=around(phase, contacts.through))
         return dataclasses.replace(self, contacts=contacts, mobility=around(phase, mobility))
 
+    @eqx.filter_jit
     def read(self, w: Inexact[Array, " m"], theta: Scalar) -> Float[Array, " p6"]:
         """Readings of the ports in a state, along fixed axes."""
         phase, reading = phase_at(theta), self.contacts.reading
         output = packed(self.contacts.output_matrix @ w)
         return reading.fixed(lambda: phase, output + reading.steady(phase))
 
+    @eqx.filter_jit
     def branches(self, seen: Float[Array, " p6"]) -> tuple[Branches, ...]:
         """Branches of all laws in a state."""
         d, v, _ = self._parts(seen)
@@ -82,16 +84,19 @@ class BranchedPorts(eqx.Module):
         ports = enumerate(self.motion.ports)
         return tuple(port.branches(d[:, i], v[:, i], speed) for i, port in ports)
 
+    @eqx.filter_jit
     def forces(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]):
         """`[Re, Im]` of the port forces by the formulas of given branches."""
         d, v, _ = self._parts(seen)
         return self._by_law(self._along(branches), d, v, self.contacts.through)
 
+    @eqx.filter_jit
     def actual_forces(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
         """`[Re, Im]` of the port forces, with their jumps."""
         d, v, _ = self._parts(seen)
         return self._by_law(self.motion.port_forces, d, v, self.contacts.through)
 
+    @eqx.filter_jit
     def crossing(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]) -> Crossing:
         """Margins of the conditions of given branches, and their rates."""
         d, v, a = self._parts(seen)

@@ -52,7 +52,7 @@ def phi_dense(
     units = balancing_units(a)
     a = a * units / units[:, None]
     b = b / units[:, None]
-    unit = jax.lax.stop_gradient(jnp.max(jnp.abs(b), initial=0.0))
+    unit = jax.lax.stop_gradient(jnp.max(jnp.abs(b), axis=0, initial=0.0))
     unit = jnp.where(unit > 0, unit, 1.0)
     size = m + count * p
     bordered = jnp.zeros((size, size), a.dtype).at[:m, :m].set(a)

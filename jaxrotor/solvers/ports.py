@@ -135,6 +135,7 @@ class PortField(eqx.Module):
         turned = self.reading.around(phase, self.through)
         return eqx.tree_at(lambda field: field.through, self, turned)
 
+    @eqx.filter_jit
     def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
         """`[Re, Im]` of the port forces from displacement and velocity of the ports without them."""
         if self.through is None:

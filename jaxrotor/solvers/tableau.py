@@ -4,7 +4,7 @@ Source: Cox, Matthews, J. Comput. Phys. 176 (2002), eqs. (22) (ETDRK2) and (26)-
 """
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax as dfx
 import equinox as eqx
@@ -118,15 +118,60 @@ class AbstractStep(dfx.AbstractSolver):
         return terms.vf(t0, y0, args)
 
 
+Parts = list[Array]  # `span phi_k(span A) b`, k = 1, 2, ..
+
+
+class Flows(NamedTuple):
+    """`exp(c h A)` and `c h phi_k(c h A) b` of a step, at half of it (order 4 alone) and at its end."""
+
+    middle: tuple[Any, Parts] | None
+    end: tuple[Any, Parts]
+
+    @classmethod
+    def of(cls, order: int, basis: Basis, b: Inexact[Array, "m p"], h: Scalar, count: int = 2):
+        """Those of a step of `h`; `count` functions `phi_k` of order 2, three of order 4."""
+        if order == 2:
+            return cls(None, basis.flow(h, b, count))
+        middle, parts = basis.flow(h / 2, b, 3)
+        return cls((middle, parts), (basis.twice(middle), doubled(basis, middle, parts)))
+
+    def columns(self, some: slice) -> "Flows":
+        """The same for some columns of `b`."""
+        take = lambda at: at and (at[0], [part[:, some] for part in at[1]])
+        return Flows(take(self.middle), take(self.end))
+
+
+def doubled(basis: Basis, flow: Any, parts: Parts) -> Parts:
+    """`phi_k(2 z) = (e^z phi_k(z) + Sum_j phi_j(z) / (k - j)!) / 2^k`, j = 1 .. k, times the span.
+
+    So one matrix exponential serves a step and half of it.
+    """
+    one, two, three = parts
+    sums = one, one + two, one / 2 + two + three
+    return [
+        (basis.apply(flow, part) + own) / 2**k
+        for k, (part, own) in enumerate(zip(parts, sums, strict=True))
+    ]
+
+
 def tableau_of(
-    order: int, basis: Basis, output: Inexact[Array, "s m"], b: Inexact[Array, "m p"], h: Scalar
+    order: int,
+    basis: Basis,
+    output: Inexact[Array, "s m"],
+    b: Inexact[Array, "m p"],
+    h: Scalar,
+    flows: Flows | None = None,
 ) -> Tableau:
-    """Tableau of order 2 or 4 for steps of `h` [rad] between outputs and inputs in a basis."""
-    return (_etdrk4 if order == 4 else _etdrk2)(basis, output, b, h)
+    """Tableau of order 2 or 4 for steps of `h` [rad] between outputs and inputs in a basis.
+
+    `flows` are those of `h` and `b`, where they are at hand.
+    """
+    flows = Flows.of(order, basis, b, h) if flows is None else flows
+    return (_etdrk4 if order == 4 else _etdrk2)(basis, output, flows, h)
 
 
-def _etdrk2(basis: Basis, output: Array, b: Array, h: Scalar) -> Tableau:
-    flow, (one, two) = basis.flow(h, b, 2)
+def _etdrk2(basis: Basis, output: Array, flows: Flows, h: Scalar) -> Tableau:
+    flow, (one, two, *_) = flows.end
     return _tableau(
         basis,
         output,
@@ -139,9 +184,10 @@ def _etdrk2(basis: Basis, output: Array, b: Array, h: Scalar) -> Tableau:
     )
 
 
-def _etdrk4(basis: Basis, output: Array, b: Array, h: Scalar) -> Tableau:
-    middle, (half,) = basis.flow(h / 2, b, 1)
-    flow, (one, two, three) = basis.flow(h, b, 3)
+def _etdrk4(basis: Basis, output: Array, flows: Flows, h: Scalar) -> Tableau:
+    assert flows.middle is not None
+    middle, (half, *_) = flows.middle
+    flow, (one, two, three) = flows.end
     both = 2 * two - 4 * three
     return _tableau(
         basis,
@@ -189,16 +235,16 @@ def _step2(basis: Basis, input_matrix, w: State, span: Scalar, force: Force) -> 
 
 
 def _step4(basis: Basis, input_matrix, w: State, span: Scalar, force: Force) -> State:
-    middle, (half,) = basis.flow(span / 2, input_matrix, 1)
-    flow, (one, two, three) = basis.flow(span, input_matrix, 3)
-    go = lambda flow, w: basis.apply(flow, w[:, None])[:, 0]
-    f, there = force(w, 0.0), go(middle, w)
+    middle, parts = basis.flow(span / 2, input_matrix, 3)
+    half, (one, two, three) = parts[0], doubled(basis, middle, parts)
+    go = lambda w: basis.apply(middle, w[:, None])[:, 0]
+    f, there = force(w, 0.0), go(w)
     a = there + half @ f
     fa = force(a, span / 2)
     fb = force(there + half @ fa, span / 2)
-    fc = force(go(middle, a) + half @ (2 * fb - f), span)
+    fc = force(go(a) + half @ (2 * fb - f), span)
     return (
-        go(flow, w)
+        go(there)
         + one @ f
         + two @ (2 * (fa + fb) - 3 * f - fc)
         + three @ (4 * (f - fa - fb + fc))

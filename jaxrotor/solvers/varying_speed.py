@@ -17,7 +17,7 @@ from ..equations.fixed_axes import FixedAxes, SpeedTerms
 from ..equations.system import Port, System, port_forces
 from .basis import Basis, DenseBasis, as_real, packed, unpacked
 from .lanes import lanes_last, per_lane, product
-from .tableau import Tableau, tableau_of
+from .tableau import Flows, Parts, Tableau, tableau_of
 
 
 class Course(eqx.Module):
@@ -84,28 +84,35 @@ class RotorAtSpeed(eqx.Module):
         basis, output, entry = self.basis, self.output, self.input
         nothing = jnp.zeros((0, basis.vectors.shape[0]), basis.vectors.dtype)
         seen, enters = (nothing, nothing.T) if output is None or entry is None else (output, entry)
-        tableau = tableau_of(order, basis, seen, enters, h)
-        parts = [self._parabola(share, h) for share in tableau.times[1:]]
+        given = [part for part in (enters, self.unbalance, self.weight) if part is not None]
+        flows = Flows.of(order, basis, jnp.concatenate(given, axis=1), h, 3)
+        own = enters.shape[1]
+        tableau = tableau_of(order, basis, seen, enters, h, flows.columns(slice(own)))
+        loaded = flows.columns(slice(own, None))
+        parts = [] if loaded.middle is None else [self._parabola(0.5, loaded.middle[1])]
+        parts.append(self._parabola(1.0, loaded.end[1]))
         loads = tuple(as_real(seen) @ part for part in parts)
         half = as_real(seen).reshape(2, -1, tableau.weights.shape[0])
         reading = half[:, : 2 * self.port_count].reshape(4 * self.port_count, half.shape[-1])
         return VaryingStep(tableau, loads, parts[-1], reading, ports)
 
-    def _parabola(self, share: float, h: Scalar) -> Float[Array, "m2 u"]:
+    def _parabola(self, share: float, flows: Parts) -> Float[Array, "m2 u"]:
         """Change of the state by the loads of a step after a `share` of it, 1/2 or all.
 
-        The load is `g0 (1 - 3 x + 2 x^2) + g1 (4 x - 4 x^2) + g2 (2 x^2 - x)`, with `x` from 0 to 1 in a
-        step, and `Int exp((1 - x) a) x^k dx = k! phi_(k+1)(a)`.
+        `flows` are `share h phi_k(share h A)` times the unbalance and the weight. The load is
+        `g0 (1 - 3 x + 2 x^2) + g1 (4 x - 4 x^2) + g2 (2 x^2 - x)`, with `x` from 0 to 1 in a step, and
+        `Int exp((1 - x) a) x^k dx = k! phi_(k+1)(a)`.
         """
         columns = [jnp.zeros((as_real(self.basis.vectors).shape[0], 0))]
+        of_weight = 0
         if self.unbalance is not None:
-            _, (one, two, three) = self.basis.flow(share * h, self.unbalance, 3)
+            of_weight = self.unbalance.shape[1]
+            one, two, three = (part[:, :of_weight] for part in flows)
             x, x2 = share * two, 2 * share**2 * three
             parts = one - 3 * x + 2 * x2, 4 * x - 4 * x2, 2 * x2 - x
             columns += [as_real(part) for part in parts]
         if self.weight is not None:
-            _, (one,) = self.basis.flow(share * h, self.weight, 1)
-            columns.append(as_real(one)[:, :1])
+            columns.append(as_real(flows[0][:, of_weight:])[:, :1])
         return jnp.concatenate(columns, axis=1)
 
     def load_values(self, g: Inexact[Array, "... 3"]) -> Float[Array, "... u"]:
@@ -185,6 +192,7 @@ class VaryingStep(eqx.Module):
         return end, loaded
 
 
+@eqx.filter_jit
 def _port_forces(parts: tuple[tuple[Port, ...], Scalar], seen: Float[Array, " p4"]):
     """`[Re, Im]` of the forces of all ports, from displacement and velocity."""
     ports, speed = parts
