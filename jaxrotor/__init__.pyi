@@ -75,6 +75,7 @@ from .design import (
     uncertainty as uncertainty,
 )
 from .effects import (
+    AnnularStator as AnnularStator,
     BallBalancer as BallBalancer,
     BallContact as BallContact,
     CubicSpring as CubicSpring,
