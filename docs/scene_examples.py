@@ -198,6 +198,21 @@ blend = "10 um"
 slip = "0.1 m/s"
 """,
     ],
+    "annular_stator": [
+        """\
+[annular_stator]
+at = "0.4 m"
+gap = "0.3 mm"
+stiffness = "20 MN/m"
+damping = "2 kN s/m"
+friction = 0.15
+rim_radius = "125 mm"
+offset = "50 um"                   # of the centre of the ring
+angle = "270 deg"                  # of that offset
+blend = "5 um"
+slip = "0.1 m/s"
+"""
+    ],
     "cubic_spring": ['[cubic_spring]\nat = "0.4 m"\nangle = "0 deg"\nstiffness = "1e12 N/m^3"\n'],
     "gravity": ['[gravity]\nacceleration = "9.81 m/s^2"\nangle = "-90 deg"\n'],
     "external_damping": [

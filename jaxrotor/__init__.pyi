@@ -11,10 +11,13 @@ from . import (
     solvers as solvers,
 )
 from .analysis import (
+    AnnularRub as AnnularRub,
     AxisSpeeds as AxisSpeeds,
     Boundary as Boundary,
     Campbell as Campbell,
     CriticalSpeeds as CriticalSpeeds,
+    DryWhirl as DryWhirl,
+    DryWhirlMap as DryWhirlMap,
     FirstMoments as FirstMoments,
     Grade as Grade,
     HarmonicForce as HarmonicForce,
@@ -28,6 +31,7 @@ from .analysis import (
     StabilityMap as StabilityMap,
     WeightResponse as WeightResponse,
     allocated_unbalance as allocated_unbalance,
+    annular_rub as annular_rub,
     axis_speeds as axis_speeds,
     balance_grade as balance_grade,
     balancer as balancer,
@@ -38,6 +42,8 @@ from .analysis import (
     chosen_nodes as chosen_nodes,
     correction_masses as correction_masses,
     critical_speeds as critical_speeds,
+    dry_whirl as dry_whirl,
+    dry_whirl_map as dry_whirl_map,
     first_moments as first_moments,
     floquet_multipliers as floquet_multipliers,
     forced_response as forced_response,
@@ -75,6 +81,7 @@ from .design import (
     uncertainty as uncertainty,
 )
 from .effects import (
+    AnnularStator as AnnularStator,
     BallBalancer as BallBalancer,
     BallContact as BallContact,
     Casing as Casing,

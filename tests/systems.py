@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrotor import (
+    AnnularStator,
     BallBalancer,
     BallContact,
     Casing,
@@ -125,6 +126,7 @@ EFFECTS = [
     ModalDamping([0.02, 0.01]),
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
     CubicSpring(LENGTH, 0.6, 1e9),
+    AnnularStator(LENGTH, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1, offset=2e-4, angle=0.4),
     Support(
         LENGTH,
         3e4,
@@ -153,6 +155,7 @@ STRENGTHS = {
     "modal_damping": ("ratios",),
     "limiter": ("stiffness", "damping"),
     "cubic_spring": ("stiffness",),
+    "annular_stator": ("stiffness", "damping"),
     "support": (
         "stiffness",
         "damping",

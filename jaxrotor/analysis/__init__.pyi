@@ -1,6 +1,7 @@
 """Analyses of the linear rotor: by its roots, or over a revolution where coefficients are periodic."""
 
 from . import balancer as balancer
+from .annular_rub import AnnularRub as AnnularRub, annular_rub as annular_rub
 from .balancing import (
     FirstMoments as FirstMoments,
     Grade as Grade,
@@ -24,6 +25,8 @@ from .critical import (
     axis_speeds as axis_speeds,
     critical_speeds as critical_speeds,
 )
+from .dry_whirl import DryWhirl as DryWhirl, dry_whirl as dry_whirl
+from .dry_whirl_map import DryWhirlMap as DryWhirlMap, dry_whirl_map as dry_whirl_map
 from .floquet import floquet_multipliers as floquet_multipliers
 from .forced import (
     HarmonicForce as HarmonicForce,

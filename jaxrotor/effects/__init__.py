@@ -1,5 +1,6 @@
 """Physical effects on and around a shaft, one per file."""
 
+from .annular_stator import AnnularStator as AnnularStator
 from .ball_balancer import BallBalancer as BallBalancer, BallContact as BallContact
 from .base import (
     AbstractBetween as AbstractBetween,

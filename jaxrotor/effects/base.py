@@ -65,7 +65,7 @@ class Hardness(NamedTuple):
 
     stiffness: Scalar  # [N/m]
     damping: Scalar  # [N s/m]
-    direction: Plane  # unit vector
+    direction: Plane  # unit vector; zero where it is the same along every direction
     friction: Scalar  # coefficient [1]
 
 

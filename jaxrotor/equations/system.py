@@ -72,7 +72,9 @@ class Port(eqx.Module):
         """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
         stacks = [jax.vmap(lambda law: law.hardness()[:3])(stack) for stack in self.laws]
         stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
-        share = larger(out @ out.T, 0.0) ** 2  # of law i in a motion outward along law j
+        # Share of law i in a motion outward along law j; a law without a direction has all of it.
+        round_about = jnp.all(out == 0, axis=1)
+        share = jnp.where(round_about[:, None], 1.0, larger(out @ out.T, 0.0) ** 2)
         return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:

@@ -2,6 +2,7 @@
 
 from .accuracy import convergence as convergence, work_precision as work_precision
 from .animation import animate as animate
+from .annular_rub import annular_rub as annular_rub, dry_whirl as dry_whirl
 from .attractors import attractors as attractors
 from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation

@@ -55,7 +55,7 @@ def branch(
     y = merge(heights, marks)
     stable = merge(result.stable, np.full(places.size, np.nan))
     for part, chosen in (("stable", True), ("unstable", False)):
-        shown = _runs(stable, chosen)
+        shown = runs(stable, chosen)
         if shown.any():
             style = {"color": colour, "linewidth": 1.3, "linestyle": "-" if chosen else (0, (4, 2))}
             ax.plot(x, np.where(shown, y, np.nan), label=called(part), **style)
@@ -91,12 +91,12 @@ def _heights(result: Any, of: str, station: int) -> tuple[np.ndarray, np.ndarray
     return factor * radius, factor * marks, f"largest radius [{unit}]"
 
 
-def _runs(stable: np.ndarray, chosen: bool) -> np.ndarray:
+def runs(kinds: np.ndarray, chosen: bool) -> np.ndarray:
     """Mask of the points on lines of a kind; bifurcations (NaN) between two kinds end both lines."""
-    own = stable == chosen
+    own = kinds == chosen
     shown = own.copy()
-    for i in np.flatnonzero(np.isnan(stable)):
-        before = next((own[k] for k in range(i - 1, -1, -1) if not np.isnan(stable[k])), False)
-        after = next((own[k] for k in range(i + 1, own.size) if not np.isnan(stable[k])), False)
+    for i in np.flatnonzero(np.isnan(kinds)):
+        before = next((own[k] for k in range(i - 1, -1, -1) if not np.isnan(kinds[k])), False)
+        after = next((own[k] for k in range(i + 1, own.size) if not np.isnan(kinds[k])), False)
         shown[i] = before or after
     return shown

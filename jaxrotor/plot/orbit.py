@@ -3,9 +3,11 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Complex
 from matplotlib.axes import Axes
 
-from ..effects import Limiter
+from ..effects import AnnularStator, Limiter
+from ..effects.rub import AbstractRub
 from . import colours, page
 from .record import once_per_revolution, signal
 
@@ -14,7 +16,7 @@ def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     """Orbit at one station, with a red point once per revolution, and the limiters there.
 
     A limiter is drawn to scale, as the line that the centre of the shaft reaches when the rim touches the
-    stop.
+    stop, and a ring as the circle of its clearance.
 
     Args:
         response: one simulation, with `displacement` [m], `angle`, `stations`, `scene`.
@@ -58,26 +60,39 @@ def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def limiters_at(response: Any, station: int) -> list[Limiter]:
-    """Limiters of the scene at a station of the response."""
+def limiters_at(response: Any, station: int) -> list[AbstractRub]:
+    """Limiters and rings of the scene at a station of the response."""
     at = float(np.asarray(response.stations)[station])
-    return [s for s in response.scene.of(Limiter) if np.isclose(float(s.at), at, rtol=1e-9)]
+    return [s for s in response.scene.of(AbstractRub) if np.isclose(float(s.at), at, rtol=1e-9)]
 
 
 def draw_limiters(ax: Axes, response: Any, station: int, radius: float, factor: float) -> None:
-    """Draw a tangent at each limiter's gap and angle, scaled by `factor` from m.
+    """Draw a tangent at each limiter's gap and angle, and a circle for a ring, scaled by `factor` from m.
 
-    Its length follows the gap, but is at least a quarter of `radius`.
+    The length of a tangent follows the gap, but is at least a quarter of `radius`.
     """
-    for number, stop in enumerate(limiters_at(response, station)):
-        gap, outward = factor * float(stop.gap), np.exp(1j * float(stop.angle))
-        half = 0.25 * max(gap, 0.5 * radius)
-        ends = outward * (gap + half * np.array([-1j, 1j]))
+    named = set()
+    for stop in limiters_at(response, station):
+        if isinstance(stop, AnnularStator):
+            path, name = factor * clearance_circle(stop), "ring"
+        else:
+            assert isinstance(stop, Limiter)
+            gap, outward = factor * float(stop.gap), np.exp(1j * float(stop.angle))
+            half = 0.25 * max(gap, 0.5 * radius)
+            path, name = outward * (gap + half * np.array([-1j, 1j])), "limiter"
         ax.plot(
-            ends.real,
-            ends.imag,
+            path.real,
+            path.imag,
             color=colours.ORANGE,
             linewidth=2.5,
             solid_capstyle="butt",
-            label="limiter" if number == 0 else None,
+            label=None if name in named else name,
         )
+        named.add(name)
+
+
+def clearance_circle(ring: AnnularStator) -> Complex[np.ndarray, " c"]:
+    """Path [m] of the shaft's centre along which the rim touches the ring."""
+    around = np.exp(1j * np.linspace(0.0, 2 * np.pi, 181))
+    centre = float(ring.offset) * np.exp(1j * float(ring.angle))
+    return centre + float(ring.gap) * around

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from ..effects import BallBalancer, Casing, Disc, Limiter, Support, Unbalance
+from ..effects import AnnularStator, BallBalancer, Casing, Disc, Limiter, Support, Unbalance
+from ..effects.rub import AbstractRub
 from ..scene import Scene
 from . import colours, labels, page
 
@@ -14,14 +15,14 @@ from . import colours, labels, page
 MM = 1e3
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
-DRAWN = (Disc, BallBalancer, Casing, Limiter, Support, Unbalance)
+DRAWN = (AnnularStator, Disc, BallBalancer, Casing, Limiter, Support, Unbalance)
 
 
 def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
-    """Shaft, discs, supports and limiters of a scene, drawn to scale from the side.
+    """Shaft, discs, supports, limiters and rings of a scene, drawn to scale from the side.
 
     A disc is drawn as the solid disc of its mass and moments of inertia, but thin if that would be thicker
-    than half the length of the shaft. A limiter is at its gap from the rim that it touches.
+    than half the length of the shaft. A limiter or ring is at its gap from the rim that it touches.
     Damping, weight and other effects without a shape are named under the figure.
 
     Args:
@@ -36,7 +37,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     tall = [0.05 * length, _shaft(ax, scene.shaft, length)]
     tall += [_disc(ax, disc, length) for disc in scene.of(Disc)]
     tall += [_balls(ax, balls) for balls in scene.of(BallBalancer)]
-    tall += [_stop(ax, stop, length) for stop in scene.of(Limiter)]
+    tall += [_stop(ax, stop, length) for stop in scene.of(AbstractRub)]
     ground = -1.2 * max(tall)
     for held in getattr(scene.shaft, "constraints", ()):
         _constraint(ax, MM * float(held.at), held.holds, ground)
@@ -115,15 +116,18 @@ def _balls(ax: Axes, balls: BallBalancer) -> float:
     return race
 
 
-def _stop(ax: Axes, stop: Limiter, length: float) -> float:
-    """Draw a limiter above or below the axis, or both if at the side; returns its outer radius [mm]."""
-    at, side = MM * float(stop.at), float(np.sin(stop.angle))
+def _stop(ax: Axes, stop: AbstractRub, length: float) -> float:
+    """Draw a limiter above or below the axis, one at the side and a ring both; returns the radius [mm]."""
+    at, side, shift = MM * float(stop.at), float(np.sin(stop.angle)), 0.0
     reach = MM * (float(stop.rim_radius) + float(stop.gap))
     half, thick = 0.012 * length, 0.02 * length
-    for sign in (1.0, -1.0) if abs(side) < 1e-9 else (np.sign(side),):
-        y = sorted((sign * reach, sign * (reach + thick)))
-        _box(ax, (at - half, at + half), (y[0], y[1]), facecolor=colours.ORANGE, label="limiter")
-    return abs(reach) + thick
+    signs, name = (1.0, -1.0) if abs(side) < 1e-9 else (np.sign(side),), "limiter"
+    if isinstance(stop, AnnularStator):
+        shift, signs, name = MM * float(stop.offset) * side, (1.0, -1.0), "ring"
+    for sign in signs:
+        y = sorted((shift + sign * reach, shift + sign * (reach + thick)))
+        _box(ax, (at - half, at + half), (y[0], y[1]), facecolor=colours.ORANGE, label=name)
+    return abs(reach) + abs(shift) + thick
 
 
 def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:

@@ -39,6 +39,17 @@ def test_rotor_is_drawn_to_scale():
     assert names == ["shaft", "disc", "limiter", "clamp", "unbalance"]
 
 
+def test_a_ring_is_drawn_on_both_sides():
+    """At 7.5 mm from the rim of 100 mm, and 2 mm lower than the axis."""
+    scene = jr.load("limiter-rotor").without("limiters")
+    ring = jr.AnnularStator(0.7, 7.5e-3, 4e6, rim_radius=0.1, offset=2e-3, angle=-np.pi / 2)
+    ax = plot.rotor(scene.of_parts(*scene.effects, ring))
+    boxes = [box for box in ax.patches if to_hex(box.get_facecolor()).upper() == colours.ORANGE]
+    ends = sorted((box.get_y(), box.get_y() + box.get_height()) for box in boxes)
+    assert (ends[0][1], ends[1][0]) == pytest.approx((-109.5, 105.5))
+    assert "ring" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
 @pytest.mark.parametrize("name", [name for name, _ in jr.shipped()])
 def test_every_shipped_rotor_can_be_drawn(name):
     scene = jr.load(name)

@@ -113,6 +113,16 @@ def test_orbit_draws_limiters_of_its_station():
     assert 1.0 < np.ptp(right.get_ydata()) < 7.5
 
 
+def test_orbit_draws_the_circle_of_a_ring():
+    ring = jr.AnnularStator(at=0.7, gap=0.006, stiffness=1e6, offset=0.002, angle=np.pi / 2)
+    other = jr.AnnularStator(at=0.3, gap=0.001, stiffness=1e6)
+    ax = plot.orbit(beside(whirling(0.5), ring, other))
+    (circle,) = [line for line in ax.lines if to_hex(line.get_color()).upper() == colours.ORANGE]
+    x, y = circle.get_xdata(), circle.get_ydata()
+    np.testing.assert_allclose(np.hypot(x, y - 2.0), 6.0)
+    assert np.ptp(x) == pytest.approx(12.0) and circle.get_label() == "ring"
+
+
 def test_orbit_of_another_station():
     drawn = lines(plot.orbit(whirling(0.5), station=1))["orbit"]
     np.testing.assert_allclose(np.hypot(drawn.get_xdata(), drawn.get_ydata()), 5.0)

@@ -1,0 +1,142 @@
+"""Rub: normal force and dry friction of a rim against a viscoelastic contact of any shape."""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..core.extremes import bounded, larger, smaller
+from ..core.quantities import Scalar
+from .base import AbstractContact, AbstractLaw, Branch, Plane
+
+
+class AbstractRub(AbstractContact):
+    """Contact that presses the rim by `N = k p + d p.` and rubs it by `friction N`.
+
+    `blend` [m] and `slip` [m/s] are the widths over which the force sets in and friction reverses; None
+    is the sharp law.
+    """
+
+    gap: eqx.AbstractVar[Scalar]  # [m]
+    stiffness: eqx.AbstractVar[Scalar]  # k [N/m]
+    damping: eqx.AbstractVar[Scalar]  # d [N s/m]
+    friction: eqx.AbstractVar[Scalar]  # [1]
+    rim_radius: eqx.AbstractVar[Scalar]  # [m]
+    blend: eqx.AbstractVar[Scalar | None]  # [m]
+    slip: eqx.AbstractVar[Scalar | None]  # [m/s]
+
+
+class Touch(NamedTuple):
+    """Motion of the rim relative to a contact."""
+
+    cos: Scalar  # of the direction outward
+    sin: Scalar
+    depth: Scalar  # penetration p [m]
+    rate: Scalar  # of the penetration [m/s]
+    slip: Scalar  # of the rim along the contact [m/s]
+    nearness: Scalar  # of the sign and at zero the slope of the depth, smooth outside [m]
+
+
+class AbstractRubLaw(AbstractLaw):
+    """`F = -N (1 + i f sgn V) n`, `N = k p + d p.` while `p > 0` and `N > 0`.
+
+    Conditions of a branch: in contact, under pressure, and slipping forward (1/2 without slip).
+    """
+
+    contact: eqx.AbstractVar[AbstractRub]
+
+    @abc.abstractmethod
+    def touch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Touch:
+        """Motion of the rim relative to the contact."""
+
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        touch = self.touch(displacement, velocity, speed)
+        return _directed(touch, *self._forces(touch))
+
+    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        touch = self.touch(displacement, velocity, speed)
+        return -self.contact.rim_radius * self._forces(touch)[1]
+
+    @property
+    def kinked(self) -> bool:
+        return self.contact.blend is None or self.contact.slip is None
+
+    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+        touch = self.touch(displacement, velocity, speed)
+        # At touch-down the depth may be negative by rounding; what is about to press is under pressure.
+        pressed = ~(self._pressure(larger(touch.depth, 0.0), touch.rate) < 0)
+        return jnp.stack([touch.depth > 0, pressed, 0.5 + 0.5 * jnp.sign(touch.slip)])
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        touch = self.touch(displacement, velocity, speed)
+        contact, (inside, pressed, forward) = self.contact, branch
+        if contact.blend is None:
+            normal = inside * pressed * self._pressure(touch.depth, touch.rate)
+        else:
+            normal = self._normal(touch.depth, touch.rate)
+        direction = 2 * forward - 1 if contact.slip is None else self._direction(touch.slip)
+        return _directed(touch, normal, contact.friction * normal * direction)
+
+    def margins(
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> Branch:
+        touch = self.touch(displacement, velocity, speed)
+        contact, (inside, pressed, _) = self.contact, branch > 0
+        sharp, kink = contact.blend is None, (contact.friction > 0) & (contact.slip is None)
+        # Outside only the depth can change sign; inside, the pressure and the direction of friction.
+        matters = jnp.stack([sharp & ~inside, sharp & inside, kink & inside & pressed])
+        pressure = self._pressure(touch.depth, touch.rate)
+        margins = jnp.stack([touch.nearness, pressure, touch.slip])
+        return jnp.where(matters, (2 * branch - 1) * margins, jnp.inf)
+
+    def _forces(self, touch: Touch) -> tuple[Scalar, Scalar]:
+        """Normal and tangential force [N]; the tangential one is positive against forward slip."""
+        normal = self._normal(touch.depth, touch.rate)
+        return normal, self.contact.friction * normal * self._direction(touch.slip)
+
+    def _pressure(self, depth: Scalar, rate: Scalar) -> Scalar:
+        """Normal force of the sharp law, where it acts [N]."""
+        return self.contact.stiffness * depth + self.contact.damping * rate
+
+    def _normal(self, depth: Scalar, rate: Scalar) -> Scalar:
+        contact = self.contact
+        inside = depth > 0
+        depth = jnp.where(inside, depth, 0.0)
+        if contact.blend is None:
+            force = self._pressure(depth, rate)
+            return jnp.where(inside & (force > 0), force, 0.0)
+        u = smaller(depth / contact.blend, 1.0)
+        elastic = contact.stiffness * (depth + contact.blend * (_onset(u) - u))
+        viscous = contact.damping * rate * u**3 * (10 - 15 * u + 6 * u**2)
+        force = larger(elastic + viscous, 0.0)
+        reach = contact.stiffness * contact.blend
+        # Without stiffness there is no release to smooth.
+        v = smaller(force / jnp.where(reach > 0, reach, 1.0), 1.0)
+        return jnp.where(reach > 0, force + reach * (_onset(v) - v), force)
+
+    def _direction(self, slipping: Scalar) -> Scalar:
+        if self.contact.slip is None:
+            return jnp.sign(slipping)
+        return smoothed_sign(slipping / self.contact.slip)
+
+
+def _directed(touch: Touch, normal: Scalar, tangential: Scalar) -> Plane:
+    """Force on the shaft as a vector (x, y) [N]."""
+    return jnp.stack(
+        [
+            touch.sin * tangential - touch.cos * normal,
+            -touch.cos * tangential - touch.sin * normal,
+        ]
+    )
+
+
+def smoothed_sign(u: Scalar) -> Scalar:
+    """Twice continuously differentiable transition from -1 at u = -1 to 1 at u = 1."""
+    u = bounded(u, -1.0, 1.0)
+    return u * (15 - 10 * u**2 + 3 * u**4) / 8
+
+
+def _onset(u: Scalar) -> Scalar:
+    """Twice continuously differentiable transition from 0 at u = 0 to the line u at u = 1."""
+    return u**3 * (6 - 8 * u + 3 * u**2)
