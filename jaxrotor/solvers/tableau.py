@@ -244,8 +244,5 @@ def _step4(basis: Basis, input_matrix, w: State, span: Scalar, force: Force) -> 
     fb = force(there + half @ fa, span / 2)
     fc = force(go(a) + half @ (2 * fb - f), span)
     return (
-        go(there)
-        + one @ f
-        + two @ (2 * (fa + fb) - 3 * f - fc)
-        + three @ (4 * (f - fa - fb + fc))
+        go(there) + one @ f + two @ (2 * (fa + fb) - 3 * f - fc) + three @ (4 * (f - fa - fb + fc))
     )
