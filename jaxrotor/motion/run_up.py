@@ -241,7 +241,10 @@ def with_balls(scene: Scene, launch: Launch) -> Launch:
         spread = [2 * jnp.pi * jnp.arange(count) / count for count in counts]
         balls = tuple(Balls(angle, jnp.zeros_like(angle)) for angle in spread)
     else:
-        balls = tuple(Balls(*map(jnp.asarray, (b.angle, b.rate))) for b in launch.balls)
+        own = lambda part: jnp.asarray(
+            part, float
+        )  # of no weak type, of which jax compiles another program
+        balls = tuple(Balls(own(b.angle), own(b.rate)) for b in launch.balls)
     shapes = [ball.angle.shape for ball in balls]
     if shapes != [(count,) for count in counts]:
         raise ValueError(
