@@ -113,6 +113,8 @@ def run_up(
         if substeps == "auto":
             stepping, pilot = _refined(begun, times, launch, stations, stepping, tolerance)
             pilots = (pilot,)
+        elif all(known(leaf) for leaf in jax.tree.leaves((begun, launch))):
+            stepping = stepping.with_steps(stepping.steps)
         plan: Integration | Stepping = stepping
     else:
         if substeps == "auto":
@@ -188,24 +190,24 @@ def _refined(
             '`substeps` "auto" are chosen by values, so not inside jax.jit or jax.grad; choose them '
             "before."
         )
-    first = stepping.substeps
+    first = stepping.steps
 
     def displacement(substeps: int) -> np.ndarray | None:
-        finer = dataclasses.replace(stepping, substeps=substeps)
+        finer = stepping.with_steps(substeps)
         run = _motion(scene, jnp.asarray(times, float), launch, stations, finer).run
         long = gains_energy(run.touched, run.contact_stiffness_ratio, stepping.solver.order)
         return np.asarray(run.seen.displacement) if bool(run.good) and not long else None
 
     ladder = [first * 2**k for k in range(DOUBLINGS)]
     pilot = refined("steps a piece of the run", displacement, ladder, tolerance)
-    return dataclasses.replace(stepping, substeps=pilot.setting), pilot
+    return stepping.with_steps(pilot.setting), pilot
 
 
 def _check_substeps(run: Integrated, plan: Stepping) -> None:
     """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
     ratio, order = run.contact_stiffness_ratio, plan.solver.order
     if gains_energy(run.touched, ratio, order):
-        more = steps_needed(ratio, order, plan.substeps) / plan.substeps
+        more = steps_needed(ratio, order, plan.steps) / plan.steps
         raise RuntimeError(
             "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
             f"take {more:.2g} times as many `substeps`, or a softer stop."
@@ -239,7 +241,10 @@ def with_balls(scene: Scene, launch: Launch) -> Launch:
         spread = [2 * jnp.pi * jnp.arange(count) / count for count in counts]
         balls = tuple(Balls(angle, jnp.zeros_like(angle)) for angle in spread)
     else:
-        balls = tuple(Balls(*map(jnp.asarray, (b.angle, b.rate))) for b in launch.balls)
+        own = lambda part: jnp.asarray(
+            part, float
+        )  # of no weak type, of which jax compiles another program
+        balls = tuple(Balls(own(b.angle), own(b.rate)) for b in launch.balls)
     shapes = [ball.angle.shape for ball in balls]
     if shapes != [(count,) for count in counts]:
         raise ValueError(

@@ -26,7 +26,7 @@ from ..equations.pencil import frame
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
-from ..solvers.basis import Basis, DenseBasis, modal, well_conditioned
+from ..solvers.basis import Basis, Count, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
 from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.base import Turning
@@ -39,6 +39,7 @@ SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates th
 STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
 RIGID = 2  # coordinates, up to which an explicit solver is as quick
 CONTACT_STEPS = 256  # where there is contact
+LEAST_PART = 16  # steps of a part of a piece, where the part is cut no further
 INSIDE = 1e-3  # share of half a step from its ends at which their acceleration is taken, off a jump
 APART = 1e-9  # share of a run within which a jump counts as at the end of a piece
 
@@ -49,7 +50,7 @@ class Stepping(eqx.Module):
     solver: Exponential
     breaks: Float[Array, " b"]  # ends of the pieces [s], the first is 0
     samples: Int[Array, " T"]  # which of them are samples
-    substeps: int = eqx.field(static=True)  # of every piece
+    substeps: int = eqx.field(static=True)  # of every part of a piece
     even: bool = eqx.field(static=True)  # whether all pieces are of one length
     modes: int = eqx.field(static=True)  # see `SpeedTerms`; 0 where nothing depends on the speed
     speeds: int = eqx.field(static=True)  # at which the rotor is decomposed
@@ -57,6 +58,22 @@ class Stepping(eqx.Module):
     exact: bool = eqx.field(static=True, default=False)  # whether no steps are needed
     before: int = eqx.field(static=True, default=0)  # intervals before the first sample of lanes
     span: tuple[Scalar, Scalar] | None = None  # lowest and highest speed; None: of the run
+    parts: Count = 1  # of every piece; an array is traced, so that one program serves all numbers
+
+    def with_steps(self, count: int) -> "Stepping":
+        """The settings with `count` steps of a piece, in as many parts as halving it gives.
+
+        So twice as many steps take no other program. Derivatives are in forward mode alone.
+        """
+        parts = 1
+        while count % 2 == 0 and count >= 2 * LEAST_PART:
+            count, parts = count // 2, 2 * parts
+        return dataclasses.replace(self, substeps=count, parts=jnp.asarray(parts))
+
+    @property
+    def steps(self) -> int:
+        """Steps of a piece."""
+        return self.substeps * int(self.parts)
 
     @classmethod
     def of(
@@ -270,7 +287,7 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
     order, bases = stepping.solver.order, stepping.bases
     build = lambda of: RotorAtSpeed.build(system.at_speed(of[0]), rate, terms, of[1])
     lengths = jnp.diff(stepping.breaks)
-    h = lambda length: rate * length / stepping.substeps
+    h = lambda length: rate * length / (stepping.substeps * stepping.parts)
     if stepping.speeds == 1:
         rotors = build(jax.tree.map(lambda leaf: leaf[0], (centres, bases)))
         step_of = lambda rotor: rotor.step(order, h(jnp.max(lengths)), system.ports)
@@ -295,9 +312,18 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
             step = dataclasses.replace(at(steps, number), ports=system.ports)
         else:
             step = rotor.step(order, h(length), system.ports)
-        part = time, length, stepping.substeps
-        now = course(system, rotor, step, centres[number], angle, part)
-        y, loaded = step.several(now, rotor.encode(state), batch=False)
+        each = length / stepping.parts
+
+        def several(count, carry):
+            y, loaded = carry
+            part = time + count * each, each, stepping.substeps
+            now = course(system, rotor, step, centres[number], angle, part)
+            y, more = step.several(now, y, batch=False)
+            return y, loaded | more
+
+        y = rotor.encode(state), jnp.zeros((), bool)
+        whole = isinstance(stepping.parts, int)
+        y, loaded = several(0, y) if whole else jax.lax.fori_loop(0, stepping.parts, several, y)
         state = rotor.decode(y)
         return (state, touched | loaded), state
 

@@ -1,5 +1,6 @@
 """Hysteresis: a rotor with balls at speeds that rise in steps, and fall again."""
 
+import dataclasses
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -11,7 +12,8 @@ from ..analysis import balancer
 from ..core.attributes import about
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
-from ..equations.start import Launch
+from ..equations.start import Continued, Launch
+from ..equations.system import assemble
 from ..files.toml import dumps
 from ..motion.history import TimeHistory
 from ..motion.run_up import run_up
@@ -89,7 +91,7 @@ def hysteresis(
         turning = eqx.tree_at(lambda s: s.spin, scene, spin)
         return run_up(turning, times, start=launch, at=float(races[0].at), **options)
 
-    points, launch, before = [], start, float(speeds[0])
+    points, launch, before = [], _continued(scene, start), float(speeds[0])
     with bar(progress, 2 * speeds.size, "speeds", "speeds") as tick:
         for branch in BRANCHES:
             if branch == "down" and start_down is not None:
@@ -160,6 +162,13 @@ def _observed(run: TimeHistory, observed: np.ndarray, within: float) -> Point:
     rate = (angle[-1] - angle[0]) / np.ptp(span)
     settled = float(balancer.settling_time(run, within).time)
     return Point(rms(run.imbalance), rms(run.displacement[:, 0]), settled, rate)
+
+
+def _continued(scene: Scene, start: Launch | None) -> Launch:
+    """A start with the state of its shaft in numbers, as later runs have it: all share one program."""
+    launch = Launch.of(start)
+    state = launch.shaft.state(assemble(scene), scene.stations(scene.of(AbstractBodies)[0].at)[0])
+    return dataclasses.replace(launch, shaft=Continued(*state))
 
 
 def _kicked(launch: Launch, kick: float) -> Launch:

@@ -252,11 +252,13 @@ def test_heavy_damping_leaves_real_roots(kind):
 def test_equal_axes_written_as_unequal_ones():
     """With blocks of axes that differ by nothing the motion is that of the rotor without them."""
     scene = rotor(jr.Support(0.5, 2e4, 30.0))
-    parted = rotor(jr.Support(0.5, 2e4, 30.0, anisotropy=1e-300))
+    same = {"kxx": 2e4, "kxy": 1e-300, "kyx": 0.0, "kyy": 2e4}  # not known to be isotropic
+    same |= {"cxx": 30.0, "cxy": 1e-300, "cyx": 0.0, "cyy": 30.0}
+    parted = rotor(jr.Support(0.5, **same))
     assert jr.assemble(parted).blocks.fixed_stiffness is not None
     assert jr.assemble(scene).blocks.fixed_stiffness is None
     one, other = (
-        jr.simulate(s, 4, 64, solver=jr.Exponential(4, located=True)) for s in (scene, parted)
+        jr.simulate(s, 2, 256, solver=jr.Exponential(4, located=True)) for s in (scene, parted)
     )
     np.testing.assert_allclose(one.displacement, other.displacement, rtol=0, atol=1e-13)
 
