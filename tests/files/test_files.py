@@ -56,6 +56,7 @@ OTHERS = [
     "gyroscopic-propped",
     "overhung-disc",
     "overhung-fan",
+    "ring-rub",
     "turbine-run-up",
     "turbine-variants",
     "two-discs",
