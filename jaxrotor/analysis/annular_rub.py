@@ -14,7 +14,7 @@ from ..equations.pencil import eigenvalues
 from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
-from .ring import RotorInRing, growth_and_roots, ring_of
+from .ring import RotorInRing, ring_of, sorted_roots
 
 
 BISECTIONS = 60
@@ -201,7 +201,7 @@ class _Synchronous(eqx.Module):
         ahead = self.free / (ring.gap + jnp.where(exists, normal, 1.0) * q)
         friction = ring.friction * jnp.where(speed < 0, -1.0, 1.0)
         coordinates = self.whole - self.unit * held * (1 + 1j * friction) * ahead
-        _, roots = growth_and_roots(self.rotor.linearised(speed, held, friction), neutral=False)
+        roots = sorted_roots(self.rotor.linearised(speed, held, friction), neutral=False)
         displacement = (ring.gap + held / ring.stiffness) * ahead
         found = normal, displacement, roots, coordinates
         return tuple(jnp.where(exists, part, jnp.nan) for part in found)

@@ -17,7 +17,7 @@ from ..equations.pencil import Pencil, eigenvalues
 from ..equations.start import Continued
 from ..equations.system import assemble
 from ..scene import Scene
-from .ring import RotorInRing, growth_and_roots, polished, ring_of
+from .ring import RotorInRing, polished, ring_of, sorted_roots
 
 
 PLACES = 8  # whirls that a result has room for
@@ -145,7 +145,7 @@ def _dry_whirl(scene: Scene, count: int) -> DryWhirl:
     every = jax.tree.map(lambda *part: jnp.concatenate(part), *parts)
     order = jnp.argsort(jnp.where(every.exists, every.rate, jnp.inf))[:count]
     some = jax.tree.map(lambda part: part[order], every)
-    roots, coordinates = jax.vmap(lambda one: _motion(rotor, one))(some)
+    roots, coordinates = jax.lax.map(lambda one: _motion(rotor, one), some)
     friction, rate = _least_friction(rotor)
     found = some.rate, some.radius, some.normal, some.slip, some.friction
     masked = [jnp.where(some.exists, part, jnp.nan) for part in found]
@@ -187,19 +187,21 @@ class _Contact(NamedTuple):
 
 
 def _motion(rotor: RotorInRing, one: _Whirls) -> tuple[Array, Array]:
-    """Roots and coordinates of a whirl; any numbers where it does not exist."""
-    here = jnp.where(one.exists, one.rate, 1.0)
-    friction, normal = (jnp.where(one.exists, part, 1.0) for part in (one.friction, one.normal))
-    ring = rotor.ring
+    """Roots and coordinates of a whirl, not a number where it does not exist."""
+    ring, n = rotor.ring, rotor.row.size
     slope = 0.0
     if ring.slip is not None:
         slope = ring.friction * jax.grad(smoothed_sign)(one.slip / ring.slip) / ring.slip
-    _, roots = growth_and_roots(rotor.linearised(here, normal, friction, slope), neutral=True)
-    if ring.slip is None:
-        _, locked = growth_and_roots(rotor.rolling(here, normal, friction), neutral=True)
-        roots = jnp.where(one.rolling, locked, roots)
-    force = -normal * (1 + 1j * friction)
-    return roots, rotor.pencil.response(here, force * rotor.column)
+    state = one.rate, one.normal, one.friction
+    kinds = [
+        lambda: jnp.full(4 * n, jnp.nan, complex),
+        lambda: sorted_roots(rotor.linearised(*state, slope), neutral=True),
+        lambda: sorted_roots(rotor.rolling(*state), neutral=True),
+    ]
+    locked = one.rolling if ring.slip is None else jnp.zeros_like(one.rolling)
+    roots = jax.lax.switch(jnp.where(one.exists, 1 + locked, 0), kinds)
+    force = -one.normal * (1 + 1j * one.friction)
+    return roots, rotor.pencil.response(one.rate, force * rotor.column)
 
 
 # === candidates: purely imaginary eigenvalues of bordered pencils

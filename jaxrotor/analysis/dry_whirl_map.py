@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 from ..core.compiled import compiled_quickly
 from ..effects import AnnularStator
 from ..scene import Scene
-from .dry_whirl import PLACES, dry_whirl
+from .dry_whirl import dry_whirl
 from .ring import ring_of
 
 
@@ -47,18 +47,23 @@ def dry_whirl_map(scene: Scene, speeds, frictions) -> DryWhirlMap:
 def _dry_whirl_map(
     scene: Scene, speeds: Float[Array, " a"], frictions: Float[Array, " b"]
 ) -> DryWhirlMap:
+    def found_at(speed, friction):
+        put = {"spin.speed": speed, f"{AnnularStator.kind}.friction": friction}
+        return dry_whirl(scene.put(put))
+
     def one(case):
         speed, friction = case
-        put = {"spin.speed": speed, f"{AnnularStator.kind}.friction": friction}
-        found = dry_whirl(scene.put(put), PLACES)
+        found = found_at(speed, friction)
         backward = found.rate * speed < 0
         stable = found.stable & backward
         fastest = jnp.max(jnp.where(stable, jnp.abs(found.rate), -jnp.inf))
         rate = jnp.where(jnp.any(stable), -jnp.sign(speed) * fastest, jnp.nan)
         rolls, slips = jnp.any(stable & found.rolling), jnp.any(stable & ~found.rolling)
-        return rolls, slips, jnp.any(backward), rate, found.least_friction
+        return rolls, slips, jnp.any(backward), rate
 
     shape = speeds.size, frictions.size
     grid = [part.ravel() for part in jnp.meshgrid(speeds, frictions, indexing="ij")]
-    *parts, least = (part.reshape(shape) for part in jax.lax.map(one, tuple(grid)))
-    return DryWhirlMap(speeds, frictions, *parts, least[:, 0])
+    parts = [part.reshape(shape) for part in jax.lax.map(one, tuple(grid))]
+    # It does not depend on friction, and what is not returned above is not computed.
+    least = jax.lax.map(lambda speed: found_at(speed, frictions[0]).least_friction, speeds)
+    return DryWhirlMap(speeds, frictions, *parts, least)

@@ -124,21 +124,17 @@ def _null_space(row: Float[Array, " n"]) -> tuple[Float[Array, "n k"], Float[Arr
     return jnp.eye(n)[:, others] - jnp.outer(unit, row[others]), unit
 
 
-def growth_and_roots(
-    pencil: Pencil, neutral: bool
-) -> tuple[Float[Array, ""], Complex[Array, " m"]]:
-    """Largest real part, and all roots, ordered by it, largest first; NaN stands for infinite ones.
+def sorted_roots(pencil: Pencil, neutral: bool) -> Complex[Array, " m"]:
+    """All roots, ordered by their real parts, largest first; NaN stands for infinite ones.
 
     A whirl whose phase is arbitrary is `neutral`: its root zero is left out, too.
     """
     roots = eigenvalues(pencil)
-    size = jnp.abs(roots)
     left = jnp.isfinite(roots)
     if neutral:
-        left = left & (jnp.arange(roots.size) != jnp.argmin(size))
-    growth = jnp.where(left, roots.real, -jnp.inf)
-    order = jnp.argsort(-growth)
-    return growth[order[0]], jnp.where(left, roots, jnp.nan)[order]
+        left = left & (jnp.arange(roots.size) != jnp.argmin(jnp.abs(roots)))
+    order = jnp.argsort(jnp.where(left, -roots.real, jnp.inf))
+    return jnp.where(left, roots, jnp.nan)[order]
 
 
 def ring_of(scene: Scene, what: str) -> AnnularStator:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.patches import Patch
 
 from . import colours, labels, page
 from .branch import MARKERS, runs
@@ -46,7 +45,10 @@ def annular_rub(result: Any, ax: Axes | None = None) -> Axes:
     for j, stable in enumerate(np.asarray(result.stable).T):
         curves.append((radius[:, j], exists[:, j], stable, *ends, colours.BLUE, "full rub"))
     for heights, there, stable, at, height, colour, name in curves:
-        # Lines run through onsets and folds, where they begin and end.
+        # A line runs to the onset or fold where it begins or ends.
+        place = np.clip(np.searchsorted(speeds, at), 1, speeds.size - 1)
+        ends = there[place] != there[place - 1]
+        at, height = at[ends], height[ends]
         order = np.argsort(np.concatenate([speeds, at]), kind="stable")
         x, y = (np.concatenate(pair)[order] for pair in ((speeds, at), (heights, height)))
         kinds = np.concatenate([np.where(there, stable, -1.0), np.full(at.size, np.nan)])[order]
@@ -97,7 +99,7 @@ def dry_whirl(result: Any, ax: Axes | None = None) -> Axes:
     ax.pcolormesh(x, y, kinds.T, rasterized=True, **drawn)
     for kind in np.unique(kinds):
         name, colour = _KINDS[kind]
-        ax.add_patch(Patch(facecolor=colour, edgecolor=colours.DARK, lw=0.4, label=name))
+        ax.fill([], [], facecolor=colour, edgecolor=colours.DARK, lw=0.4, label=name)
     least = np.asarray(result.least_friction)
     ax.plot(x, least, color=colours.DARK, linewidth=1.3, label="least friction")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))

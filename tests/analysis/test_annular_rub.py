@@ -1,6 +1,8 @@
 """Full rubs in closed form: against the tables of the sheet, motions in time and periodic orbits."""
 
 import functools
+import importlib
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -473,3 +475,51 @@ def test_derivatives_of_dry_whirl_are_those_of_differences():
 
     own = jnp.stack([jnp.ravel(scene.get(path))[0] for path in paths])
     check_forward(numbers, own, 1e-4)
+
+
+# === maps, the shipped scene, random rotors
+
+
+def test_a_map_has_the_regions_of_the_closed_form():
+    """A mass on a round shaft rolls above the least friction and the least speed, or it does not."""
+    zeta, beta = 0.1, 4.0
+    scene = dry(zeta, beta, 0.3, 1.0)
+    speeds, frictions = np.array([1.0, 1.5, 1.7, 3.0]), np.array([0.05, 0.1, 0.12, 0.35])
+    found = jr.dry_whirl_map(scene, speeds, frictions)
+    w = zeta / frictions + np.sqrt((zeta / frictions) ** 2 + 1)
+    share = 2 * zeta * w / frictions / beta  # K / beta, below 1 where there is a whirl
+    least = w / np.where(share < 1, 1 - share, np.nan)
+    assert (np.asarray(found.rolls) == (speeds[:, None] > least)).all()
+    assert (np.asarray(found.exists) == np.asarray(found.rolls)).all() and not found.slips.any()
+    want = 2 * zeta * np.sqrt(1 + beta) / beta
+    np.testing.assert_allclose(found.least_friction, want, rtol=1e-9)
+    rolling = np.asarray(found.rate)[-1, -1]
+    assert rolling == pytest.approx(-5 / 3, rel=1e-9)  # R11
+    assert np.isnan(np.asarray(found.rate)[0]).all()
+
+
+@pytest.mark.slow
+def test_the_shipped_scene_is_as_its_comments_say():
+    scene = jr.load("ring-rub")
+    found = jr.annular_rub(scene, np.linspace(200, 1200, 101))
+    assert np.asarray(found.onsets) == pytest.approx([231, 304], abs=0.5)
+    growth = jr.annular_rub(scene, [704.0, 706.0]).growth[:, 0]
+    assert growth[0] < 0 < growth[1]
+    assert float(found.folds[0]) == pytest.approx(1038.65, abs=0.01)  # docs/concepts/ring.md
+    thrown = jr.dry_whirl(scene)
+    assert bool(thrown.stable[0] & thrown.rolling[0]) and float(thrown.radius[0]) > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.hard("7.5 dry whirl of random rotors and rings, against runs in time")
+def test_dry_whirl_of_random_rotors(monkeypatch, record_property):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    benchmark = importlib.import_module("dry_whirl")
+    monkeypatch.setattr(benchmark, "MOST", 100_000)
+    found = benchmark.judged(40, seed=3)
+    runs = found["runs"] - found["too slow to tell"]
+    record_property(
+        "measured", f"{found['rotors misjudged']} of 40 rotors misjudged by {runs} runs"
+    )
+    assert found["rotors misjudged"] == 0
+    assert runs > 40 and found["with a stable whirl"] > 10 and found["without a whirl, run"] > 5

@@ -57,6 +57,7 @@ OTHERS = [
     "gyroscopic-propped",
     "overhung-disc",
     "overhung-fan",
+    "ring-rub",
     "turbine-run-up",
     "turbine-variants",
     "two-discs",
