@@ -192,7 +192,7 @@ def test_samples_without_windows_are_refused():
         ({"times": [0.05, 0.15, 0.25]}, "must be a whole number of intervals, of 0.1 s"),
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
-        ({"solver": jr.Exponential(located=True)}, "Located steps are for whole revolutions"),
+        ({"solver": jr.Exponential(shapes=2)}, "A few shapes are for whole revolutions"),
     ],
 )
 def test_settings_that_runs_do_not_take(settings, words):
