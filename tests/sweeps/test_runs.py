@@ -59,6 +59,19 @@ def test_what_is_before_the_first_time_is_not_observed(runs):
     np.testing.assert_allclose(late.speed[0], runs.speed[0, 0, runs.window > 0.17])
 
 
+@pytest.mark.slow
+def test_lanes_by_located_steps_are_runs():
+    solver = {"order": 4, "located": True}
+    runs = jr.sweep(
+        scene(), OVER, times=TIMES, steps_per_revolution=48, solver=jr.Exponential(**solver)
+    )
+    assert (runs.unresolved == 0).all()
+    values = {"unbalance.eccentricity": 4e-4, "limiters.stiffness": 2e5}
+    run = lane(runs, scene().replace(values), **solver)
+    radius = np.abs(run.displacement[:, 0])
+    assert float(runs.sel(values).peak) == pytest.approx(radius[1:].max(), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("over", "words"),
     [
