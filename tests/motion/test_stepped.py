@@ -212,10 +212,11 @@ def test_located_steps_and_unequal_bearings():
 def test_derivative_through_located_impacts():
     """Of the disc's distance from the centre after several impacts, by the friction of the stops."""
     solver = jr.Exponential(order=4, located=True, basis="modal")
+    scene = rotor(stops())
 
     def last(friction):
-        scene = rotor(stops()).replace({"limiters.friction": friction})
-        run = jr.run_up(scene, SAMPLES[:16], solver=solver, substeps=32, at=0.6)
+        one = scene.put({"limiters.friction": friction})
+        run = jr.run_up(one, SAMPLES[:16], solver=solver, substeps=32, at=0.6)
         return jnp.abs(run.displacement[-1, 0]), run.contact_force
 
     both = jax.jit(lambda friction: jax.jvp(last, (friction,), (jnp.ones(()),)))
