@@ -24,7 +24,7 @@ PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
 
 
 class Outputs(eqx.Module):
-    """What is read of a state `[Re w, Im w]`: motion of the ports, and the signals of the speed terms.
+    """Readings of a state `[Re w, Im w]`: motion of the ports, and the signals of the speed terms.
 
     Rows are [Re, Im]. The acceleration is the rate of the velocity by `tau` without contact.
     """

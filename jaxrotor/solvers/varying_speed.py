@@ -132,7 +132,7 @@ class RotorAtSpeed(eqx.Module):
         return jnp.concatenate(columns, axis=1)
 
     def load_nodes(self, load: Float[Array, " u"]) -> Inexact[Array, "3 l"]:
-        """What `load_matrix` takes at the beginning, middle and end of a step, by its `load_values`."""
+        """Inputs of `load_matrix` at the beginning, middle and end of a step, by its `load_values`."""
         nodes = [jnp.zeros((3, 0), self.basis.vectors.dtype)]
         if self.unbalance is not None:
             g = load[:6].reshape(3, 2)
