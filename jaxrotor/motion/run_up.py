@@ -298,7 +298,7 @@ def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeH
         stations=stations,
         stopped=motion.run.stopped,
         end=Launch(**motion.end),
-        unresolved=jnp.zeros((), int),
+        unresolved=motion.run.unresolved,
         scene=scene,
         solver=name,
         steps_per_revolution=None,

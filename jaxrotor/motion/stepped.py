@@ -28,6 +28,7 @@ from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
 from ..solvers.basis import Basis, Count, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
+from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
@@ -158,11 +159,6 @@ def check_steppable(scene: Scene, solver: Exponential, system: System | None = N
             "A few shapes are for whole revolutions, where the steady response is known; leave `shapes` "
             "out."
         )
-    if solver.located:
-        raise ValueError(
-            "Located steps are for whole revolutions from angle zero; take Exponential(order=2) with more "
-            "steps."
-        )
     return system
 
 
@@ -268,6 +264,7 @@ class Path(eqx.Module):
     q: Complex[Array, "T n"]
     velocity: Complex[Array, "T n"]  # [1/s] of them
     touched: Bool[Array, ""]  # whether a contact was loaded
+    unresolved: Int[Array, ""]  # steps whose changes of contact were not located
     contact_stiffness_ratio: Float[Array, "2"]
 
 
@@ -282,7 +279,7 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
         settings = rate, stepping.breaks, begin, angle
         path = exact_motion(system, basis, *settings, even=stepping.even)
         q, velocity = (part[stepping.samples] for part in path)
-        return Path(q, velocity, jnp.zeros((), bool), jnp.zeros(2))
+        return Path(q, velocity, jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(2))
     terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
     order, bases = stepping.solver.order, stepping.bases
     build = lambda of: RotorAtSpeed.build(system.at_speed(of[0]), rate, terms, of[1])
@@ -303,7 +300,7 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
         middle = dataclasses.replace(middle, ports=system.ports)
 
     def piece(carry, part):
-        state, touched = carry
+        state, touched, unresolved = carry
         time, length = part
         speed = turning(system, time + length / 2).speed
         number = jnp.argmin(jnp.abs(centres - speed))
@@ -312,34 +309,41 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
             step = dataclasses.replace(at(steps, number), ports=system.ports)
         else:
             step = rotor.step(order, h(length), system.ports)
-        each = length / stepping.parts
+        step, each = steps_of(rotor, step, stepping.solver), length / stepping.parts
 
         def several(count, carry):
-            y, loaded = carry
+            y, *found = carry
             part = time + count * each, each, stepping.substeps
-            now = course(system, rotor, step, centres[number], angle, part)
-            y, more = step.several(now, y, batch=False)
-            return y, loaded | more
+            now = course(system, rotor, centres[number], angle, part)
+            y, loaded, more = step.several(now, y, batch=False)
+            return y, found[0] | loaded, found[1] + more
 
-        y = rotor.encode(state), jnp.zeros((), bool)
+        y = rotor.encode(state), touched, unresolved
         whole = isinstance(stepping.parts, int)
-        y, loaded = several(0, y) if whole else jax.lax.fori_loop(0, stepping.parts, several, y)
-        state = rotor.decode(y)
-        return (state, touched | loaded), state
+        y = several(0, y) if whole else jax.lax.fori_loop(0, stepping.parts, several, y)
+        return (rotor.decode(y[0]), *y[1:]), rotor.decode(y[0])
 
     axes = FixedAxes(at(rotors, 0).axes.matrix, rate)
     first = axes.state(*begin)
     times = stepping.breaks[:-1], lengths
-    (_, touched), states = jax.lax.scan(piece, (first, jnp.zeros((), bool)), times)
+    begin = first, jnp.zeros((), bool), jnp.zeros((), int)
+    (_, touched, unresolved), states = jax.lax.scan(piece, begin, times)
     states = jnp.concatenate([first[None], states])[stepping.samples]
     q, velocity = jax.vmap(axes.coordinates)(states)
-    return Path(q, velocity, touched, middle.contact_stiffness_ratio)
+    return Path(q, velocity, touched, unresolved, middle.contact_stiffness_ratio)
+
+
+def steps_of(
+    rotor: RotorAtSpeed, step: VaryingStep, solver: Exponential
+) -> VaryingStep | LocatedVaryingStep:
+    """The steps of a rotor, located where the solver is so and a law of contact has kinks."""
+    kinked = any(law.kinked for port in step.ports for law in port.laws)
+    return LocatedVaryingStep.of(rotor, step, solver.order) if solver.located and kinked else step
 
 
 def course(
     system: System,
     rotor: RotorAtSpeed,
-    step: VaryingStep,
     centre: Scalar,
     angle: Scalar | float,
     piece: tuple[Scalar, Scalar, int],
@@ -354,7 +358,6 @@ def course(
         share = share.at[0].add(INSIDE / count).at[-1].add(-INSIDE / count)
         acceleration = turning(system, time + length * share).acceleration
     g = unbalance_factor(now.speed, acceleration) * jnp.exp(1j * (angle + now.angle))
-    steps = jnp.arange(substeps)[:, None] * 2
-    stages = (2 * np.asarray(step.tableau.times)).astype(int)
-    speed = now.speed[steps + stages]
-    return Course(rotor.load_values(g[steps + np.arange(3)]), speed, speed - centre)
+    nodes = jnp.arange(substeps)[:, None] * 2 + np.arange(3)
+    speed = now.speed[nodes]
+    return Course(rotor.load_values(g[nodes]), speed, speed - centre)

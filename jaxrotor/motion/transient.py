@@ -115,6 +115,7 @@ class Integrated(NamedTuple):
     good: Array
     seen: StationMotion
     touched: Array
+    unresolved: Array  # number of steps whose changes of contact were not located
     contact_stiffness_ratio: Float[Array, "2"]
 
 
@@ -131,7 +132,11 @@ def integrate(
     part = integrate_part(field, plan, jnp.zeros(()), y, launch.stopped, times)
     instants = part.instants(field, times)
     seen = motion_of_stations(system, instants, stations)
-    no = jnp.zeros((), bool), jnp.zeros(2)  # an error estimate tells where steps are too long
+    no = (
+        jnp.zeros((), bool),
+        jnp.zeros((), int),
+        jnp.zeros(2),
+    )  # an error estimate tells where steps are too long
     good = part.good & _finite(instants)
     return Integrated(instants.turning, instants, part.stopped, good, seen, *no)
 
@@ -177,7 +182,8 @@ def _step(
     system, none = field.system, jnp.zeros(0)
     begin = launch.shaft.state(system, stations[0])
     path = stepped(system, plan, begin, launch.angle)
-    never, steps = jnp.asarray(jnp.inf), (path.touched, path.contact_stiffness_ratio)
+    never = jnp.asarray(jnp.inf)
+    steps = path.touched, path.unresolved, path.contact_stiffness_ratio
     if plan.exact:  # accelerations would take longer than the motion, and few ask for them
         now = turning(system, times)
         now = now._replace(angle=launch.angle + now.angle)

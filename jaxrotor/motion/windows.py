@@ -18,10 +18,11 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
+from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from .base import AbstractMarch, Plan, Window, bounded
 from .run_up import after
-from .stepped import Stepping, course, steps_between, turning
+from .stepped import Stepping, course, steps_between, steps_of, turning
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
@@ -38,7 +39,7 @@ class WindowMarch(AbstractMarch):
     plan: Plan
     system: System
     rotor: RotorAtSpeed
-    step: VaryingStep
+    step: VaryingStep | LocatedVaryingStep
     reading: Float[Array, "4 m2"]  # [Re, Im] of displacement and velocity of the station
     centre: Scalar  # speed of decomposition [rad/s]
     length: Scalar  # from sample to sample [s]
@@ -65,7 +66,8 @@ class WindowMarch(AbstractMarch):
         rotor = RotorAtSpeed.build(at_centre, rate, terms, basis)
         length = stepping.breaks[1] - stepping.breaks[0]
         h = rate * length / stepping.substeps
-        step = rotor.step(plan.solver.order, h, system.ports)
+        plain = rotor.step(plan.solver.order, h, system.ports)
+        step = steps_of(rotor, plain, plan.solver)
         row = system.line.row(station[0])[None]
         seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
         parts = plan, system, rotor, step, rotor.read(seen), centres[0]
@@ -98,8 +100,8 @@ class WindowMarch(AbstractMarch):
         """State at the first sample, and outcome; there is one window before it, of its own length."""
         del windows
         times = jnp.arange(self.before) * self.length
-        w, touched, _ = self._stepped(y[:-1], times)
-        return jnp.append(w, 0.0), self._outcome(w, touched)
+        w, found, _ = self._stepped(y[:-1], times)
+        return jnp.append(w, 0.0), self._outcome(w, *found)
 
     def advance(self, y: Array) -> tuple[Array, Outcome]:
         end, _, ok = self.observe(y)  # what is not read is not computed
@@ -108,7 +110,7 @@ class WindowMarch(AbstractMarch):
     def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
         number, size = y[-1], self.plan.steps
         times = (self.before + number * size + jnp.arange(size + 1)) * self.length
-        w, touched, states = self._stepped(y[:-1], times[:-1])
+        w, found, states = self._stepped(y[:-1], times[:-1])
         states = jnp.concatenate([states, w[None]])
         seen = jnp.moveaxis((states @ self.reading.T).reshape(-1, 2, 2), 1, -1)
         speed = turning(self.system, times).speed
@@ -121,23 +123,27 @@ class WindowMarch(AbstractMarch):
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
         seen = z[:, :1], z[:, 1:], None, forces, None
         samples = Window(*seen, self.length, jnp.sign(speed[-1]), times, speed)
-        return jnp.append(w, number + 1), samples, self._outcome(w, touched)
+        return jnp.append(w, number + 1), samples, self._outcome(w, *found)
 
-    def _stepped(self, w: Array, times: Array) -> tuple[Array, Array, Array]:
-        """State after the intervals that begin at some times, whether a contact was loaded, all states."""
+    def _stepped(self, w: Array, times: Array) -> tuple[Array, tuple[Array, Array], Array]:
+        """State after the intervals that begin at some times, and all states before each.
+
+        In between, whether a contact was loaded, and how many steps are not resolved.
+        """
 
         def one(carry, time):
-            w, touched = carry
+            w, touched, unresolved = carry
             part = time, self.length, self.substeps
-            now = course(self.system, self.rotor, self.step, self.centre, 0.0, part)
-            end, loaded = self.step.several(now, w, batch=True)
-            return (end, touched | loaded), w
+            now = course(self.system, self.rotor, self.centre, 0.0, part)
+            end, loaded, more = self.step.several(now, w, batch=True)
+            return (end, touched | loaded, unresolved + more), w
 
-        (w, touched), states = jax.lax.scan(one, (w, jnp.zeros((), bool)), times)
-        return w, touched, states
+        begin = w, jnp.zeros((), bool), jnp.zeros((), int)
+        (w, *found), states = jax.lax.scan(one, begin, times)
+        return w, tuple(found), states
 
-    def _outcome(self, w: Array, touched: Array) -> Outcome:
-        return Outcome(bounded(w), jnp.ones((), bool), jnp.zeros((), int), touched)
+    def _outcome(self, w: Array, touched: Array, unresolved: Array) -> Outcome:
+        return Outcome(bounded(w), jnp.ones((), bool), unresolved, touched)
 
 
 def window_of(samples: int) -> int:

@@ -9,8 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
 from ..core.quantities import Scalar
-from ..equations.stationary_frame import Motion
-from ..equations.system import Branches
+from ..equations.system import Branches, Port, port_forces
 from .basis import packed
 from .crossing import Crossing
 from .feedthrough import force_through
@@ -27,7 +26,9 @@ class BranchedPorts(eqx.Module):
     of the velocity by the angle of revolution.
     """
 
-    motion: Motion
+    laws: tuple[Port, ...]
+    speed: Scalar  # [rad/s]
+    rate: Scalar  # [rad/s], of the angle in which the acceleration is a rate
     contacts: Contacts
     accelerance: Float[Array, "p p"]  # acceleration of the ports by a unit of force at each
     # Rates of displacement and velocity by the forces, instead of it, where ports have no mass:
@@ -56,7 +57,8 @@ class BranchedPorts(eqx.Module):
         accelerance = motion.rate * motion.rows @ motion.columns
         enters, through = contacts.input_matrix, contacts.through
         mobility = None if through is None else contacts.output_matrix @ enters
-        return cls(motion, Contacts(output, enters, reading, through), accelerance, mobility)
+        contacts = Contacts(output, enters, reading, through)
+        return cls(motion.ports, motion.speed, motion.rate, contacts, accelerance, mobility)
 
     def at(self, phase: Phase) -> "BranchedPorts":
         """The ports with what forces change at once along fixed axes, as `seen` is."""
@@ -80,9 +82,8 @@ class BranchedPorts(eqx.Module):
         d, v, _ = self._parts(seen)
         if self.contacts.through is not None:
             d, v = self._moved(d, v, self.actual_forces(seen), self.contacts.through)
-        speed = self.motion.speed
-        ports = enumerate(self.motion.ports)
-        return tuple(port.branches(d[:, i], v[:, i], speed) for i, port in ports)
+        ports = enumerate(self.laws)
+        return tuple(port.branches(d[:, i], v[:, i], self.speed) for i, port in ports)
 
     @eqx.filter_jit
     def forces(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]):
@@ -94,38 +95,47 @@ class BranchedPorts(eqx.Module):
     def actual_forces(self, seen: Float[Array, " p6"]) -> Float[Array, " p2"]:
         """`[Re, Im]` of the port forces, with their jumps."""
         d, v, _ = self._parts(seen)
-        return self._by_law(self.motion.port_forces, d, v, self.contacts.through)
+        law = lambda d, v: port_forces(self.laws, d, v, self.speed)
+        return self._by_law(law, d, v, self.contacts.through)
 
     @eqx.filter_jit
-    def crossing(self, branches: tuple[Branches, ...], seen: Float[Array, " p6"]) -> Crossing:
-        """Margins of the conditions of given branches, and their rates."""
+    def crossing(
+        self,
+        branches: tuple[Branches, ...],
+        seen: Float[Array, " p6"],
+        speed_rate: Scalar | None = None,
+    ) -> Crossing:
+        """Margins of the conditions of given branches, and their rates, at a speed that may change."""
         d, v, a = self._parts(seen)
 
-        def margins(d, v):
-            ports = enumerate(zip(self.motion.ports, branches, strict=True))
-            found = [port.margins(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
+        def margins(d, v, speed=self.speed):
+            ports = enumerate(zip(self.laws, branches, strict=True))
+            found = [port.margins(b, d[:, i], v[:, i], speed) for i, (port, b) in ports]
             return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
 
         force = self.forces(branches, seen)
         through, mobility = self.contacts.through, self.mobility
         if through is None or mobility is None:
             a = a + force.reshape(2, -1) @ self.accelerance.T
-            return Crossing(*jax.jvp(margins, (d, v), (v / self.motion.rate, a)))
+            point, rates = (d, v), (v / self.rate, a)
+            if speed_rate is not None:
+                point, rates = (*point, self.speed), (*rates, speed_rate)
+            return Crossing(*jax.jvp(margins, point, rates))
 
         def yielding(d, v, through):
             force = self._by_law(self._along(branches), d, v, through)
             return margins(*self._moved(d, v, force, through))
 
         more = jnp.moveaxis((mobility @ force).reshape(2, 2, -1), 1, 0)
-        rates = v / self.motion.rate + more[0], a + more[1], self._turning(through)
+        rates = v / self.rate + more[0], a + more[1], self._turning(through)
         return Crossing(*jax.jvp(yielding, (d, v, through), rates))
 
     def _along(self, branches: tuple[Branches, ...]) -> Law:
         """Port forces by the formulas of given branches."""
 
         def law(d: Array, v: Array) -> Array:
-            ports = enumerate(zip(self.motion.ports, branches, strict=True))
-            found = [port.along(b, d[:, i], v[:, i], self.motion.speed) for i, (port, b) in ports]
+            ports = enumerate(zip(self.laws, branches, strict=True))
+            found = [port.along(b, d[:, i], v[:, i], self.speed) for i, (port, b) in ports]
             return jnp.stack([force.sum(0) for force in found], axis=1)
 
         return law

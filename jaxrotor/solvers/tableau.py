@@ -222,27 +222,59 @@ State = Inexact[Array, " m"]
 Force = Callable[[State, Scalar | float], Inexact[Array, " p"]]  # of state and angle in the step
 
 
-def step_of(order: int, basis: Basis, input_matrix, w: State, span: Scalar, force: Force) -> State:
-    """State after a step of any size `span` [rad] under the force of the ports."""
-    return (_step4 if order == 4 else _step2)(basis, input_matrix, w, span, force)
+class LoadInStep(NamedTuple):
+    """A load known in time: `matrix (g0 + g1 x + g2 x^2)`, with `x` from 0 to 1 in a step."""
+
+    matrix: Inexact[Array, "m l"]
+    values: tuple[Array, Array, Array]  # g0, g1, g2
 
 
-def _step2(basis: Basis, input_matrix, w: State, span: Scalar, force: Force) -> State:
-    flow, (one, two) = basis.flow(span, input_matrix, 2)
+def step_of(
+    order: int,
+    basis: Basis,
+    input_matrix: Inexact[Array, "m p"],
+    w: State,
+    span: Scalar,
+    force: Force,
+    load: LoadInStep | None = None,
+) -> State:
+    """State after a step of any size `span` [rad] under the force of the ports, and a load."""
+    own, columns = input_matrix.shape[1], input_matrix
+    if load is not None:
+        columns = jnp.concatenate([input_matrix, load.matrix], axis=1)
+    flows = Flows.of(order, basis, columns, span, 2 if load is None else 3)
+
+    def free(w: State, at: tuple[Any, Parts], share: float) -> State:
+        """State without the forces of the ports after a share of the step."""
+        flow, parts = at
+        ahead = basis.apply(flow, w[:, None])[:, 0]
+        if load is None:
+            return ahead
+        # Int exp((1 - x) a) x^k dx = k! phi_(k+1)(a)
+        terms = zip(parts, (1.0, share, 2 * share**2), load.values, strict=True)
+        return ahead + sum(factor * part[:, own:] @ value for part, factor, value in terms)
+
+    end, by_force = free(w, flows.end, 1.0), flows.columns(slice(own))
+    if by_force.middle is None or flows.middle is None:
+        return _step2(by_force, w, span, force, end)
+    middle = free(w, flows.middle, 0.5)
+    go = lambda w: basis.apply(flows.middle[0], w[:, None])[:, 0]
+    return _step4(by_force, w, span, force, (middle, end), go)
+
+
+def _step2(flows: Flows, w: State, span: Scalar, force: Force, end: State) -> State:
+    one, two, *_ = flows.end[1]
     f = force(w, 0.0)
-    a = basis.apply(flow, w[:, None])[:, 0] + one @ f
+    a = end + one @ f
     return a + two @ (force(a, span) - f)
 
 
-def _step4(basis: Basis, input_matrix, w: State, span: Scalar, force: Force) -> State:
-    middle, parts = basis.flow(span / 2, input_matrix, 3)
-    half, (one, two, three) = parts[0], doubled(basis, middle, parts)
-    go = lambda w: basis.apply(middle, w[:, None])[:, 0]
-    f, there = force(w, 0.0), go(w)
-    a = there + half @ f
+def _step4(flows: Flows, w: State, span: Scalar, force: Force, free, go) -> State:
+    (half, *_), (one, two, three) = flows.middle[1], flows.end[1]
+    middle, end = free
+    f = force(w, 0.0)
+    a = middle + half @ f
     fa = force(a, span / 2)
-    fb = force(there + half @ fa, span / 2)
-    fc = force(go(a) + half @ (2 * fb - f), span)
-    return (
-        go(there) + one @ f + two @ (2 * (fa + fb) - 3 * f - fc) + three @ (4 * (f - fa - fb + fc))
-    )
+    fb = force(middle + half @ fa, span / 2)
+    fc = force(end + go(half @ f) + half @ (2 * fb - f), span)
+    return end + one @ f + two @ (2 * (fa + fb) - 3 * f - fc) + three @ (4 * (f - fa - fb + fc))

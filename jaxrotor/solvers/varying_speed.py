@@ -7,10 +7,12 @@ docs/concepts/ports.md. Loads are known in time: a step takes the parabola throu
 beginning, middle and end.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float, Inexact, Int
 
 from ..core.quantities import Scalar
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
@@ -20,12 +22,16 @@ from .lanes import lanes_last, per_lane, product
 from .tableau import Flows, Parts, Tableau, tableau_of
 
 
+# `[Re, Im]` of the port forces of all lanes, by displacement and velocity, and half-steps since the start.
+Law = Callable[[Float[Array, "p4 lanes"], int], Float[Array, "p2 lanes"]]
+
+
 class Course(eqx.Module):
-    """Loads and speeds of some steps, known in time; `c` are the distinct times of the stages of each."""
+    """Loads and speeds of some steps, known in time, at the beginning, middle and end of each."""
 
     load: Float[Array, "... u"]  # see `load_values`
-    speed: Float[Array, "... c"]  # Omega at the stages [rad/s]
-    change: Float[Array, "... c"]  # Omega - Omega_c there
+    speed: Float[Array, "... 3"]  # Omega [rad/s]
+    change: Float[Array, "... 3"]  # Omega - Omega_c
 
 
 class RotorAtSpeed(eqx.Module):
@@ -115,6 +121,26 @@ class RotorAtSpeed(eqx.Module):
             columns.append(as_real(flows[0][:, of_weight:])[:, :1])
         return jnp.concatenate(columns, axis=1)
 
+    @property
+    def load_matrix(self) -> Inexact[Array, "m l"]:
+        """Input matrix, in the basis, of the unbalance `g`, or [Re, Im] of it, and of weight."""
+        columns = [jnp.zeros((self.basis.vectors.shape[1], 0), self.basis.vectors.dtype)]
+        if self.unbalance is not None:
+            columns.append(self.unbalance)
+        if self.weight is not None:
+            columns.append(self.weight[:, :1])
+        return jnp.concatenate(columns, axis=1)
+
+    def load_nodes(self, load: Float[Array, " u"]) -> Inexact[Array, "3 l"]:
+        """Inputs of `load_matrix` at the beginning, middle and end of a step, by its `load_values`."""
+        nodes = [jnp.zeros((3, 0), self.basis.vectors.dtype)]
+        if self.unbalance is not None:
+            g = load[:6].reshape(3, 2)
+            nodes.append(g[:, :1] + 1j * g[:, 1:] if self.axes.equal else g)
+        if self.weight is not None:
+            nodes.append(jnp.ones((3, 1)))
+        return jnp.concatenate(nodes, axis=1)
+
     def load_values(self, g: Inexact[Array, "... 3"]) -> Float[Array, "... u"]:
         """Values that the loads of a step take, from `g` at its beginning, middle and end."""
         values = [jnp.zeros((*g.shape[:-1], 0))]
@@ -143,8 +169,11 @@ class VaryingStep(eqx.Module):
 
     def several(
         self, course: Course, y: Float[Array, " m2"], *, batch: bool
-    ) -> tuple[Array, Bool[Array, ""]]:
-        """State after the steps of a course, and whether a contact was loaded at the start of one."""
+    ) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
+        """State after the steps of a course, and whether a contact was loaded at the start of one.
+
+        No step is split, so none is unresolved.
+        """
 
         def run(parts, y):
             step, course = parts
@@ -157,10 +186,15 @@ class VaryingStep(eqx.Module):
 
             return jax.lax.scan(one, begin, course)[0]
 
-        return lanes_last(run, (self, course), y, batch=batch)
+        return *lanes_last(run, (self, course), y, batch=batch), jnp.zeros((), int)
 
-    def of_lanes(self, now: Course, y: Float[Array, "m2 lanes"]) -> tuple[Array, Array]:
-        """States after a step, and whether a contact was loaded at its start, lanes last."""
+    def of_lanes(
+        self, now: Course, y: Float[Array, "m2 lanes"], law: Law | None = None
+    ) -> tuple[Array, Array]:
+        """States after a step, and whether a contact was loaded at its start, lanes last.
+
+        `law` takes the place of the forces of the ports.
+        """
         tableau, p = self.tableau, len(self.ports)
         loaded = jnp.zeros(y.shape[1], bool)
         end = tableau.advance(y)
@@ -175,15 +209,19 @@ class VaryingStep(eqx.Module):
         contact: list[Array] = []
 
         def forces(stage: Array, time: int) -> Array:
+            half = int(2 * tableau.times[time])  # of a step
             both = stage.reshape(2, -1, stage.shape[-1])  # (Re Im, signal, lane)
             parts = []
             if p:
                 seen = both[:, : 2 * p].reshape(4 * p, -1)
-                found = per_lane(_port_forces, (self.ports, now.speed[time]), seen)
+                if law is None:
+                    found = per_lane(_port_forces, (self.ports, now.speed[half]), seen)
+                else:
+                    found = law(seen, half)
                 contact.append(found)
                 parts.append(found.reshape(2, p, -1))
             if both.shape[1] > 2 * p:
-                parts.append(now.change[time] * both[:, 2 * p :])
+                parts.append(now.change[half] * both[:, 2 * p :])
             return jnp.concatenate(parts, axis=1).reshape(-1, stage.shape[-1])
 
         end = end + tableau.increment(free, forces)

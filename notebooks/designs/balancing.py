@@ -39,7 +39,9 @@ SPEED, PLANES, SIGMA = 110.0, (0.5, 1.0), 1e-6  # [rad/s], [m], [m]
 SETTLE, STEPS = 60, 128  # revolutions until the rub repeats itself; steps a revolution
 HIDDEN = np.array([32.6 * 60e-6 * np.exp(0.5j), 51.5 * 80e-6 * np.exp(2.0j)])  # u [kg m]
 GAP = 85e-6  # of the stops [m]
-MODAL = jr.Exponential(basis="modal")  # unbalance does not move the modes; compiles in half the time
+MODAL = jr.Exponential(
+    basis="modal"
+)  # unbalance does not move the modes; compiles in half the time
 WHERE = {
     "unbalances.0.eccentricity": (1e-5, 2e-2),
     "unbalances.1.eccentricity": (1e-5, 2e-2),

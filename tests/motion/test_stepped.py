@@ -196,6 +196,37 @@ def test_sharp_stops_and_unequal_bearings():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("order", "least", "last"), [(2, 12.0, 3e-4), (4, 100.0, 5e-8)])
+def test_located_steps_keep_their_order_through_impacts(order, least, last):
+    found = errors(rotor(stops()), order, (16, 64), located=True)
+    assert found[0] / found[1] > least
+    assert found[1] < last
+
+
+@pytest.mark.slow
+def test_located_steps_and_unequal_bearings():
+    assert errors(rotor(bearing(), stops()), 4, (32,), located=True)[0] < 1e-6
+
+
+@pytest.mark.slow
+def test_derivative_through_located_impacts():
+    """Of the disc's distance from the centre after several impacts, by the friction of the stops."""
+    solver = jr.Exponential(order=4, located=True, basis="modal")
+    scene = rotor(stops())
+
+    def last(friction):
+        one = scene.put({"limiters.friction": friction})
+        run = jr.run_up(one, SAMPLES[:16], solver=solver, substeps=32, at=0.6)
+        return jnp.abs(run.displacement[-1, 0]), run.contact_force
+
+    both = jax.jit(lambda friction: jax.jvp(last, (friction,), (jnp.ones(()),)))
+    _, (slope, force) = both(jnp.asarray(0.1))
+    assert jnp.abs(force).max() > 0  # contact is felt by the friction
+    ends = [both(jnp.asarray(0.1 + change))[0][0] for change in (1e-6, -1e-6)]
+    assert float(slope) == pytest.approx(float(ends[0] - ends[1]) / 2e-6, rel=1e-5)
+
+
+@pytest.mark.slow
 def test_dense_and_modal_bases_agree():
     one, other = (
         jr.run_up(rotor(), SAMPLES, solver=jr.Exponential(order=4, basis=basis), substeps=20)
@@ -363,8 +394,6 @@ def test_scenes_that_exponential_steps_do_not_take(change, words):
 
 
 def test_settings_that_exponential_steps_do_not_take():
-    with pytest.raises(ValueError, match="Located steps are for whole revolutions"):
-        jr.run_up(rotor(), SAMPLES, solver=jr.Exponential(located=True))
     with pytest.raises(ValueError, match="for diffrax solvers"):
         jr.run_up(
             rotor(), SAMPLES, solver=jr.Exponential(), adjoint=dfx.RecursiveCheckpointAdjoint()

@@ -59,6 +59,19 @@ def test_what_is_before_the_first_time_is_not_observed(runs):
     np.testing.assert_allclose(late.speed[0], runs.speed[0, 0, runs.window > 0.17])
 
 
+@pytest.mark.slow
+def test_lanes_by_located_steps_are_runs():
+    solver = {"order": 4, "located": True}
+    runs = jr.sweep(
+        scene(), OVER, times=TIMES, steps_per_revolution=48, solver=jr.Exponential(**solver)
+    )
+    assert (runs.unresolved == 0).all()
+    values = {"unbalance.eccentricity": 4e-4, "limiters.stiffness": 2e5}
+    run = lane(runs, scene().replace(values), **solver)
+    radius = np.abs(run.displacement[:, 0])
+    assert float(runs.sel(values).peak) == pytest.approx(radius[1:].max(), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("over", "words"),
     [
@@ -192,7 +205,7 @@ def test_samples_without_windows_are_refused():
         ({"times": [0.05, 0.15, 0.25]}, "must be a whole number of intervals, of 0.1 s"),
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
-        ({"solver": jr.Exponential(located=True)}, "Located steps are for whole revolutions"),
+        ({"solver": jr.Exponential(shapes=2)}, "A few shapes are for whole revolutions"),
     ],
 )
 def test_settings_that_runs_do_not_take(settings, words):
