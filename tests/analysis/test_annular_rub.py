@@ -51,8 +51,8 @@ ENDS = {  # onsets and fold
 
 @functools.cache
 def at_speeds(case):
-    """Full rubs of a case at the speeds of the table."""
-    return jr.annular_rub(rotor(*case, 1.0), [1.2, 1.4, 1.6, 2.0, 2.4])
+    """Full rubs of a case; the speeds of the table are among them, all tests have as many."""
+    return jr.annular_rub(rotor(*case, 1.0), np.linspace(0.5, 6.0, 56))
 
 
 @pytest.mark.hard("7.4 synchronous full rub: radius, force, phase and leading root")
@@ -73,7 +73,7 @@ def test_full_rubs_are_those_of_the_sheet(name, record_property):
 @pytest.mark.hard("7.4 onsets and fold of a full rub")
 @pytest.mark.parametrize("case", ENDS)
 def test_onsets_and_folds_are_those_of_the_sheet(case, record_property):
-    found = jr.annular_rub(rotor(*case, 1.0), np.linspace(0.5, 6.0, 56))
+    found = at_speeds(case)
     assert found.onsets.shape == (2,) and found.folds.shape == (1,)
     errors = abs(np.append(found.onsets, found.folds) - ENDS[case])
     record_property("measured", f"{errors.max():.0e}")
@@ -104,23 +104,21 @@ FLUTTER = [  # friction of the Hopf bifurcation, 3.1: (zeta, beta, g, s, d) and 
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.hard("7.4 friction at which a full rub flutters")
 def test_flutter_begins_where_the_sheet_says(record_property):
     """Growth by Newton's step from the printed friction: it vanishes there."""
     worst = 0.0
+
+    @eqx.filter_jit
+    def growth(scene, friction):
+        at = lambda f: jr.annular_rub(scene.put({"annular_stator.friction": f})).growth[0, 0]
+        return jax.jvp(at, (friction,), (jnp.ones(()),))
+
     for (zeta, beta, gap, speed, damper), friction in FLUTTER:
         scene = rotor(zeta, beta, friction, gap, speed, damper=damper)
 
-        @eqx.filter_jit
-        def growth(friction, scene=scene):
-            changed = scene.put({"annular_stator.friction": friction})
-            return jax.jvp(
-                lambda f: jr.annular_rub(changed.put({"annular_stator.friction": f})).growth[0, 0],
-                (friction,),
-                (1.0,),
-            )
-
-        value, slope = growth(friction)
+        value, slope = growth(scene, jnp.asarray(friction))
         worst = max(worst, abs(float(value / slope)))
         assert slope > 0
     record_property("measured", f"{worst:.0e}")
@@ -132,7 +130,7 @@ def test_flutter_begins_where_the_sheet_says(record_property):
 def test_a_rigid_ring_folds_where_the_sheet_says():
     """`beta` to infinity: (mu g - e sqrt(1 + mu^2)) s^2 + 2 zeta g s - mu g = 0."""
     scene = rotor(0.03, 1e9, 0.35, 5.0, 1.0)
-    found = jr.annular_rub(scene, np.linspace(1.2, 1.6, 9))
+    found = jr.annular_rub(scene, np.linspace(1.2, 1.6, 56))
     assert float(found.folds[0]) == pytest.approx(1.389481026, abs=1e-7)
 
 
@@ -141,7 +139,7 @@ def test_a_frictionless_ring_folds_at_a_root_of_the_cubic():
     cubic = np.poly1d([1, -2 * (1 + beta) + 4 * zeta**2, (1 + beta) ** 2])
     own = np.roots(np.polysub((cubic * np.poly1d([1, 0])).c, [4 * zeta**2 * beta**2 * gap**2]))
     want = np.sqrt(min(x.real for x in own if abs(x.imag) < 1e-9 and x.real > 1.5))
-    found = jr.annular_rub(rotor(zeta, beta, 0.0, gap, 1.0), np.linspace(1.4, 8.0, 67))
+    found = jr.annular_rub(rotor(zeta, beta, 0.0, gap, 1.0), np.linspace(1.4, 8.0, 56))
     assert float(found.folds[0]) == pytest.approx(want, rel=1e-10)
 
 
@@ -201,6 +199,7 @@ def test_continuation_goes_through_the_fold(record_property):
 # === derivatives, refusals
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_differences():
     """Of radius, growth and fold by damping of the shaft, ring, friction, gap and eccentricity."""
     paths = ["disc_damping.translational", "unbalance.eccentricity"]
@@ -263,6 +262,7 @@ SLIP = [  # 3.2: mu_min, w, R/g, v_min/g, rate, the pair
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.hard("7.7 dry whirl of a slipping rim")
 @pytest.mark.parametrize(("case", "numbers", "pair"), SLIP)
 def test_dry_whirls_are_those_of_the_sheet(case, numbers, pair, record_property):
@@ -292,6 +292,7 @@ CREEP = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.hard("7.7 dry whirl of a rolling rim")
 @pytest.mark.parametrize(("case", "numbers"), ROLL)
 def test_rolling_whirls_are_those_of_the_sheet(case, numbers):
@@ -310,6 +311,7 @@ def test_rolling_whirls_are_those_of_the_sheet(case, numbers):
     np.testing.assert_allclose(np.sort_complex(roots), np.sort_complex(want), rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("7.7 dry whirl of a creeping rim")
 @pytest.mark.parametrize(("case", "slip", "rate", "radius"), CREEP)
 def test_creeping_whirls_are_those_of_the_sheet(case, slip, rate, radius, record_property):
@@ -320,6 +322,7 @@ def test_creeping_whirls_are_those_of_the_sheet(case, slip, rate, radius, record
     assert max(errors) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_mirrored_rotor_whirls_the_other_way():
     one = jr.dry_whirl(dry(*ROLL[0][0]))
     other = jr.dry_whirl(dry(*ROLL[0][0]).replace({"spin.speed": -1.0}))

@@ -127,7 +127,7 @@ def test_a_negative_gap_is_refused():
 
 
 @pytest.mark.hard("7.2 a fast pass through the centre of a ring")
-def test_a_fast_pass_through_the_centre_is_no_crossing(record_property):
+def test_a_fast_pass_through_the_centre_is_no_crossing():
     """From one side to the other in one step: the margin is a parabola and stays positive."""
     law, speed = ring().law(), jnp.asarray(1.0)
     begin, end = plane(-0.7 + 0.05j), plane(0.6 - 0.02j)
@@ -139,7 +139,11 @@ def test_a_fast_pass_through_the_centre_is_no_crossing(record_property):
         return Crossing(*jax.jvp(margins, (z,), (v,)))
 
     assert not np.any(falls_through_zero(crossing(begin), crossing(end), jnp.asarray(0.1)))
-    # and in time: the run is that without a ring
+
+
+@pytest.mark.slow
+@pytest.mark.hard("7.2 a fast pass through the centre of a ring, in time")
+def test_a_pass_through_the_centre_in_time_is_the_free_one(record_property):
     scene = rotor(ring(), speed=0.3)
     start = jr.Continued(jnp.array([-0.79 + 0j]), jnp.array([0.02 + 0.03j]))
     runs = [
@@ -158,6 +162,10 @@ def test_a_ring_is_hard_in_every_direction():
     np.testing.assert_allclose(found, [STIFF + 5.0, DAMPER + 0.25])
     found = assemble(rotor(ring(), ring(gap=0.9), stop)).ports[0].hardness()
     np.testing.assert_allclose(found, [2 * STIFF + 5.0, 2 * DAMPER + 0.25])
+
+
+@pytest.mark.slow
+def test_a_ring_too_stiff_for_the_steps_is_refused():
     with pytest.raises(RuntimeError, match="A stop was touched that is too stiff for the steps"):
         jr.simulate(rotor(ring(stiffness=600.0), speed=1.0), 1, 64, start=jr.Whirl(0.85))
 
@@ -195,6 +203,7 @@ def energy(z, v, stiffness=STIFF):
     return (abs(z) ** 2 + abs(v) ** 2 + stiffness * depth**2) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.hard("7.3 energy of a passive rotor in a ring")
 def test_a_passive_rotor_keeps_its_energy(record_property):
     """Without damping and friction, over some forty bounces; the moment of momentum, too."""
@@ -259,6 +268,7 @@ def test_paths_in_a_ring_are_those_of_scipy(name, record_property):
     assert error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.hard("7.6 a ring without gap is a spring with cross stiffness")
 def test_a_ring_without_gap_is_a_support(record_property):
     """`F = -k (1 + i f) z`: the cross-coupled stiffness of a support, in closed form."""
