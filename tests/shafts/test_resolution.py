@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import jaxrotor as jr
 from jaxrotor.analysis.forced import ending_span
-from jaxrotor.shafts.line import same_shape
+from jaxrotor.shafts.cased import same_shape
 from jaxrotor.shafts.resolution import nodes_needed
 
 
