@@ -340,7 +340,7 @@ def test_a_creeping_whirl_stays_in_time_and_is_an_orbit(record_property):
     r = jr.simulate(scene, 30, 512, keep=1, start=off, solver=jr.Exponential(4, located=True))
     error = abs(abs(np.asarray(r.displacement[:, 0])) - float(found.radius[0])).max()
     period = 2 * np.pi / abs(float(found.rate[0]))
-    orbit = jr.periodic(scene, start, period=period, steps_per_revolution=512)
+    orbit = jr.periodic(scene, start, period=period, steps_per_revolution=1024)
     turned = abs(float(orbit.period) / period - 1)
     want = np.exp(np.asarray(found.roots[0]) * period)
     want = want[np.isfinite(want)]
