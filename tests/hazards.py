@@ -25,7 +25,6 @@ from jaxrotor.core.compiled import QUICKLY
 
 
 LANES, CHUNK = 16_384 + 128, 128  # some programs of jax went wrong above 16 384
-PARTS = 16  # in which a sweep is run a second time: more of them take longer
 LIMIT = 240  # [s] for one program, its compilation included; most take less than 10
 
 
@@ -138,13 +137,13 @@ def loops() -> None:
 
 
 def one_chunk() -> None:
-    """A chunk of as many lanes is that of smaller chunks, lane by lane."""
+    """A chunk of as many lanes is that of small chunks, lane by lane."""
     eccentricity = {"unbalance.eccentricity": np.linspace(1e-4, 2e-3, LANES)}
     run = {"start": jr.Whirl(7e-3, 75.0), "settle": 1, "keep": 1, "steps_per_revolution": 32}
     scene = jr.load("limiter-rotor").with_nodes(3)
     whole, parts = (
         jr.sweep(scene, eccentricity, **run, lanes_per_chunk=size, progress=False)
-        for size in (LANES, LANES // PARTS)
+        for size in (LANES, CHUNK)
     )
     assert set(whole) == set(parts)
     for name in whole:

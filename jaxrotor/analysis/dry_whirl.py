@@ -1,6 +1,6 @@
 """Dry whirl: circular whirl that the friction of a ring sustains without unbalance."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -148,9 +148,10 @@ def _dry_whirl(scene: Scene, count: int) -> DryWhirl:
     roots, coordinates = jax.lax.map(lambda one: _motion(rotor, one), some)
     friction, rate = _least_friction(rotor)
     found = some.rate, some.radius, some.normal, some.slip, some.friction
-    masked = [jnp.where(some.exists, part, jnp.nan) for part in found]
-    both = [jnp.where(some.exists[:, None], part, jnp.nan) for part in (roots, coordinates)]
-    return DryWhirl(*masked, some.rolling & some.exists, *both, friction, rate)
+    masked: Any = [jnp.where(some.exists, part, jnp.nan) for part in found]
+    both: Any = [jnp.where(some.exists[:, None], part, jnp.nan) for part in (roots, coordinates)]
+    parts = *masked, some.rolling & some.exists, *both, friction, rate
+    return DryWhirl(*parts)
 
 
 class _Whirls(NamedTuple):
@@ -211,7 +212,7 @@ def _slipping(rotor: RotorInRing, sign: float) -> _Whirls:
     """Whirls with saturated friction, of a slip of the given sign."""
     ring = rotor.ring
     friction = sign * ring.friction
-    push = 1 + 1j * friction
+    push: Any = 1 + 1j * friction
     rates, real = _real_rates(_bordered(rotor, push, -push.conjugate()))
 
     def one(guess: Scalar):
@@ -220,7 +221,8 @@ def _slipping(rotor: RotorInRing, sign: float) -> _Whirls:
         width = 0.0 if ring.slip is None else ring.slip
         return rate, contact, good & contact.pressed & (sign * contact.slip > width)
 
-    rate, contact, good = jax.vmap(one)(rates)
+    found: Any = jax.vmap(one)(rates)
+    rate, contact, good = found
     good = _once(rate, good & real)
     shared = jnp.full_like(rate, friction), jnp.zeros_like(good)
     return _Whirls(rate, contact.radius, contact.normal, contact.slip, *shared, good)
@@ -242,7 +244,8 @@ def _rolling(rotor: RotorInRing) -> _Whirls:
             contact = _Contact.at(rotor, rate)
         return rate, contact, good & contact.pressed
 
-    rate, contact, good = jax.vmap(one)(rates)
+    found: Any = jax.vmap(one)(rates)
+    rate, contact, good = found
     slip = jnp.zeros_like(rate) if ring.slip is None else contact.slip
     shared = contact.needed, jnp.ones_like(good)
     good = _once(rate, good & real)
@@ -254,7 +257,7 @@ def _creeping(rotor: RotorInRing, rate: Scalar, good: Array) -> tuple[Scalar, Ar
 
     `f s(u) = needed(w)`, `slip u = V(w)` by Newton's method, with u kept where s has a slope.
     """
-    ring = rotor.ring
+    ring: Any = rotor.ring
     share = jnp.where(good, _Contact.at(rotor, rate).needed / ring.friction, 0.0)
     width = 1 - 1e-9
 

@@ -1,5 +1,7 @@
 """Map of dry whirl: where a rim may roll or slip round its ring, over speed and friction."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -63,7 +65,8 @@ def _dry_whirl_map(
 
     shape = speeds.size, frictions.size
     grid = [part.ravel() for part in jnp.meshgrid(speeds, frictions, indexing="ij")]
-    parts = [part.reshape(shape) for part in jax.lax.map(one, tuple(grid))]
+    parts: Any = [part.reshape(shape) for part in jax.lax.map(one, tuple(grid))]
     # It does not depend on friction, and what is not returned above is not computed.
     least = jax.lax.map(lambda speed: found_at(speed, frictions[0]).least_friction, speeds)
-    return DryWhirlMap(speeds, frictions, *parts, least)
+    parts = speeds, frictions, *parts, least
+    return DryWhirlMap(*parts)

@@ -40,7 +40,7 @@ class AnnularStator(AbstractRub):
 
     def law(self) -> "ViscoelasticRing":
         x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
-        return ViscoelasticRing(x, y, self)
+        return ViscoelasticRing(x=x, y=y, contact=self)
 
 
 class ViscoelasticRing(AbstractRubLaw):

@@ -51,7 +51,7 @@ class Limiter(AbstractRub):
         return [cls(angle=angle, **parameters) for angle in angles]
 
     def law(self) -> "ViscoelasticStop":
-        return ViscoelasticStop(jnp.cos(self.angle), jnp.sin(self.angle), self)
+        return ViscoelasticStop(cos=jnp.cos(self.angle), sin=jnp.sin(self.angle), contact=self)
 
 
 class ViscoelasticStop(AbstractRubLaw):

@@ -318,16 +318,19 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
             y, loaded, more = step.several(now, y, batch=False)
             return y, found[0] | loaded, found[1] + more
 
-        y = rotor.encode(state), touched, unresolved
-        whole = isinstance(stepping.parts, int)
-        y = several(0, y) if whole else jax.lax.fori_loop(0, stepping.parts, several, y)
-        return (rotor.decode(y[0]), *y[1:]), rotor.decode(y[0])
+        found: Any = rotor.encode(state), touched, unresolved
+        if isinstance(stepping.parts, int):
+            found = several(0, found)
+        else:
+            found = jax.lax.fori_loop(0, stepping.parts, several, found)
+        state = rotor.decode(found[0])
+        return (state, *found[1:]), state
 
     axes = FixedAxes(at(rotors, 0).axes.matrix, rate)
     first = axes.state(*begin)
     times = stepping.breaks[:-1], lengths
-    begin = first, jnp.zeros((), bool), jnp.zeros((), int)
-    (_, touched, unresolved), states = jax.lax.scan(piece, begin, times)
+    begun = first, jnp.zeros((), bool), jnp.zeros((), int)
+    (_, touched, unresolved), states = jax.lax.scan(piece, begun, times)
     states = jnp.concatenate([first[None], states])[stepping.samples]
     q, velocity = jax.vmap(axes.coordinates)(states)
     return Path(q, velocity, touched, unresolved, middle.contact_stiffness_ratio)

@@ -139,8 +139,8 @@ class WindowMarch(AbstractMarch):
             return (end, touched | loaded, unresolved + more), w
 
         begin = w, jnp.zeros((), bool), jnp.zeros((), int)
-        (w, *found), states = jax.lax.scan(one, begin, times)
-        return w, tuple(found), states
+        (w, touched, unresolved), states = jax.lax.scan(one, begin, times)
+        return w, (touched, unresolved), states
 
     def _outcome(self, w: Array, touched: Array, unresolved: Array) -> Outcome:
         return Outcome(bounded(w), jnp.ones((), bool), unresolved, touched)

@@ -48,7 +48,7 @@ class SplitOfRevolution(AbstractSplitStep):
 
     def at(self, theta):
         ports = self.ports.at(lambda: phase_at(theta))
-        return PortsAtAngle(ports, self.basis, jnp.asarray(theta))
+        return PortsAtAngle(ports=ports, basis=self.basis, theta=jnp.asarray(theta))
 
     def part(self, w, theta, span, force):
         del theta
@@ -72,7 +72,14 @@ class LocatedStep(AbstractStep):
         ports = BranchedPorts.build(form)
         own = ports.contacts
         tableau = tableau_of(order, form.basis, own.output_matrix, own.input_matrix, h)
-        splitting = SplitOfRevolution(ports, form.basis, own.input_matrix, h, order, batch)
+        splitting = SplitOfRevolution(
+            ports=ports,
+            basis=form.basis,
+            input_matrix=own.input_matrix,
+            h=h,
+            order=order,
+            batch=batch,
+        )
         return cls(tableau=tableau, splitting=splitting, order_=order)
 
     def init(self, terms, t0, t1, y0, args) -> Int[Array, ""]:

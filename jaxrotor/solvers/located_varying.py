@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact, Int
 
 from ..core.quantities import Scalar
-from .basis import as_real, packed, unpacked
+from .basis import Basis, as_real, packed, unpacked
 from .branches import BranchedPorts
 from .lanes import one_lane
 from .ports import Contacts, Reading
@@ -83,7 +83,9 @@ class InstantOfCourse(AbstractInstant):
 class SplitOfCourse(AbstractSplitStep):
     """A step along a course, which may be split."""
 
-    rotor: RotorAtSpeed
+    basis: Basis
+    input_matrix: Inexact[Array, "m i"]
+    load_matrix: Inexact[Array, "m l"]
     outputs: Outputs
     ports: BranchedPorts
     h: Scalar
@@ -93,24 +95,23 @@ class SplitOfCourse(AbstractSplitStep):
     order: int = eqx.field(static=True)
     batch: bool = eqx.field(static=True)
 
-    @property
-    def basis(self):
-        return self.rotor.basis
-
-    @property
-    def input_matrix(self):
-        return self.rotor.input
-
     def at(self, theta):
         x = theta / self.h
         powers, rates = jnp.stack([1.0 + 0 * x, x, x**2]), jnp.stack([0 * x, 1.0 + 0 * x, 2 * x])
         ports = eqx.tree_at(lambda ports: ports.speed, self.ports, powers @ self.speed)
         change, rate = powers @ self.change, rates @ self.speed / self.h
         real = not jnp.iscomplexobj(self.basis.vectors)
-        return InstantOfCourse(ports, self.outputs, powers @ self.load, change, rate, real)
+        return InstantOfCourse(
+            ports=ports,
+            outputs=self.outputs,
+            load=powers @ self.load,
+            change=change,
+            speed_rate=rate,
+            real=real,
+        )
 
     def part(self, w, theta, span, force):
-        load, matrix = None, self.rotor.load_matrix
+        load, matrix = None, self.load_matrix
         if matrix.shape[1]:
             x, share = theta / self.h, span / self.h
             g0, g1, g2 = self.load
@@ -131,8 +132,8 @@ class LocatedVaryingStep(eqx.Module):
     @classmethod
     def of(cls, rotor: RotorAtSpeed, plain: VaryingStep, order: int) -> "LocatedVaryingStep":
         """The located step of a rotor whose `plain` step has the laws of its ports."""
-        outputs = Outputs.of(rotor)
-        p = rotor.port_count
+        assert rotor.output is not None and rotor.input is not None
+        outputs, p = Outputs.of(rotor), rotor.port_count
         _, velocity, _ = jnp.moveaxis(outputs.motion, 1, 0)
         entry = as_real(rotor.input).reshape(velocity.shape[-1], 2, -1)
         accelerance = jnp.einsum("pm,mq->pq", velocity[0], entry[:, 0, :p])
@@ -168,10 +169,20 @@ class LocatedVaryingStep(eqx.Module):
     def advance(self, now: Course, y: Array, *, batch: bool) -> tuple[Array, Array, Array]:
         """State after a step, whether a contact was loaded in it, and 1 if it is not resolved."""
         basis, h = self.rotor.basis, self.plain.tableau.h
-        speed, change = PARABOLA @ now.speed, PARABOLA @ now.change
-        load = PARABOLA @ self.rotor.load_nodes(now.load)
-        parts = self.rotor, self.outputs, self.ports, h, speed, change, load
-        split = SplitOfCourse(*parts, self.order, batch)
+        parabola = jnp.asarray(PARABOLA)
+        split = SplitOfCourse(
+            basis=basis,
+            input_matrix=self.ports.contacts.input_matrix,
+            load_matrix=self.rotor.load_matrix,
+            outputs=self.outputs,
+            ports=self.ports,
+            h=h,
+            speed=parabola @ now.speed,
+            change=parabola @ now.change,
+            load=parabola @ self.rotor.load_nodes(now.load),
+            order=self.order,
+            batch=batch,
+        )
         begin, finish = split.at(jnp.zeros(())), split.at(h)
         seen = begin.read(unpacked(basis, y))
         branches = begin.ports.branches(seen)

@@ -256,21 +256,22 @@ def step_of(
 
     end, by_force = free(w, flows.end, 1.0), flows.columns(slice(own))
     if by_force.middle is None or flows.middle is None:
-        return _step2(by_force, w, span, force, end)
-    middle = free(w, flows.middle, 0.5)
-    go = lambda w: basis.apply(flows.middle[0], w[:, None])[:, 0]
-    return _step4(by_force, w, span, force, (middle, end), go)
+        return _step2(by_force.end[1], w, span, force, end)
+    go_half = flows.middle[0]
+    go = lambda w: basis.apply(go_half, w[:, None])[:, 0]
+    parts, middle = (by_force.middle[1], by_force.end[1]), free(w, flows.middle, 0.5)
+    return _step4(parts, w, span, force, (middle, end), go)
 
 
-def _step2(flows: Flows, w: State, span: Scalar, force: Force, end: State) -> State:
-    one, two, *_ = flows.end[1]
+def _step2(parts: Parts, w: State, span: Scalar, force: Force, end: State) -> State:
+    one, two, *_ = parts
     f = force(w, 0.0)
     a = end + one @ f
     return a + two @ (force(a, span) - f)
 
 
-def _step4(flows: Flows, w: State, span: Scalar, force: Force, free, go) -> State:
-    (half, *_), (one, two, three) = flows.middle[1], flows.end[1]
+def _step4(parts: tuple[Parts, Parts], w: State, span: Scalar, force: Force, free, go) -> State:
+    (half, *_), (one, two, three) = parts
     middle, end = free
     f = force(w, 0.0)
     a = middle + half @ f
