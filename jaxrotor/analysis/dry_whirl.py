@@ -150,7 +150,7 @@ def _dry_whirl(scene: Scene, count: int) -> DryWhirl:
     found = some.rate, some.radius, some.normal, some.slip, some.friction
     masked: Any = [jnp.where(some.exists, part, jnp.nan) for part in found]
     both: Any = [jnp.where(some.exists[:, None], part, jnp.nan) for part in (roots, coordinates)]
-    parts = *masked, some.rolling & some.exists, *both, friction, rate
+    parts: Any = *masked, some.rolling & some.exists, *both, friction, rate
     return DryWhirl(*parts)
 
 
