@@ -1,7 +1,9 @@
 """What accuracy costs: work-precision figure of three scenes, jaxrotor, diffrax and SciPy.
 
-    python benchmarks/work_precision.py --limit 4       # all, forty minutes on two cores
+    python benchmarks/work_precision.py --limit 4       # all, an hour on two cores
     python benchmarks/work_precision.py --quick         # a few settings of each, minutes
+    python benchmarks/work_precision.py --only turbine --json numbers.json   # one scene, added there
+    python benchmarks/work_precision.py --draw numbers.json                  # the figure, nothing run
 
 Limiter rotor: whirl rate of the settled backward rub over `--revolutions`. Turbine: reaction of a
 bearing after 0.1 s of its run-down. Ball balancer: imbalance left at the end. Every method walks its
@@ -211,6 +213,41 @@ def with_scipy(case: Case, found: xr.Dataset, args: argparse.Namespace) -> xr.Da
     return xr.Dataset(columns, coords, found.attrs)
 
 
+def study_of(case: Case, args: argparse.Namespace) -> xr.Dataset:
+    """All settings of one scene, timed and held against the reference."""
+    fine = methods.Setting(jr.Exponential(4, located=True), 256 if args.quick else 2048)
+    long = isinstance(case.measure, measures.LongRun)
+    how = {"repeats": args.repeats, "limit": args.limit, "reference": fine if long else None}
+    jax.clear_caches()  # a hundred programs are more than the system maps
+    return with_scipy(case, jr.accuracy(case.scene, case.measure, case.methods, **how), args)
+
+
+def show(name: str, study: xr.Dataset, out: Console) -> None:
+    about = study.attrs
+    out.rule(f"{name}: {study['value'].attrs['long_name']}")
+    out.print(f"reference {about['reference']:.12g} +- {about['reference_uncertainty']:.1e}")
+    for i in range(study.sizes["run"]):
+        one = {name: array.values[i] for name, array in study.variables.items()}
+        numbers = f"{one['relative_error']:9.1e} {one['compile_time']:7.2f} {one['run_time']:9.4f}"
+        out.print(f"{one['method']:26} {one['setting']:40} {numbers} {one['reason']}")
+
+
+def draw(studies: dict[str, xr.Dataset], figure: Path) -> None:
+    def panels(axes):
+        for (name, study), ax in zip(studies.items(), np.atleast_1d(axes), strict=True):
+            plot.work_precision(study, ax)
+            ax.tick_params(labelbottom=True)
+            ax.annotate(name, (0.99, 0.98), xycoords="axes fraction", ha="right", va="top")
+
+    figure.parent.mkdir(parents=True, exist_ok=True)
+    plot.write(figure, panels, 150, 105 * len(studies), rows=len(studies))
+
+
+def kept(path: Path | None) -> dict:
+    """Numbers of earlier runs, by scene, each with the machine that made them."""
+    return json.loads(path.read_text()) if path and path.exists() else {}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few settings, short runs")
@@ -220,41 +257,28 @@ def main() -> None:
     parser.add_argument("--scipy-limit", type=float, default=60.0, help="[s] of a run of SciPy")
     parser.add_argument("--only", default="", help="the case whose name has this in it")
     parser.add_argument("--figure", type=Path, default=Path("docs/work_precision.png"))
-    parser.add_argument("--json", type=Path, help="file for all numbers")
+    parser.add_argument("--json", type=Path, help="file to which each scene's numbers are added")
+    parser.add_argument("--draw", type=Path, help="draw the numbers of such a file, run nothing")
     args, out = parser.parse_args(), Console(highlight=False, width=130)
     args.revolutions = args.revolutions or (10 if args.quick else 60)
     args.repeats = 1 if args.quick else args.repeats
-    chosen = [case for case in cases(args) if args.only in case.name]
-    fine = methods.Setting(jr.Exponential(4, located=True), 256 if args.quick else 2048)
-    found = {}
-    for case in chosen:
-        long = isinstance(case.measure, measures.LongRun)
-        how = {"repeats": args.repeats, "limit": args.limit, "reference": fine if long else None}
-        jax.clear_caches()  # a hundred programs are more than the system maps
-        study = jr.accuracy(case.scene, case.measure, case.methods, **how)
-        found[case.name] = study = with_scipy(case, study, args)
-        about = study.attrs
-        out.rule(f"{case.name}: {study['value'].attrs['long_name']}")
-        out.print(f"reference {about['reference']:.12g} +- {about['reference_uncertainty']:.1e}")
-        for i in range(study.sizes["run"]):
-            one = {name: array.values[i] for name, array in study.variables.items()}
-            numbers = (
-                f"{one['relative_error']:9.1e} {one['compile_time']:7.2f} {one['run_time']:9.4f}"
-            )
-            out.print(f"{one['method']:26} {one['setting']:40} {numbers} {one['reason']}")
-    args.figure.parent.mkdir(parents=True, exist_ok=True)
-
-    def draw(axes):
-        for (name, study), ax in zip(found.items(), np.atleast_1d(axes), strict=True):
-            plot.work_precision(study, ax)
-            ax.tick_params(labelbottom=True)
-            ax.annotate(name, (0.99, 0.98), xycoords="axes fraction", ha="right", va="top")
-
-    plot.write(args.figure, draw, 150, 105 * len(found), rows=len(found))
-    if args.json:
-        data = {name: study.to_dict() for name, study in found.items()}
-        whole = {"machine": against_peers.machine(), "cases": data}
-        args.json.write_text(json.dumps(whole, indent=1))
+    if args.draw:
+        numbers = kept(args.draw)
+        named = [case.name for case in cases(args) if case.name in numbers]
+        studies = {name: xr.Dataset.from_dict(numbers[name]["study"]) for name in named}
+        for name, study in studies.items():
+            show(name, study, out)
+        return draw(studies, args.figure)
+    studies = {}
+    for case in cases(args):
+        if args.only not in case.name:
+            continue
+        studies[case.name] = study = study_of(case, args)
+        show(case.name, study, out)
+        if args.json:  # after every scene, for a run may be cut off
+            entry = {"machine": against_peers.machine(), "study": study.to_dict()}
+            args.json.write_text(json.dumps({**kept(args.json), case.name: entry}, indent=1))
+    draw(studies, args.figure)
 
 
 if __name__ == "__main__":
