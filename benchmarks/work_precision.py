@@ -1,6 +1,6 @@
 """What accuracy costs: work-precision figure of three scenes, jaxrotor, diffrax and SciPy.
 
-    python benchmarks/work_precision.py --limit 4       # all, an hour on two cores
+    python benchmarks/work_precision.py --limit 4       # all, forty minutes on two cores
     python benchmarks/work_precision.py --quick         # a few settings of each, minutes
     python benchmarks/work_precision.py --only turbine --json numbers.json   # one scene, added there
     python benchmarks/work_precision.py --draw numbers.json                  # the figure, nothing run
@@ -243,11 +243,6 @@ def draw(studies: dict[str, xr.Dataset], figure: Path) -> None:
     plot.write(figure, panels, 150, 105 * len(studies), rows=len(studies))
 
 
-def kept(path: Path | None) -> dict:
-    """Numbers of earlier runs, by scene, each with the machine that made them."""
-    return json.loads(path.read_text()) if path and path.exists() else {}
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few settings, short runs")
@@ -262,10 +257,9 @@ def main() -> None:
     args, out = parser.parse_args(), Console(highlight=False, width=130)
     args.revolutions = args.revolutions or (10 if args.quick else 60)
     args.repeats = 1 if args.quick else args.repeats
-    if args.draw:
-        numbers = kept(args.draw)
-        named = [case.name for case in cases(args) if case.name in numbers]
-        studies = {name: xr.Dataset.from_dict(numbers[name]["study"]) for name in named}
+    if args.draw:  # in the order in which they were run
+        numbers = json.loads(args.draw.read_text())
+        studies = {name: xr.Dataset.from_dict(one["study"]) for name, one in numbers.items()}
         for name, study in studies.items():
             show(name, study, out)
         return draw(studies, args.figure)
@@ -277,7 +271,8 @@ def main() -> None:
         show(case.name, study, out)
         if args.json:  # after every scene, for a run may be cut off
             entry = {"machine": against_peers.machine(), "study": study.to_dict()}
-            args.json.write_text(json.dumps({**kept(args.json), case.name: entry}, indent=1))
+            earlier = json.loads(args.json.read_text()) if args.json.exists() else {}
+            args.json.write_text(json.dumps({**earlier, case.name: entry}, indent=1))
     draw(studies, args.figure)
 
 
