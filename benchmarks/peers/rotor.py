@@ -192,7 +192,7 @@ class Arrays(NamedTuple):
     @classmethod
     def of(cls, motion: Motion, state: np.ndarray) -> "Arrays":
         ((law,),) = [port.laws for port in motion.ports]
-        stop = jax.tree.map(np.asarray, law.limiter)
+        stop = jax.tree.map(np.asarray, law.contact)
         real, imag = np.asarray(motion.unbalance)
         return cls(
             np.asarray(motion.matrix()),
