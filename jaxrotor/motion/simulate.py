@@ -17,6 +17,7 @@ from ..core.outcome import Outcome, gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
+from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from ..equations.pencil import frame
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
@@ -217,8 +218,10 @@ def system_of_march(
     """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
     if system.races or not (start is None or is_whole(start)):
         return None
-    named, periodic = isinstance(solver, Exponential), frame(system.blocks) == "periodic"
-    if solver is None and periodic:
+    named = isinstance(solver, Exponential)
+    if named or solver is None and followed(system):
+        system = in_constant_axes(system)
+    elif solver is None:
         return None
     massless, reason = massless_in_steps(scene, system)
     if named and reason is not None:
@@ -231,6 +234,17 @@ def system_of_march(
             "has none; leave `shapes` out."
         )
     return dataclasses.replace(system, massless=massless)
+
+
+def followed(system: System) -> bool:
+    """Whether exponential steps are taken where none are named: not if a large remainder is left.
+
+    Where values are traced, the gain of the remainder is not known, and it is taken to be small.
+    """
+    if frame(system.blocks) != "periodic":
+        return True
+    gain = loop_gain(in_constant_axes(system)) if system.deviators else jnp.inf
+    return not known(gain) or bool(gain <= WORST_GAIN)
 
 
 def check_integrated(solver: Any) -> None:
