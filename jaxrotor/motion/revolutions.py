@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
@@ -110,6 +110,11 @@ class March(AbstractMarch):
         assert isinstance(form, PortForm) and form.contacts is not None
         seen, through = form.contacts.reading.matrix, form.contacts.through
         return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports, through)
+
+    @property
+    def amplified(self) -> Bool[Array, ""]:
+        """See `RemainderMap`; False without a remainder."""
+        return self.free.amplified if isinstance(self.free, RemainderMap) else jnp.zeros((), bool)
 
     def encode(self, *parts: Array) -> Array:
         """State at a whole revolution of coordinates [m] and their velocities [m/s]."""

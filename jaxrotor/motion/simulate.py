@@ -18,7 +18,7 @@ from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
-from ..equations.pencil import frame
+from ..equations.pencil import frame, unequal_parts
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
 from ..equations.system import System, assemble, port_groups
@@ -175,12 +175,14 @@ def _by_revolutions(
     )
     skip = revolutions - keep
     # One program serves runs of any length, except in reverse mode.
-    if skip and groups and isinstance(plan.adjoint, dfx.ForwardMode):
+    if skip and system.ports and isinstance(plan.adjoint, dfx.ForwardMode):
         skip = jnp.asarray(skip)
     with waiting(progress, "simulation"):
-        end, motion, good, ratio = _run(system, plan, start, rate, stations, skip, keep)
+        run = _run(system, plan, start, rate, stations, skip, keep)
+        end, motion, good, ratio, amplified = run
         failed = known(good.ok) and not bool(good.ok)
     if failed:
+        check_not_amplified(system, amplified, steps)
         start.state(system, stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
@@ -358,13 +360,23 @@ def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Launch:
 
 @compiled
 def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: int):
-    """State at the end, the kept motion, the outcome, and the contact stiffness ratio."""
+    """State at the end, the kept motion, the outcome, the contact stiffness ratio, `amplified`."""
     march = March.of(system, plan, rate, stations)
     y, first = march.skip(march.begin(start, stations[0]), skip)
     update = lambda carry, samples: (carry, {name: getattr(samples, name) for name in KEPT})
     (y, _, good), revolutions = march.collect(y, None, update, keep)
     motion = jax.tree.map(joined, revolutions)
-    return march.decode(y), motion, first & good, march.contact_stiffness_ratio
+    return march.decode(y), motion, first & good, march.contact_stiffness_ratio, march.amplified
+
+
+def check_not_amplified(system: System, amplified: Array, steps: int) -> None:
+    """Raise if steps of this size make the unequal axes that stand still drive a motion."""
+    if known(amplified) and bool(amplified):
+        raise RuntimeError(
+            f"By {steps} `steps_per_revolution` a motion grows that does not: the unequal axes of "
+            f"{unequal_parts(system, 'fixed')}, beside others that turn with the shaft, are too stiff for "
+            "them; take more steps, or a diffrax solver such as `solver=diffrax.Kvaerno5()`."
+        )
 
 
 def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:

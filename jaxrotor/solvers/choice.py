@@ -30,7 +30,7 @@ def choose(
 
     Basis "auto" becomes "dense" where the system, the rate or the start is traced.
     """
-    solver = checked_solver(solver)
+    solver = checked_solver(solver, system)
     if not isinstance(solver, Exponential):
         return solver
     system = in_constant_axes(system)
@@ -124,9 +124,17 @@ def _check_resonance(system: System, roots: np.ndarray, frequencies: list[float]
         )
 
 
-def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
-    """The solver, by default `Exponential()`; raises unless it is one."""
-    solver = Exponential() if solver is None else solver
+def checked_solver(
+    solver: Any, system: System | None = None
+) -> Exponential | dfx.AbstractSolver:
+    """The solver, by default `Exponential()`; raises unless it is one.
+
+    By default a system whose only ports are those of a remainder, which is smooth, is stepped by order 4.
+    """
+    if solver is None:
+        smooth = system is not None and not system.members
+        remainder = smooth and (system.remainder or system.deviators)
+        return Exponential(4 if remainder else 2)
     if not isinstance(solver, Exponential | dfx.AbstractSolver):
         raise ValueError(
             "`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but is "

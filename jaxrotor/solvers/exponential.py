@@ -20,7 +20,7 @@ from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import ModalBasis, SlotBasis, dense, modal
+from .basis import Count, ModalBasis, SlotBasis, dense, modal
 from .lanes import lanes_last, per_lane
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading, YieldingReading
@@ -88,7 +88,7 @@ class Exponential(eqx.Module):
         return PortForm.along_axes(axes, motion, rows, own)
 
     def stepper(
-        self, form: PortForm, steps: int, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
+        self, form: PortForm, steps: Count, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
     ) -> "ExponentialStep | LocatedStep | None":
         """A step, of `steps` in an angle `span` [rad]; None without contact, where no steps are needed.
 

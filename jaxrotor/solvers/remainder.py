@@ -8,14 +8,15 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import Basis
-from .exponential import Exponential, revolution
+from .exponential import Exponential, ExponentialStep
+from .lanes import one_lane
 
 
 WINDOWS = 64  # whose growth is looked at
@@ -48,17 +49,21 @@ class RemainderMap(eqx.Module):
         motion = Motion(bare, rate, loads=False)
         form = solver.form(bare, motion, jnp.zeros((0, system.n)), basis)
 
-        def run(steps: int) -> tuple[Array, Array]:
-            step = solver.stepper(form, steps, span)
-            after = jax.vmap(lambda y: revolution(step, y, steps, None)[0])
-            rest = jnp.zeros_like(form.steady)
-            offset, *ends = after(jnp.concatenate([rest[None], jnp.eye(rest.size)]))
-            return jnp.stack(ends, axis=1) - offset[:, None], offset
+        size = form.steady.size
 
-        (matrix, offset), (finer, _) = run(steps), run(2 * steps)
-        size = lambda power: jnp.linalg.norm(jnp.linalg.matrix_power(power, WINDOWS))
-        least = jnp.sqrt(1.0 * len(offset))  # that of motions which neither grow nor decay
-        within = size(matrix) <= GROWTH * larger(size(finer), least)
+        def run(steps: Int[Array, ""]) -> tuple[Array, Array]:
+            step = solver.stepper(form, steps, span)
+            assert isinstance(step, ExponentialStep), "the laws of a remainder have no kinks"
+            lanes = one_lane(step)
+            one = lambda k, y: lanes.of_lanes(step.tableau.phases(k * step.tableau.h), y)
+            ends = jax.lax.fori_loop(0, steps, one, jnp.eye(size, size + 1))
+            return ends[:, :size] - ends[:, size:], ends[:, size]
+
+        # By a loop, so that one program has both.
+        (matrix, finer), (offset, _) = jax.lax.map(run, jnp.array([steps, 2 * steps]))
+        after = lambda one: jnp.linalg.norm(jnp.linalg.matrix_power(one, WINDOWS))
+        least = jnp.sqrt(1.0 * size)  # that of motions which neither grow nor decay
+        within = after(matrix) <= GROWTH * larger(after(finer), least)
         return cls(matrix, offset, ~within)
 
     def __call__(self, y: Float[Array, " m"]) -> Float[Array, " m"]:

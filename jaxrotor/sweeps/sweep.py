@@ -26,7 +26,7 @@ from ..motion.revolutions import check_constant_speed, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
-from ..solvers.choice import with_shapes
+from ..solvers.choice import checked_solver, with_shapes
 from ..solvers.exponential import Exponential
 from .axes import (
     at_point,
@@ -164,8 +164,10 @@ def sweep(
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
     station = _station(scene, at)
-    massless = None if pace is not None else massless_in_steps(scene, assemble(scene))[0]
+    massless = None
     if pace is None:
+        system = assemble(scene)
+        massless, solver = massless_in_steps(scene, system)[0], checked_solver(solver, system)
         solver, more = _shapes_of_lanes(solver, pilot_lanes, station, period, massless, tolerance)
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
