@@ -49,7 +49,7 @@ class RemainderMap(eqx.Module):
         motion = Motion(bare, rate, loads=False)
         form = solver.form(bare, motion, jnp.zeros((0, system.n)), basis)
 
-        size = form.steady.size
+        size = basis.vectors.shape[1]  # all real, as axes are unequal
 
         def run(steps: Int[Array, ""]) -> tuple[Array, Array]:
             step = solver.stepper(form, steps, span)
