@@ -58,7 +58,8 @@ def loop_gain(system: System) -> Scalar:
     flexibility = rows @ jnp.linalg.solve(
         _of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns
     )
-    slope = lambda port: jax.jacfwd(lambda z: port.forces(z, still, 0.0).sum(0))(still)
+    force = lambda z, port: port.forces(z, still, system.spin.speed).sum(0)
+    slope = lambda port: jax.jacfwd(force)(still, port)
     moduli = jnp.stack([jnp.linalg.norm(slope(port), 2) for port in ports])
     roots = jnp.sqrt(jnp.tile(moduli, 2))
     return jnp.linalg.norm(roots[:, None] * flexibility * roots, 2)

@@ -124,9 +124,7 @@ def _check_resonance(system: System, roots: np.ndarray, frequencies: list[float]
         )
 
 
-def checked_solver(
-    solver: Any, system: System | None = None
-) -> Exponential | dfx.AbstractSolver:
+def checked_solver(solver: Any, system: System | None = None) -> Exponential | dfx.AbstractSolver:
     """The solver, by default `Exponential()`; raises unless it is one.
 
     By default a system whose only ports are those of a remainder, which is smooth, is stepped by order 4.

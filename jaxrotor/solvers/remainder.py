@@ -1,4 +1,4 @@
-"""Remainder: unequal axes for which no axes of constant coefficients are left, and what steps make of them.
+"""Remainder: unequal axes that stand still where others turn, and what steps make of them.
 
 It acts through ports, see `in_constant_axes`. Without contact a revolution of such a rotor is linear.
 """
@@ -14,7 +14,7 @@ from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import Basis
+from .basis import Basis, Count
 from .exponential import Exponential, ExponentialStep
 from .lanes import one_lane
 
@@ -41,14 +41,13 @@ class RemainderMap(eqx.Module):
         rate: Scalar,
         solver: Exponential,
         basis: Basis,
-        steps: int,
+        steps: Count,
         span: Scalar,
     ) -> "RemainderMap":
         """The map of a system `in_constant_axes`, for so many steps in an angle `span` [rad]."""
         bare = dataclasses.replace(system, ports=system.ports[-system.remainder :], members=())
         motion = Motion(bare, rate, loads=False)
         form = solver.form(bare, motion, jnp.zeros((0, system.n)), basis)
-
         size = basis.vectors.shape[1]  # all real, as axes are unequal
 
         def run(steps: Int[Array, ""]) -> tuple[Array, Array]:
