@@ -154,7 +154,7 @@ class AbstractBodies(AbstractEffect):
 
 
 class Deviator(NamedTuple):
-    """What is unequal in an effect along axes fixed in space, as a law at one station."""
+    """Unequal part of an effect along axes fixed in space, as a law at one station."""
 
     row: Float[Array, " n"]  # reads the displacement
     column: Float[Array, " r"]  # term of a unit force in the equations

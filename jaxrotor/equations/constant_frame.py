@@ -22,7 +22,7 @@ from .stationary_frame import Motion
 from .system import System
 
 
-WORST_GAIN = 0.6  # of the remainder, up to which undamped stiff bearings were stable at any step
+WORST_GAIN = 0.6  # of a remainder: above it a rotor is integrated unless Exponential() is named
 
 
 def in_constant_axes(system: System) -> System:

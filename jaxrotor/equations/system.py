@@ -31,7 +31,7 @@ from .massless_coordinates import Massless
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
-Branches = tuple[Float[Array, "k c"], ...]  # one entry for every stack of laws of equal structure
+Branches = tuple[Float[Array, "_ _"], ...]  # (k, c) of every stack of k laws of equal structure
 
 
 class Port(eqx.Module):

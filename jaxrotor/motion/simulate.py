@@ -64,22 +64,24 @@ def simulate(
 
     Any scene is simulated: at constant speed by whole revolutions, at any speed along `times`, where it
     is `run_up(scene, times)`. What is drawn decides how it is stepped. Exponential steps take whole
-    revolutions of all rotors but those with balls, or with unequal axes of which some turn and others do
-    not; these are integrated by the solver that `run_up` takes. By whole revolutions a contact may act on
-    a part without mass if it has no friction, and no damping either where nothing damps that part.
+    revolutions of all rotors but those with balls, or with axes that turn beside others that stand still
+    and are very unequal; these are integrated by the solver that `run_up` takes. By whole revolutions a
+    contact may act on a part without mass if it has no friction, and no damping either where nothing
+    damps that part.
 
     Args:
         scene: the rotor; by `revolutions` at constant speed.
         revolutions: length of the motion in revolutions.
         steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
-            diffrax solvers without an error estimate. A scene without contact is exact at any. "auto"
-            chooses them by a pilot run, see `chosen_steps`.
+            diffrax solvers without an error estimate. A scene without contact is exact at any, unless some
+            unequal axes turn and others do not. "auto" chooses them by a pilot run, see `chosen_steps`.
         times: ascending times of the samples [s], in place of revolutions.
         nodes: number of nodes of the shaft, by default its own; "auto" chooses it, see `chosen_nodes`.
         tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes, of the
             response at a stop for the shapes of `Exponential(shapes="auto")`.
         solver: `Exponential()` or any diffrax solver, such as `diffrax.Kvaerno5()`; by default
-            `Exponential()` where it can be taken, along `times` as in `run_up`.
+            `Exponential()` where it can be taken, of order 4 without contact where unequal axes of both
+            kinds need steps; along `times` as in `run_up`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
             atol 1e-10 m.
         start: starting state, by default `AtRest()`; `motion.end` continues another motion, and

@@ -166,9 +166,8 @@ def sweep(
     station = _station(scene, at)
     massless = None
     if pace is None:
-        system = assemble(scene)
-        massless, solver = massless_in_steps(scene, system)[0], checked_solver(solver, system)
-        solver, more = _shapes_of_lanes(solver, pilot_lanes, station, period, massless, tolerance)
+        lanes = pilot_lanes, station, period, tolerance
+        solver, massless, more = _solver_of_revolutions(scene, solver, *lanes)
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
@@ -262,21 +261,27 @@ def _few_lanes(
     return [at_point(scene, start, dict(zip(paths, point, strict=True))) for point in points]
 
 
-def _shapes_of_lanes(
+def _solver_of_revolutions(
+    scene: Scene,
     solver: Any,
     pilot_lanes: Callable[[], list[tuple[Scene, AbstractStart]]],
     station: jax.Array,
     period: float | None,
-    massless: Massless | None,
     tolerance: float | int,
-) -> tuple[Any, tuple[Pilot, ...]]:
-    """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
+) -> tuple[Any, Massless | None, tuple[Pilot, ...]]:
+    """The solver of revolutions, with as many shapes as the most demanding of a few lanes needs.
+
+    Beside it are the coordinates without mass, and the pilots.
+    """
+    system = assemble(scene)
+    massless, solver = massless_in_steps(scene, system)[0], checked_solver(solver, system)
     if not isinstance(solver, Exponential) or solver.shapes is None:
-        return solver, ()
+        return solver, massless, ()
     scenes = [scene for scene, _ in pilot_lanes()]
     systems = [dataclasses.replace(assemble(scene), massless=massless) for scene in scenes]
     rates = [revolution_rate(scene, period) for scene in scenes]
-    return with_shapes(solver, systems, rates, station[None], tolerance)
+    solver, pilots = with_shapes(solver, systems, rates, station[None], tolerance)
+    return solver, massless, pilots
 
 
 def _chosen_steps(
