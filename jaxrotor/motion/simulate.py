@@ -223,7 +223,7 @@ def system_of_march(
     if system.races or not (start is None or is_whole(start)):
         return None
     named = isinstance(solver, Exponential)
-    if named or solver is None and followed(system):
+    if named or solver is None and has_small_remainder(system):
         system = in_constant_axes(system)
     elif solver is None:
         return None
@@ -240,10 +240,10 @@ def system_of_march(
     return dataclasses.replace(system, massless=massless)
 
 
-def followed(system: System) -> bool:
-    """Whether exponential steps are taken where none are named: not if a large remainder is left.
+def has_small_remainder(system: System) -> bool:
+    """Whether axes of constant coefficients leave no remainder, or one of small gain.
 
-    Where values are traced, the gain of the remainder is not known, and it is taken to be small.
+    Where values are traced, the gain is not known, and it is taken to be small.
     """
     if frame(system.blocks) != "periodic":
         return True

@@ -8,13 +8,13 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import Basis, Count
+from .basis import Basis
 from .exponential import Exponential, ExponentialStep
 from .lanes import one_lane
 
@@ -41,29 +41,38 @@ class RemainderMap(eqx.Module):
         rate: Scalar,
         solver: Exponential,
         basis: Basis,
-        steps: Count,
+        steps: int,
         span: Scalar,
     ) -> "RemainderMap":
-        """The map of a system `in_constant_axes`, for so many steps in an angle `span` [rad]."""
+        """The map of a system `in_constant_axes`, for so many steps in revolutions, `span` [rad]."""
         bare = dataclasses.replace(system, ports=system.ports[-system.remainder :], members=())
         motion = Motion(bare, rate, loads=False)
         form = solver.form(bare, motion, jnp.zeros((0, system.n)), basis)
         size = basis.vectors.shape[1]  # all real, as axes are unequal
 
-        def run(steps: Int[Array, ""]) -> tuple[Array, Array]:
-            step = solver.stepper(form, steps, span)
+        def run(share: Scalar) -> Float[Array, "m m1"]:
+            """States that steps lead to from one in every coordinate, and from rest."""
+            step = solver.stepper(form, steps, share * span)
             assert isinstance(step, ExponentialStep), "the laws of a remainder have no kinks"
-            lanes = one_lane(step)
-            one = lambda k, y: lanes.of_lanes(step.tableau.phases(k * step.tableau.h), y)
-            ends = jax.lax.fori_loop(0, steps, one, jnp.eye(size, size + 1))
-            return ends[:, :size] - ends[:, size:], ends[:, size]
+            lanes, begin = one_lane(step), jnp.eye(size, size + 1)
+            phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
+            each = jax.vmap(lambda phases: lanes.of_lanes(phases, begin))(phases)
+            return jax.lax.scan(lambda y, one: (_linear(one) @ y + one[:, -1:], None), begin, each)[
+                0
+            ]
 
-        # By a loop, so that one program has both.
-        (matrix, finer), (offset, _) = jax.lax.map(run, jnp.array([steps, 2 * steps]))
+        # What turns by twice the angle repeats itself after half a window: so many steps of half the size.
+        whole, half = jax.lax.map(run, jnp.array([1.0, 0.5]))
         after = lambda one: jnp.linalg.norm(jnp.linalg.matrix_power(one, WINDOWS))
+        matrix, finer = _linear(whole), _linear(half) @ _linear(half)
         least = jnp.sqrt(1.0 * size)  # that of motions which neither grow nor decay
         within = after(matrix) <= GROWTH * larger(after(finer), least)
-        return cls(matrix, offset, ~within)
+        return cls(matrix, whole[:, -1], ~within)
 
     def __call__(self, y: Float[Array, " m"]) -> Float[Array, " m"]:
         return self.matrix @ y + self.offset
+
+
+def _linear(ends: Float[Array, "m m1"]) -> Float[Array, "m m"]:
+    """Matrix of an affine map, by where it leads from unit vectors and from zero."""
+    return ends[:, :-1] - ends[:, -1:]

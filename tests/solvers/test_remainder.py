@@ -13,7 +13,7 @@ from unequal_rotor import SPEED, ByHand, rotor, unequal
 import jaxrotor as jr
 from jaxrotor.equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from jaxrotor.equations.stationary_frame import Motion
-from jaxrotor.motion.simulate import followed, system_of_march
+from jaxrotor.motion.simulate import has_small_remainder, system_of_march
 from jaxrotor.solvers.remainder import RemainderMap
 
 
@@ -35,21 +35,30 @@ def stiff(share, stiffness=1e7):
     return rotor(jr.Support(0.5, stiffness, anisotropy=share), anisotropy=0.15, stops=False)
 
 
-@eqx.filter_jit
-def run(scene, steps, order):
-    """Two revolutions from rest, by steps and by the map of one, and the map.
-
-    One program serves any number of steps.
-    """
+def parts(scene, order):
+    """Solver, its form, a state at rest in it, and the settings of a map."""
     system, rate = in_constant_axes(jr.assemble(scene)), jnp.abs(scene.spin.speed)
     solver = jr.Exponential(order, "modal")
     form = solver.form(system, Motion(system, rate, loads=False), jnp.eye(system.n))
-    step = solver.stepper(form, steps)
     rest = form.encode(*jr.AtRest().state(system, jnp.asarray(0.5)))
+    return solver, form, rest, (system, rate, solver, form.basis)
+
+
+@eqx.filter_jit
+def after_two_revolutions(scene, steps, order):
+    """Coordinates after two revolutions from rest; one program for any number of steps."""
+    solver, form, rest, _ = parts(scene, order)
+    step = solver.stepper(form, steps)
     one = lambda k, y: step.advance(k * step.tableau.h, y)
-    whole = RemainderMap.of(system, rate, solver, form.basis, steps, jnp.asarray(2 * jnp.pi))
-    ends = jax.lax.fori_loop(0, 2 * steps, one, rest), whole(whole(rest))
-    return *(form.decode(end)[0] for end in ends), whole
+    return form.decode(jax.lax.fori_loop(0, 2 * steps, one, rest))[0]
+
+
+@eqx.filter_jit
+def by_the_map(scene, steps, order):
+    """The same by the map of a revolution, and the map."""
+    _, form, rest, settings = parts(scene, order)
+    whole = RemainderMap.of(*settings, steps, jnp.asarray(2 * jnp.pi))
+    return form.decode(whole(whole(rest)))[0], whole
 
 
 @pytest.fixture(scope="module")
@@ -67,19 +76,22 @@ def free():
 def test_the_error_falls_with_the_order(free, order, first, falls, multipliers):
     """At 32, 128 and 512 steps; multipliers at 16 steps are those of an integration by Radau."""
     scene, end = free
-    off = [np.abs(run(scene, jnp.asarray(n), order)[0] - end).max() for n in (32, 128, 512)]
+    counts = map(jnp.asarray, (32, 128, 512))
+    off = [np.abs(after_two_revolutions(scene, n, order) - end).max() for n in counts]
     off = np.array(off) / np.abs(end).max()
     assert off[0] < first and (off[:-1] > falls * off[1:]).all()
     exact = np.asarray(jr.floquet_multipliers(scene))[:4]
-    found = np.linalg.eigvals(run(scene, jnp.asarray(16), order)[2].matrix)
+    found = np.linalg.eigvals(by_the_map(scene, 16, order)[1].matrix)
     found = found[np.argsort(-np.abs(found))][:4]
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(exact), rtol=multipliers)
 
 
 def test_the_map_of_a_revolution_is_that_of_its_steps():
     """Twice it leads from rest to where two revolutions of steps do, and nothing is amplified."""
-    end, other, whole = run(unequal("both", stops=False), jnp.asarray(32), 4)
-    np.testing.assert_allclose(other, end, rtol=1e-10)
+    scene = unequal("both", stops=False)
+    end, whole = by_the_map(scene, 32, 4)
+    other = after_two_revolutions(scene, jnp.asarray(32), 4)
+    np.testing.assert_allclose(end, other, rtol=1e-10)
     assert not whole.amplified
 
 
@@ -130,7 +142,7 @@ def test_a_large_remainder_is_integrated_unless_a_solver_is_named():
         system = jr.assemble(scene)
         gain = float(loop_gain(in_constant_axes(system)))
         assert gain == pytest.approx(share, rel=3e-3)
-        assert followed(system) == (share < WORST_GAIN)
+        assert has_small_remainder(system) == (share < WORST_GAIN)
         taken = system_of_march(scene, system, None)
         assert (taken is None) == (share > WORST_GAIN)
         assert system_of_march(scene, system, jr.Exponential()).remainder == 1
@@ -182,3 +194,16 @@ def test_massless_bearings():
     other = jr.run_up(scene, found.time, solver=dfx.Kvaerno5(), controller=control)
     largest = np.abs(other.velocity).max()
     np.testing.assert_allclose(found.velocity, other.velocity, rtol=0, atol=1e-5 * largest)
+
+
+@pytest.mark.slow
+def test_a_stop_that_is_too_stiff_matters_only_where_it_is_touched():
+    """The remainder moves the rotor as well, but is no contact."""
+    stiffer = {"limiters.stiffness": 1e9, "limiters.gap": 0.1}
+    scene = unequal("both").replace(stiffer)
+    free = jr.simulate(scene.without("limiters"), 2, 64, solver=jr.Exponential(2))
+    found = jr.simulate(scene, 2, 64)
+    assert not np.any(found.contact_force)
+    np.testing.assert_allclose(found.displacement, free.displacement, rtol=1e-12)
+    with pytest.raises(RuntimeError, match="A stop was touched that is too stiff for the steps"):
+        jr.simulate(scene.replace({"limiters.gap": 1e-3}), 2, 64)
