@@ -88,7 +88,7 @@ class March(AbstractMarch):
         free = None
         # It only tells whether there was contact, or what steps amplify, so it needs no derivative.
         still, length = jax.lax.stop_gradient((form.basis, span))
-        if system.remainder:
+        if system.remainder and step is not None:
             settings = *jax.lax.stop_gradient((system, rate)), plan.solver, still
             free = RemainderMap.of(*settings, plan.steps, length)
             spoilt = jnp.where(free.amplified, jnp.nan, step.tableau.weights)

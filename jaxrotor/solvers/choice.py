@@ -130,9 +130,9 @@ def checked_solver(solver: Any, system: System | None = None) -> Exponential | d
     By default a system whose only ports are those of a remainder, which is smooth, is stepped by order 4.
     """
     if solver is None:
-        smooth = system is not None and not system.members
-        remainder = smooth and (system.remainder or system.deviators)
-        return Exponential(4 if remainder else 2)
+        if system is None or system.members:
+            return Exponential()
+        return Exponential(4 if system.remainder or system.deviators else 2)
     if not isinstance(solver, Exponential | dfx.AbstractSolver):
         raise ValueError(
             "`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but is "

@@ -166,8 +166,7 @@ def sweep(
     station = _station(scene, at)
     massless = None
     if pace is None:
-        lanes = pilot_lanes, station, period, tolerance
-        solver, massless, more = _solver_of_revolutions(scene, solver, *lanes)
+        solver, massless, more = _solver_of(scene, solver, pilot_lanes, station, period, tolerance)
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
@@ -261,7 +260,7 @@ def _few_lanes(
     return [at_point(scene, start, dict(zip(paths, point, strict=True))) for point in points]
 
 
-def _solver_of_revolutions(
+def _solver_of(
     scene: Scene,
     solver: Any,
     pilot_lanes: Callable[[], list[tuple[Scene, AbstractStart]]],
