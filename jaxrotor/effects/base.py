@@ -153,6 +153,25 @@ class AbstractBodies(AbstractEffect):
         """Drag along the race [N] by the rate relative to the shaft [rad/s]; it reacts on the shaft."""
 
 
+class Deviator(NamedTuple):
+    """Unequal part of an effect along axes fixed in space, as a law at one station."""
+
+    row: Float[Array, " n"]  # reads the displacement
+    column: Float[Array, " r"]  # term of a unit force in the equations
+    law: AbstractLaw
+
+
+class AbstractUnequal(AbstractLinear):
+    """Linear effect at one station that may be unequal along axes fixed in space.
+
+    Where other axes turn with the shaft, steps in time apply the unequal part as a force at its station.
+    """
+
+    @abc.abstractmethod
+    def deviator(self, line: AbstractLine) -> Deviator | None:
+        """The unequal part of what `blocks` gives to fixed axes; None if it is absent."""
+
+
 class AbstractCasing(AbstractEffect):
     """Body beside the shaft with a coordinate of its own, that other effects name."""
 

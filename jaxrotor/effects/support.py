@@ -7,12 +7,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..core.blocks import Blocks
+from ..core.plane import plane
 from ..core.quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_values
 from ..shafts.cased import column_of, row_of
 from ..shafts.line import AbstractLine
-from .base import AbstractLinear
+from .base import AbstractLaw, AbstractUnequal, Branch, Deviator, Hardness, Plane
 
 
 _LETTERS = {"stiffness": "k", "damping": "c"}
@@ -22,7 +24,7 @@ _MEANS = ("stiffness", "anisotropy", "angle", "cross_stiffness")
 _MEANS += ("damping", "damping_anisotropy", "damping_angle", "cross_damping")
 
 
-class Support(AbstractLinear):
+class Support(AbstractUnequal):
     """Linear bearing, `F = -k q - c q.` with `k = [[kxx, kxy], [kyx, kyy]]` and `q = (x, y)`.
 
     There are two ways to give it. The first is by coefficients, as in a bearing report: `kxx`, `kxy`, ..
@@ -140,17 +142,11 @@ class Support(AbstractLinear):
         return self._plane("stiffness").mean
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        place = self.at if self.of is None else self.of
-        column, row = column_of(line, place), row_of(line, place)
-        if self.on is not None:
-            column, row = column - column_of(line, self.on), row - row_of(line, self.on)
+        row, column = self._ends_on(line)
         force = jnp.outer(column, row)
         spring, damper = (
-            {
-                part: None if value is None or f"{name} {part}" in self.vanishing else value * force
-                for part, value in self._plane(name)._asdict().items()
-            }
-            for name in _LETTERS
+            {part: value if value is None else value * force for part, value in own.items()}
+            for own in map(self._present, _LETTERS)
         )
         stiffness, damping = spring["mean"], damper["mean"]
         if self.angular_stiffness is not None or self.angular_damping is not None:
@@ -174,6 +170,29 @@ class Support(AbstractLinear):
                 f"{frame}_damping": damper["deviator"],
             },
         )
+
+    def deviator(self, line: AbstractLine) -> Deviator | None:
+        parts = [self._present(name)["deviator"] for name in _LETTERS]
+        if self.rotating or parts == [None, None]:
+            return None
+        law = DeviatorLaw(*(None if part is None else plane(part + 0j) for part in parts))
+        return Deviator(*self._ends_on(line), law)
+
+    def _ends_on(self, line: AbstractLine) -> tuple[Array, Array]:
+        """Row and column of the displacement of the one end relative to the other."""
+        place = self.at if self.of is None else self.of
+        row, column = row_of(line, place), column_of(line, place)
+        if self.on is not None:
+            row, column = row - row_of(line, self.on), column - column_of(line, self.on)
+        return row, column
+
+    def _present(self, name: str) -> dict[str, Any]:
+        """Parts of the stiffness or the damping, None where they are known to be zero."""
+        parts = self._plane(name)._asdict()
+        return {
+            part: None if f"{name} {part}" in self.vanishing else value
+            for part, value in parts.items()
+        }
 
     def _store_matrix(self, matrix: Any, name: str, letter: str) -> None:
         """Store a matrix as its coefficients."""
@@ -227,6 +246,45 @@ class Support(AbstractLinear):
         if mean is not None and share is not None:
             deviator = mean * share * jnp.exp(2j * (0.0 if angle is None else angle))
         return _Plane(mean, getattr(self, f"cross_{name}"), deviator)
+
+
+class DeviatorLaw(AbstractLaw):
+    """`F = -k z* - c z.*`, the part of a bearing's force that is unequal along axes fixed in space."""
+
+    stiffness: Plane | None  # [Re, Im] of k [N/m]
+    damping: Plane | None  # [Re, Im] of c [N s/m]
+
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        force = jnp.zeros_like(displacement)
+        for part, (x, y) in ((self.stiffness, displacement), (self.damping, velocity)):
+            if part is not None:
+                force -= jnp.stack([part[0] * x + part[1] * y, part[1] * x - part[0] * y])
+        return force
+
+    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        return jnp.zeros(())
+
+    def hardness(self) -> Hardness:
+        """Zero, as it does not rebound: the length of the steps is not limited by it."""
+        return Hardness(jnp.zeros(()), jnp.zeros(()), jnp.zeros(2), jnp.zeros(()))
+
+    @property
+    def kinked(self) -> bool:
+        return False
+
+    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+        return jnp.zeros(0)
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        return self(displacement, velocity, speed)
+
+    def margins(
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> Branch:
+        return jnp.zeros(0)
+
+    def clearance(self, displacement: Plane) -> Scalar:
+        return -jnp.inf * jnp.ones(())
 
 
 class _Plane(NamedTuple):

@@ -6,16 +6,63 @@ Bearings of unequal stiffness leave the coefficients constant in fixed axes, a s
 in axes that turn with it. All is real: the two axes no longer make one complex coordinate.
 """
 
+import dataclasses
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Inexact
 
 from ..core.blocks import Load
+from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar
 from .massless_coordinates import Condensed, Massless
 from .pencil import Pencil, check_axes, frame, isotropic, steady_response
 from .stationary_frame import Motion
 from .system import System
+
+
+WORST_GAIN = 0.6  # of a remainder: above it a rotor is integrated unless Exponential() is named
+
+
+def in_constant_axes(system: System) -> System:
+    """The system in axes of constant coefficients; the same one where it has such axes anyway.
+
+    Where some unequal axes stand still and others turn, these are the turning ones. What is unequal
+    beside them is a remainder that acts through ports, in fixed axes `F = -k z* - c z.*`.
+    """
+    if frame(system.blocks) != "periodic":
+        return system
+    if not system.deviators:
+        check_axes(
+            system,
+            "No axes have constant coefficients, as exponential steps need, and not all forces along the "
+            "fixed ones act at single stations,",
+            "leave `solver` out, or name a diffrax solver such as `solver=diffrax.Kvaerno5()`",
+        )
+    means = dataclasses.replace(system.blocks, fixed_damping=None, fixed_stiffness=None)
+    ports, count = (*system.ports, *system.deviators), len(system.deviators)
+    return dataclasses.replace(system, blocks=means, ports=ports, deviators=(), remainder=count)
+
+
+@compiled_quickly
+def loop_gain(system: System) -> Scalar:
+    """Gain of the remainder of a system `in_constant_axes`: of an anisotropic bearing its anisotropy.
+
+    It is `|D^(1/2) rows K^-1 columns D^(1/2)|`, with the moduli `D` of the unequal stiffnesses and the
+    stiffness `K` of the rotor without them.
+    """
+    ports, still, axes = system.ports[-system.remainder :], jnp.zeros(2), jnp.eye(2)
+    rows = jnp.kron(axes, jnp.stack([port.row for port in ports]))
+    columns = jnp.kron(axes, jnp.stack([port.column for port in ports], axis=1))
+    flexibility = rows @ jnp.linalg.solve(
+        _of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns
+    )
+    force = lambda z, port: port.forces(z, still, system.spin.speed).sum(0)
+    slope = lambda port: jax.jacfwd(force)(still, port)
+    moduli = jnp.stack([jnp.linalg.norm(slope(port), 2) for port in ports])
+    roots = jnp.sqrt(jnp.tile(moduli, 2))
+    return jnp.linalg.norm(roots[:, None] * flexibility * roots, 2)
 
 
 class ConstantFrame(eqx.Module):
@@ -39,11 +86,6 @@ class ConstantFrame(eqx.Module):
     @classmethod
     def of(cls, system: System, rate: Scalar) -> "ConstantFrame":
         """The equations of a system whose revolution takes `2 pi / rate` seconds."""
-        check_axes(
-            system,
-            "No axes have constant coefficients, as exponential steps need,",
-            "leave `solver` out, or name a diffrax solver such as `solver=diffrax.Kvaerno5()`",
-        )
         pencil, speed, load = _of_axes(Pencil.of(system)), system.spin.speed, system.load
         turns = frame(system.blocks) == "rotating"
         if system.massless is None:
@@ -130,6 +172,7 @@ def _condensed(system: System, massless: Massless, pencil: Pencil, rate: Scalar)
 
 def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
     """`A` of the linear equations without loads: complex where all axes are equal, else real."""
+    system = in_constant_axes(system)
     if isotropic(system.blocks) and system.massless is None:
         return Motion(system, rate, loads=False).matrix()
     unloaded = eqx.tree_at(lambda s: s.load, system, Load())
@@ -138,6 +181,7 @@ def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
 
 def steady_amplitudes(system: System) -> list[Array]:
     """Displacements [m] that make up the steady response: its constant and its harmonic parts."""
+    system = in_constant_axes(system)
     if isotropic(system.blocks):
         return [part for part in steady_response(system) if part is not None]
     axes = ConstantFrame.of(system, jnp.ones(()))

@@ -275,7 +275,7 @@ def massless_in_steps(scene: Scene, system: System) -> tuple[Massless | None, st
         return None, "dampings are traced, so that one may be zero where the rotor has no mass"
     _check_determined(condition)
     pressed = False
-    for port in system.ports:
+    for port in (*system.ports, *system.deviators):
         if not known(port.column):
             return None, "the station of a contact is traced, which may be without mass"
         if not _acts_on(port.column, coordinates.either):

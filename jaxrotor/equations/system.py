@@ -20,6 +20,7 @@ from ..effects.base import (
     AbstractLaw,
     AbstractLinear,
     AbstractLoad,
+    AbstractUnequal,
 )
 from ..scene import Scene
 from ..shafts.line import AbstractLine
@@ -30,7 +31,7 @@ from .massless_coordinates import Massless
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
-Branches = tuple[Float[Array, "k c"], ...]  # one entry for every stack of laws of equal structure
+Branches = tuple[Float[Array, "_ _"], ...]  # (k, c) of every stack of k laws of equal structure
 
 
 class Port(eqx.Module):
@@ -127,6 +128,9 @@ class System(eqx.Module):
     members: tuple[int, ...] = eqx.field(static=True)  # index of each law's contact in the scene
     owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # (block, part that adds to it)
     massless: Massless | None = eqx.field(static=True, default=None)  # that steps eliminate
+    # Unequal fixed axes as ports; none where no axes turn, or where not all act at single stations:
+    deviators: tuple[Port, ...] = ()
+    remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
 
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
@@ -199,7 +203,21 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         line.stiffness.shape[0],
         tuple(members),
         tuple(_owners(scene, parts)),
+        deviators=tuple(_deviators(scene, line, parts)),
     )
+
+
+def _deviators(scene: Scene, line: AbstractLine, parts: dict[str, Blocks]) -> Iterator[Port]:
+    """See `System.deviators`."""
+    effects = {scene.name_of(effect): effect for effect in scene.of(AbstractUnequal)}
+    present = [(part, block) for part, own in parts.items() for block in own.present]
+    turning = any(block.startswith("rotating_") for _, block in present)
+    spread = any(block.startswith("fixed_") and part not in effects for part, block in present)
+    if turning and not spread:
+        found = (effect.deviator(line) for effect in effects.values())
+        yield from (
+            Port(one.row, one.column, jnp.zeros(()), (_stack([one.law]),)) for one in found if one
+        )
 
 
 def _owners(scene: Scene, parts: dict[str, Blocks]) -> Iterator[tuple[str, str]]:

@@ -8,10 +8,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
+from ..equations.constant_frame import in_constant_axes
 from ..equations.pencil import check_moves
 from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
@@ -23,6 +24,7 @@ from ..solvers.exponential import Exponential, ExponentialStep, revolution
 from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm
+from ..solvers.remainder import RemainderMap
 from ..spins.constant import ConstantSpeed
 from .base import AbstractMarch, Plan, Window, bounded
 
@@ -39,8 +41,8 @@ class March(AbstractMarch):
     stations: Float[Array, " s"]
     form: AbstractForm
     step: ExponentialStep | LocatedStep | None
-    # Propagator over `span` without contact, where there is contact:
-    free: Rotation | SlotRotation | Dense | None
+    # Propagator over `span` without contact, where there is contact or a remainder:
+    free: Rotation | SlotRotation | Dense | RemainderMap | None
     span: Scalar  # angle that counts as a revolution [rad]
 
     @classmethod
@@ -68,6 +70,8 @@ class March(AbstractMarch):
     ) -> "March":
         """The march of an assembled system, see `build`."""
         span = jnp.asarray(span)
+        if isinstance(plan.solver, Exponential):
+            system = in_constant_axes(system)
         motion = Motion(system, rate, loads=not isinstance(plan.solver, Exponential))
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:
@@ -82,9 +86,15 @@ class March(AbstractMarch):
         form = plan.solver.form(system, motion, rows, basis, stations.size)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
         free = None
-        if step is not None:  # it only tells whether there was contact, so it needs no derivative
-            still = eqx.tree_at(lambda f: f.basis, form, jax.lax.stop_gradient(form.basis))
-            free = still.free_propagator(jax.lax.stop_gradient(span))
+        # It only tells whether there was contact, or what steps amplify, so it needs no derivative.
+        still, length = jax.lax.stop_gradient((form.basis, span))
+        if system.remainder and step is not None:
+            settings = *jax.lax.stop_gradient((system, rate)), plan.solver, still
+            free = RemainderMap.of(*settings, plan.steps, length)
+            spoilt = jnp.where(free.amplified, jnp.nan, step.tableau.weights)
+            step = eqx.tree_at(lambda step: step.tableau.weights, step, spoilt)
+        elif step is not None:
+            free = eqx.tree_at(lambda f: f.basis, form, still).free_propagator(length)
         return cls(plan, system, stations, form, step, free, span)
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
@@ -100,6 +110,11 @@ class March(AbstractMarch):
         assert isinstance(form, PortForm) and form.contacts is not None
         seen, through = form.contacts.reading.matrix, form.contacts.through
         return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports, through)
+
+    @property
+    def amplified(self) -> Bool[Array, ""]:
+        """See `RemainderMap`; False without a remainder."""
+        return self.free.amplified if isinstance(self.free, RemainderMap) else jnp.zeros((), bool)
 
     def encode(self, *parts: Array) -> Array:
         """State at a whole revolution of coordinates [m] and their velocities [m/s]."""
@@ -152,7 +167,7 @@ class March(AbstractMarch):
         s = self.stations.size
         displacement, velocity = seen[:, 0], seen[:, 1]
         forces = None
-        if self.plan.contacts and self.system.ports:
+        if self.plan.contacts and self.system.members:
             p = len(self.system.ports)
             ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (T, 2, p, xy)
             speed = jnp.broadcast_to(self.system.spin.speed, ports.shape[:1])

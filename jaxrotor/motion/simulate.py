@@ -17,7 +17,8 @@ from ..core.outcome import Outcome, gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
-from ..equations.pencil import frame
+from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
+from ..equations.pencil import frame, unequal_parts
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
 from ..equations.system import System, assemble, port_groups
@@ -63,22 +64,24 @@ def simulate(
 
     Any scene is simulated: at constant speed by whole revolutions, at any speed along `times`, where it
     is `run_up(scene, times)`. What is drawn decides how it is stepped. Exponential steps take whole
-    revolutions of all rotors but those with balls, or with unequal axes of which some turn and others do
-    not; these are integrated by the solver that `run_up` takes. By whole revolutions a contact may act on
-    a part without mass if it has no friction, and no damping either where nothing damps that part.
+    revolutions of all rotors but those with balls, or with axes that turn beside others that stand still
+    and are very unequal; these are integrated by the solver that `run_up` takes. By whole revolutions a
+    contact may act on a part without mass if it has no friction, and no damping either where nothing
+    damps that part.
 
     Args:
         scene: the rotor; by `revolutions` at constant speed.
         revolutions: length of the motion in revolutions.
         steps_per_revolution: samples a revolution; also the steps of `Exponential` and of
-            diffrax solvers without an error estimate. A scene without contact is exact at any. "auto"
-            chooses them by a pilot run, see `chosen_steps`.
+            diffrax solvers without an error estimate. A scene without contact is exact at any, unless some
+            unequal axes turn and others do not. "auto" chooses them by a pilot run, see `chosen_steps`.
         times: ascending times of the samples [s], in place of revolutions.
         nodes: number of nodes of the shaft, by default its own; "auto" chooses it, see `chosen_nodes`.
         tolerance: relative tolerance of "auto": of the motion for steps, of the roots for nodes, of the
             response at a stop for the shapes of `Exponential(shapes="auto")`.
         solver: `Exponential()` or any diffrax solver, such as `diffrax.Kvaerno5()`; by default
-            `Exponential()` where it can be taken, along `times` as in `run_up`.
+            `Exponential()` where it can be taken, of order 4 without contact where unequal axes of both
+            kinds need steps; along `times` as in `run_up`.
         controller: step control of an adaptive diffrax solver; by default rtol 1e-7 and
             atol 1e-10 m.
         start: starting state, by default `AtRest()`; `motion.end` continues another motion, and
@@ -174,12 +177,14 @@ def _by_revolutions(
     )
     skip = revolutions - keep
     # One program serves runs of any length, except in reverse mode.
-    if skip and groups and isinstance(plan.adjoint, dfx.ForwardMode):
+    if skip and system.ports and isinstance(plan.adjoint, dfx.ForwardMode):
         skip = jnp.asarray(skip)
     with waiting(progress, "simulation"):
-        end, motion, good, ratio = _run(system, plan, start, rate, stations, skip, keep)
+        run = _run(system, plan, start, rate, stations, skip, keep)
+        end, motion, good, ratio, amplified = run
         failed = known(good.ok) and not bool(good.ok)
     if failed:
+        check_not_amplified(system, amplified, steps)
         start.state(system, stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
@@ -217,8 +222,10 @@ def system_of_march(
     """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
     if system.races or not (start is None or is_whole(start)):
         return None
-    named, periodic = isinstance(solver, Exponential), frame(system.blocks) == "periodic"
-    if solver is None and periodic:
+    named = isinstance(solver, Exponential)
+    if named or solver is None and has_small_remainder(system):
+        system = in_constant_axes(system)
+    elif solver is None:
         return None
     massless, reason = massless_in_steps(scene, system)
     if named and reason is not None:
@@ -231,6 +238,17 @@ def system_of_march(
             "has none; leave `shapes` out."
         )
     return dataclasses.replace(system, massless=massless)
+
+
+def has_small_remainder(system: System) -> bool:
+    """Whether axes of constant coefficients leave no remainder, or one of small gain.
+
+    Where values are traced, the gain is not known, and it is taken to be small.
+    """
+    if frame(system.blocks) != "periodic":
+        return True
+    gain = loop_gain(in_constant_axes(system)) if system.deviators else jnp.inf
+    return not known(gain) or bool(gain <= WORST_GAIN)
 
 
 def check_integrated(solver: Any) -> None:
@@ -344,13 +362,23 @@ def _end(scene: Scene, revolutions: int, run: dict[str, Any]) -> Launch:
 
 @compiled
 def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: int):
-    """State at the end, the kept motion, the outcome, and the contact stiffness ratio."""
+    """State at the end, the kept motion, the outcome, the contact stiffness ratio, `amplified`."""
     march = March.of(system, plan, rate, stations)
     y, first = march.skip(march.begin(start, stations[0]), skip)
     update = lambda carry, samples: (carry, {name: getattr(samples, name) for name in KEPT})
     (y, _, good), revolutions = march.collect(y, None, update, keep)
     motion = jax.tree.map(joined, revolutions)
-    return march.decode(y), motion, first & good, march.contact_stiffness_ratio
+    return march.decode(y), motion, first & good, march.contact_stiffness_ratio, march.amplified
+
+
+def check_not_amplified(system: System, amplified: Array, steps: int) -> None:
+    """Raise if steps of this size make the unequal axes that stand still drive a motion."""
+    if known(amplified) and bool(amplified):
+        raise RuntimeError(
+            f"By {steps} `steps_per_revolution` a motion grows that does not: the unequal axes of "
+            f"{unequal_parts(system, 'fixed')}, beside others that turn with the shaft, are too stiff for "
+            "them; take more steps, or a diffrax solver such as `solver=diffrax.Kvaerno5()`."
+        )
 
 
 def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:

@@ -60,7 +60,7 @@ def periodic(
     rotated, an orbit may return rotated.
 
     Args:
-        scene: the rotor, at constant speed; unequal axes are either fixed in space or turn with it.
+        scene: the rotor, at constant speed.
         guess: end of a `TimeHistory`, another orbit, or any start. Without unbalance it must be near its
             orbit already: a start is first simulated for 8 revolutions.
         revolutions: in a period, by default 1 in a scene with unbalance. Given for a scene without one

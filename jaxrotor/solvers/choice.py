@@ -12,7 +12,7 @@ from jaxtyping import Array, Inexact
 from ..core.compiled import compiled_quickly
 from ..core.pilot import Pilot
 from ..core.quantities import Scalar, known
-from ..equations.constant_frame import linear_matrix
+from ..equations.constant_frame import in_constant_axes, linear_matrix
 from ..equations.pencil import frame
 from ..equations.system import System
 from .basis import well_conditioned
@@ -30,8 +30,11 @@ def choose(
 
     Basis "auto" becomes "dense" where the system, the rate or the start is traced.
     """
-    solver = checked_solver(solver)
-    if not isinstance(solver, Exponential) or solver.basis == "dense":
+    solver = checked_solver(solver, system)
+    if not isinstance(solver, Exponential):
+        return solver
+    system = in_constant_axes(system)
+    if solver.basis == "dense":
         return solver
     if not all(known(leaf) for leaf in jax.tree.leaves((system, rate, start))):
         return dataclasses.replace(solver, basis="dense") if solver.basis == "auto" else solver
@@ -68,6 +71,7 @@ def with_shapes(
     if not isinstance(solver, Exponential) or solver.shapes is None:
         return solver, ()
     every = dataclasses.replace(solver, shapes=None)
+    systems = [in_constant_axes(system) for system in systems]
     if solver.shapes != "auto":
         fewer = systems[0].ports and solver.shapes < systems[0].n
         return solver if fewer else every, ()
@@ -120,9 +124,15 @@ def _check_resonance(system: System, roots: np.ndarray, frequencies: list[float]
         )
 
 
-def checked_solver(solver: Any) -> Exponential | dfx.AbstractSolver:
-    """The solver, by default `Exponential()`; raises unless it is one."""
-    solver = Exponential() if solver is None else solver
+def checked_solver(solver: Any, system: System | None = None) -> Exponential | dfx.AbstractSolver:
+    """The solver, by default `Exponential()`; raises unless it is one.
+
+    By default a system whose only ports are those of a remainder, which is smooth, is stepped by order 4.
+    """
+    if solver is None:
+        if system is None or system.members:
+            return Exponential()
+        return Exponential(4 if system.remainder or system.deviators else 2)
     if not isinstance(solver, Exponential | dfx.AbstractSolver):
         raise ValueError(
             "`solver` must be Exponential(..) or a diffrax solver such as diffrax.Kvaerno5(), but is "

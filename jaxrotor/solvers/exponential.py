@@ -20,7 +20,7 @@ from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
-from .basis import ModalBasis, SlotBasis, dense, modal
+from .basis import Basis, Count, dense, modal
 from .lanes import lanes_last, per_lane
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading, YieldingReading
@@ -68,12 +68,12 @@ class Exponential(eqx.Module):
         system: System,
         motion: Motion,
         rows: Float[Array, "s n"],
-        basis: ModalBasis | SlotBasis | None = None,
+        basis: Basis | None = None,
         stations: int = 1,
     ) -> PortForm:
         """The motion in the coordinates of this solver's basis, with stations `rows` to read.
 
-        A modal `basis` may be given, that of `linear_matrix`. Shapes, where some are asked for, are those
+        A `basis` may be given, that of `linear_matrix`. Shapes, where some are asked for, are those
         by which the first `stations` of the rows are seen.
         """
         shapes = None
@@ -88,7 +88,7 @@ class Exponential(eqx.Module):
         return PortForm.along_axes(axes, motion, rows, own)
 
     def stepper(
-        self, form: PortForm, steps: int, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
+        self, form: PortForm, steps: Count, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
     ) -> "ExponentialStep | LocatedStep | None":
         """A step, of `steps` in an angle `span` [rad]; None without contact, where no steps are needed.
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects.base import AbstractBodies, AbstractContact
-from ..equations.rotating_frame import massless_in_steps, massless_of
+from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, Launch, is_whole
 from ..equations.system import System, assemble
 from ..motion.integrated import IntegratedPace
@@ -108,11 +108,11 @@ def pace_of(
 def _marches_all(scene: Scene, start: AbstractStart, columns, system: System, solver) -> bool:
     """Whether a `March` takes all lanes, which then have the same coordinates without mass."""
     taken = system_of_march(scene, system, solver)
-    if taken is None or taken.massless is None:
+    if taken is None or not (taken.massless or taken.remainder):
         return taken is not None
-    wanted = taken.massless, None
     scenes = _extremes(scene, start, columns)
-    return all(massless_in_steps(one, assemble(one)) == wanted for one in scenes)
+    others = [system_of_march(one, assemble(one), solver) for one in scenes]
+    return all(one is not None and one.massless == taken.massless for one in others)
 
 
 def _extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:

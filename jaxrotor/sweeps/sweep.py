@@ -26,7 +26,7 @@ from ..motion.revolutions import check_constant_speed, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
-from ..solvers.choice import with_shapes
+from ..solvers.choice import checked_solver, with_shapes
 from ..solvers.exponential import Exponential
 from .axes import (
     at_point,
@@ -164,9 +164,9 @@ def sweep(
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
     station = _station(scene, at)
-    massless = None if pace is not None else massless_in_steps(scene, assemble(scene))[0]
+    massless = None
     if pace is None:
-        solver, more = _shapes_of_lanes(solver, pilot_lanes, station, period, massless, tolerance)
+        solver, massless, more = _solver_of(scene, solver, pilot_lanes, station, period, tolerance)
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
@@ -260,21 +260,27 @@ def _few_lanes(
     return [at_point(scene, start, dict(zip(paths, point, strict=True))) for point in points]
 
 
-def _shapes_of_lanes(
+def _solver_of(
+    scene: Scene,
     solver: Any,
     pilot_lanes: Callable[[], list[tuple[Scene, AbstractStart]]],
     station: jax.Array,
     period: float | None,
-    massless: Massless | None,
     tolerance: float | int,
-) -> tuple[Any, tuple[Pilot, ...]]:
-    """The solver of revolutions with as many shapes as the most demanding of a few lanes needs."""
+) -> tuple[Any, Massless | None, tuple[Pilot, ...]]:
+    """The solver of revolutions, with as many shapes as the most demanding of a few lanes needs.
+
+    Beside it are the coordinates without mass, and the pilots.
+    """
+    system = assemble(scene)
+    massless, solver = massless_in_steps(scene, system)[0], checked_solver(solver, system)
     if not isinstance(solver, Exponential) or solver.shapes is None:
-        return solver, ()
+        return solver, massless, ()
     scenes = [scene for scene, _ in pilot_lanes()]
     systems = [dataclasses.replace(assemble(scene), massless=massless) for scene in scenes]
     rates = [revolution_rate(scene, period) for scene in scenes]
-    return with_shapes(solver, systems, rates, station[None], tolerance)
+    solver, pilots = with_shapes(solver, systems, rates, station[None], tolerance)
+    return solver, massless, pilots
 
 
 def _chosen_steps(

@@ -27,6 +27,8 @@ STANDING = held(RIGID, **SHARE)
 TURNING = held(UNEQUAL)
 BOTH = held(UNEQUAL, **SHARE)
 HYSTERESIS = jr.HystereticDamping(0.01)
+OVAL = jr.FlexibleShaft(0.8, 0.02, nodes=2, constraints=(), anisotropy=0.3)
+SPREAD = held(OVAL, jr.ExternalDamping(8.0, anisotropy=0.3))
 BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
 
 
@@ -34,9 +36,9 @@ BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
     ("call", "sentence"),
     [
         (
-            lambda: jr.simulate(BOTH, 1, 8, solver=jr.Exponential()),
-            r"stand still \(supports.0 and supports.1\) and others turn with the shaft \(the shaft\); "
-            "leave `solver` out, or name a diffrax solver",
+            lambda: jr.simulate(SPREAD, 1, 8, solver=jr.Exponential()),
+            r"not all forces.*at single stations, .* \(external_damping\) and others turn with the shaft "
+            r"\(the shaft\); leave `solver` out, or name a diffrax solver",
         ),
         (
             lambda: jr.roots(BOTH),
@@ -93,7 +95,7 @@ def test_what_to_write_is_said_as_what_to_type(python, prompt):
 
 def test_a_command_says_what_to_type(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    jr.save(BOTH, "mine.toml")
+    jr.save(SPREAD, "mine.toml")
     result = CliRunner().invoke(
         app, ["simulate", "mine.toml", "--revolutions", "1", "--solver", "exponential2"]
     )

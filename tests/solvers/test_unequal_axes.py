@@ -3,141 +3,28 @@
 The linear blocks are those of the library; frames, integration, contact and steady response are not.
 """
 
+import itertools
+
 import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from unequal_rotor import BEARING, SPEED, ByHand, rotor, unequal
 
 import jaxrotor as jr
+from jaxrotor.equations.constant_frame import in_constant_axes
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.solvers.basis import WORST_CONDITION, condition, well_conditioned
 from jaxrotor.solvers.located import LocatedStep
 
 
-SPEED = 150.0
 RATIOS = np.geomspace(1e2, 1e9, 15)  # of the axes of an ellipsoid, before equilibration
-BEARING = {"kxx": 4e4, "kyy": 1e4, "kxy": 1e4, "kyx": -2e4, "cxx": 40.0, "cyy": 80.0}
-BEARING |= {"cxy": 3.0, "cyx": -5.0}
+BOTH = pytest.param("both", marks=pytest.mark.slow)
 
 
-def rotor(*effects, anisotropy=None, internal=5.0, stops=True, speed=SPEED):
-    """A disc on a massless shaft between stops, with weight, unbalance and damping that turns."""
-    around = []
-    if stops:
-        stop = {"at": 0.5, "gap": 1e-3, "stiffness": 4e5, "damping": 50.0}
-        stop |= {"friction": 0.1, "rim_radius": 0.1}
-        around = jr.Limiter.at_angles(np.array([1.0, 3.0, 5.0]) * np.pi / 3, **stop)
-    return jr.Scene(
-        jr.MasslessShaft(1.0, 0.5, 2e4, anisotropy=anisotropy, damping=internal),
-        jr.Disc(0.5, 2.0),
-        jr.DiscDamping(0.5, 20.0),
-        jr.Unbalance(0.5, 2.0, 1e-3, 0.4),
-        jr.Gravity(9.81),
-        *effects,
-        *around,
-        spin=jr.ConstantSpeed(speed),
-    )
-
-
-def unequal(kind, **options):
-    """Axes that are unequal in space, or turn with the shaft, or both."""
-    bearing = [jr.Support(0.5, **BEARING)] if kind in ("fixed", "both") else []
-    share = 0.15 if kind in ("turning", "both") else None
-    return rotor(*bearing, anisotropy=share, **options)
-
-
-class ByHand:
-    """`M q.. + C q. + K q + C_f q.* + K_f q* + (C_r r.* + K_r r*) exp(i Omega t) = loads + contact`.
-
-    `r = q exp(-i Omega t)`.
-    """
-
-    def __init__(self, scene):
-        system = jr.assemble(scene)
-        blocks, self.n = system.blocks, system.n
-        part = lambda name: getattr(blocks, name)
-        zero = np.zeros((self.n, self.n))
-        one = {k: zero if part(k) is None else np.asarray(part(k)) for k in blocks.present + NAMES}
-        self.speed = w = float(scene.spin.speed)
-        self.C = one["damping"] + 1j * (one["skew_damping"] - w * one["gyroscopic"])
-        self.K = one["stiffness"] + w * one["skew_circulatory"]
-        self.K = self.K + 1j * (one["skew_stiffness"] - w * one["circulatory"])
-        self.unequal = [one[f"{axes}_{what}"] for axes in ("fixed", "rotating") for what in WHAT]
-        self.inverse = np.linalg.inv(one["inertia"])
-        # The field is linear in the state: its matrices are taken from `linear` once.
-        unit = np.eye(4 * self.n)
-        still, turning = self.linear(unit)
-        self.matrix = self.pushed(still)
-        self.matrix[: 2 * self.n] = unit[2 * self.n :]
-        self.turning = [self.pushed(turning), self.pushed(1j * turning)]
-        load = w**2 * np.asarray(system.load.unbalance)
-        self.weight = self.pushed(np.asarray(system.load.constant))
-        self.unbalance = [self.pushed(load), self.pushed(1j * load)]
-        names = ("angle", "gap", "stiffness", "damping", "friction", "rim_radius")
-        stops = [[float(getattr(stop, name)) for name in names] for stop in scene.of(jr.Limiter)]
-        self.stops = [(np.exp(1j * angle), *law) for angle, *law in stops]
-        if self.stops:
-            self.row, column = map(np.asarray, (system.ports[0].row, system.ports[0].column))
-            self.push = [self.pushed(column), self.pushed(1j * column)]
-
-    def linear(self, y):
-        """Forces that the state gives, and those that turn by `exp(2 i Omega t)`."""
-        x, y, u, v = np.split(y, 4)
-        q, rate = x + 1j * y, u + 1j * v
-        damping, stiffness, turning_damping, turning_stiffness = self.unequal
-        still = -self.C @ rate - self.K @ q - damping @ rate.conj() - stiffness @ q.conj()
-        drift = rate - 1j * self.speed * q
-        return still, -turning_damping @ drift.conj() - turning_stiffness @ q.conj()
-
-    def pushed(self, force):
-        """Change of the state by forces."""
-        a = self.inverse @ force
-        return np.concatenate([0 * a.real, 0 * a.real, a.real, a.imag])
-
-    def contact(self, z, v):
-        total = 0j
-        for normal, gap, stiffness, damping, friction, rim in self.stops:
-            depth = (z / normal).real - gap
-            if depth > 0:
-                push = stiffness * depth + damping * (v / normal).real
-                slip = (v / normal).imag + self.speed * rim
-                total -= max(push, 0.0) * normal * (1 + 1j * friction * np.sign(slip))
-        return total
-
-    def __call__(self, t, y):
-        turn, n = np.exp(1j * self.speed * t), self.n
-        twice = turn**2
-        change = self.matrix @ y + self.weight
-        change += twice.real * (self.turning[0] @ y) + twice.imag * (self.turning[1] @ y)
-        change += turn.real * self.unbalance[0] + turn.imag * self.unbalance[1]
-        if self.stops:
-            z, v = (self.row @ a + 1j * (self.row @ b) for a, b in y.reshape(2, 2, n))
-            force = self.contact(z, v)
-            if force:
-                change += force.real * self.push[0] + force.imag * self.push[1]
-        return change
-
-    def map(self, seconds, start, **options):
-        """State `(x, y, x., y.)` at the end of a run."""
-        how = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-14, "max_step": seconds / 400}
-        return solve_ivp(self, (0, seconds), start, **(how | options)).y[:, -1]
-
-    def end(self, seconds, start=None, **options):
-        """Coordinates at the end of a run, from rest."""
-        start = np.zeros(4 * self.n) if start is None else start
-        y = self.map(seconds, start, **options)
-        return y[: self.n] + 1j * y[self.n : 2 * self.n]
-
-
-WHAT = ("damping", "stiffness")
-NAMES = ["damping", "skew_damping", "gyroscopic", "stiffness", "skew_circulatory", "skew_stiffness"]
-NAMES += ["circulatory", *(f"{axes}_{what}" for axes in ("fixed", "rotating") for what in WHAT)]
-
-
-@pytest.fixture(scope="module", params=["fixed", "turning"])
+@pytest.fixture(scope="module", params=["fixed", "turning", BOTH])
 def rub(request):
     """A rotor, and where two revolutions from rest with some impacts leave its disc."""
     scene = unequal(request.param)
@@ -158,7 +45,7 @@ def test_located_steps_follow_impacts(rub, order, steps, error):
 @eqx.filter_jit
 def after_two_revolutions(scene, steps):
     """Coordinates after two revolutions from rest by located steps; one program for any number of them."""
-    system = jr.assemble(scene)
+    system = in_constant_axes(jr.assemble(scene))
     motion = Motion(system, jnp.abs(scene.spin.speed))
     form = jr.Exponential(4, "modal").form(system, motion, jnp.eye(system.n))
     step = LocatedStep.build(form, 4, 2 * jnp.pi / steps)
@@ -272,14 +159,18 @@ def test_axes_of_both_kinds_by_a_diffrax_solver():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("basis", ["modal", "dense"])
-@pytest.mark.parametrize("kind", ["fixed", "turning"])
+@pytest.mark.parametrize(
+    ("kind", "basis"),
+    [*itertools.product(("fixed", "turning"), ("modal", "dense")), ("both", "modal")],
+)
 def test_derivatives_are_central_differences(kind, basis):
     """By the stiffness of the stops, and of the shaft, which moves roots and vectors of the basis."""
     scene, solver = unequal(kind), jr.Exponential(4, basis=basis, located=True)
 
     def height(share):
         values = {"limiters.stiffness": 4e5 * share, "shaft.k11": 2e4 * share}
+        if kind == "both":
+            values["support.kyy"] = 1e4 * share
         run = jr.simulate(scene.put(values), 2, 128, solver=solver)
         return jnp.abs(run.displacement[-1, 0])
 
@@ -289,7 +180,7 @@ def test_derivatives_are_central_differences(kind, basis):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["fixed", "turning"])
+@pytest.mark.parametrize("kind", ["fixed", "turning", "both"])
 def test_a_sweep_is_a_loop_of_runs(kind):
     scene, path = unequal(kind), "unbalance.eccentricity"
     values = [5e-4, 1.5e-3]
@@ -301,14 +192,20 @@ def test_a_sweep_is_a_loop_of_runs(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["fixed", "turning"])
+@pytest.mark.parametrize("kind", ["fixed", "turning", "both"])
 def test_a_periodic_motion_and_its_multipliers(kind):
-    """Out of reach of the stops the orbit is the steady response, its multipliers those of the roots."""
+    """Out of reach of the stops the orbit is the steady response, its multipliers those of the roots.
+
+    With axes of both kinds the multipliers are those of another integration, by Radau.
+    """
     scene = unequal(kind).replace({"unbalance.eccentricity": 1e-5, "limiters.gap": 0.1})
     located = jr.Exponential(4, located=True)
     orbit = jr.periodic(scene, jr.AtRest(), revolutions=1, steps_per_revolution=256, solver=located)
     period = 2 * np.pi / SPEED
-    multipliers = np.exp(np.asarray(jr.roots(scene)) * period)
+    if kind == "both":
+        multipliers = jr.floquet_multipliers(scene)
+    else:
+        multipliers = np.exp(np.asarray(jr.roots(scene)) * period)
     found = np.sort_complex(np.asarray(orbit.multipliers))
     np.testing.assert_allclose(found, np.sort_complex(multipliers), rtol=1e-6, atol=1e-9)
     hand = ByHand(scene)
@@ -318,7 +215,7 @@ def test_a_periodic_motion_and_its_multipliers(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["fixed", "turning"])
+@pytest.mark.parametrize("kind", ["fixed", "turning", "both"])
 def test_multipliers_of_a_rub_are_those_of_integration(kind):
     """Central differences of scipy's map over the revolution, about an orbit that touches stops."""
     softer = {"limiters.stiffness": 5e4, "limiters.friction": 0.02}
