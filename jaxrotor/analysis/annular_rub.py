@@ -12,7 +12,7 @@ from ..core.tables import notebook_table
 from ..effects import AnnularStator
 from ..equations.pencil import eigenvalues
 from ..equations.start import Continued
-from ..equations.system import System, assemble
+from ..equations.system import System, assemble, check_tables
 from ..scene import Scene
 from .ring import RotorInRing, ring_of, sorted_roots
 
@@ -114,6 +114,7 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
     Source: Black (1968), J. Mech. Eng. Sci. 10, pp. 1-12.
     """
     ring_of(scene, "A full rub")
+    check_tables(scene, speeds)
     cases = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
     found = _annular_rub(scene, cases)
     if not (known(found.onsets) and known(found.folds)):

@@ -15,7 +15,7 @@ from ..core.tables import notebook_table
 from ..effects.rub import smoothed_sign
 from ..equations.pencil import Pencil, eigenvalues
 from ..equations.start import Continued
-from ..equations.system import assemble
+from ..equations.system import assemble, check_tables
 from ..scene import Scene
 from .ring import RotorInRing, polished, ring_of, sorted_roots
 
@@ -128,6 +128,7 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     """
     check_counts(count=count)
     ring_of(scene, "A dry whirl")
+    check_tables(scene)
     found = _dry_whirl(scene, count)
     if not known(found.rate):
         return found

@@ -21,7 +21,7 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
-from ..equations.system import System, assemble, assemble_blocks
+from ..equations.system import System, assemble, assemble_blocks, check_tables
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 
@@ -157,6 +157,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
     """
+    check_tables(scene)
     values = _roots(scene, count)
     if known(values):
         found = np.asarray(values)
@@ -182,6 +183,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
         `Modes`. Differentiable, shapes too, with their largest component held at 1; the shapes of equal
         roots are held constant, as any combination of them is a shape.
     """
+    check_tables(scene)
     found = _modes(scene, count, points)
     if not known(found.values):
         return found

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, check, known
 from ..equations.pencil import check_alike
-from ..equations.system import assemble
+from ..equations.system import assemble, check_tables
 from ..scene import Scene
 from ..shafts import MasslessShaft
 
@@ -43,6 +43,7 @@ def reduction(scene: Scene, at) -> Reduction:
 
     Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
     """
+    check_tables(scene)
     (at,) = scene.stations(at)
     length = scene.shaft.length
     flexibility, moved, condition = _static(scene, at)

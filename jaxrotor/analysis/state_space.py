@@ -11,7 +11,7 @@ from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.pencil import ROUNDING, Pencil, isotropic
 from ..equations.stationary_frame import check_known_in_time
-from ..equations.system import assemble, structure
+from ..equations.system import assemble, check_tables, structure
 from ..scene import Scene
 from .forced import ending_span
 from .modal import less_rounding, slowest_first
@@ -57,6 +57,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
         )
     if modes is not None:
         check_counts(modes=modes)
+    check_tables(scene)
     into = scene.stations(forces)
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:

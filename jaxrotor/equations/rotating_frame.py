@@ -226,7 +226,7 @@ def _reference_rate(system: System) -> Scalar:
     """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
     if not system.n:
         return jnp.ones(())
-    rate = Pencil.mean(system.at_speed(jnp.zeros(()))).rate
+    rate = Pencil.mean(system.at_rest).rate
     return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))
 
 

@@ -1,5 +1,6 @@
 """System: the equations of motion of a scene. See docs/concepts/ports.md for its ports."""
 
+import dataclasses
 from collections.abc import Iterator
 
 import equinox as eqx
@@ -20,6 +21,7 @@ from ..effects.base import (
     AbstractLaw,
     AbstractLinear,
     AbstractLoad,
+    AbstractOverSpeed,
 )
 from ..scene import Scene
 from ..shafts.line import AbstractLine
@@ -113,7 +115,8 @@ class Race(eqx.Module):
 class System(eqx.Module):
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + Sum_ports column F(row q, row q.)`.
 
-    `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None.
+    `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None. Where
+    coefficients depend on the speed, the blocks are those at the speed of the spin at t = 0.
     """
 
     line: AbstractLine
@@ -127,6 +130,7 @@ class System(eqx.Module):
     members: tuple[int, ...] = eqx.field(static=True)  # index of each law's contact in the scene
     owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # (block, part that adds to it)
     massless: Massless | None = eqx.field(static=True, default=None)  # that steps eliminate
+    tabled: Scene | None = None  # the scene, where coefficients depend on the speed
 
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
@@ -134,8 +138,25 @@ class System(eqx.Module):
         return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
     def at_speed(self, speed: ArrayLike) -> "System":
-        """The same rotor at a constant speed; nothing else that is assembled depends on the spin."""
-        return eqx.tree_at(lambda system: system.spin, self, constant(speed))
+        """The same rotor at a constant speed, with its coefficients there."""
+        spin = constant(speed)
+        return dataclasses.replace(self, spin=spin, blocks=self.blocks_at(spin.speed))
+
+    def blocks_at(self, speed: Scalar) -> Blocks:
+        """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
+        if self.tabled is None:
+            return self.blocks
+        return assemble_blocks(self.tabled.at_speed(speed), self.line)
+
+    @property
+    def at_rest(self) -> "System":
+        """The same rotor at rest, with coefficients at the lowest speed of tables that begin above."""
+        zero = jnp.zeros(())
+        span = None if self.tabled is None else speed_range(self.tabled)
+        if span is None:
+            return self.at_speed(zero)
+        blocks = self.blocks_at(jnp.clip(zero, *span))
+        return dataclasses.replace(self, spin=constant(zero), blocks=blocks)
 
     def contact_forces(
         self, displacement: Array, velocity: Array, speed: Scalar
@@ -199,6 +220,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         line.stiffness.shape[0],
         tuple(members),
         tuple(_owners(scene, parts)),
+        tabled=scene if has_tables(scene) else None,
     )
 
 
@@ -230,7 +252,10 @@ def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
 
 def _linear_parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
     """Blocks of the shaft and of every linear effect by its name."""
-    effects = {scene.name_of(effect): effect.blocks(line) for effect in scene.of(AbstractLinear)}
+    effects = {
+        scene.name_of(effect): at_own_speed(scene, effect).blocks(line)
+        for effect in scene.of(AbstractLinear)
+    }
     return {"the shaft": scene.shaft.blocks(line)} | effects
 
 
@@ -240,6 +265,53 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     for effect in scene.of(AbstractLoad):
         load = load + effect.load(line, blocks)
     return load
+
+
+# === coefficients that depend on the speed
+
+
+def has_tables(scene: Scene) -> bool:
+    """Whether coefficients of a scene are tables over the speed of rotation."""
+    return any(effect.speeds is not None for effect in scene.of(AbstractOverSpeed))
+
+
+def at_own_speed(scene: Scene, effect: AbstractLinear) -> AbstractLinear:
+    """An effect of a scene with its coefficients at the speed of the scene at t = 0."""
+    if isinstance(effect, AbstractOverSpeed) and effect.speeds is not None:
+        return effect.at_speed(scene.spin.speed)
+    return effect
+
+
+def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
+    """Speeds [rad/s] between which all tables of a scene have values; None where there is no limit."""
+    tables = [one.speeds for one in scene.of(AbstractOverSpeed) if not one.hold]
+    ends = [(nodes[0], nodes[-1]) for nodes in tables if nodes is not None]
+    if not ends:
+        return None
+    lows, highs = (jnp.stack(side) for side in zip(*ends, strict=True))
+    return jnp.max(lows), jnp.min(highs)
+
+
+def check_tables(scene: Scene, speeds: ArrayLike | None = None) -> None:
+    """Raise unless tables of a scene have values at some speeds, by default its own, if all are known."""
+    span = speed_range(scene)
+    speeds = scene.spin.speed if speeds is None else speeds
+    if span is None or not all(map(known, (speeds, *span))):
+        return
+    low, high = map(float, span)
+    if low > high:
+        raise ValueError(
+            f"The tables of the supports have no speed in common: one begins at {low:g} rad/s, where "
+            f"another has ended at {high:g} rad/s; extend one, or give `hold=True`."
+        )
+    every = np.ravel(np.asarray(speeds, float))
+    outside = every[(every < low) | (every > high)]
+    if outside.size:
+        raise ValueError(
+            f"The tables of the supports are for speeds from {low:g} to {high:g} rad/s, but coefficients "
+            f"are needed at {outside[0]:g} rad/s; extend the tables, or give `hold=True`, which takes "
+            "them as constant beyond their ends."
+        )
 
 
 def structure(scene: Scene) -> System:

@@ -205,7 +205,7 @@ def _at_rest(system: System) -> Kinematics:
     """The rotor at rest under its weight."""
     q = jnp.zeros(system.n, complex)
     if system.load.constant is not None and system.n:
-        rest = system.at_speed(jnp.zeros(()))
+        rest = system.at_rest
         fixed = frame(system.blocks) == "fixed"
         pencil = Pencil.of(rest) if fixed else Pencil.mean(rest)
         force = system.load.constant
