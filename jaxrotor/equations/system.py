@@ -7,11 +7,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.compiled import compiled_quickly
-from ..core.extremes import larger
+from ..core.extremes import bounded, larger
 from ..core.quantities import Scalar, known
 from ..effects.base import (
     AbstractBetween,
@@ -151,12 +151,18 @@ class System(eqx.Module):
     @property
     def at_rest(self) -> "System":
         """The same rotor at rest, with coefficients at the lowest speed of tables that begin above."""
-        zero = jnp.zeros(())
+        rest = constant(jnp.zeros(()))
+        return dataclasses.replace(self, spin=rest, blocks=self.blocks_within(rest.speed))
+
+    def blocks_within(self, speed: Scalar) -> Blocks:
+        """Blocks at a speed [rad/s], or at the nearer end of the tables."""
         span = None if self.tabled is None else speed_range(self.tabled)
-        if span is None:
-            return self.at_speed(zero)
-        blocks = self.blocks_at(jnp.clip(zero, *span))
-        return dataclasses.replace(self, spin=constant(zero), blocks=blocks)
+        return self.blocks_at(speed if span is None else bounded(speed, *span))
+
+    def covers(self, speed: Scalar) -> Bool[Array, ""]:
+        """Whether all tables of coefficients have values at a speed [rad/s]."""
+        span = None if self.tabled is None else speed_range(self.tabled)
+        return jnp.asarray(True) if span is None else (speed >= span[0]) & (speed <= span[1])
 
     def contact_forces(
         self, displacement: Array, velocity: Array, speed: Scalar
@@ -295,8 +301,10 @@ def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
 def check_tables(scene: Scene, speeds: ArrayLike | None = None) -> None:
     """Raise unless tables of a scene have values at some speeds, by default its own, if all are known."""
     span = speed_range(scene)
+    if span is None:
+        return
     speeds = scene.spin.speed if speeds is None else speeds
-    if span is None or not all(map(known, (speeds, *span))):
+    if not all(map(known, (speeds, *span))):
         return
     low, high = map(float, span)
     if low > high:

@@ -15,7 +15,7 @@ from ..core.quantities import Scalar, known
 from ..equations.pencil import check_moves
 from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
-from ..equations.system import System, assemble, has_massless
+from ..equations.system import System, assemble, check_tables, has_massless
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
 from ..solvers.control import step_control, tuned
@@ -257,8 +257,12 @@ def joined(revolutions: Array) -> Array:
 
 
 def check_constant(scene: Scene, what: str) -> None:
-    """Raise unless a scene has a constant speed and mass at all its coordinates; `what` needs both."""
+    """Raise unless a scene has a constant speed and mass at all its coordinates; `what` needs both.
+
+    The speed must be one for which tables of coefficients have values.
+    """
     check_constant_speed(scene, what)
+    check_tables(scene)
     check_mass(scene, what)
 
 

@@ -20,7 +20,7 @@ from ..core.quantities import Scalar, known
 from ..equations.pencil import frame
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
-from ..equations.system import System, assemble, port_groups
+from ..equations.system import System, assemble, check_tables, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
 from ..solvers.choice import choose, solver_name, with_shapes
@@ -133,6 +133,7 @@ def simulate(
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
     check_constant_speed(scene, "Motion by `revolutions`")
+    check_tables(scene)
     counts = revolutions, keep, steps_per_revolution
     run |= {"adjoint": adjoint, "progress": progress}
     found = _by_revolutions(scene, counts, tolerance, **run)

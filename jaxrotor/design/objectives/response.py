@@ -11,7 +11,7 @@ from ... import analysis
 from ...core.quantities import Scalar
 from ...effects import InternalDamping, Support
 from ...equations.pencil import Pencil, isotropic
-from ...equations.system import assemble
+from ...equations.system import assemble, at_own_speed
 from ...scene import Scene
 from .means import over, peak, square
 
@@ -45,7 +45,7 @@ def anisotropy(scene: Scene, speeds: Any, at: Any = None) -> Scalar:
     system = assemble(scene)
     blocks = scene.shaft.blocks(system.line)
     for effect in (*scene.of(Support), *scene.of(InternalDamping)):
-        blocks = blocks + effect.blocks(system.line)
+        blocks = blocks + at_own_speed(scene, effect).blocks(system.line)
     if isotropic(blocks):
         raise ValueError(
             "The rotor is the same along every axis, so there is no anisotropy to tune; give a shaft or "
