@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
@@ -50,7 +50,7 @@ class AbstractOverSpeed(AbstractLinear):
     hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
 
     @abc.abstractmethod
-    def at_speed(self, speed: Scalar) -> AbstractLinear:
+    def at_speed(self, speed: ArrayLike) -> AbstractLinear:
         """The effect with its coefficients at a speed [rad/s] in place of tables."""
 
 

@@ -7,8 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import ArrayLike
 
 from ..core.blocks import Blocks
+from ..core.extremes import bounded
 from ..core.pchip import pchip
 from ..core.quantities import (
     Scalar,
@@ -188,14 +190,14 @@ class Support(AbstractOverSpeed):
         own = {name: getattr(self, name) for name in _COEFFICIENTS}
         return {name: value for name, value in own.items() if is_table(value)}
 
-    def at_speed(self, speed: Scalar) -> "Support":
+    def at_speed(self, speed: ArrayLike) -> "Support":
         tables = self._tables
         if not tables:
             return self
-        speeds = jnp.asarray(self.speeds)
+        speed, speeds = jnp.asarray(speed, float), jnp.asarray(self.speeds)
         if self.hold:
-            speed = jnp.clip(speed, speeds[0], speeds[-1])
-        found = pchip(jnp.asarray(speed, float), speeds, jnp.stack(list(tables.values())))
+            speed = bounded(speed, speeds[0], speeds[-1])
+        found = pchip(speed, speeds, jnp.stack(list(tables.values())))
         numbers: dict[str, Any] = dict(zip(tables, found, strict=True))
         return with_values(self, speeds=None, **numbers)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -281,11 +282,11 @@ def has_tables(scene: Scene) -> bool:
     return any(effect.speeds is not None for effect in scene.of(AbstractOverSpeed))
 
 
-def at_own_speed(scene: Scene, effect: AbstractLinear) -> AbstractLinear:
-    """An effect of a scene with its coefficients at the speed of the scene at t = 0."""
-    if isinstance(effect, AbstractOverSpeed) and effect.speeds is not None:
-        return effect.at_speed(scene.spin.speed)
-    return effect
+def at_own_speed(scene: Scene, part: Any) -> Any:
+    """A part of a scene with its coefficients at the speed of the scene at t = 0."""
+    if isinstance(part, AbstractOverSpeed) and part.speeds is not None:
+        return part.at_speed(scene.spin.speed)
+    return part
 
 
 def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
