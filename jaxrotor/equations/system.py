@@ -299,13 +299,13 @@ def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
     return jnp.max(lows), jnp.min(highs)
 
 
-def check_tables(scene: Scene, speeds: ArrayLike | None = None) -> None:
+def check_tables(scene: Scene, speeds: Any = None) -> None:
     """Raise unless tables of a scene have values at some speeds, by default its own, if all are known."""
     span = speed_range(scene)
     if span is None:
         return
     speeds = scene.spin.speed if speeds is None else speeds
-    if not all(map(known, (speeds, *span))):
+    if not all(map(known, jax.tree.leaves((speeds, span)))):
         return
     low, high = map(float, span)
     if low > high:
