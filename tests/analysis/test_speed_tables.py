@@ -52,6 +52,8 @@ def test_closed_example():
     assert float(onset.speed) == pytest.approx(ONSET, rel=1e-12)
     assert float(onset.whirl_frequency / onset.speed) == pytest.approx(0.6, rel=1e-11)
     assert jr.critical_speeds(example(b=2.5)).speeds.size == 0  # none for b >= m
+    boundary = jr.stability_boundary(example(), "spin.speed", [1000.0, 1300.0, 1600.0])
+    assert boundary.values.tolist() == pytest.approx([ONSET], rel=1e-9) and boundary.lost.all()
 
 
 @pytest.mark.slow
