@@ -145,6 +145,12 @@ angular_damping = "10 N m s/rad"
 rotating = false                   # true: it turns with the shaft
 """,
         """\
+[[support]]                        # the same as matrices, [[xx, xy], [yx, yy]]
+at = "0.1 m"
+stiffness = [[8e7, 1e7], [-2e7, 4e7]]
+damping = [[2e5, 0], [0, 1e5]]
+""",
+        """\
 [[support]]                        # tables over the speed of rotation
 at = "0.1 m"
 speeds = ["1000 rpm", "3000 rpm", "6000 rpm"]
@@ -155,12 +161,6 @@ kyx = [-2e7, -3e7, -4e7]
 cxx = "2e5 N s/m"                  # the same at every speed
 cyy = [1e5, 9e4, 8e4]
 hold = true                        # constant beyond the ends; false: no values there
-""",
-        """\
-[[support]]                        # the same as matrices, [[xx, xy], [yx, yy]]
-at = "0.1 m"
-stiffness = [[8e7, 1e7], [-2e7, 4e7]]
-damping = [[2e5, 0], [0, 1e5]]
 """,
         """\
 [[support]]                        # by means and axes

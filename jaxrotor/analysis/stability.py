@@ -50,6 +50,9 @@ def growth_rate(scene: Scene) -> Scalar:
     Returns:
         Growth rate [1/s], zero where it is within rounding. Differentiable. NaN where the speed is too
         low for the steps: below 1/30 of the first natural frequency where traced, else below 1/490.
+
+    Raises:
+        ValueError: tables of coefficients have no values at the speed of the scene.
     """
     check_tables(scene)
     growth = _growth_rate(scene, STEPS[0])
