@@ -45,7 +45,7 @@ def _slopes(h: Float[Array, " i"], m: Float[Array, " i"]) -> Float[Array, " n"]:
     mean = one / jnp.where(alike, before, 1.0) + other / jnp.where(alike, after, 1.0)
     inner = jnp.where(alike, (one + other) / mean, 0.0)
     ends = _at_end(h[0], h[1], m[0], m[1]), _at_end(h[-1], h[-2], m[-1], m[-2])
-    return jnp.concatenate([ends[0][None], inner, ends[1][None]])
+    return jnp.append(jnp.append(ends[0], inner), ends[1])
 
 
 def _at_end(h: Scalar, next_h: Scalar, m: Scalar, next_m: Scalar) -> Scalar:

@@ -163,7 +163,7 @@ class System(eqx.Module):
     def covers(self, speed: Scalar) -> Bool[Array, ""]:
         """Whether all tables of coefficients have values at a speed [rad/s]."""
         span = None if self.tabled is None else speed_range(self.tabled)
-        return jnp.asarray(True) if span is None else (speed >= span[0]) & (speed <= span[1])
+        return jnp.asarray(span is None or (speed >= span[0]) & (speed <= span[1]))
 
     def contact_forces(
         self, displacement: Array, velocity: Array, speed: Scalar

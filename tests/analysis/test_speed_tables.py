@@ -329,7 +329,10 @@ def test_refused_in_one_sentence(change, said):
         lambda scene: jr.stability_crossings(scene, (100.0, 2500.0)),
         lambda scene: jr.simulate(scene, 3),
         lambda scene: jr.simulate(scene, times=[0.0, 0.1]),
-        lambda scene: jr.sweep(scene, {"unbalance.eccentricity": [1e-4]}),
+        pytest.param(
+            lambda scene: jr.sweep(scene, {"unbalance.eccentricity": [1e-4]}),
+            marks=pytest.mark.slow,
+        ),
         lambda scene: jr.sweep(scene, {"spin.speed": [100.0, 2500.0]}),
         lambda scene: jr.harmonic_balance(scene, jr.steady_state(scene.at_speed(0.0))),
     ],

@@ -97,6 +97,22 @@ def test_motion_at_constant_speed_and_lanes_each_with_its_own():
 
 
 @pytest.mark.slow
+def test_lanes_along_times():
+    """Lanes at constant speeds, by exponential steps, and one that runs up, by a diffrax solver."""
+    speeds, along = (
+        [300.0, 500.0, 1100.0],
+        {"times": TIMES, "observe": [jr.observe.Peak()], "at": 0.5},
+    )
+    lanes = jr.sweep(rotor(jr.ConstantSpeed(500.0)), {"spin.speed": speeds}, **along)
+    expected = [np.abs(displacement(speed, 0.0)[1:]).max() for speed in speeds]
+    assert lanes.peak.values.tolist() == pytest.approx(expected, rel=1e-5)
+    ramp = rotor(jr.SpeedProfile.ramp(200.0, 1000.0, TIMES[-1]))
+    lanes = jr.sweep(ramp, {"unbalance.eccentricity": [ECCENTRICITY]}, **along)
+    expected = np.abs(displacement(200.0, 16000.0)[1:]).max()
+    assert lanes.peak.values.tolist() == pytest.approx([expected], rel=3e-6)
+
+
+@pytest.mark.slow
 def test_a_run_that_leaves_the_tables_is_refused():
     said = "from 0 to 1200 rad/s, but coefficients are needed at 12.*extend the tables"
     for spin in (
