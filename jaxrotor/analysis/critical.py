@@ -12,7 +12,7 @@ from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, on_host
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import check_moves, frame, is_rounding, isotropic
-from ..equations.system import System, assemble, check_tables
+from ..equations.system import System, assemble, check_no_tables, check_tables
 from ..scene import Scene
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 from .synchronous import crossings, families, filled, synchronous_of
@@ -191,6 +191,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
 
     Source: Klochkov, eqs. (16), (17).
     """
+    check_no_tables(scene, "`axis_speeds`")
     speeds = _axis_speeds(scene)
     if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):
         raise ValueError(
@@ -209,11 +210,6 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
         raise ValueError(
             "Critical speeds along and across exist only where all unequal axes turn with the shaft, but "
             "this rotor has none, or others that stand still; use `jaxrotor.critical_speeds`."
-        )
-    if system.tabled is not None:
-        raise ValueError(
-            "Critical speeds along and across are those of constant coefficients, but this rotor has "
-            "tables over the speed; use `jaxrotor.critical_speeds`."
         )
     part = filled(system)
     inertia = part(blocks.inertia) - part(blocks.gyroscopic)

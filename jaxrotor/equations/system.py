@@ -299,6 +299,15 @@ def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
     return jnp.max(lows), jnp.min(highs)
 
 
+def check_no_tables(scene: Scene, what: str) -> None:
+    """Raise if coefficients of a scene are tables over the speed; `what` needs numbers."""
+    if has_tables(scene):
+        raise ValueError(
+            f"{what} is for constant coefficients, but supports have tables over the speed; give their "
+            "numbers at one speed, `support.at_speed(speed)`."
+        )
+
+
 def check_tables(scene: Scene, speeds: Any = None) -> None:
     """Raise unless tables of a scene have values at some speeds, by default its own, if all are known."""
     span = speed_range(scene)

@@ -11,7 +11,7 @@ from ... import analysis
 from ...core.quantities import Scalar
 from ...effects import InternalDamping, Support
 from ...equations.pencil import Pencil, isotropic
-from ...equations.system import assemble, at_own_speed
+from ...equations.system import assemble, check_no_tables
 from ...scene import Scene
 from .means import over, peak, square
 
@@ -42,10 +42,11 @@ def anisotropy(scene: Scene, speeds: Any, at: Any = None) -> Scalar:
     Source: sheet of the rotor of two stiffnesses, sections 1.5 and 4 (R5).
     """
     station = scene.stations(at)[0]
+    check_no_tables(scene, "The anisotropy of the dynamic stiffness")
     system = assemble(scene)
     blocks = scene.shaft.blocks(system.line)
     for effect in (*scene.of(Support), *scene.of(InternalDamping)):
-        blocks = blocks + at_own_speed(scene, effect).blocks(system.line)
+        blocks = blocks + effect.blocks(system.line)
     if isotropic(blocks):
         raise ValueError(
             "The rotor is the same along every axis, so there is no anisotropy to tune; give a shaft or "
