@@ -151,6 +151,18 @@ stiffness = [[8e7, 1e7], [-2e7, 4e7]]
 damping = [[2e5, 0], [0, 1e5]]
 """,
         """\
+[[support]]                        # tables over the speed of rotation
+at = "0.1 m"
+speeds = ["1000 rpm", "3000 rpm", "6000 rpm"]
+kxx = ["9e7 N/m", "8e7 N/m", "7e7 N/m"]
+kyy = ["5e7 N/m", "6e7 N/m", "6.5e7 N/m"]
+kxy = [1e7, 2e7, 3e7]
+kyx = [-2e7, -3e7, -4e7]
+cxx = "2e5 N s/m"                  # the same at every speed
+cyy = [1e5, 9e4, 8e4]
+hold = true                        # constant beyond the ends; false: no values there
+""",
+        """\
 [[support]]                        # by means and axes
 at = "0.1 m"
 stiffness = "20 MN/m"

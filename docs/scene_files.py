@@ -13,7 +13,7 @@ from pathlib import Path
 from scene_examples import EXAMPLES
 
 from jaxrotor import shafts, spins
-from jaxrotor.core.quantities import is_series, takes_matrix, unit_of
+from jaxrotor.core.quantities import is_series, takes_matrix, takes_table, unit_of
 from jaxrotor.files.toml_reader import choices_of
 from jaxrotor.files.vocabulary import COUNTS, FORMS, START, kinds, models
 from jaxrotor.shafts import AbstractShaft, Constraint, Step
@@ -140,6 +140,8 @@ def _unit(field: dataclasses.Field) -> str:
         unit = "number" if unit == "1" else unit
         if is_series(field):
             return f"list in {unit}"
+        if takes_table(field):
+            return f"{unit}, or a list at `speeds`"
         return f"{unit}, or a 2 by 2 matrix" if takes_matrix(field) else unit
     if Material in (kind, *typing.get_args(kind)):
         return f"table, or {' or '.join(f'`{name!r}`' for name in NAMED)}".replace("'", '"')

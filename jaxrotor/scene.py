@@ -233,6 +233,10 @@ class Scene(eqx.Module):
         leaves = [leaf for leaf in self.leaves(path) if leaf is not None]
         if len(leaves) < len(self._find(path)):
             raise ValueError(f"`{path}` is absent from this scene (None).")
+        if len({jnp.shape(leaf) for leaf in leaves}) > 1:
+            raise ValueError(
+                f"`{path}` has tables of different lengths; name one effect, as in `supports.0.kxx`."
+            )
         return leaves[0] if len(leaves) == 1 else jnp.stack(leaves)
 
     def leaves(self, path: str) -> list[Array | None]:

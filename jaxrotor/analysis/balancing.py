@@ -11,6 +11,7 @@ from ..core.blocks import Blocks
 from ..core.extremes import bounded, largest
 from ..core.quantities import Scalar, check, known
 from ..effects import AbstractLinear, Support
+from ..equations.speed_tables import at_own_speed
 from ..equations.system import assemble_load
 from ..scene import Scene
 from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
@@ -101,7 +102,7 @@ def bearing_stations(scene: Scene) -> Float[Array, " b"]:
         own = shaft.constraints if isinstance(shaft, FlexibleShaft | RigidShaft) else ()
         held = [one.at for one in own if one.displacement]
         bearings = [one for one in scene.of(Support) if one.of is None]
-        held += [one.at for one in bearings if float(one.mean_stiffness) > 0]
+        held += [one.at for one in bearings if float(jnp.max(one.mean_stiffness)) > 0]
     return jnp.asarray(sorted({float(at) for at in held}))
 
 
@@ -109,7 +110,7 @@ def _weights(scene: Scene) -> Float[Array, "2"]:
     """Mass [kg] and first moment of mass about z = 0 [kg m]."""
     line = VirtualLine.resultant(scene.line(), jnp.zeros(()))
     parts = [scene.shaft, *scene.of(AbstractLinear)]
-    weights = [part.blocks(line).weight for part in parts]
+    weights = [at_own_speed(scene, part).blocks(line).weight for part in parts]
     return sum((weight for weight in weights if weight is not None), start=jnp.zeros(2))
 
 

@@ -1,7 +1,5 @@
 """Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor."""
 
-import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,18 +11,12 @@ from jaxtyping import Array, Bool, Complex, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, on_host
 from ..core.tables import RPM, notebook_table
-from ..equations.pencil import (
-    Pencil,
-    check_axes,
-    check_moves,
-    frame,
-    is_rounding,
-    isotropic,
-    root_changes,
-)
+from ..equations.pencil import check_moves, frame, is_rounding, isotropic
+from ..equations.speed_tables import check_no_tables, check_tables
 from ..equations.system import System, assemble
 from ..scene import Scene
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
+from .synchronous import crossings, families, filled, synchronous_of
 
 
 class CriticalSpeeds(eqx.Module):
@@ -103,6 +95,8 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     and is classified by the kinetic energy of its parts. An unequal shaft has no backward critical
     speeds: it is critical where it stands bent in its own axes, `det( K - Omega^2 (M - G) ) = 0` for the
     pair in these axes. The eigenvalue problem for `Omega^2` gives all speeds; nothing is scanned.
+    Where coefficients are tables over the speed, `K` is that of the speed: critical speeds within the
+    tables are found by a scan and a bracket each, and there may be none or several of a mode.
 
     Args:
         scene: the rotor; its own speed does not matter. Damping, hysteresis and cross-coupled stiffness
@@ -119,6 +113,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
+    check_tables(scene, [])
     found = _synchronous(scene, count, points)
     if not known(found.speeds):
         return found
@@ -143,29 +138,22 @@ def _synchronous(scene: Scene, count: int | None, points: int) -> CriticalSpeeds
 
 def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array, Array]:
     """Critical speeds, forward shares and senses, unordered."""
-    blocks, zero, part = system.blocks, _zero(system), _filled(system)
-    stiffness, inertia = part(blocks.stiffness), part(blocks.inertia)
-    ahead, behind = (inertia + sense * part(blocks.gyroscopic) for sense in (-1, 1))
-    if isotropic(blocks):
-        one, other = (_synchronous_of(stiffness, sense)[0] for sense in (ahead, behind))
-        share = jnp.repeat(jnp.array([1.0, 0.0]), one.size)
+    blocks, own = system.blocks, families(system)
+    paired = not isotropic(blocks)
+    bent = paired and frame(blocks) == "rotating"
+    vectors = None
+    if system.tabled is not None:
+        speeds, family = crossings(system)
+        if paired and not bent:
+            vectors = jax.lax.map(lambda speed: _shape_at(system, speed), speeds)
+    else:
+        found = [synchronous_of(*one, vectors=paired and not bent) for one in own]
+        speeds, vectors = jnp.concatenate([one for one, _ in found]), found[0][1]
+        family = jnp.repeat(jnp.arange(len(own)), found[0][0].size)
+    if vectors is None:
+        share = jnp.ones(speeds.size) if bent else 1.0 - family
         senses = (2 * share - 1)[:, None] * jnp.ones(stations.size)
-        return jnp.concatenate([one, other]), share, senses
-    axes = frame(blocks)
-    check_axes(
-        system,
-        "There are no single critical speeds, but bands of instability,",
-        "use `jaxrotor.floquet_multipliers`",
-    )
-    unequal = part(getattr(blocks, f"{axes}_stiffness"))
-    if axes == "rotating":  # in the shaft's axes both parts of a synchronous whirl stand still
-        behind = ahead
-    stiffness = jnp.block([[stiffness, unequal], [unequal.conj(), stiffness.conj()]])
-    inertia = jnp.block([[ahead, zero], [zero, behind]])
-    speeds, vectors = _synchronous_of(stiffness, inertia, vectors=axes == "fixed")
-    if axes == "rotating":
-        return speeds, jnp.ones(speeds.size), jnp.ones((speeds.size, stations.size))
-    assert vectors is not None
+        return speeds, share, senses
     # Amplitude of `exp(i Omega t)`, and conjugate amplitude of `exp(-i Omega t)`.
     halves = vectors.reshape(-1, 2, system.n)
     share = inertia_shares(scene, system, halves)[:, 0]
@@ -173,6 +161,15 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
     total = ahead + behind
     senses = jnp.where(total > 0, (ahead - behind) / jnp.where(total > 0, total, 1.0), 0.0)
     return speeds, share, senses
+
+
+def _shape_at(system: System, speed: Scalar) -> Complex[Array, " m"]:
+    """Shape of the synchronous whirl at a critical speed of a rotor whose stiffness depends on it."""
+    speed = jax.lax.stop_gradient(speed)
+    (own,) = families(jax.lax.stop_gradient(system).at_speed(speed))
+    found, vectors = synchronous_of(*own, vectors=True)
+    assert vectors is not None
+    return vectors[jnp.argmin(jnp.where(jnp.isfinite(found), jnp.abs(found - speed), jnp.inf))]
 
 
 def axis_speeds(scene: Scene) -> AxisSpeeds:
@@ -195,6 +192,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
 
     Source: Klochkov, eqs. (16), (17).
     """
+    check_no_tables(scene, "`axis_speeds`")
     speeds = _axis_speeds(scene)
     if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):
         raise ValueError(
@@ -214,62 +212,10 @@ def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
             "Critical speeds along and across exist only where all unequal axes turn with the shaft, but "
             "this rotor has none, or others that stand still; use `jaxrotor.critical_speeds`."
         )
-    part = _filled(system)
+    part = filled(system)
     inertia = part(blocks.inertia) - part(blocks.gyroscopic)
     unequal = part(blocks.rotating_stiffness)
     real = jnp.all(is_rounding(unequal.imag, jnp.max(jnp.abs(unequal))))
-    speeds = (_synchronous_of(part(blocks.stiffness) + s * unequal, inertia)[0] for s in (1, -1))
+    speeds = (synchronous_of(part(blocks.stiffness) + s * unequal, inertia)[0] for s in (1, -1))
     along, across = (jnp.where(real, jnp.sort(one), jnp.nan) for one in speeds)
     return along, across
-
-
-def _zero(system: System) -> Complex[Array, "n n"]:
-    return jnp.zeros((system.n, system.n), complex)
-
-
-def _filled(system: System) -> Callable[[Array | None], Array]:
-    """A function that gives a block as a complex matrix, zero if the block is absent."""
-    zero = _zero(system)
-    return lambda block: zero if block is None else block + 0j
-
-
-def _synchronous_of(
-    stiffness: Array, inertia: Array, vectors: bool = False
-) -> tuple[Float[Array, " c"], Complex[Array, "c m"] | None]:
-    """Every real `Omega > 0` with `(K - Omega^2 M) q = 0`, else infinite; `q` too if `vectors`.
-
-    `Omega = 0` of a free shaft does not count; rounding leaves about 1e-15 of the scale in its square.
-    """
-    squares, shapes = _squares(vectors, stiffness, inertia)
-    scale = _scale(stiffness, inertia)
-    real = jnp.isfinite(squares) & (squares.real > 1e-10 * scale)
-    real = real & (jnp.abs(squares.imag) < 1e-6 * jnp.abs(squares))
-    return jnp.where(real, jnp.sqrt(jnp.where(real, squares.real, 1.0)), jnp.inf), shapes
-
-
-def _scale(stiffness: Array, inertia: Array) -> Scalar:
-    """Scale [rad^2/s^2] of the order of the square of the first critical speed."""
-    return Pencil(inertia, inertia, stiffness).rate ** 2
-
-
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _squares(vectors: bool, stiffness: Array, inertia: Array):
-    """Every `s` with `(K - s M) q = 0`, infinite for massless coordinates; and `q`, one per row."""
-    shift, shapes = _scale(stiffness, inertia), None
-    matrix = jnp.linalg.solve(stiffness + shift * inertia, inertia)
-    if vectors:
-        inverses, columns = jnp.linalg.eig(matrix)
-        shapes = columns.T
-    else:
-        inverses = jnp.linalg.eigvals(matrix)
-    finite = jnp.abs(inverses) * shift > 1e-10
-    return jnp.where(finite, 1 / jnp.where(finite, inverses, 1.0) - shift, jnp.inf), shapes
-
-
-@_squares.defjvp
-def _squares_jvp(vectors, primals, tangents):
-    """Derivatives like those of roots, equal ones by their mean; vectors are held constant."""
-    values, shapes = _squares(vectors, *primals)
-    linear = lambda stiffness, inertia: Pencil(jnp.zeros_like(inertia), -inertia, stiffness)
-    moved = root_changes(values, linear(*primals), linear(*tangents))
-    return (values, shapes), (moved, None if shapes is None else jnp.zeros_like(shapes))

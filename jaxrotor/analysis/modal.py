@@ -21,6 +21,7 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
+from ..equations.speed_tables import check_tables
 from ..equations.system import System, assemble, assemble_blocks
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
@@ -154,9 +155,13 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
         rounding (1e-9 of its root) is set to zero. Differentiable; the derivative of equal roots is the
         mean of theirs.
 
+    Raises:
+        ValueError: tables of coefficients have no values at the speed of the scene.
+
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
     """
+    check_tables(scene)
     values = _roots(scene, count)
     if known(values):
         found = np.asarray(values)
@@ -181,7 +186,11 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     Returns:
         `Modes`. Differentiable, shapes too, with their largest component held at 1; the shapes of equal
         roots are held constant, as any combination of them is a shape.
+
+    Raises:
+        ValueError: tables of coefficients have no values at the speed of the scene.
     """
+    check_tables(scene)
     found = _modes(scene, count, points)
     if not known(found.values):
         return found

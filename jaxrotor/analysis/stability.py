@@ -14,7 +14,9 @@ from ..core.compiled import compiled_quickly
 from ..core.extremes import larger, largest
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known, on_host
+from ..core.sign_change import sign_change
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
+from ..equations.speed_tables import check_tables, speed_range
 from ..equations.system import System, assemble
 from ..scene import Scene
 from .floquet import exponents
@@ -49,7 +51,11 @@ def growth_rate(scene: Scene) -> Scalar:
     Returns:
         Growth rate [1/s], zero where it is within rounding. Differentiable. NaN where the speed is too
         low for the steps: below 1/30 of the first natural frequency where traced, else below 1/490.
+
+    Raises:
+        ValueError: tables of coefficients have no values at the speed of the scene.
     """
+    check_tables(scene)
     growth = _growth_rate(scene, STEPS[0])
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
@@ -92,10 +98,12 @@ def onset_speed(
 
     Args:
         scene: the rotor; its own speed does not matter.
-        within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency.
+        within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency, or
+            those for which tables of coefficients have values.
         samples: growth rates computed to bracket the crossing. A band of flutter narrower than an
             interval is found if the growth rate has an extremum near zero there; the `TURNS` extrema
-            closest to zero are refined. Bands where an unequal shaft stands bent are always found.
+            closest to zero are refined. Bands where an unequal shaft stands bent are always found, unless
+            coefficients depend on the speed.
         throw: whether to raise where there is no onset. False gives NaN instead, so that one rotor of
             many under jax.vmap does not stop all.
         progress: whether to report after two seconds that the search is running; by default on a
@@ -114,6 +122,8 @@ def onset_speed(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
+    if within is not None:
+        check_tables(scene, within)
     with waiting(progress, "onset of instability"):
         speeds, sign = _scan(scene, _checked(within, samples), samples)
         found = _onset(scene, speeds, sign, samples, throw)
@@ -170,6 +180,8 @@ def stability_crossings(
         ValueError: `within` is not ascending, `samples` is not an integer of at least 8, the scene is
             traced, or the rotor turns too slowly for `growth_rate`.
     """
+    if within is not None:
+        check_tables(scene, within)
     speeds, sign = _scan(scene, _checked(within, samples), samples)
     if not known(sign):
         raise ValueError(
@@ -205,9 +217,9 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
     system = assemble(jax.lax.stop_gradient(scene))
     growth_at = _growth(system)
-    low, high = (jnp.zeros(()), 40 * _first(system)) if within is None else within
+    low, high = _range(system) if within is None else within
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
-    if frame(system.blocks) == "rotating":
+    if frame(system.blocks) == "rotating" and system.tabled is None:
         bent = _bent(system, low, high)
         between = (bent[1:] + bent[:-1]) / 2
         speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
@@ -225,6 +237,14 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     speeds, growth = jnp.concatenate([speeds, turns[0]]), jnp.concatenate([growth, turns[1]])
     order = jnp.argsort(speeds)
     return speeds[order], jnp.sign(growth)[order]
+
+
+def _range(system: System) -> tuple[Scalar, Scalar]:
+    """Speeds that are searched by default."""
+    span = None if system.tabled is None else speed_range(system.tabled)
+    if span is None:
+        return jnp.zeros(()), 40 * _first(system)
+    return jnp.where(span[1] > 0, larger(span[0], 0.0), span[0]), span[1]
 
 
 def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
@@ -296,59 +316,7 @@ def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
         values = _roots_at(system, speed)
         return jnp.where(marginal, _beyond_rounding(values, first), _largest(values))
 
-    return _sign_change(growth, low, high, ends[0], ends[-1], lost)
-
-
-def _sign_change(
-    growth: Callable[[Scalar], Scalar],
-    low: Scalar,
-    high: Scalar,
-    at_low: Scalar,
-    at_high: Scalar,
-    lost: Array,
-) -> Scalar:
-    """Speed where `growth` becomes positive, or ceases to be unless `lost`, to rounding.
-
-    The interpolation is truncated towards the middle of the bracket, so the bracket is never wider than
-    that of bisection one step before, also where the growth rate jumps. A growth rate takes all
-    eigenvalues: eight to ten of them do here, where bisection takes 53, also that of optimistix.
-
-    Source: Oliveira, Takahashi, ACM Trans. Math. Softw. 47 (2020), algorithm ITP, kappa_2 = 2, n_0 = 1.
-    """
-    width = jnp.asarray(high - low)
-    precision = jnp.finfo(width.dtype).eps
-    narrow = larger(precision * width / 2, precision * jnp.abs(high))
-    most = jnp.ceil(jnp.log2(width / (2 * narrow))) + 1
-
-    def unfinished(state):
-        step, low, high, *_ = state
-        return (high - low > 2 * narrow) & (step < most)
-
-    def halve(state):
-        step, low, high, at_low, at_high = state
-        middle = (low + high) / 2
-        slope = at_high - at_low
-        secant = jnp.where(slope == 0, middle, (low * at_high - high * at_low) / slope)
-        towards = jnp.sign(middle - secant)
-        shift = 0.2 / width * (high - low) ** 2
-        truncated = jnp.where(shift <= jnp.abs(middle - secant), secant + towards * shift, middle)
-        reach = larger(narrow * 2.0 ** (most - step) - (high - low) / 2, 0.0)
-        near = jnp.abs(truncated - middle) <= reach
-        speed = jnp.where(near, truncated, middle - towards * reach)
-        value = growth(speed)
-        beyond = (value > 0) == lost
-        pick = lambda a, b: jnp.where(beyond, a, b)
-        return (
-            step + 1,
-            pick(low, speed),
-            pick(speed, high),
-            pick(at_low, value),
-            pick(value, at_high),
-        )
-
-    state = (jnp.zeros(()), low, high, at_low, at_high)
-    _, low, high, _, _ = jax.lax.while_loop(unfinished, halve, state)
-    return (low + high) / 2
+    return sign_change(growth, low, high, ends[0], ends[-1], lost)
 
 
 @_crossing.def_jvp
@@ -377,7 +345,7 @@ def _synchronous(values: Array, speed: Scalar) -> Array:
 
 def _first(system: System) -> Scalar:
     """Scale [rad/s] of the order of the first natural frequency."""
-    return Pencil.mean(system.at_speed(jnp.zeros(()))).rate
+    return Pencil.mean(system.at_rest).rate
 
 
 def _largest(values: Array) -> Scalar:

@@ -10,6 +10,7 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.pencil import ROUNDING, Pencil, isotropic
+from ..equations.speed_tables import check_tables
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import assemble, structure
 from ..scene import Scene
@@ -57,6 +58,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
         )
     if modes is not None:
         check_counts(modes=modes)
+    check_tables(scene)
     into = scene.stations(forces)
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:

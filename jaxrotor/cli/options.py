@@ -13,6 +13,7 @@ import typer
 
 from ..analysis import critical_speeds, settled
 from ..core.compiled import compiled_quickly
+from ..equations.speed_tables import speed_range
 from ..equations.start import AbstractStart, AtRest, Whirl
 from ..equations.system import polar_inertia
 from ..files.toml import load
@@ -226,7 +227,11 @@ def interval(low: str | None, high: str) -> tuple[float, float]:
 
 
 def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:
-    """Speeds [rad/s] of `--from`, `--to` and `--points`."""
+    """Speeds [rad/s] of `--from`, `--to` and `--points`; by default tables of coefficients limit them."""
+    span = speed_range(scene)
+    if span is not None:
+        ends = max(float(span[0]), 0.0), float(span[1])
+        low, high = (own or repr(end) for own, end in zip((low, high), ends, strict=True))
     if high is None:
         marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.spin.speed))]
         high = repr(1.25 * max(marks))

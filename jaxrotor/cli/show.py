@@ -65,8 +65,7 @@ def show(
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
     axes, found = described_roots(rotor)
-    at_rest = described_roots(rotor.at_speed(0.0))[1]
-    still = _still(at_rest)
+    still = _or_why(lambda: _still(described_roots(rotor.at_speed(0.0))[1]))[0]
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
@@ -158,6 +157,7 @@ def _text(value: Any) -> str:
     if value is None:  # absent from one of several effects
         return "-"
     if isinstance(value, list):
-        same = len(value) > 1 and len(set(value)) == 1
-        return f"{value[0]:.7g} each" if same else ", ".join(_text(one) for one in value)
+        texts = [f"[{_text(one)}]" if isinstance(one, list) else _text(one) for one in value]
+        same = len(texts) > 1 and len(set(texts)) == 1
+        return f"{texts[0]} each" if same else ", ".join(texts)
     return f"{value:.7g}"

@@ -2,7 +2,8 @@
 
 A field is declared once, `gap: Scalar = positive("gap [m]")`. That line gives its type, its unit, its
 check, the error message, and a leaf that jax can differentiate. A table of numbers is one leaf too:
-`times: Series = series("times [s]")`.
+`times: Series = series("times [s]")`. A number that may be a table, over nodes that another field has,
+is `kxx: Tabled = real("kxx [N/m]", table=True)`.
 """
 
 import dataclasses
@@ -23,9 +24,11 @@ from jaxtyping import Array, Float
 if TYPE_CHECKING:  # a field accepts a plain number and stores an array
     Scalar: TypeAlias = Array | float
     Series: TypeAlias = Any  # a field accepts any list of numbers and stores an array
+    Tabled: TypeAlias = Any
 else:
     Scalar = Float[Array, ""]
     Series = Float[Array, "_"]
+    Tabled = Scalar | Series
 
 COUNTED = {1: "one", 2: "two"}  # words of the smallest counts of a list
 _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
@@ -64,7 +67,7 @@ def real(label: str, **options: Any) -> Any:
 
     Args:
         label: name and unit, "angle [rad]".
-        options: as of `positive`.
+        options: as of `positive`, and `table`, whether a list of numbers is accepted too.
 
     Returns:
         The field of an `equinox.Module`.
@@ -104,6 +107,7 @@ def _quantity(
     default: Any = dataclasses.MISSING,
     many: int = 0,  # smallest count of a list of numbers, 0 for a single number
     matrix: bool = False,
+    table: bool = False,
 ) -> Any:
     match = _LABEL.fullmatch(label)
     if match is None:
@@ -112,11 +116,13 @@ def _quantity(
     def convert(value: Any) -> Array | None:
         if value is None and default is None:
             return None
+        if table and is_table(value):
+            return _check_series(value, label, ascending=False, nonnegative=False, least=2)
         return checked(value, label)
 
     options = {} if default is dataclasses.MISSING else {"default": default}
     metadata = {"unit": match["unit"], "optional": default is None, "many": many}
-    metadata |= {"matrix": matrix}
+    metadata |= {"matrix": matrix, "table": table}
     return eqx.field(converter=convert, metadata=metadata, **options)
 
 
@@ -220,6 +226,16 @@ def least_count(field: dataclasses.Field) -> int:
 def takes_matrix(field: dataclasses.Field) -> bool:
     """Whether a quantity field accepts a 2 by 2 matrix, which its class splits into coefficients."""
     return field.metadata.get("matrix", False)
+
+
+def takes_table(field: dataclasses.Field) -> bool:
+    """Whether a quantity field accepts a list of numbers in place of one."""
+    return field.metadata.get("table", False)
+
+
+def is_table(value: Any) -> bool:
+    """Whether a value of a quantity is a list or an array of numbers rather than one number."""
+    return isinstance(value, list | tuple) or (not isinstance(value, str) and np.ndim(value) > 0)
 
 
 def known(value: Any) -> bool:

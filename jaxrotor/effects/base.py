@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
-from ..core.quantities import Scalar
+from ..core.quantities import Scalar, Series
 from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine
 
@@ -38,6 +38,20 @@ class AbstractLinear(AbstractEffect):
     @abc.abstractmethod
     def blocks(self, line: AbstractLine) -> Blocks:
         """Blocks of this effect."""
+
+
+class AbstractOverSpeed(AbstractLinear):
+    """Linear effect whose coefficients may be tables over the speed of rotation.
+
+    The equations at a speed contain `at_speed(speed).blocks(line)`.
+    """
+
+    speeds: eqx.AbstractVar[Series | None]  # nodes of the tables [rad/s]; None: there are none
+    hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
+
+    @abc.abstractmethod
+    def at_speed(self, speed: ArrayLike) -> AbstractLinear:
+        """The effect with its coefficients at a speed [rad/s] in place of tables."""
 
 
 class AbstractDamping(AbstractEffect):

@@ -7,14 +7,28 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 from ..core.blocks import Blocks
+from ..core.extremes import bounded
+from ..core.pchip import pchip
 from ..core.plane import plane
-from ..core.quantities import Scalar, check, known, nonnegative, number_or_nan, real, with_values
+from ..core.quantities import (
+    Scalar,
+    Series,
+    Tabled,
+    check,
+    is_table,
+    known,
+    nonnegative,
+    number_or_nan,
+    real,
+    series,
+    with_values,
+)
 from ..shafts.cased import column_of, row_of
 from ..shafts.line import AbstractLine
-from .base import AbstractLaw, AbstractUnequal, Branch, Deviator, Hardness, Plane
+from .base import AbstractLaw, AbstractOverSpeed, AbstractUnequal, Branch, Deviator, Hardness, Plane
 
 
 _LETTERS = {"stiffness": "k", "damping": "c"}
@@ -24,7 +38,7 @@ _MEANS = ("stiffness", "anisotropy", "angle", "cross_stiffness")
 _MEANS += ("damping", "damping_anisotropy", "damping_angle", "cross_damping")
 
 
-class Support(AbstractUnequal):
+class Support(AbstractUnequal, AbstractOverSpeed):
     """Linear bearing, `F = -k q - c q.` with `k = [[kxx, kxy], [kyx, kyy]]` and `q = (x, y)`.
 
     There are two ways to give it. The first is by coefficients, as in a bearing report: `kxx`, `kxy`, ..
@@ -40,6 +54,12 @@ class Support(AbstractUnequal):
     `cross_stiffness = (kyx - kxy) / 2`, `k anisotropy exp(2 i angle) = (kxx - kyy + i kxy + i kyx) / 2`.
     A support that is known to be isotropic when it is built, or changed by `scene.replace`, has no
     anisotropic part in the equations.
+
+    Each coefficient `kxx` .. `cyy` is a number, or a table of its values at the `speeds` of rotation, as
+    of a film. Between the nodes it is the shape-preserving cubic of each table (PCHIP), with a continuous
+    first derivative. Every analysis takes the coefficients at its speeds. A speed outside the nodes is
+    refused, or NaN where it is traced; with `hold=True` coefficients are constant there. Tables belong to
+    a support that does not turn.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
@@ -63,14 +83,18 @@ class Support(AbstractUnequal):
     damping_angle: Scalar = real("damping_angle [rad]", default=None)
     cross_stiffness: Scalar = real("cross_stiffness [N/m]", default=None)
     cross_damping: Scalar = real("cross_damping [N s/m]", default=None)
-    kxx: Scalar = real("kxx [N/m]", default=None)
-    kxy: Scalar = real("kxy [N/m]", default=None)
-    kyx: Scalar = real("kyx [N/m]", default=None)
-    kyy: Scalar = real("kyy [N/m]", default=None)
-    cxx: Scalar = real("cxx [N s/m]", default=None)
-    cxy: Scalar = real("cxy [N s/m]", default=None)
-    cyx: Scalar = real("cyx [N s/m]", default=None)
-    cyy: Scalar = real("cyy [N s/m]", default=None)
+    kxx: Tabled = real("kxx [N/m]", default=None, table=True)
+    kxy: Tabled = real("kxy [N/m]", default=None, table=True)
+    kyx: Tabled = real("kyx [N/m]", default=None, table=True)
+    kyy: Tabled = real("kyy [N/m]", default=None, table=True)
+    cxx: Tabled = real("cxx [N s/m]", default=None, table=True)
+    cxy: Tabled = real("cxy [N s/m]", default=None, table=True)
+    cyx: Tabled = real("cyx [N s/m]", default=None, table=True)
+    cyy: Tabled = real("cyy [N s/m]", default=None, table=True)
+    speeds: Series = series("speeds [rad/s]", ascending=True, default=None)
+    hold: bool = eqx.field(
+        default=False, static=True
+    )  # whether tables are constant beyond the ends
     angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
@@ -89,6 +113,7 @@ class Support(AbstractUnequal):
         given = [name for name in _COEFFICIENTS if getattr(self, name) is not None]
         means = [name for name in _MEANS if getattr(self, name) is not None]
         self._check_ends()
+        self._check_tables()
         if given and means:
             raise ValueError(
                 f"`{given[0]}` and `{means[0]}` belong to two different ways to describe a support; give "
@@ -104,6 +129,7 @@ class Support(AbstractUnequal):
             along = [getattr(self, letter + axes) for axes in ("xx", "yy")]
             total = sum(value for value in along if value is not None)
             if known(total):
+                total = np.min(total)
                 label = f"{letter}xx + {letter}yy [{unit}]"
                 check(total, label, lambda x: x >= 0, "must not be negative")
         if self.damping is None and self.damping_anisotropy is not None:
@@ -132,13 +158,57 @@ class Support(AbstractUnequal):
                 "`angular_stiffness [N m/rad]` or `angular_damping [N m s/rad]`; leave these out."
             )
 
+    def _check_tables(self) -> None:
+        """Raise unless every table has a value at each of the speeds, and these have a table."""
+        tables = self._tables
+        if self.speeds is None:
+            for name, table in tables.items():
+                raise ValueError(
+                    f"`{name}` is a table of {table.size} numbers; give their `speeds [rad/s]`, or one "
+                    "number."
+                )
+            return
+        if not tables:
+            raise ValueError(
+                "`speeds [rad/s]` are the nodes of tables, but no coefficient is a table; give kxx, .. "
+                "or cyy as a list, or leave out `speeds`."
+            )
+        for name, table in tables.items():
+            if table.size != self.speeds.size:
+                raise ValueError(
+                    f"`{name}` must have a value at each of the {self.speeds.size} `speeds [rad/s]`, but "
+                    f"has {table.size}."
+                )
+        if self.rotating:
+            raise ValueError(
+                "Tables over `speeds [rad/s]` are for a support that does not turn; leave out `rotating`, "
+                "or give numbers."
+            )
+
+    @property
+    def _tables(self) -> dict[str, Any]:
+        """Coefficients that are tables, by their names."""
+        own = {name: getattr(self, name) for name in _COEFFICIENTS}
+        return {name: value for name, value in own.items() if is_table(value)}
+
+    def at_speed(self, speed: ArrayLike) -> "Support":
+        tables = self._tables
+        if not tables:
+            return self
+        speed, speeds = jnp.asarray(speed, float), jnp.asarray(self.speeds)
+        if self.hold:
+            speed = bounded(speed, speeds[0], speeds[-1])
+        found = pchip(speed, speeds, jnp.stack(list(tables.values())))
+        numbers: dict[str, Any] = dict(zip(tables, found, strict=True))
+        return with_values(self, speeds=None, **numbers)
+
     def refreshed(self) -> "Support":
         """Copy whose `vanishing` parts are derived from its current values."""
         return with_values(self, vanishing=tuple(self._vanishing()))
 
     @property
-    def mean_stiffness(self) -> Scalar:
-        """Mean stiffness `(kxx + kyy) / 2` [N/m]."""
+    def mean_stiffness(self) -> Tabled:
+        """Mean stiffness `(kxx + kyy) / 2` [N/m], of a table at its nodes."""
         return self._plane("stiffness").mean
 
     def blocks(self, line: AbstractLine) -> Blocks:
@@ -222,8 +292,8 @@ class Support(AbstractUnequal):
         for name, letter in _LETTERS.items():
             own = [getattr(self, letter + axes) for axes in _AXES]
             if any(value is not None for value in own):
-                xx, xy, yx, yy = map(number_or_nan, own)
-                cross, deviator = xy - yx == 0, xx - yy == 0 and xy + yx == 0
+                xx, xy, yx, yy = map(_numbers_or_nan, own)
+                cross, deviator = _equal(xy, yx), _equal(xx, yy) and _equal(xy, -yx)
             else:
                 share = self.anisotropy if name == "stiffness" else self.damping_anisotropy
                 cross = _is_zero(getattr(self, f"cross_{name}"))
@@ -293,6 +363,22 @@ class _Plane(NamedTuple):
     mean: Any
     cross: Any
     deviator: Any
+
+
+def _numbers_or_nan(value: Any) -> Any:
+    """A known coefficient or table as floats, and NaN for anything else, as `number_or_nan`."""
+    if not (is_table(value) and known(value)):
+        return number_or_nan(value)
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):  # an error that the check of its field reports
+        return np.nan
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two coefficients are equal at every speed."""
+    fits = not (np.ndim(one) and np.ndim(other)) or np.shape(one) == np.shape(other)
+    return fits and bool(np.all(one - other == 0))
 
 
 def _is_zero(value: Any) -> bool:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..core.blocks import Blocks
 from ..core.compiled import compiled
 from ..core.elimination import eliminated
 from ..core.plane import plane
@@ -71,6 +72,9 @@ class Transient(eqx.Module):
         """
         system = assemble(scene)
         check_known_in_time(system)
+        if system.tabled is not None:
+            first = system.blocks_within(system.spin.speed)
+            system = dataclasses.replace(system, blocks=first)
         inertia, inverse = system.blocks.inertia, jnp.zeros((system.n, system.n))
         coordinates = None
         if massless == "unknown":
@@ -135,7 +139,7 @@ class Transient(eqx.Module):
         now = Kinematics(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
         if self.massless is not None:
             now = self._with_massless_motion(self.massless, now)
-        push = -resistance(system.blocks, now)
+        push = -resistance(self._blocks(turning.speed), now)
         push = push + contact_force(system, now, lambda port: port.column)
         torque = None if moments is None else moments.torque(system, now, self.sense)
 
@@ -166,6 +170,13 @@ class Transient(eqx.Module):
         gain = jax.jacfwd(lambda unknown: respond(unknown)[1])(zero)
         return respond(eliminated(gain, -respond(zero)[1]))[0]
 
+    def _blocks(self, speed: Scalar) -> Blocks:
+        """Blocks at a speed; outside of tables those at their end, where no solver gets lost."""
+        system = self.system
+        if system.tabled is None or isinstance(system.spin, ConstantSpeed):
+            return system.blocks
+        return system.blocks_within(speed)
+
     # --- coordinates without mass
 
     def _with_massless_motion(self, massless: MasslessCoordinates, now: Kinematics) -> Kinematics:
@@ -189,7 +200,9 @@ class Transient(eqx.Module):
 
     def _imbalance_of_forces(self, now: Kinematics) -> Array:
         """`resistance - loads`, which inertia has to balance, without contacts and bodies."""
-        left = resistance(self.system.blocks, now) - applied_force(self.system.load, now)
+        left = resistance(self._blocks(now.turning.speed), now) - applied_force(
+            self.system.load, now
+        )
         return left + jnp.zeros_like(now.r)
 
     def condition_of_massless(self) -> Scalar:
@@ -226,7 +239,7 @@ def _reference_rate(system: System) -> Scalar:
     """Rate [rad/s] by which time is scaled: near the first natural frequency, else 1."""
     if not system.n:
         return jnp.ones(())
-    rate = Pencil.mean(system.at_speed(jnp.zeros(()))).rate
+    rate = Pencil.mean(system.at_rest).rate
     return jax.lax.stop_gradient(jnp.where(jnp.isfinite(rate) & (rate > 0), rate, 1.0))
 
 

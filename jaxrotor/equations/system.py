@@ -1,16 +1,17 @@
 """System: the equations of motion of a scene. See docs/concepts/ports.md for its ports."""
 
+import dataclasses
 from collections.abc import Iterator
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.compiled import compiled_quickly
-from ..core.extremes import larger
+from ..core.extremes import bounded, larger
 from ..core.quantities import Scalar, known
 from ..effects.base import (
     AbstractBetween,
@@ -28,6 +29,7 @@ from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
+from .speed_tables import at_own_speed, has_tables, speed_range
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -114,7 +116,8 @@ class Race(eqx.Module):
 class System(eqx.Module):
     """`M q.. + (C - i Omega G) q. + (K - i Omega H) q = loads + Sum_ports column F(row q, row q.)`.
 
-    `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None.
+    `q` are `n` complex coordinates `x + i y` of an isotropic rotor. An absent block is None. Where
+    coefficients depend on the speed, the blocks are those at the speed of the spin at t = 0.
     """
 
     line: AbstractLine
@@ -128,9 +131,10 @@ class System(eqx.Module):
     members: tuple[int, ...] = eqx.field(static=True)  # index of each law's contact in the scene
     owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # (block, part that adds to it)
     massless: Massless | None = eqx.field(static=True, default=None)  # that steps eliminate
-    # Unequal fixed axes as ports; none where no axes turn, or where not all act at single stations:
+    # Unequal fixed axes as ports. None where no axes turn, some spread over the shaft, or some have tables:
     deviators: tuple[Port, ...] = ()
     remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
+    tabled: Scene | None = None  # the scene, where coefficients depend on the speed
 
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
@@ -138,8 +142,31 @@ class System(eqx.Module):
         return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
     def at_speed(self, speed: ArrayLike) -> "System":
-        """The same rotor at a constant speed; nothing else that is assembled depends on the spin."""
-        return eqx.tree_at(lambda system: system.spin, self, constant(speed))
+        """The same rotor at a constant speed, with its coefficients there."""
+        spin = constant(speed)
+        return dataclasses.replace(self, spin=spin, blocks=self.blocks_at(spin.speed))
+
+    def blocks_at(self, speed: Scalar) -> Blocks:
+        """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
+        if self.tabled is None:
+            return self.blocks
+        return assemble_blocks(self.tabled.at_speed(speed), self.line)
+
+    @property
+    def at_rest(self) -> "System":
+        """The same rotor at rest, with coefficients at the lowest speed of tables that begin above."""
+        rest = constant(jnp.zeros(()))
+        return dataclasses.replace(self, spin=rest, blocks=self.blocks_within(rest.speed))
+
+    def blocks_within(self, speed: Scalar) -> Blocks:
+        """Blocks at a speed [rad/s], or at the nearer end of the tables."""
+        span = None if self.tabled is None else speed_range(self.tabled)
+        return self.blocks_at(speed if span is None else bounded(speed, *span))
+
+    def covers(self, speed: Scalar) -> Bool[Array, ""]:
+        """Whether all tables of coefficients have values at a speed [rad/s]."""
+        span = None if self.tabled is None else speed_range(self.tabled)
+        return jnp.asarray(span is None or (speed >= span[0]) & (speed <= span[1]))
 
     def contact_forces(
         self, displacement: Array, velocity: Array, speed: Scalar
@@ -204,6 +231,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         tuple(members),
         tuple(_owners(scene, parts)),
         deviators=tuple(_deviators(scene, line, parts)),
+        tabled=scene if has_tables(scene) else None,
     )
 
 
@@ -213,7 +241,7 @@ def _deviators(scene: Scene, line: AbstractLine, parts: dict[str, Blocks]) -> It
     present = [(part, block) for part, own in parts.items() for block in own.present]
     turning = any(block.startswith("rotating_") for _, block in present)
     spread = any(block.startswith("fixed_") and part not in effects for part, block in present)
-    if turning and not spread:
+    if turning and not spread and not has_tables(scene):
         found = (effect.deviator(line) for effect in effects.values())
         yield from (
             Port(one.row, one.column, jnp.zeros(()), (_stack([one.law]),)) for one in found if one
@@ -248,7 +276,10 @@ def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
 
 def _linear_parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
     """Blocks of the shaft and of every linear effect by its name."""
-    effects = {scene.name_of(effect): effect.blocks(line) for effect in scene.of(AbstractLinear)}
+    effects = {
+        scene.name_of(effect): at_own_speed(scene, effect).blocks(line)
+        for effect in scene.of(AbstractLinear)
+    }
     return {"the shaft": scene.shaft.blocks(line)} | effects
 
 

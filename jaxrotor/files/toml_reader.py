@@ -17,7 +17,14 @@ import numpy as np
 
 from .. import shafts, spins
 from ..core.checks import suggest
-from ..core.quantities import COUNTED, is_series, least_count, takes_matrix, unit_of
+from ..core.quantities import (
+    COUNTED,
+    is_series,
+    least_count,
+    takes_matrix,
+    takes_table,
+    unit_of,
+)
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..shafts.materials import NAMED, Material
@@ -150,6 +157,9 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
         if not isinstance(value, list):
             least = COUNTED[least_count(field)]
             refuse(path, f"must be a list of {least} or more numbers, but is {show(value)}.")
+        return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
+    plain = isinstance(value, list) and not any(isinstance(one, list) for one in value)
+    if unit is not None and takes_table(field) and plain:
         return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
     if unit is not None and takes_matrix(field) and isinstance(value, list):
         return _matrix(value, unit, path)

@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 
 from .. import shafts, spins
-from ..core.quantities import is_series, unit_of
+from ..core.quantities import is_series, is_table, takes_table, unit_of
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..spins.base import AbstractSpin
@@ -53,7 +53,8 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
             tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
             nested[field.name] = tomlkit.item(tables) if tables else []
         elif unit is not None and value is not None:
-            item = tomlkit.item(_plain(value, here, is_series(field)))
+            many = is_series(field) or (takes_table(field) and is_table(value))
+            item = tomlkit.item(_plain(value, here, many))
             table[field.name] = item if unit == "1" else item.comment(unit)
         elif isinstance(value, bool | int | str):
             table[field.name] = value

@@ -1,5 +1,6 @@
 """Integrated march: a motion at any spin that a diffrax solver integrates, window by window."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -136,6 +137,9 @@ class IntegratedMarch(AbstractMarch):
             bounded(self._packed(part.end)), part.good & ~failed, good.unresolved, good.touched
         )
         instants = part.instants(self.field, over)
+        if self.field.system.tabled is not None:
+            finite = ok.finite & jnp.all(jnp.isfinite(instants.r))
+            ok = dataclasses.replace(ok, finite=finite)
         instants = jax.tree.map(lambda leaf: jnp.where(ok.ok, leaf, jnp.nan), instants)
         return self._packed(part.end, part.stays, ~ok.ok, number + 1), (times, instants), ok
 

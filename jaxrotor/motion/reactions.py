@@ -166,9 +166,9 @@ def _support(system: System, support: Support) -> Act:
         line = system.line
         row = row_of(line, support.of)
         held = jnp.stack([row, jnp.zeros_like(row)])
-    blocks = support.blocks(line)
 
     def act(now: Kinematics):
+        blocks = support.at_speed(now.turning.speed).blocks(line)
         force, moment = -(held @ resistance(blocks, now))
         return force[None], moment[None]
 
@@ -184,7 +184,10 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
     forces, moments = _selections(influence)
 
     def act(now: Kinematics):
-        reaction = resistance(blocks, now) - applied_force(load, now)
+        own = blocks
+        if system.tabled is not None:
+            own = assemble_blocks(scene.at_speed(now.turning.speed), line)
+        reaction = resistance(own, now) - applied_force(load, now)
         reaction -= contact_force(system, now, lambda port: line.column(port.at))
         reaction -= body_force(system, now, lambda race: line.column(race.at))
         if inertia is not None:
@@ -205,7 +208,7 @@ def _at_rest(system: System) -> Kinematics:
     """The rotor at rest under its weight."""
     q = jnp.zeros(system.n, complex)
     if system.load.constant is not None and system.n:
-        rest = system.at_speed(jnp.zeros(()))
+        rest = system.at_rest
         fixed = frame(system.blocks) == "fixed"
         pencil = Pencil.of(rest) if fixed else Pencil.mean(rest)
         force = system.load.constant

@@ -14,6 +14,7 @@ from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import in_constant_axes
 from ..equations.pencil import check_moves
+from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
 from ..equations.system import System, assemble, has_massless
@@ -272,8 +273,12 @@ def joined(revolutions: Array) -> Array:
 
 
 def check_constant(scene: Scene, what: str) -> None:
-    """Raise unless a scene has a constant speed and mass at all its coordinates; `what` needs both."""
+    """Raise unless a scene has a constant speed and mass at all its coordinates; `what` needs both.
+
+    The speed must be one for which tables of coefficients have values.
+    """
     check_constant_speed(scene, what)
+    check_tables(scene)
     check_mass(scene, what)
 
 

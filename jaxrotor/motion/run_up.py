@@ -17,6 +17,7 @@ from ..core.progress import waiting
 from ..core.quantities import known
 from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
+from ..equations.speed_tables import check_tables, has_tables
 from ..equations.start import AbstractStart, Balls, Continued, Launch
 from ..equations.system import assemble
 from ..scene import Scene
@@ -96,6 +97,8 @@ def run_up(
     times = _checked_times(times)
     launch = Launch.of(start)
     begun = after(scene, launch)
+    if has_tables(begun):
+        check_tables(begun, _first_speeds(begun, times))
     stations = scene.stations(at)
     system = None
     if solver is None and controller is None and adjoint is None:
@@ -133,6 +136,7 @@ def run_up(
     if isinstance(plan, Stepping):
         _check_substeps(motion.run, plan)
     if failed:
+        check_tables(begun, motion.run.turning.speed)
         launch.shaft.state(assemble(begun), stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
@@ -224,6 +228,13 @@ def _checked_times(times: Any) -> Any:
             f"`times [s]` must be two or more ascending times from 0 on, but is {times!r}."
         )
     return values
+
+
+def _first_speeds(scene: Scene, times: Any) -> Any:
+    """Speeds [rad/s] of a run that are known before it: of a drive the first one, else all."""
+    if isinstance(scene.spin, Drive) or not known(times):
+        return scene.spin.speed
+    return scene.spin.turning(jnp.append(0.0, times)).speed
 
 
 def after(scene: Scene, launch: Launch) -> Scene:

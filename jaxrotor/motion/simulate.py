@@ -20,6 +20,7 @@ from ..core.quantities import Scalar, known
 from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from ..equations.pencil import frame, unequal_parts
 from ..equations.rotating_frame import massless_in_steps
+from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
 from ..equations.system import System, assemble, port_groups
 from ..scene import Scene
@@ -136,6 +137,7 @@ def simulate(
     if keep > revolutions:
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
     check_constant_speed(scene, "Motion by `revolutions`")
+    check_tables(scene)
     counts = revolutions, keep, steps_per_revolution
     run |= {"adjoint": adjoint, "progress": progress}
     found = _by_revolutions(scene, counts, tolerance, **run)

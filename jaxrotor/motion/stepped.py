@@ -185,6 +185,8 @@ def unsteppable(system: System) -> str | None:
         return f"there are balls ({system.owners_of('bodies')})"
     if frame(system.blocks) != "fixed":
         return "unequal axes turn with the shaft"
+    if system.tabled is not None and not isinstance(system.spin, ConstantSpeed):
+        return "coefficients of its supports are tables over the speed, which varies"
     return None
 
 

@@ -154,9 +154,14 @@ class Part(NamedTuple):
     def instants(self, field: Transient, times: Array) -> Kinematics:
         """Motion of all moving parts at the times."""
         if self.senses is None:
-            return jax.vmap(field.instant)(times, self.path)
-        held = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
-        return jax.vmap(held)(times, self.path, self.senses)
+            found = jax.vmap(field.instant)(times, self.path)
+        else:
+            held = lambda time, y, sense: field.hold(sense == 0, sense).instant(time, y)
+            found = jax.vmap(held)(times, self.path, self.senses)
+        if field.system.tabled is None:
+            return found
+        covered = jax.vmap(field.system.covers)(found.turning.speed)[:, None]
+        return found._replace(r=jnp.where(covered, found.r, jnp.nan))
 
 
 def integrate_part(

@@ -1,5 +1,6 @@
 """Windows: a motion at a speed known in time, advanced from window to window of its samples."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -60,6 +61,10 @@ class WindowMarch(AbstractMarch):
         centres, rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         at_centre = system.at_speed(centres[0])
+        if (
+            system.tabled is not None
+        ):  # coefficients stay those of the lane, whose speed is constant
+            at_centre = dataclasses.replace(at_centre, blocks=system.blocks)
         assert isinstance(plan.solver, Exponential)
         dense = plan.solver.basis == "dense"
         basis = None if dense else modal(linear_matrix(at_centre, rate))

@@ -19,6 +19,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar
+from ..equations.speed_tables import check_tables
 from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
 from ..motion.base import Plan
@@ -291,6 +292,8 @@ def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
         )
     if path == "spin.speed" and low * high <= 0:
         raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
+    if path == "spin.speed":
+        check_tables(scene, (low, high))
     for value in (low, high):
         other = scene.replace({path: value})
         if other.spans != scene.spans or port_groups(other) != port_groups(scene):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..core.parameters import follow
+from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart, address, numbers_of, put_number
 from ..equations.system import port_groups
 from ..motion.revolutions import revolution_rate
@@ -62,6 +63,8 @@ def checked_axes(
             if revolve and path == "spin.speed":
                 revolution_rate(changed, period)
         axes[path] = values
+    if "spin.speed" in axes or revolve:
+        check_tables(scene, axes.get("spin.speed"))
     for name, together in over.items():
         if isinstance(together, Mapping):
             axes[name] = np.stack(

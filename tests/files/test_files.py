@@ -271,7 +271,7 @@ def test_shipped_lists_names_and_titles():
 
 
 ANOTHER_WAY = {  # fields of the second way to give a part, which the scene below leaves out
-    Support: [letter + axes for letter in "kc" for axes in ("xx", "xy", "yx", "yy")],
+    Support: [*(k + axes for k in "kc" for axes in ("xx", "xy", "yx", "yy")), "speeds"],
     Unbalance: ["moment"],
 }
 
@@ -333,6 +333,7 @@ def film_scene() -> Scene:
         Support(0.0, kxx=1e8 / 3, kxy=1e7 / 7, kyx=-2e7 / 9, kyy=4e7, cxx=2e5, cyy=1e5 / 7),
         Support(1 / 3, kxx=8e7 / 3, angular_stiffness=1e3 / 7, rotating=True),
         Support(2 / 9, kxx=8e7 / 3, on="frame"),
+        Support(0.3, kxx=[1e8 / 3, 8e7 / 7], cxx=2e5 / 3, speeds=[1 / 3, 100 / 7], hold=True),
     ]
     weight, frame = Unbalance(0.2, moment=8e-5 / 7, phase=1 / 3), Casing("frame", 7.0)
     parts = bearings, Disc(0.2, 80.0), weight, frame

@@ -18,6 +18,7 @@ CASES = [("example.toml", s) for s in (0, 400, 1200)] + [("stepped.json", s) for
 CASES += [("housed.json", s) for s in (0, 500)]  # bearings on masses of their own
 STEPPED = json.loads((HERE / "stepped.json").read_text())
 SHAFT, FRONT = "ShaftElement_Shaft Element 1", "BearingElement_front"
+REAR = "BearingElement_rear"
 
 
 def of_ross(name, speed, cut):
@@ -61,12 +62,22 @@ def test_roots_are_those_of_ross(name, speed):
     """
     scene, notes = jr.from_ross(HERE / name, speed)
     assert all("depend on speed" in note for note in notes)
+    if "rear" in str(notes):
+        scene = as_by_ross_2(scene, speed)
     coarse, medium, fine = (of_ross(name, speed, cut) for cut in (1, 12, 24))
     found = oscillating(scene, 12)
     error = lambda other: np.abs(found - other) / np.abs(found)
     assert (error((4 * fine - medium) / 3) < 4e-8).all()
     assert (error((4 * fine - medium) / 3)[:4] < 5e-10).all()
     assert (error(fine) < error(medium)).all() and (error(medium) < error(coarse) / 50).all()
+
+
+def as_by_ross_2(scene, speed):
+    """The stepped rotor with the coefficients of its rear bearing by a parabola, as ROSS 2 has them."""
+    nodes = STEPPED[REAR]["frequency"]
+    at = lambda key: float(np.polyval(np.polyfit(nodes, STEPPED[REAR][key], 2), speed))
+    values = {f"supports.1.{key}": at(key) for key in ("kxx", "kyy", "cxx", "cyy")}
+    return scene.replace(values | {"supports.1.speeds": None})
 
 
 @pytest.mark.slow
@@ -90,7 +101,9 @@ def test_scene_of_the_file():
     steel = 0.3 * area(0.03) + 0.1 * area(0.05) + 0.1 * area(0.04)
     mass = 12.0 + 7850 * steel + 8800 * 0.3 * area(0.06, 0.02)
     assert float(jr.total_mass(scene)) == pytest.approx(mass, rel=1e-12)
-    assert notes == ("coefficients that depend on speed are taken at the speed of the scene: rear",)
+    assert notes == (
+        "coefficients that depend on speed are interpolated by PCHIP, as by ROSS 3: rear",
+    )
     assert "stepped.json" in scene.assumption
     assert jr.from_ross(HERE / "example.toml", 0.0)[0].assumption == ""
 
@@ -105,9 +118,56 @@ def stiffness(scene, which):
 @pytest.mark.parametrize(("speed", "kxx"), [(0, 2e7), (700, 2.8e7), (9000, 3e7)])
 def test_table_of_coefficients(speed, kxx):
     scene, notes = jr.from_ross(HERE / "stepped.json", float(speed))
-    assert stiffness(scene, 1)[0, 0] == pytest.approx(kxx, rel=1e-9)
+    front, rear = scene.of(jr.Support)
+    assert front.speeds is None and rear.hold
+    assert rear.speeds.tolist() == STEPPED[REAR]["frequency"]
+    for key in ("kxx", "kyy", "cxx", "cyy"):
+        assert getattr(rear, key).tolist() == STEPPED[REAR][key]
+    assert float(rear.kxy) == 0
+    assert float(rear.at_speed(speed).kxx) == pytest.approx(kxx, rel=1e-9)
     assert any("nearer end: rear" in note for note in notes) == (speed == 9000)
     assert stiffness(scene, 0) == pytest.approx(np.array([[3e7, 4e6], [-6e6, 5e7]]))
+
+
+def third(**values):
+    """Change to a file of ROSS 3, with the rear bearing by these."""
+
+    def change(document):
+        nothing = {key: [0.0] for key in ("kxy", "kyx", "cxy", "cyx")}
+        document["ross_version"] = "3.0.0"
+        document[REAR] = {"n": 7, "tag": "rear", "frequency": None, **nothing, **values}
+
+    return change
+
+
+def test_tables_of_ross_3(changed):
+    scene, notes = changed(third(speed=[0.0, 800.0], kxx=[1e7, 2e7], kyy=[3e7, 4e7], cxx=[1e3]))
+    rear = scene.of(jr.Support)[1]
+    assert rear.speeds.tolist() == [0, 800] and rear.kxx.tolist() == [1e7, 2e7]
+    assert rear.kyy.tolist() == [3e7, 4e7] and float(rear.cxx) == float(rear.cyy) == 1e3
+    assert not notes
+
+
+def test_tables_over_speed_and_whirl_frequency_are_taken_at_synchronous_whirl(changed):
+    """`k = a + b Omega + c w` is linear, so PCHIP of two frequencies is exact: `a + (b + c) Omega`."""
+    speeds, whirls = np.array([100.0, 400.0, 900.0]), np.array([0.0, 1000.0])
+    table = 1e7 + 2e4 * speeds[:, None] - 5e3 * whirls
+    both = {"speed": speeds.tolist(), "frequency": whirls.tolist()}
+    scene, notes = changed(third(**both, kxx=table.tolist(), cxx=[[1e3, 1e3]] * 3))
+    rear = scene.of(jr.Support)[1]
+    assert rear.kxx.tolist() == pytest.approx((1e7 + 1.5e4 * speeds).tolist(), rel=1e-12)
+    assert float(rear.cxx) == 1e3
+    assert notes == (
+        "coefficients over speed and whirl frequency are those of synchronous whirl: rear",
+    )
+
+
+def test_table_over_whirl_frequency_alone(changed):
+    scene, notes = changed(third(frequency=[0.0, 800.0], kxx=[1e7, 2e7], cxx=[1e3]))
+    assert scene.of(jr.Support)[1].speeds.tolist() == [0, 800]
+    assert notes == (
+        "coefficients that depend on whirl frequency are taken as those over speed: rear",
+    )
 
 
 def test_negative_speed_is_refused():
@@ -229,6 +289,26 @@ def test_bearing_on_a_flexible_support(changed):
     assert "(omega C << K of either): front" in said
 
 
+def test_tables_in_series(changed):
+    """At every speed of both tables within their common range `1/k = 1/k1 + 1/k2`."""
+    table = {"kxx": [1e8, 2e8], "frequency": [200.0, 800.0]}
+
+    def link(document):
+        on_support({"cxx": [0.0, 0.0], **table})(document)
+        one = {"kxx": [3e7, 4e7, 6e7], "kyy": [3e7, 4e7, 6e7], "frequency": [0.0, 500.0, 700.0]}
+        document[FRONT].update(cxx=[0.0], cyy=[0.0], **one)
+
+    front = changed(link)[0].of(jr.Support)[0]
+    assert front.speeds.tolist() == [200, 500, 700]
+    own, ground = np.array([4e7, 6e7]), 1e8 * (1 + np.array([300.0, 500.0]) / 600)
+    assert front.kxx[1:].tolist() == pytest.approx(
+        (own * ground / (own + ground)).tolist(), rel=1e-12
+    )
+    with pytest.raises(jr.SceneError, match="a range of speeds in common"):
+        table["frequency"] = [700.0, 800.0]
+        changed(link)
+
+
 def test_mass_of_a_flexible_support_is_a_casing(changed):
     scene, notes = changed(on_support({"kxx": 1e8, "kyy": 7e7, "cxx": 1e3}, mass=40.0))
     (casing,) = scene.of(jr.Casing)
@@ -289,6 +369,15 @@ def test_short_section_takes_its_neighbours_diameter(changed):
         (put(SHAFT, shear_effects="no"), "shear_effects must be true or false"),
         (put(FRONT, kxx=[1.0, 2.0]), "frequency must be a list of as many numbers"),
         (put(FRONT, kxx=[1.0, 2.0], frequency=[2.0, 1.0]), "must be ascending"),
+        (
+            put(FRONT, kxx=[1.0, 2.0, 3.0], cxx=[1.0, 2.0], frequency=[1, 2, 3]),
+            "cxx must be a list of 3",
+        ),
+        (put(FRONT, kxx=[[1.0, 2.0], [3.0]]), "kxx must be a list of rows of equal length"),
+        (
+            put(FRONT, kxx=[[1.0, 2.0]], frequency=[1.0]),
+            "tables over `speed` and `frequency` of one",
+        ),
         (put(FRONT, kxx=[-9e7]), "front: `kxx + kyy [N/m]` must not be negative, but is -4e+07"),
         (put(FRONT, n_link=40), "n_link must be the node of another bearing"),
         (put("DiskElement_middle", n=31), "n must be a node of the shaft, but is 31"),

@@ -4,6 +4,7 @@ import numpy as np
 
 from ...effects import BallBalancer
 from ...equations.pencil import isotropic
+from ...equations.speed_tables import check_no_tables
 from ...equations.system import assemble
 from ...scene import Scene
 from .groups import BalancerGroups, Scales
@@ -24,6 +25,7 @@ def groups_of(scene: Scene) -> tuple[BalancerGroups, Scales]:
     Raises:
         ValueError: the scene is not such a rotor, or has no inertia or spring.
     """
+    check_no_tables(scene, "The theory of the ball balancer")
     system, races = assemble(scene), scene.of(BallBalancer)
     levers = [float(race.row[0]) for race in system.races] if system.n == 1 else []
     blocks, counts = system.blocks, [int(np.sum(np.asarray(row.masses) > 0)) for row in races]

@@ -11,6 +11,7 @@ from ... import analysis
 from ...core.quantities import Scalar
 from ...effects import InternalDamping, Support
 from ...equations.pencil import Pencil, isotropic
+from ...equations.speed_tables import check_no_tables
 from ...equations.system import assemble
 from ...scene import Scene
 from .means import over, peak, square
@@ -42,6 +43,7 @@ def anisotropy(scene: Scene, speeds: Any, at: Any = None) -> Scalar:
     Source: sheet of the rotor of two stiffnesses, sections 1.5 and 4 (R5).
     """
     station = scene.stations(at)[0]
+    check_no_tables(scene, "The anisotropy of the dynamic stiffness")
     system = assemble(scene)
     blocks = scene.shaft.blocks(system.line)
     for effect in (*scene.of(Support), *scene.of(InternalDamping)):

@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 
 from ...effects import Casing, Disc, Support
-from ..units import SceneError, quantity, refuse, show
+from ..units import SceneError, refuse
+from .coefficients import Coefficients, coefficients
 from .file import Element, Notes, station
 
 
 _SLOW = 0.3  # omega C / K up to which two in series damp nearly as in slow motions
-_AXES = ("xx", "xy", "yx", "yy")
-_STIFFNESS, _DAMPING = ("k", "N/m"), ("c", "N s/m")
 
 
 def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -> Iterator[Disc]:
@@ -70,7 +69,7 @@ def supports(
     speed: float,
     notes: Notes,
 ) -> Iterator[Support]:
-    """Supports from bearings and seals, with their coefficients at a speed [rad/s].
+    """Supports from bearings and seals of a scene at a speed [rad/s].
 
     `names` are those of casings by their nodes.
     """
@@ -86,7 +85,7 @@ def supports(
         ends: dict[str, Any] = {"of": names.get(element.node)}
         if element.node in places:
             ends = {"at": station(element, places)}
-        stiffness, damping = _coefficients(element, speed, notes)
+        own = coefficients(element, speed, notes)
         link = None if element.table.get("n_link") is None else element.count("n_link")
         if link in names:
             ends["on"] = names[link]
@@ -97,84 +96,47 @@ def supports(
                     f"{element.path}.n_link",
                     "must be the node of another bearing, on the ground; a scene has one shaft.",
                 )
-            own, other = (stiffness, damping), _coefficients(below, speed, notes)
-            stiffness, damping = _series(element, own, other)
+            other = coefficients(below, speed, notes)
+            now = [each.at(np.array([speed])) for each in (own, other)]
+            own = _series(element, own, other)
             notes.add(
                 "bearing and its support are taken as one, in series, with the damping of slow motions "
                 "(omega C << K of either)",
                 element,
             )
-            ratio = max(speed * np.linalg.norm(c @ np.linalg.inv(k), 2) for k, c in (own, other))
+            ratio = max(speed * np.linalg.norm(c[0] @ np.linalg.inv(k[0]), 2) for k, c in now)
             if ratio > _SLOW:
                 notes.add(
                     f"damping of a bearing and its support in series is too high at the speed of the "
                     f"scene, where omega C / K is {ratio:.2g}",
                     element,
                 )
-        if stiffness.any() or damping.any():
-            ends |= {"stiffness": stiffness, "damping": damping if damping.any() else None}
-            yield _made(element, Support, **ends)
+        if own.stiffness.any() or own.damping.any():
+            yield _made(element, Support, **ends, **own.of_support)
 
 
-def _coefficients(element: Element, speed: float, notes: Notes) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices of stiffness and damping, [[xx, xy], [yx, yy]], at a speed."""
-    stiffness, damping, mass = (
-        np.array([_value(element, letter + axes, unit, speed, notes) for axes in _AXES])
-        for letter, unit in (_STIFFNESS, _DAMPING, ("m", "kg"))
-    )
-    if mass.any():
-        notes.add("inertia of a bearing or seal (mxx, ..) is left out", element)
-    if any(_value(element, key, unit, speed, notes) for key, unit in _axial().items()):
-        notes.add("axial stiffness and damping are left out", element)
-    return stiffness.reshape(2, 2), damping.reshape(2, 2)
+def _series(element: Element, one: Coefficients, other: Coefficients) -> Coefficients:
+    """Coefficients of two in series: `Z = (Z1^-1 + Z2^-1)^-1`, `Z = K + s C`, to order s.
 
-
-def _axial() -> dict[str, str]:
-    """Axial coefficients with their units."""
-    return {f"{letter}zz": unit for letter, unit in (_STIFFNESS, _DAMPING)}
-
-
-def _value(element: Element, key: str, unit: str, speed: float, notes: Notes) -> float:
-    """Coefficient at a speed, interpolated if the file has a table."""
-    missing = element.table.get(f"{key[0]}xx", 0.0) if key[1:] == "yy" else 0.0
-    given, path = element.table.get(key, missing), f"{element.path}.{key}"
-    values = given if isinstance(given, list) else [given]
-    numbers = [quantity(value, unit, path) for value in values]
-    if len(numbers) == 1:
-        return numbers[0]
-    frequency = element.table.get("frequency")
-    if not isinstance(frequency, list) or not numbers or len(frequency) != len(numbers):
-        wanted = "must be a list of as many numbers as the coefficients"
-        refuse(f"{element.path}.frequency", f"{wanted}, but is {show(frequency)}.")
-    at = [quantity(value, "rad/s", f"{element.path}.frequency") for value in frequency]
-    if any(b <= a for a, b in zip(at, at[1:], strict=False)):
-        refuse(f"{element.path}.frequency", f"must be ascending, but is {show(frequency)}.")
-    if len(set(numbers)) == 1:
-        return numbers[0]
-    from scipy.interpolate import UnivariateSpline
-
-    if not at[0] <= speed <= at[-1]:
-        notes.add(
-            f"coefficients for {at[0]:g} to {at[-1]:g} rad/s are taken at the nearer end", element
-        )
-    notes.add("coefficients that depend on speed are taken at the speed of the scene", element)
-    spline = UnivariateSpline(at, numbers, k=min(3, len(at) - 1), s=0)
-    return float(np.asarray(spline(min(max(speed, at[0]), at[-1]))))
-
-
-def _series(
-    element: Element,
-    one: tuple[np.ndarray, np.ndarray],
-    other: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping of two in series: `Z = (Z1^-1 + Z2^-1)^-1`, `Z = K + s C`, to order s."""
+    Of tables they are computed at the speeds of both, where these have a range in common.
+    """
+    speeds = one.speeds if other.speeds is None else other.speeds
+    if one.speeds is not None and other.speeds is not None:
+        low, high = (end(one.speeds[k], other.speeds[k]) for k, end in ((0, max), (-1, min)))
+        if low >= high:
+            refuse(
+                element.path, "and its support must have tables with a range of speeds in common."
+            )
+        both = np.union1d(one.speeds, other.speeds)
+        speeds = both[(both >= low) & (both <= high)]
+    parts = [each.at(np.zeros(1) if speeds is None else speeds) for each in (one, other)]
     try:
-        soft = [np.linalg.inv(stiffness) for stiffness, _ in (one, other)]
-        stiffness = np.linalg.inv(sum(soft))
+        soft = [np.linalg.inv(stiffness) for stiffness, _ in parts]
+        stiffness = np.linalg.inv(soft[0] + soft[1])
     except np.linalg.LinAlgError:
         refuse(element.path, "and its support must have stiffness along both axes.")
-    loss = sum(a @ c @ a for a, (_, c) in zip(soft, (one, other), strict=True))
-    return stiffness, stiffness @ loss @ stiffness
+    loss = sum(a @ c @ a for a, (_, c) in zip(soft, parts, strict=True))
+    return Coefficients(speeds, stiffness, stiffness @ loss @ stiffness)
 
 
 def _made(element: Element, build: Any, *values: Any, **named: Any) -> Any:

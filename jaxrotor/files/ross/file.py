@@ -18,6 +18,7 @@ class Element(NamedTuple):
     kind: str  # name of its class in ROSS
     path: str  # path of its table, for error messages
     table: Table
+    version: int = 2  # first number of the version of ROSS that wrote the file
 
     @property
     def name(self) -> str:
@@ -42,6 +43,12 @@ class Element(NamedTuple):
         if value is None:
             refuse(f"{self.path}.{key}", f"is missing; a {self.kind} needs it.")
         return quantity(value, unit, f"{self.path}.{key}")
+
+
+def _version(text: Any) -> int:
+    """First number of a version, 2 where there is none, as in files of earlier versions."""
+    first = str(text).partition(".")[0]
+    return int(first) if first.isascii() and first.isdigit() and len(first) < 4 else 2
 
 
 def _line(text: Any) -> str:
@@ -77,8 +84,9 @@ def read(source: str) -> list[Element]:
         reason = getattr(error, "strerror", None) or error
         refuse(source, f"cannot be read ({reason}); give a file that ROSS has written.")
     tables = document.items() if isinstance(document, dict) else ()
+    version = _version(dict(tables).get("ross_version"))
     found = [
-        Element(_line(name.partition("_")[0]), f"{source}: {name}", table)
+        Element(_line(name.partition("_")[0]), f"{source}: {name}", table, version)
         for name, table in tables
         if isinstance(table, dict) and name != "parameters" and not name.startswith("_")
     ]

@@ -25,16 +25,17 @@ def from_ross(
 
     Shaft elements become one `FlexibleShaft` without constraints, with their shear and rotary inertia,
     and with a `Step` where the section changes. Disks, and point masses on the shaft, become `Disc`.
-    Bearings and seals become `Support` with all eight coefficients; a table of coefficients by frequency
-    is interpolated at the speed by cubic splines, or taken at its nearer end. A tapered element becomes
-    up to four uniform ones, and layers of sleeves become one ring.
+    Bearings and seals become `Support` with all eight coefficients, numbers or tables over the speed,
+    constant beyond their ends. Between the nodes of a table ROSS 3 interpolates as `Support` does, ROSS 2
+    by splines. Tables over the whirl frequency too are taken at synchronous whirl. A tapered element
+    becomes up to four uniform ones, and layers of sleeves become one ring.
 
     A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
     holds. Without a mass there both become one `Support` in series, `K^-1 = K1^-1 + K2^-1`,
     `C = K (K1^-1 C1 K1^-1 + K2^-1 C2 K2^-1) K`. That is right for slow motions, `omega C << K` of either
     one; in faster motions, as on a squeeze film, the damping is too high. Axial and torsional motion,
     axial force, torque and damping of the shaft are not carried over.
-    The reader is written for files of ROSS 2.3.
+    The reader is written for files of ROSS 2.3, and of ROSS 3 as its documentation describes them.
 
     Args:
         path: path of the file.

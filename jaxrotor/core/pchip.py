@@ -1,0 +1,55 @@
+"""Interpolation of tables by shape-preserving cubics."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .quantities import Scalar
+
+
+def pchip(x: Scalar, nodes: Float[Array, " n"], values: Float[Array, "t n"]) -> Float[Array, " t"]:
+    """`y = y_k + h s (d_k + s (3 m - 2 d_k - d_(k+1) + s (d_k + d_(k+1) - 2 m)))`, `s = (x - x_k) / h`.
+
+    `h` and `m` are the length and the mean slope of the interval of `x`. A slope `d_k` is the weighted
+    harmonic mean of both mean slopes beside its node, and zero where these differ in sign, so the curve
+    has no extremum between nodes, and its first derivative is continuous.
+
+    Args:
+        x: place at which the tables are read.
+        nodes: ascending nodes, two or more, which all tables share.
+        values: values of every table at the nodes.
+
+    Returns:
+        One value of every table, NaN outside the nodes. Differentiable by all three; where a slope begins
+        to be limited the derivative is one-sided.
+
+    Source: Fritsch, Butland, SIAM J. Sci. Stat. Comput. 5 (1984); the ends as in SciPy.
+    """
+    h = jnp.diff(nodes)
+    means = jnp.diff(values, axis=1) / h
+    slopes = jax.vmap(_slopes, in_axes=(None, 0))(h, means)
+    k = jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, h.size - 1)
+    s, m, first, last = (x - nodes[k]) / h[k], means[:, k], slopes[:, k], slopes[:, k + 1]
+    cubic = 3 * m - 2 * first - last + s * (first + last - 2 * m)
+    found = values[:, k] + h[k] * s * (first + s * cubic)
+    return jnp.where((x >= nodes[0]) & (x <= nodes[-1]), found, jnp.nan)
+
+
+def _slopes(h: Float[Array, " i"], m: Float[Array, " i"]) -> Float[Array, " n"]:
+    """Slopes at the nodes, from the lengths of all intervals and the mean slopes in them."""
+    if h.size == 1:
+        return jnp.concatenate([m, m])
+    one, other = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    before, after = m[:-1], m[1:]
+    alike = before * after > 0
+    mean = one / jnp.where(alike, before, 1.0) + other / jnp.where(alike, after, 1.0)
+    inner = jnp.where(alike, (one + other) / mean, 0.0)
+    ends = _at_end(h[0], h[1], m[0], m[1]), _at_end(h[-1], h[-2], m[-1], m[-2])
+    return jnp.append(jnp.append(ends[0], inner), ends[1])
+
+
+def _at_end(h: Scalar, next_h: Scalar, m: Scalar, next_m: Scalar) -> Scalar:
+    """Slope at an end by three points, limited to keep the shape."""
+    slope = ((2 * h + next_h) * m - h * next_m) / (h + next_h)
+    turns = (jnp.sign(m) != jnp.sign(next_m)) & (jnp.abs(slope) > 3 * jnp.abs(m))
+    return jnp.where(jnp.sign(slope) != jnp.sign(m), 0.0, jnp.where(turns, 3 * m, slope))

@@ -1,0 +1,66 @@
+"""Speed tables: coefficients of a scene that are given over its speed of rotation."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..core.quantities import Scalar, known
+from ..effects.base import AbstractOverSpeed
+from ..scene import Scene
+
+
+def has_tables(scene: Scene) -> bool:
+    """Whether coefficients of a scene are tables over the speed of rotation."""
+    return any(effect.speeds is not None for effect in scene.of(AbstractOverSpeed))
+
+
+def at_own_speed(scene: Scene, part: Any) -> Any:
+    """A part of a scene with its coefficients at the speed of the scene at t = 0."""
+    if isinstance(part, AbstractOverSpeed) and part.speeds is not None:
+        return part.at_speed(scene.spin.speed)
+    return part
+
+
+def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
+    """Speeds [rad/s] between which all tables of a scene have values; None where there is no limit."""
+    tables = [one.speeds for one in scene.of(AbstractOverSpeed) if not one.hold]
+    ends = [(nodes[0], nodes[-1]) for nodes in tables if nodes is not None]
+    if not ends:
+        return None
+    lows, highs = (jnp.stack(side) for side in zip(*ends, strict=True))
+    return jnp.max(lows), jnp.min(highs)
+
+
+def check_no_tables(scene: Scene, what: str) -> None:
+    """Raise if coefficients of a scene are tables over the speed; `what` needs numbers."""
+    if has_tables(scene):
+        raise ValueError(
+            f"{what} is for constant coefficients, but supports have tables over the speed; give their "
+            "numbers at one speed, `support.at_speed(speed)`."
+        )
+
+
+def check_tables(scene: Scene, speeds: Any = None) -> None:
+    """Raise unless tables of a scene have values at some speeds, by default its own, if all are known."""
+    span = speed_range(scene)
+    if span is None:
+        return
+    speeds = scene.spin.speed if speeds is None else speeds
+    if not all(map(known, jax.tree.leaves((speeds, span)))):
+        return
+    low, high = map(float, span)
+    if low > high:
+        raise ValueError(
+            f"The tables of the supports have no speed in common: one begins at {low:g} rad/s, where "
+            f"another has ended at {high:g} rad/s; extend one, or give `hold=True`."
+        )
+    every = np.ravel(np.asarray(speeds, float))
+    outside = every[(every < low) | (every > high)]
+    if outside.size:
+        raise ValueError(
+            f"The tables of the supports are for speeds from {low:g} to {high:g} rad/s, but coefficients "
+            f"are needed at {outside[0]:g} rad/s; extend the tables, or give `hold=True`, which takes "
+            "them as constant beyond their ends."
+        )
