@@ -131,7 +131,7 @@ class System(eqx.Module):
     members: tuple[int, ...] = eqx.field(static=True)  # index of each law's contact in the scene
     owners: tuple[tuple[str, str], ...] = eqx.field(static=True)  # (block, part that adds to it)
     massless: Massless | None = eqx.field(static=True, default=None)  # that steps eliminate
-    # Unequal fixed axes as ports. None where no axes turn, some spread over the shaft, or some have tables:
+    # Unequal fixed axes as ports; none where no axes turn, or some spread over the shaft or have tables:
     deviators: tuple[Port, ...] = ()
     remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
