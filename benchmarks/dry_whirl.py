@@ -104,10 +104,14 @@ def drawn(count: int, seed: int) -> dict[str, jax.Array]:
 def predict(base: jr.Scene, values: dict[str, jax.Array]) -> tuple[Rotor, Whirl]:
     """Matrices of a rotor, and `PLACES` whirls."""
     own = base.put(values)
-    whirls = jr.dry_whirl(own, PLACES)
-    friction = values[FRICTION]
-    needed = jnp.where(whirls.least_friction > friction, whirls.least_friction, friction)
-    more = jr.dry_whirl(own.put({FRICTION: MORE * needed}), PLACES)
+
+    def with_friction(friction, _):  # one program finds both
+        found = jr.dry_whirl(own.put({FRICTION: friction}), PLACES)
+        needed = jnp.where(found.least_friction > friction, found.least_friction, friction)
+        return MORE * needed, found
+
+    _, found = jax.lax.scan(with_friction, values[FRICTION], length=2)
+    whirls, more = (jax.tree.map(lambda part, i=i: part[i], found) for i in (0, 1))
     backward = lambda found: found.exists & (found.rate < 0)
     none = ~jnp.any(backward(whirls))
 

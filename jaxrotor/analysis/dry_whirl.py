@@ -143,8 +143,8 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
 def _dry_whirl(scene: Scene, count: int) -> DryWhirl:
     ring = ring_of(scene, "A dry whirl")
     rotor = RotorInRing.of(assemble(scene), ring)
-    parts = [_slipping(rotor, sign) for sign in (1.0, -1.0)] + [_rolling(rotor)]
-    every = jax.tree.map(lambda *part: jnp.concatenate(part), *parts)
+    slipping = jax.lax.map(lambda sign: _slipping(rotor, sign), jnp.array([1.0, -1.0]))
+    every = jax.tree.map(lambda a, b: jnp.concatenate([*a, b]), slipping, _rolling(rotor))
     order = jnp.argsort(jnp.where(every.exists, every.rate, jnp.inf))[:count]
     some = jax.tree.map(lambda part: part[order], every)
     roots, coordinates = jax.lax.map(lambda one: _motion(rotor, one), some)
@@ -210,7 +210,7 @@ def _motion(rotor: RotorInRing, one: _Whirls) -> tuple[Array, Array]:
 # === candidates: purely imaginary eigenvalues of bordered pencils
 
 
-def _slipping(rotor: RotorInRing, sign: float) -> _Whirls:
+def _slipping(rotor: RotorInRing, sign: Scalar) -> _Whirls:
     """Whirls with saturated friction, of a slip of the given sign."""
     ring = rotor.ring
     friction = sign * ring.friction
@@ -268,13 +268,16 @@ def _creeping(rotor: RotorInRing, rate: Scalar, good: Array) -> tuple[Scalar, Ar
         short = jnp.where(good, ring.friction * smoothed_sign(u) - contact.needed, u)
         return jnp.stack([short, jnp.where(good, contact.slip / ring.slip - u, w - rate)])
 
-    unknowns = jax.lax.stop_gradient(jnp.stack([rate, share / 2]))
-    matrix, change = jnp.eye(2), unknowns
-    for _ in range(CREEPING):
-        matrix = jax.lax.stop_gradient(jax.jacfwd(lambda x: gap(x[0], x[1]))(unknowns))
-        change = jnp.linalg.solve(matrix, jax.lax.stop_gradient(gap(*unknowns)))
+    def newton(_, state):
+        unknowns, _, _ = state
+        matrix = jax.jacfwd(lambda x: gap(x[0], x[1]))(unknowns)
+        change = jnp.linalg.solve(matrix, gap(*unknowns))
         unknowns = unknowns - change
-        unknowns = unknowns.at[1].set(jnp.clip(unknowns[1], -width, width))
+        return unknowns.at[1].set(jnp.clip(unknowns[1], -width, width)), change, matrix
+
+    start = jnp.stack([rate, share / 2])
+    found = jax.lax.fori_loop(0, CREEPING, newton, (start, start, jnp.eye(2)))
+    unknowns, change, matrix = jax.lax.stop_gradient(found)
     found = unknowns - jnp.linalg.solve(matrix, gap(*unknowns))
     return found[0], good & (jnp.abs(change[0]) <= 1e-9 * jnp.abs(found[0]))
 
@@ -371,7 +374,8 @@ def _least_friction(rotor: RotorInRing) -> tuple[Scalar, Scalar]:
     def narrow(ends, _):
         a, b = ends
         first, second = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
-        left = needed(first) < needed(second)
+        values = jax.vmap(needed)(jnp.stack([first, second]))
+        left = values[0] < values[1]
         return (jnp.where(left, a, first), jnp.where(left, second, b)), None
 
     (a, b), _ = jax.lax.scan(narrow, (near(-1), near(1)), length=GOLDEN)

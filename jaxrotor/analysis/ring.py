@@ -183,11 +183,14 @@ def polished(function: Callable[[Scalar], Scalar], guess: Scalar) -> tuple[Scala
 
     The derivative of the root is that of the implicit function theorem.
     """
-    value = jax.lax.stop_gradient(guess)
-    change, slope = value, jnp.ones_like(value)
-    for _ in range(NEWTON):
-        found, slope = jax.lax.stop_gradient(jax.jvp(function, (value,), (jnp.ones_like(value),)))
+
+    def newton(_, state):
+        value, _, _ = state
+        found, slope = jax.jvp(function, (value,), (jnp.ones_like(value),))
         change = found / slope
-        value = value - change
+        return value - change, change, slope
+
+    start = guess, guess, jnp.ones_like(guess)
+    value, change, slope = jax.lax.stop_gradient(jax.lax.fori_loop(0, NEWTON, newton, start))
     near = jnp.abs(value - guess) <= NEAR * jnp.abs(guess)
     return value - function(value) / slope, near & (jnp.abs(change) <= EXACT * jnp.abs(value))

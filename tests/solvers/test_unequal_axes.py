@@ -227,7 +227,7 @@ def test_multipliers_of_a_rub_are_those_of_integration(kind):
     hand, period = ByHand(scene), 2 * np.pi / SPEED
     q, velocity = orbit.start.q, orbit.start.velocity
     state = np.concatenate([q.real, q.imag, velocity.real, velocity.imag])
-    step = 1e-4 * np.repeat([np.abs(q).max(), np.abs(velocity).max()], 2 * hand.n)
+    step = 1e-3 * np.repeat([np.abs(q).max(), np.abs(velocity).max()], 2 * hand.n)
     how = {"rtol": 1e-9, "atol": 1e-12, "max_step": period / 100}
     end = lambda start: hand.map(period, start, **how)
     change = [end(state + d) - end(state - d) for d in np.diag(step)]
