@@ -92,9 +92,11 @@ from .effects import (
     Gravity as Gravity,
     HystereticDamping as HystereticDamping,
     InternalDamping as InternalDamping,
+    JournalBearing as JournalBearing,
     Limiter as Limiter,
     ModalDamping as ModalDamping,
     RayleighDamping as RayleighDamping,
+    SqueezeFilm as SqueezeFilm,
     Support as Support,
     Unbalance as Unbalance,
 )
