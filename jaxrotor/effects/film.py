@@ -1,5 +1,7 @@
 """Film: forces of a short oil film between a journal and its bush."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -7,7 +9,7 @@ from ..core.quantities import Scalar
 from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
 
 
-SERIES = 0.25  # below this `t - arctan t` is summed as a series
+SERIES = 0.1  # below this `t - arctan t` is summed as a series
 
 
 class AbstractFilm(AbstractContact):
@@ -25,12 +27,14 @@ class AbstractFilm(AbstractContact):
 
 
 class FilmLaw(AbstractLaw):
-    """`F = -k0 Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi |w|`, with `k0 = mu R L^3 / c^2`.
+    """`F = -k0 |w| Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi`.
 
     The integral goes over the half circle around `u = w / |w|` that is under pressure, `zeta = z / c`,
-    `w = zeta. - i Omega zeta / 2`, `a = Re(zeta u*)`, `b = Im(zeta u*)`. At or beyond the wall the force
-    is NaN.
+    `w = zeta. - i Omega zeta / 2`, `a = Re(zeta u*)`, `b = Im(zeta u*)`, `k0 = mu R L^3 / c^2`. At the
+    wall and beyond the force is NaN.
     """
+
+    steep: ClassVar[bool] = True
 
     x: Scalar  # centre of the bush [m]
     y: Scalar
@@ -42,14 +46,20 @@ class FilmLaw(AbstractLaw):
         film = self.film
         return film.viscosity * film.radius * film.length**3 / film.clearance**2
 
+    def eccentricity(self, displacement: Plane) -> Plane:
+        """`zeta`, displacement of the journal in the bush over the clearance."""
+        return (displacement - jnp.stack([self.x, self.y])) / self.film.clearance
+
     def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        zeta, rate = self._eccentricity(displacement), velocity / self.film.clearance
+        zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance
         if self.film.turning:
             rate = rate - speed / 2 * jnp.stack([-zeta[1], zeta[0]])
         square = zeta[0] ** 2 + zeta[1] ** 2
         inside = square < 1
         s2 = jnp.where(inside, 1 - square, 1.0)
-        force = _half(zeta, rate, s2, self.film.blend) if self.film.cavitated else _full(zeta, rate, s2)
+        force = (
+            _half(zeta, rate, s2, self.film.blend) if self.film.cavitated else _full(zeta, rate, s2)
+        )
         return jnp.where(inside, -self.scale * force, jnp.nan)
 
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
@@ -60,7 +70,7 @@ class FilmLaw(AbstractLaw):
         film = self.film
         if not film.turning:
             return jnp.zeros(())
-        x, y = zeta = self._eccentricity(displacement)
+        x, y = zeta = self.eccentricity(displacement)
         square = zeta[0] ** 2 + zeta[1] ** 2
         s = jnp.sqrt(jnp.where(square < 1, 1 - square, jnp.nan))
         force = self(displacement, velocity, speed)
@@ -92,10 +102,6 @@ class FilmLaw(AbstractLaw):
     def clearance(self, displacement: Plane) -> Scalar:
         return -jnp.inf * jnp.ones(())
 
-    def _eccentricity(self, displacement: Plane) -> Plane:
-        """`zeta`, displacement of the journal in the bush over the clearance."""
-        return (displacement - jnp.stack([self.x, self.y])) / self.film.clearance
-
 
 def film_law(film: AbstractFilm) -> FilmLaw:
     """Law of a film, with the centre of its bush computed once."""
@@ -107,8 +113,9 @@ def film_law(film: AbstractFilm) -> FilmLaw:
 def _half(zeta: Plane, w: Plane, s2: Scalar, blend: Scalar | None) -> Plane:
     """`3 zeta (m s + q A) / s^5 + w A / s^3 - i w b / (s^2 (1 - b^2))`, with `q = Re(zeta w*)`.
 
-    `A = atan2(s, -a)`, `a = q / rho`, `b = Im(zeta w*) / rho`, `m = |w|^2 / rho`, `rho^2 = |w|^2 + blend^2`.
-    Where the journal leaves the wall, `m s + q A` is a small difference, which a series takes the place of.
+    `A = atan2(s, -a)`, `a = q / rho`, `b = Im(zeta w*) / rho`, `m = |w|^2 / rho`, where
+    `rho^2 = |w|^2 + blend^2`. As the journal leaves the wall, `m s + q A` is a small difference, which is
+    then summed as a series.
     """
     s = jnp.sqrt(s2)
     square = w[0] ** 2 + w[1] ** 2
@@ -136,7 +143,7 @@ def _full(zeta: Plane, w: Plane, s2: Scalar) -> Plane:
 
 def _tangent_defect(t: Scalar) -> Scalar:
     """`t - arctan t` of a small `t`, without cancellation."""
-    terms = range(12, 0, -1)
+    terms = range(8, 0, -1)
     total = jnp.zeros_like(t)
     for k in terms:
         total = (-1) ** (k + 1) / (2 * k + 1) + t**2 * total

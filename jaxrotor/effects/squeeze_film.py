@@ -15,8 +15,8 @@ class SqueezeFilm(AbstractFilm):
         F = -k0 |zeta.| Int_{-pi/2}^{pi/2} cos(phi) u e^(i phi) / (1 - Re(zeta* u e^(i phi)))^3 dphi
 
     Its ring, of radius `R`, moves with the shaft at `at` but is kept from turning, as by a squirrel cage;
-    a `Support` beside it is the cage. On a circular orbit of relative radius `e` about the centre at the rate
-    w, with `s^2 = 1 - e^2`, the film has the stiffness `2 k0 w e / (c s^4)` and the damping
+    a `Support` beside it is the cage. On a circular orbit of relative radius `e` about the centre at the
+    rate w, with `s^2 = 1 - e^2`, the film has the stiffness `2 k0 w e / (c s^4)` and the damping
     `pi k0 / (2 c s^3)`; a full film (`cavitated=False`) has no stiffness and twice the damping.
     `viscosity`, `clearance`, `offset`, `angle` and `blend` are those of a `JournalBearing`.
     Source: Friswell et al. (2010), Dynamics of Rotating Machines; Booker (1965).
