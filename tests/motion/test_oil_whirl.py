@@ -1,4 +1,4 @@
-"""Motions in oil films: whirl beyond the threshold, orbits of a damper, and SciPy on equations of its own."""
+"""Motions in oil films: whirl beyond the threshold, orbits of a damper, and SciPy on its own equations."""
 
 import diffrax as dfx
 import jax.numpy as jnp
@@ -37,35 +37,37 @@ def whirl(sigma, speed, start, revolutions, keep, steps, solver):
     return 2 * np.pi * (up.size - 1) / (last - first) / speed, np.abs(z).min(), np.abs(z).max()
 
 
+def near(found, known):
+    """The rate to 1e-6, the extremes, which fall between samples, to 2e-5."""
+    assert found[0] == pytest.approx(known[0], rel=1e-6)
+    assert found[1:] == pytest.approx(known[1:], rel=2e-5)
+
+
 @pytest.mark.slow
 def test_oil_whirl_beyond_its_threshold():
     """Orbit at 1.005 of the threshold, sigma 0.3, that the sheet has by shooting."""
     speed, rest = 1.005 * 2.59133483, 0.2931 - 0.1256j
     start = at(rest + 0.12, 0.12j * 0.52 * speed)
-    found = whirl(0.3, speed, start, 1000, 100, 128, jr.Exponential(4))
-    np.testing.assert_allclose(
-        found, (0.519014768, 0.19972033, 0.41947616), rtol=[3e-7, 1e-5, 1e-5]
-    )
+    found = whirl(0.3, speed, start, 2400, 100, 128, jr.Exponential(4))
+    near(found, (0.519014768, 0.19972033, 0.41947616))
 
 
 @pytest.mark.slow
 def test_large_whirl_beside_a_stable_rest():
-    """Subcritical: below the threshold of sigma 1.5 a kicked rotor whirls, one let go near rest does not."""
+    """Subcritical: below the threshold a kicked rotor whirls, one let go near its rest does not."""
     speed = 0.97 * 2.75064044
     kicked = at(0.767, 0.767j * 0.4993 * speed)
     found = whirl(1.5, speed, kicked, 240, 40, 64, dfx.Dopri8())
-    np.testing.assert_allclose(
-        found, (0.499326667, 0.76137742, 0.77128502), rtol=[1e-6, 2e-5, 2e-5]
-    )
+    near(found, (0.499326667, 0.76137742, 0.77128502))
     scene = mass(jr.Gravity(1.0), film(6.0), speed=speed)
     rest = complex(jr.static_positions(scene).position[0, 0])
-    near = jr.simulate(scene, 240, 64, keep=1, start=at(rest + 1e-3, 0), solver=dfx.Dopri8())
-    assert np.max(np.abs(np.asarray(near.displacement) - rest)) < 3e-4
+    calm = jr.simulate(scene, 240, 64, keep=1, start=at(rest + 1e-3, 0), solver=dfx.Dopri8())
+    assert np.max(np.abs(np.asarray(calm.displacement) - rest)) < 3e-4
 
 
 @pytest.mark.slow
 def test_motions_are_those_of_scipy():
-    """Unbalance and weight from rest, by default, by exponential steps and by `run_up`; film by quadrature."""
+    """Unbalance and weight from rest, by default, by exponential steps and by `run_up`."""
     speed, scale, e = 2.0, 1.2, 0.1
     parts = jr.Gravity(1.0), jr.Unbalance(0.5, 1.0, e), film(scale)
     scene = mass(*parts, speed=speed)
@@ -84,13 +86,14 @@ def test_motions_are_those_of_scipy():
 
     period = 2 * np.pi / speed
     known = solve_ivp(rates, (0, 2 * period), [0.0] * 4, "DOP853", rtol=1e-10, atol=1e-12).y[:2, -1]
-    for run in (
-        jr.simulate(scene, 2, 16),
-        jr.simulate(scene, 2, 1024, solver=jr.Exponential(4)),
-        jr.run_up(scene, np.linspace(0, 2 * period, 9)),
-    ):
-        end = complex(np.asarray(run.displacement)[-1, 0])
-        assert end == pytest.approx(complex(*known), abs=3e-7)
+    runs = (
+        (jr.simulate(scene, 2, 16), 1e-8),
+        (jr.run_up(scene, np.linspace(0, 2 * period, 9)), 1e-8),
+        # The film starts where it does not move, at the jump of its derivative, which costs them order.
+        (jr.simulate(scene, 2, 1024, solver=jr.Exponential(4)), 2e-5),
+    )
+    for run, error in runs:
+        assert abs(complex(np.asarray(run.displacement)[-1, 0]) - complex(*known)) < error
 
 
 @pytest.mark.slow
@@ -112,7 +115,7 @@ def test_damper_has_several_orbits():
     cases = {
         0.508499218: (0.5, -0.178819, True),
         0.785185011: (0.78, 0.478155, True),
-        0.859282184: (0.86, -1.010162 + 0.0, True),
+        0.859282184: (0.86, -1.010162, True),
         0.460096063: (0.45, None, False),
     }
     for radius, (guess, growth, cavitated) in cases.items():
