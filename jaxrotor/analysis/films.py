@@ -233,7 +233,7 @@ class _Balance(eqx.Module):
         return cls(zero, load, (port,), (law,), one[None], one[:, None], speed)
 
     def residual(self, x: Array) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
-        """What is not balanced, and its derivative."""
+        """Force that is not balanced, and its derivative."""
         residual, jacobian = self.matrix @ x - self.load, self.matrix
         for port in self.ports:
             force = lambda at, port=port: port.forces(at, jnp.zeros(2), self.speed).sum(0)
