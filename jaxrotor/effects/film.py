@@ -1,5 +1,6 @@
 """Film: forces of a short oil film between a journal and its bush."""
 
+import abc
 from typing import ClassVar
 
 import equinox as eqx
@@ -24,6 +25,10 @@ class AbstractFilm(AbstractContact):
     offset: eqx.AbstractVar[Scalar]  # of the centre of the bush from the axis [m]
     blend: eqx.AbstractVar[Scalar | None]  # delta [1/s]
     cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
+
+    @abc.abstractmethod
+    def law(self) -> "FilmLaw":
+        """Law of the film, with the centre of its bush computed once."""
 
 
 class FilmLaw(AbstractLaw):
