@@ -225,6 +225,34 @@ blend = "5 um"
 slip = "0.1 m/s"
 """
     ],
+    "journal_bearing": [
+        """\
+[journal_bearing]
+at = "0.4 m"
+viscosity = "0.02 Pa s"
+radius = "25 mm"
+length = "20 mm"
+clearance = "50 um"                # radial
+offset = "10 um"                   # of the centre of the bush from the axis
+angle = "270 deg"                  # of that offset
+blend = "0.1 1/s"                  # smooths the film where it does not move
+cavitated = true                   # false: the full film, which bears negative pressure
+"""
+    ],
+    "squeeze_film": [
+        """\
+[squeeze_film]                     # its cage is a support at the same station
+at = "0.4 m"
+viscosity = "0.01 Pa s"
+radius = "60 mm"
+length = "25 mm"
+clearance = "120 um"               # radial
+offset = "10 um"
+angle = "270 deg"
+blend = "0.1 1/s"
+cavitated = true                   # false: the full film of a sealed damper under pressure
+"""
+    ],
     "cubic_spring": ['[cubic_spring]\nat = "0.4 m"\nangle = "0 deg"\nstiffness = "1e12 N/m^3"\n'],
     "gravity": ['[gravity]\nacceleration = "9.81 m/s^2"\nangle = "-90 deg"\n'],
     "external_damping": [

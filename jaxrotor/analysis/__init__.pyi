@@ -27,6 +27,12 @@ from .critical import (
 )
 from .dry_whirl import DryWhirl as DryWhirl, dry_whirl as dry_whirl
 from .dry_whirl_map import DryWhirlMap as DryWhirlMap, dry_whirl_map as dry_whirl_map
+from .films import (
+    StaticPositions as StaticPositions,
+    film_support as film_support,
+    linearized as linearized,
+    static_positions as static_positions,
+)
 from .floquet import floquet_multipliers as floquet_multipliers
 from .forced import (
     HarmonicForce as HarmonicForce,

@@ -11,10 +11,10 @@ from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
 from ..effects import AnnularStator
 from ..equations.pencil import eigenvalues
-from ..equations.speed_tables import check_tables
 from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
+from .films import check_linear
 from .ring import RotorInRing, ring_of, sorted_roots
 
 
@@ -115,7 +115,7 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
     Source: Black (1968), J. Mech. Eng. Sci. 10, pp. 1-12.
     """
     ring_of(scene, "A full rub")
-    check_tables(scene, speeds)
+    check_linear(scene, speeds)
     cases = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
     found = _annular_rub(scene, cases)
     if not (known(found.onsets) and known(found.folds)):

@@ -12,9 +12,9 @@ from jaxtyping import Array, Complex, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..equations.pencil import Frame, frame, is_rounding, isotropic
-from ..equations.speed_tables import check_tables
 from ..equations.system import System, assemble
 from ..scene import Scene
+from .films import check_linear
 from .modal import moving_roots, sense_of_whirl, slowest_first
 
 
@@ -118,7 +118,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     speeds = np.asarray(speeds, float)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
         raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
-    check_tables(scene, speeds)
+    check_linear(scene, speeds)
     system = assemble(scene)
     blocks = system.blocks
     if not all(map(known, jax.tree.leaves(system))):

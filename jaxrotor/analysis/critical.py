@@ -12,9 +12,10 @@ from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, on_host
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import check_moves, frame, is_rounding, isotropic
-from ..equations.speed_tables import check_no_tables, check_tables
+from ..equations.speed_tables import check_no_tables
 from ..equations.system import System, assemble
 from ..scene import Scene
+from .films import check_linear
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 from .synchronous import crossings, families, filled, synchronous_of
 
@@ -113,7 +114,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
-    check_tables(scene, [])
+    check_linear(scene, [])
     found = _synchronous(scene, count, points)
     if not known(found.speeds):
         return found
@@ -192,6 +193,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
 
     Source: Klochkov, eqs. (16), (17).
     """
+    check_linear(scene, [])
     check_no_tables(scene, "`axis_speeds`")
     speeds = _axis_speeds(scene)
     if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):

@@ -14,10 +14,10 @@ from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
 from ..effects.rub import smoothed_sign
 from ..equations.pencil import Pencil, eigenvalues
-from ..equations.speed_tables import check_tables
 from ..equations.start import Continued
 from ..equations.system import assemble
 from ..scene import Scene
+from .films import check_linear
 from .ring import RotorInRing, polished, ring_of, sorted_roots
 
 
@@ -129,7 +129,7 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     """
     check_counts(count=count)
     ring_of(scene, "A dry whirl")
-    check_tables(scene)
+    check_linear(scene)
     found = _dry_whirl(scene, count)
     if not known(found.rate):
         return found

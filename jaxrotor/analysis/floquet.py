@@ -10,9 +10,9 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..equations.pencil import Pencil, check_circular, eigenvalues, frame, root_changes
-from ..equations.speed_tables import check_tables
 from ..equations.system import System, assemble
 from ..scene import Scene
+from .films import check_linear
 from .modal import natural_roots
 
 
@@ -53,7 +53,7 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
     Source: Hairer, Wanner (1996), Solving Ordinary Differential Equations II, section IV.5.
     """
     check_counts(steps=steps)
-    check_tables(scene)
+    check_linear(scene)
     speed = scene.spin.speed
     if known(speed) and float(speed) == 0:
         raise ValueError(

@@ -13,11 +13,11 @@ from ..core.quantities import Scalar, known, nonnegative, real
 from ..core.tables import RPM, notebook_table
 from ..effects import AbstractBodies, AbstractContact, Disc
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
-from ..equations.speed_tables import check_tables
 from ..equations.system import System, assemble, structure
 from ..scene import Scene
 from ..shafts.cased import row_of
 from ..shafts.line import AbstractLine
+from .films import check_linear
 
 
 CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
@@ -127,7 +127,7 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) with Pi = eps N^2 exp(i N tau).
     """
-    check_tables(scene, speeds)
+    check_linear(scene, speeds)
     speeds, places = _cases(scene, speeds, at)
     forward, backward, mirrored, _ = _respond(scene, speeds, speeds, places, _of_unbalance)
     return HarmonicResponse(speeds, speeds, places.stations, forward + mirrored, backward, None)
@@ -154,7 +154,7 @@ def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
 
     Source: Klochkov, eqs. (4), (8).
     """
-    check_tables(scene, speeds)
+    check_linear(scene, speeds)
     speeds, places = _cases(scene, speeds, at)
     frequencies = jnp.zeros_like(speeds)
     forward, backward, twice, _ = _respond(scene, speeds, frequencies, places, _of_weight)
@@ -182,7 +182,7 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
         ValueError: the scene has contact, some unequal axes stand still and others turn, a station is
             off the shaft, or a frequency is an undamped resonance.
     """
-    check_tables(scene)
+    check_linear(scene)
     scene = ending_span(scene, scene.stations(force.at)[0])
     frequencies, places = _cases(scene, frequencies, force.at if at is None else at)
     speeds = jnp.broadcast_to(scene.spin.speed, frequencies.shape)
@@ -211,7 +211,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); Klochkov, eqs. (4), (8).
     """
-    check_tables(scene)
+    check_linear(scene)
     _cases(scene, 0.0, None)
     if scene.of(AbstractBodies):
         raise ValueError("Balls have many steady positions; use `run_up` to find one.")
@@ -292,6 +292,7 @@ class Places(eqx.Module):
 
 def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Places]:
     """Speeds or frequencies (k,), and places (s,); raises unless there is a closed-form response."""
+    check_linear(scene, [])
     system = structure(scene)
     if system.ports:
         kinds = sorted({effect.plural for effect in scene.of(AbstractContact)})

@@ -15,6 +15,7 @@ from scipy.optimize import elementwise
 from ..core.compiled import compiled
 from ..equations.system import assemble
 from ..scene import Scene, with_shared_nodes
+from .films import check_linear
 from .stability import EDGES, STEPS, growth_of, undamped_side
 
 
@@ -54,6 +55,7 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
     """
     if len(over) != 2:
         raise ValueError(f"`over` must name two parameters, but names {len(over)}: {list(over)}.")
+    check_linear(scene, [])
     first, second = over
     scene = with_shared_nodes(scene, over)
     x, y = (_axis(scene, path, values) for path, values in over.items())
@@ -105,6 +107,7 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
             or `growth_rate` is NaN at a value.
     """
     scene = with_shared_nodes(scene, [path])
+    check_linear(scene, [])
     values = _axis(scene, path, values)
     evaluate = functools.partial(_growth, scene, (path,))
     growth = evaluate(values)[0]

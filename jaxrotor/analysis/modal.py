@@ -21,10 +21,10 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
-from ..equations.speed_tables import check_tables
 from ..equations.system import System, assemble, assemble_blocks
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
+from .films import check_linear
 
 
 KINDS = ("forward", "backward", "mixed")  # kinds of whirl
@@ -161,7 +161,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) without contact; Brysin, Nikiforov (2019),
     eq. (2); Klochkov, eqs. (4)-(7).
     """
-    check_tables(scene)
+    check_linear(scene)
     values = _roots(scene, count)
     if known(values):
         found = np.asarray(values)
@@ -190,7 +190,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     Raises:
         ValueError: tables of coefficients have no values at the speed of the scene.
     """
-    check_tables(scene)
+    check_linear(scene)
     found = _modes(scene, count, points)
     if not known(found.values):
         return found

@@ -7,10 +7,10 @@ from jaxtyping import Array, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, check, known
 from ..equations.pencil import check_alike
-from ..equations.speed_tables import check_tables
 from ..equations.system import assemble
 from ..scene import Scene
 from ..shafts import MasslessShaft
+from .films import check_linear
 
 
 class Reduction(eqx.Module):
@@ -44,7 +44,7 @@ def reduction(scene: Scene, at) -> Reduction:
 
     Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
     """
-    check_tables(scene)
+    check_linear(scene)
     (at,) = scene.stations(at)
     length = scene.shaft.length
     flexibility, moved, condition = _static(scene, at)

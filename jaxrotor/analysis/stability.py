@@ -16,9 +16,10 @@ from ..core.progress import waiting
 from ..core.quantities import Scalar, known, on_host
 from ..core.sign_change import sign_change
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
-from ..equations.speed_tables import check_tables, speed_range
+from ..equations.speed_tables import speed_range
 from ..equations.system import System, assemble
 from ..scene import Scene
+from .films import check_linear
 from .floquet import exponents
 
 
@@ -55,7 +56,7 @@ def growth_rate(scene: Scene) -> Scalar:
     Raises:
         ValueError: tables of coefficients have no values at the speed of the scene.
     """
-    check_tables(scene)
+    check_linear(scene)
     growth = _growth_rate(scene, STEPS[0])
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
@@ -122,8 +123,7 @@ def onset_speed(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 2; Klochkov, Figs. 2-9.
     """
-    if within is not None:
-        check_tables(scene, within)
+    check_linear(scene, [] if within is None else within)
     with waiting(progress, "onset of instability"):
         speeds, sign = _scan(scene, _checked(within, samples), samples)
         found = _onset(scene, speeds, sign, samples, throw)
@@ -180,8 +180,7 @@ def stability_crossings(
         ValueError: `within` is not ascending, `samples` is not an integer of at least 8, the scene is
             traced, or the rotor turns too slowly for `growth_rate`.
     """
-    if within is not None:
-        check_tables(scene, within)
+    check_linear(scene, [] if within is None else within)
     speeds, sign = _scan(scene, _checked(within, samples), samples)
     if not known(sign):
         raise ValueError(

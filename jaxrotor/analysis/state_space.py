@@ -10,10 +10,10 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.pencil import ROUNDING, Pencil, isotropic
-from ..equations.speed_tables import check_tables
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import assemble, structure
 from ..scene import Scene
+from .films import check_linear
 from .forced import ending_span
 from .modal import less_rounding, slowest_first
 
@@ -50,6 +50,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     """
     from scipy.signal import StateSpace
 
+    check_linear(scene)
     if scene.of(AbstractContact) or scene.of(AbstractBodies):
         raise ValueError(
             "A state space is that of a linear rotor, but the scene has contacts or balls "
@@ -58,7 +59,6 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
         )
     if modes is not None:
         check_counts(modes=modes)
-    check_tables(scene)
     into = scene.stations(forces)
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:

@@ -20,8 +20,10 @@ from .external_damping import DiscDamping as DiscDamping, ExternalDamping as Ext
 from .gravity import Gravity as Gravity
 from .hysteretic_damping import HystereticDamping as HystereticDamping
 from .internal_damping import InternalDamping as InternalDamping
+from .journal_bearing import JournalBearing as JournalBearing
 from .limiter import Limiter as Limiter
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping
+from .squeeze_film import SqueezeFilm as SqueezeFilm
 from .support import Support as Support
 from .unbalance import Unbalance as Unbalance

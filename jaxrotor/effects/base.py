@@ -90,6 +90,8 @@ class AbstractLaw(eqx.Module):
     branch, so that steps in time can end where it changes. A smooth law has no conditions.
     """
 
+    steep: ClassVar[bool] = False  # whether it has no bound, so that steps need an error estimate
+
     @abc.abstractmethod
     def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
         """Force [N] from displacement [m], velocity [m/s] and spin speed [rad/s]."""

@@ -136,6 +136,11 @@ class System(eqx.Module):
     remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
 
+    @property
+    def steep(self) -> bool:
+        """Whether a law has no bound, so that steps need an error estimate, see `AbstractLaw`."""
+        return any(law.steep for port in self.ports for law in port.laws)
+
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
         names = list(dict.fromkeys(part for block, part in self.owners if block in what))

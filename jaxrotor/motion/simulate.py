@@ -224,6 +224,8 @@ def system_of_march(
     """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
     if system.races or not (start is None or is_whole(start)):
         return None
+    if solver is None and system.steep:
+        return None
     named = isinstance(solver, Exponential)
     if named or solver is None and has_small_remainder(system):
         system = in_constant_axes(system)

@@ -136,8 +136,8 @@ def stepping_of(
 
 
 def steppable(scene: Scene, system: System) -> bool:
-    """Whether exponential steps take the run of a scene."""
-    return unsteppable(system) is None and has_massless(scene, system) is False
+    """Whether exponential steps take the run of a scene without being asked for."""
+    return not system.steep and unsteppable(system) is None and has_massless(scene, system) is False
 
 
 def check_steppable(scene: Scene, solver: Exponential, system: System | None = None) -> System:

@@ -13,7 +13,7 @@ from ..core.compiled import compiled_quickly
 from ..core.pilot import Pilot
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import in_constant_axes, linear_matrix
-from ..equations.pencil import frame
+from ..equations.pencil import Pencil, frame
 from ..equations.system import System
 from .basis import well_conditioned
 from .exponential import Exponential
@@ -34,9 +34,12 @@ def choose(
     if not isinstance(solver, Exponential):
         return solver
     system = in_constant_axes(system)
+    given = all(known(leaf) for leaf in jax.tree.leaves((system, rate, start)))
+    if given and system.steep:
+        _check_held(system)
     if solver.basis == "dense":
         return solver
-    if not all(known(leaf) for leaf in jax.tree.leaves((system, rate, start))):
+    if not given:
         return dataclasses.replace(solver, basis="dense") if solver.basis == "auto" else solver
     matrix, frequencies = _matrix(system, rate)
     roots, vectors = np.linalg.eig(np.asarray(matrix))
@@ -121,6 +124,22 @@ def _check_resonance(system: System, roots: np.ndarray, frequencies: list[float]
             f"The speed, {float(system.spin.speed):g} rad/s, is a critical speed of an undamped mode, "
             "where the response to unbalance or weight grows without bound: add damping, move the speed, "
             "or give a diffrax solver."
+        )
+
+
+def _check_held(system: System) -> None:
+    """Raise if a constant load acts where nothing linear holds the rotor."""
+    constant = system.load.constant
+    if constant is None or frame(system.blocks) != "fixed":
+        return
+    force = np.asarray(constant)
+    stiffness = np.asarray(Pencil.mean(system).stiffness)
+    rest = np.linalg.lstsq(stiffness, force, rcond=None)[0]
+    if np.linalg.norm(stiffness @ rest - force) > 1e-6 * np.linalg.norm(force):
+        raise ValueError(
+            "Exponential() needs a rest position of the linear rotor under its constant loads, but "
+            f"nothing linear holds it ({system.owners_of('contact')} not counted); leave `solver` out, or "
+            "give a diffrax solver."
         )
 
 

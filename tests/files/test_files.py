@@ -55,6 +55,7 @@ OTHERS = [
     "dual-stiffness-rotating",
     "gyroscopic-cantilever",
     "gyroscopic-propped",
+    "oil-whirl",
     "overhung-disc",
     "overhung-fan",
     "ring-rub",

@@ -1,0 +1,359 @@
+"""Films: static positions of journals in their oil films, and linear coefficients there."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+
+from ..core.compiled import compiled_quickly
+from ..core.extremes import larger
+from ..core.quantities import Scalar, known
+from ..core.tables import RPM, notebook_table
+from ..effects import Support
+from ..effects.film import AbstractFilm, FilmLaw
+from ..equations.pencil import Pencil, check_axes, frame, unequal_parts
+from ..equations.speed_tables import check_tables
+from ..equations.system import Port, assemble, structure
+from ..scene import Scene
+
+
+NEAREST = 1e-4  # root of 1 - eccentricity^2 up to which a film is sought to bear its load
+STIFF = 1e6  # springs that hold journals in place, over the stiffness of their films
+MOST = 60  # steps of Newton's method
+
+
+class StaticPositions(eqx.Module):
+    """Positions of `f` journals at rest in their films at `k` speeds, and the linear film there.
+
+    `F = -stiffness dq - damping dq.` of small motions `q = (x, y)` about the position.
+    """
+
+    speeds: Float[Array, " k"]  # [rad/s]
+    position: Complex[Array, "k f"]  # of the journal from the centre of its bush [m]
+    eccentricity: Float[Array, "k f"]  # over the clearance
+    load: Complex[Array, "k f"]  # of the rotor on the film [N]
+    stiffness: Float[Array, "k f 2 2"]  # [N/m]
+    damping: Float[Array, "k f 2 2"]  # [N s/m]
+    films: tuple[str, ...] = eqx.field(static=True)  # names of the bearings
+
+    @property
+    def attitude(self) -> Float[Array, "k f"]:
+        """Angle [rad] from the load to the position, positive in the sense of x to y."""
+        return jnp.angle(self.position * jnp.conj(self.load))
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, speed, speed * RPM, self.eccentricity[k, j], abs(self.load[k, j]))
+            for k, speed in enumerate(np.asarray(self.speeds))
+            for j, name in enumerate(self.films)
+        ]
+        heads = ("film", "speed [rad/s]", "[rpm]", "eccentricity", "load [N]")
+        return notebook_table("Static positions in oil films", heads, rows)
+
+
+def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
+    """`K q = loads + Sum column F(row q, 0, Omega)`: the rotor at rest in its oil films, under weight.
+
+    The equilibrium is that of the whole rotor, also where its bearings share the load by its
+    stiffness, and the coefficients are the exact Jacobian of the film there. Newton's method starts
+    from the loads that the weight puts on the bearings, each in the position that bears it.
+
+    Args:
+        scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`.
+        speeds: one or more speeds [rad/s], by default that of the scene.
+
+    Returns:
+        `StaticPositions`, with first derivatives by all parameters.
+
+    Raises:
+        ValueError: if the scene has no film, has unequal axes that turn, or has no static position, as at
+            rest, where a film bears nothing.
+    """
+    speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
+    if not scene.of(AbstractFilm):
+        raise ValueError(
+            "The scene has no oil film; add a JournalBearing or a SqueezeFilm, or take the scene as it is."
+        )
+    check_tables(scene, speeds)
+    system = structure(scene)
+    if frame(system.blocks) == "rotating":
+        raise ValueError(
+            f"Axes of {unequal_parts(system, 'rotating')} turn with the shaft, so the rotor under weight "
+            "has no static position; simulate it in time."
+        )
+    check_axes(system, "There is no static position", "simulate it in time")
+    position, load, stiffness, damping = _at_speeds(scene, speeds)
+    if known(position) and not np.isfinite(position).all():
+        k = int(np.argmin(np.isfinite(position).all(axis=1)))
+        raise ValueError(
+            f"The rotor has no static position in its films at {float(speeds[k]):g} rad/s: a film bears "
+            "nothing at rest and has no stiffness if its journal does not turn; take higher speeds, less "
+            "load, or add a Support."
+        )
+    gaps = jnp.stack([film.clearance for film in scene.of(AbstractFilm)])
+    return StaticPositions(
+        speeds=speeds,
+        position=position,
+        eccentricity=jnp.abs(position) / gaps,
+        load=load,
+        stiffness=stiffness,
+        damping=damping,
+        films=tuple(scene.name_of(film) for film in scene.of(AbstractFilm)),
+    )
+
+
+def linearized(scene: Scene, speeds: Any = None) -> Scene:
+    """The scene with a linear `Support` in place of each oil film, for all linear analyses.
+
+    Its coefficients are those about the static position: at the speed of the scene, or tables over
+    `speeds`, between which they are interpolated (see `Support`) and outside of which they are refused.
+
+    Args:
+        scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`.
+        speeds: two or more ascending speeds [rad/s] as nodes of the tables; None: that of the scene.
+
+    Returns:
+        The scene, whose other effects are the same. A film without viscosity leaves no support.
+
+    Raises:
+        ValueError: as `static_positions`.
+    """
+    found = static_positions(scene, speeds)
+    films = scene.of(AbstractFilm)
+    effects = []
+    for effect in scene.effects:
+        if not isinstance(effect, AbstractFilm):
+            effects.append(effect)
+            continue
+        j = next(i for i, film in enumerate(films) if film is effect)
+        own = found.stiffness[:, j], found.damping[:, j]
+        effects.append(_support(effect, None if speeds is None else found.speeds, *own))
+    return scene.of_parts(*effects)
+
+
+def film_support(film: AbstractFilm, load: ArrayLike, speeds: Any) -> Support:
+    """Linear `Support` of one film under a given load, by the exact Jacobian at its static position.
+
+    Args:
+        film: a `JournalBearing`.
+        load: complex force of the rotor on the film, `x + i y` [N], such as `-1j * weight`.
+        speeds: a speed [rad/s], or two or more ascending ones as nodes of tables.
+
+    Returns:
+        The support at the station of the film.
+
+    Raises:
+        ValueError: if the film has no position that bears the load.
+    """
+    nodes = jnp.atleast_1d(jnp.asarray(speeds, float))
+    position, _, stiffness, damping = _under_load(film, jnp.asarray(load, complex), nodes)
+    if known(position) and not np.isfinite(position).all():
+        raise ValueError(
+            "No position in the film bears the load; a film bears nothing at rest or if its journal does "
+            "not turn: take higher speeds, or less load."
+        )
+    return _support(film, nodes if np.ndim(speeds) else None, stiffness[:, 0], damping[:, 0])
+
+
+@compiled_quickly
+def _at_speeds(scene: Scene, speeds: Float[Array, " k"]):
+    """Positions in the bush, loads, stiffness and damping of all films at every speed."""
+    return jax.vmap(lambda speed: _positions(_Balance.of(scene.at_speed(speed))))(speeds)
+
+
+@compiled_quickly
+def _under_load(film: AbstractFilm, load: Complex[Array, ""], speeds: Float[Array, " k"]):
+    """Position in the bush, load, stiffness and damping at every speed."""
+    return jax.vmap(lambda speed: _positions(_Balance.under_load(film, load, speed)))(speeds)
+
+
+def check_linear(scene: Scene, speeds: Any = None) -> None:
+    """Raise if a scene has films, of which linear analyses need coefficients, or tables lack a speed."""
+    films = scene.of(AbstractFilm)
+    if films:
+        names = ", ".join(scene.name_of(film) for film in films)
+        raise ValueError(
+            f"Oil films ({names}) have linear coefficients about a static position only; give this "
+            "analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several speeds."
+        )
+    check_tables(scene, speeds)
+
+
+def _support(
+    film: AbstractFilm, speeds: Array | None, stiffness: Float[Array, "k 2 2"], damping: Any
+) -> Support:
+    """A support with coefficients at `k` speeds, or at one where `speeds` is None."""
+    numbers: dict[str, Any] = {}
+    for letter, matrix in (("k", stiffness), ("c", damping)):
+        for i, j, axes in ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy")):
+            numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
+    return Support(at=film.at, speeds=speeds, **numbers)
+
+
+# === equilibrium
+
+
+class _Balance(eqx.Module):
+    """`matrix x - load - Sum column F(row x) = 0` of coordinates `x = (Re q, Im q)` at rest."""
+
+    matrix: Float[Array, "n2 n2"]
+    load: Float[Array, " n2"]
+    ports: tuple[Port, ...]
+    laws: tuple[FilmLaw, ...]
+    rows: Float[Array, "f n"]  # read the displacements of the journals
+    columns: Float[Array, "n f"]
+    speed: Scalar
+
+    @classmethod
+    def of(cls, scene: Scene) -> "_Balance":
+        """Balance of a scene at its speed."""
+        system, films = assemble(scene), scene.of(AbstractFilm)
+        rows = jnp.stack([system.line.row(film.at) for film in films])
+        columns = jnp.stack([system.line.column(film.at) for film in films], axis=1)
+        mean, fixed = Pencil.mean(system).stiffness, system.blocks.fixed_stiffness
+        fixed = jnp.zeros_like(mean) if fixed is None else fixed
+        ahead, across = mean + fixed, mean - fixed  # of `K q + K_f q*`
+        matrix = jnp.block([[ahead.real, -across.imag], [ahead.imag, across.real]])
+        constant = system.load.constant
+        constant = jnp.zeros(system.n, complex) if constant is None else constant
+        laws = tuple(film.law() for film in films)
+        speed = jnp.asarray(scene.spin.speed)
+        return cls(matrix, _parts(constant), system.ports, laws, rows, columns, speed)
+
+    @classmethod
+    def under_load(cls, film: AbstractFilm, load: Complex[Array, ""], speed: Scalar) -> "_Balance":
+        """Balance of a journal under a load."""
+        one, law = jnp.ones(1), film.law()
+        port = Port(one, one, film.at, (jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], law),))
+        zero, load = jnp.zeros((2, 2)), _parts(load[None])
+        return cls(zero, load, (port,), (law,), one[None], one[:, None], speed)
+
+    def residual(self, x: Array) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
+        """Force that is not balanced, and its derivative."""
+        residual, jacobian = self.matrix @ x - self.load, self.matrix
+        for port in self.ports:
+            force = lambda at, port=port: port.forces(at, jnp.zeros(2), self.speed).sum(0)
+            row, column = _double(port.row), _double(port.column).T
+            value, slope = _with_slopes(force, row @ x)
+            residual, jacobian = residual - column @ value, jacobian - column @ slope @ row
+        return residual, jacobian
+
+    def places(self, x: Array) -> Float[Array, "f 2"]:
+        """Displacements of the journals [m]."""
+        return jnp.stack([_double(row) @ x for row in self.rows])
+
+    def eccentricities(self, x: Array) -> Float[Array, " f"]:
+        """Distances of the journals from the centres of their bushes, over the clearances."""
+        pairs = zip(self.laws, self.places(x), strict=True)
+        return jnp.stack([jnp.linalg.norm(law.eccentricity(place)) for law, place in pairs])
+
+    def guess(self) -> Float[Array, " n2"]:
+        """Every journal in the position that bears the load which a spring in place of its film carries.
+
+        Where the loads follow from equilibrium alone, it is near the position that is sought.
+        """
+        centres = jnp.stack([law.x + 1j * law.y for law in self.laws])
+        springs = jnp.stack(
+            [law.film.turning * law.scale / law.film.clearance for law in self.laws]
+        )
+        springs = springs * jnp.abs(self.speed)
+
+        def held(springs: Array, places: Array) -> Float[Array, " n2"]:
+            """Position on springs that are without force in some places."""
+            pull = (self.columns * springs) @ self.rows
+            matrix = self.matrix + jax.scipy.linalg.block_diag(pull, pull)
+            return jnp.linalg.solve(matrix, self.load + _parts(self.columns @ (springs * places)))
+
+        x, y = (self.places(held(springs, centres))).T
+        loads = springs * (x + 1j * y - centres)
+        pairs = zip(self.laws, loads, strict=True)
+        places = jnp.stack([_bearing_place(law, load, self.speed) for law, load in pairs])
+        return held(STIFF * springs, centres + places)
+
+
+def _double(row: Float[Array, " n"]) -> Float[Array, "2 n2"]:
+    """Displacement `(x, y)` of a row by real and imaginary parts."""
+    return jnp.stack([jnp.append(row, 0 * row), jnp.append(0 * row, row)])
+
+
+def _parts(q: Complex[Array, " n"]) -> Float[Array, " n2"]:
+    return jnp.concatenate([q.real, q.imag])
+
+
+def _with_slopes(function: Callable, x: Array) -> tuple[Array, Array]:
+    """A function of a vector, and its derivative by that."""
+    one = lambda along: jax.jvp(function, (x,), (along,))
+    value, slopes = jax.vmap(one, out_axes=(None, -1))(jnp.eye(x.size))
+    return value, slopes
+
+
+def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
+    """Position in the bush [m] that bears a load, to some digits, by (8) and its full film's like."""
+    s = np.geomspace(1.0, NEAREST, 400)
+    e = np.sqrt((1 - s) * (1 + s))
+    if law.film.cavitated:
+        borne, across = e * np.sqrt(16 * e**2 + (np.pi * s) ** 2) / (4 * s**4), np.pi * s
+    else:
+        borne, across = np.pi * e / (2 * s**3), 1.0
+    share = jnp.abs(load) / (law.scale * larger(jnp.abs(speed), jnp.finfo(float).tiny))
+    eccentricity = jnp.interp(share, borne, e)
+    along = 4 * eccentricity * law.film.cavitated
+    s = jnp.sqrt(1 - eccentricity**2)
+    attitude = jnp.arctan2(jnp.pi * s if law.film.cavitated else jnp.asarray(across), along)
+    direction = load / jnp.where(load == 0, 1.0, jnp.abs(load))
+    place = law.film.clearance * eccentricity * direction
+    return place * jnp.exp(1j * jnp.sign(speed) * attitude)
+
+
+def _positions(balance: _Balance):
+    """Positions in the bushes, loads, stiffness and damping of all films; NaN where there are none."""
+    free = jax.lax.stop_gradient
+    x, good = _newton(free(balance))
+    # One more step, which has the derivatives by the implicit function theorem.
+    residual, jacobian = balance.residual(x)
+    x = jnp.where(good, x - jnp.linalg.solve(free(jacobian), residual), jnp.nan)
+    found = []
+    for law, place in zip(balance.laws, balance.places(x), strict=True):
+        force = lambda motion, law=law: law(motion[:2], motion[2:], balance.speed)
+        own, slopes = _with_slopes(force, jnp.append(place, jnp.zeros(2)))
+        position = place - jnp.stack([law.x, law.y])
+        vectors = position[0] + 1j * position[1], -own[0] - 1j * own[1]
+        found.append((*vectors, -slopes[:, :2], -slopes[:, 2:]))
+    return tuple(jnp.stack(part) for part in zip(*found, strict=True))
+
+
+def _newton(balance: _Balance) -> tuple[Float[Array, " n2"], Bool[Array, ""]]:
+    """A root by Newton's method, and whether it was found.
+
+    A step is shortened so that no journal comes closer to its wall by more than seven tenths of the way.
+    """
+    start = balance.guess()
+
+    def too_far(state):
+        share, x, change, before = state
+        after = 1 - balance.eccentricities(x + share * change)
+        return (share > 1e-6) & ~jnp.all(after >= 0.3 * before)
+
+    def step(state):
+        count, x, at, *_ = state
+        residual, jacobian = balance.residual(x)
+        change = -jnp.linalg.solve(jacobian, residual)
+        shorten = lambda state: (state[0] / 2, *state[1:])
+        share, *_ = jax.lax.while_loop(too_far, shorten, (jnp.ones(()), x, change, 1 - at))
+        x = x + share * change
+        moved = jnp.linalg.norm(share * change) / (jnp.linalg.norm(x) + jnp.finfo(x.dtype).tiny)
+        now = balance.eccentricities(x)
+        return count + 1, x, now, larger(jnp.max(jnp.abs(now - at)), moved), share
+
+    def unfinished(state):
+        count, _, _, size, _ = state
+        return (count < MOST) & (size > 1e-11)
+
+    ones = jnp.ones(())
+    state = jnp.zeros((), int), start, balance.eccentricities(start), jnp.inf * ones, ones
+    _, x, now, size, share = jax.lax.while_loop(unfinished, step, state)
+    return x, (size < 1e-8) & (share == 1) & jnp.all(now < 1)

@@ -1,0 +1,155 @@
+"""Film: forces of a short oil film between a journal and its bush."""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..core.quantities import Scalar
+from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
+
+
+SERIES = 0.1  # below this `t - arctan t` is summed as a series
+
+
+class AbstractFilm(AbstractContact):
+    """Oil film around a journal, which acts always and has no stiffness but about a static position."""
+
+    turning: eqx.AbstractClassVar[bool]  # whether the journal rotates in the film
+
+    viscosity: eqx.AbstractVar[Scalar]  # mu [Pa s]
+    radius: eqx.AbstractVar[Scalar]  # R [m]
+    length: eqx.AbstractVar[Scalar]  # L [m]
+    clearance: eqx.AbstractVar[Scalar]  # radial, c [m]
+    offset: eqx.AbstractVar[Scalar]  # of the centre of the bush from the axis [m]
+    blend: eqx.AbstractVar[Scalar | None]  # delta [1/s]
+    cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
+
+    @abc.abstractmethod
+    def law(self) -> "FilmLaw":
+        """Law of the film, with the centre of its bush computed once."""
+
+
+class FilmLaw(AbstractLaw):
+    """`F = -k0 |w| Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi`.
+
+    The integral goes over the half circle around `u = w / |w|` that is under pressure, `zeta = z / c`,
+    `w = zeta. - i Omega zeta / 2`, `a = Re(zeta u*)`, `b = Im(zeta u*)`, `k0 = mu R L^3 / c^2`. At the
+    wall and beyond the force is NaN.
+    """
+
+    steep: ClassVar[bool] = True
+
+    x: Scalar  # centre of the bush [m]
+    y: Scalar
+    film: AbstractFilm
+
+    @property
+    def scale(self) -> Scalar:
+        """`k0 = mu R L^3 / c^2` [N s]."""
+        film = self.film
+        return film.viscosity * film.radius * film.length**3 / film.clearance**2
+
+    def eccentricity(self, displacement: Plane) -> Plane:
+        """`zeta`, displacement of the journal in the bush over the clearance."""
+        return (displacement - jnp.stack([self.x, self.y])) / self.film.clearance
+
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance
+        if self.film.turning:
+            rate = rate - speed / 2 * jnp.stack([-zeta[1], zeta[0]])
+        square = zeta[0] ** 2 + zeta[1] ** 2
+        inside = square < 1
+        s2 = jnp.where(inside, 1 - square, 1.0)
+        force = (
+            _half(zeta, rate, s2, self.film.blend) if self.film.cavitated else _full(zeta, rate, s2)
+        )
+        return jnp.where(inside, -self.scale * force, jnp.nan)
+
+    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        """`T = -2 pi mu R^3 L Omega / (c s) - Im(z* F) / 2` with Couette shear all round.
+
+        The ring of a damper does not turn, and what holds it takes the moment.
+        """
+        film = self.film
+        if not film.turning:
+            return jnp.zeros(())
+        x, y = zeta = self.eccentricity(displacement)
+        square = zeta[0] ** 2 + zeta[1] ** 2
+        s = jnp.sqrt(jnp.where(square < 1, 1 - square, jnp.nan))
+        force = self(displacement, velocity, speed)
+        shear = 2 * jnp.pi * film.viscosity * film.radius**3 * film.length / film.clearance
+        return -shear * speed / s - film.clearance * (x * force[1] - y * force[0]) / 2
+
+    def hardness(self) -> Hardness:
+        """Damping of the centred journal, `pi k0 / (2 c)`, twice that of a full film; no stiffness."""
+        damping = jnp.pi * self.scale / self.film.clearance
+        zero = jnp.zeros_like(damping)
+        return Hardness(zero, damping / 2 if self.film.cavitated else damping, jnp.zeros(2), zero)
+
+    @property
+    def kinked(self) -> bool:
+        """False: the force is continuous, and its derivative jumps only where the film does not move."""
+        return False
+
+    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+        return jnp.zeros(0)
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        return self(displacement, velocity, speed)
+
+    def margins(
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> Branch:
+        return jnp.zeros(0)
+
+    def clearance(self, displacement: Plane) -> Scalar:
+        return -jnp.inf * jnp.ones(())
+
+
+def film_law(film: AbstractFilm) -> FilmLaw:
+    """Law of a film, with the centre of its bush computed once."""
+    return FilmLaw(
+        x=film.offset * jnp.cos(film.angle), y=film.offset * jnp.sin(film.angle), film=film
+    )
+
+
+def _half(zeta: Plane, w: Plane, s2: Scalar, blend: Scalar | None) -> Plane:
+    """`3 zeta (m s + q A) / s^5 + w A / s^3 - i w b / (s^2 (1 - b^2))`, with `q = Re(zeta w*)`.
+
+    `A = atan2(s, -a)`, `a = q / rho`, `b = Im(zeta w*) / rho`, `m = |w|^2 / rho`, where
+    `rho^2 = |w|^2 + blend^2`. As the journal leaves the wall, `m s + q A` is a small difference, which is
+    then summed as a series.
+    """
+    s = jnp.sqrt(s2)
+    square = w[0] ** 2 + w[1] ** 2
+    smooth = 0.0 if blend is None else blend**2
+    moves = square + smooth > 0
+    rho = jnp.sqrt(jnp.where(moves, square + smooth, 1.0))
+    q, p = zeta[0] * w[0] + zeta[1] * w[1], zeta[1] * w[0] - zeta[0] * w[1]
+    a, b = (jnp.where(moves, part / rho, 0.0) for part in (q, p))
+    mean = jnp.where(moves, square / rho, 0.0)
+    angle = jnp.arctan2(s, -a)
+    t = s / jnp.where(a < 0, -a, 1.0)
+    leaves = moves & (a < 0) & (t < SERIES)
+    small = -q * _tangent_defect(jnp.where(leaves, t, 0.0)) - s * smooth / rho
+    radial = jnp.where(leaves, small, mean * s + q * angle)
+    across = b / (s2 * (s2 + a**2 + (1 - s2) * jnp.where(moves, smooth / rho**2, 0.0)))
+    turned = jnp.stack([-w[1], w[0]])
+    return 3 * zeta * radial / (s2**2 * s) + w * angle / (s2 * s) - turned * across
+
+
+def _full(zeta: Plane, w: Plane, s2: Scalar) -> Plane:
+    """`pi (3 zeta Re(zeta w*) / s^5 + w / s^3)`."""
+    q = zeta[0] * w[0] + zeta[1] * w[1]
+    return jnp.pi * (3 * zeta * q / s2 + w) / (s2 * jnp.sqrt(s2))
+
+
+def _tangent_defect(t: Scalar) -> Scalar:
+    """`t - arctan t` of a small `t`, without cancellation."""
+    terms = range(8, 0, -1)
+    total = jnp.zeros_like(t)
+    for k in terms:
+        total = (-1) ** (k + 1) / (2 * k + 1) + t**2 * total
+    return t**3 * total

@@ -1,0 +1,140 @@
+"""Motions in oil films: whirl beyond the threshold, orbits of a damper, and SciPy on its own equations."""
+
+import diffrax as dfx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec, solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+
+import jaxrotor as jr
+
+
+def mass(*parts, speed):
+    """A unit mass at a point, on a shaft without stiffness to speak of."""
+    shaft, disc = jr.MasslessShaft(1.0, 0.5, 1e-9), jr.Disc(0.5, 1.0)
+    return jr.Scene(shaft, disc, *parts, spin=jr.ConstantSpeed(speed))
+
+
+def film(scale, kind=jr.JournalBearing, **values):
+    """A film of clearance 1 and `k0 = scale`."""
+    return kind(0.5, scale, 1.0, 1.0, 1.0, **values)
+
+
+def at(z, v):
+    return jr.Continued(jnp.array([z + 0j]), jnp.array([v + 0j]))
+
+
+def whirl(sigma, speed, start, revolutions, keep, steps, solver):
+    """Whirl over speed, smallest and largest eccentricity of the last revolutions."""
+    scene = mass(jr.Gravity(1.0), film(4 * sigma), speed=speed)
+    run = jr.simulate(scene, revolutions, steps, keep=keep, start=start, solver=solver)
+    z, time = np.asarray(run.displacement)[:, 0], np.asarray(run.time)
+    y = z.imag - z.imag.mean()
+    curve, up = CubicSpline(time, y), np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
+    first, last = (brentq(curve, time[i], time[i + 1], xtol=1e-13) for i in up[[0, -1]])
+    return 2 * np.pi * (up.size - 1) / (last - first) / speed, np.abs(z).min(), np.abs(z).max()
+
+
+def near(found, known):
+    """The rate to 1e-6, the extremes, which fall between samples, to 2e-5."""
+    assert found[0] == pytest.approx(known[0], rel=1e-6)
+    assert found[1:] == pytest.approx(known[1:], rel=2e-5)
+
+
+@pytest.mark.slow
+def test_oil_whirl_beyond_its_threshold():
+    """Orbit at 1.005 of the threshold, sigma 0.3, that the sheet has by shooting."""
+    speed, rest = 1.005 * 2.59133483, 0.2931 - 0.1256j
+    start = at(rest + 0.12, 0.12j * 0.52 * speed)
+    found = whirl(0.3, speed, start, 900, 100, 64, dfx.Dopri8())
+    near(found, (0.519014768, 0.19972033, 0.41947616))
+
+
+@pytest.mark.slow
+def test_large_whirl_beside_a_stable_rest():
+    """Subcritical: below the threshold a kicked rotor whirls, one let go near its rest does not."""
+    speed = 0.97 * 2.75064044
+    kicked = at(0.767, 0.767j * 0.4993 * speed)
+    found = whirl(1.5, speed, kicked, 240, 40, 64, dfx.Dopri8())
+    near(found, (0.499326667, 0.76137742, 0.77128502))
+    scene = mass(jr.Gravity(1.0), film(6.0), speed=speed)
+    rest = complex(jr.static_positions(scene).position[0, 0])
+    calm = jr.simulate(scene, 240, 64, keep=1, start=at(rest + 1e-3, 0), solver=dfx.Dopri8())
+    assert np.max(np.abs(np.asarray(calm.displacement) - rest)) < 3e-4
+
+
+@pytest.mark.slow
+def test_motions_are_those_of_scipy():
+    """Unbalance and weight from rest, by default, by exponential steps and by `run_up`."""
+    speed, scale, e = 2.0, 1.2, 0.1
+    parts = jr.Gravity(1.0), jr.Unbalance(0.5, 1.0, e), jr.Support(0.5, 0.3), film(scale)
+    scene = mass(*parts, speed=speed)
+
+    def rates(t, y):
+        z, v = y[0] + 1j * y[1], y[2] + 1j * y[3]
+        w = v - 0.5j * speed * z
+        turn = lambda phi: w * np.exp(1j * phi)
+        u = np.exp(1j * np.angle(w))
+        part = lambda phi: (
+            np.cos(phi) * turn(phi) / (1 - (np.conj(z) * u * np.exp(1j * phi)).real) ** 3
+        )
+        force = -scale * quad_vec(part, -np.pi / 2, np.pi / 2, epsabs=1e-13, epsrel=1e-12)[0]
+        a = force - 0.3 * z - 1j + e * speed**2 * np.exp(1j * speed * t)
+        return [v.real, v.imag, a.real, a.imag]
+
+    period = 2 * np.pi / speed
+    known = solve_ivp(rates, (0, 2 * period), [0.0] * 4, "DOP853", rtol=1e-10, atol=1e-12).y[:2, -1]
+    runs = (
+        (jr.simulate(scene, 2, 16), 1e-8),
+        (jr.run_up(scene, np.linspace(0, 2 * period, 9)), 1e-8),
+        (jr.simulate(scene, 2, 1024, solver=jr.Exponential(4)), 1e-8),
+    )
+    for run, error in runs:
+        assert abs(complex(np.asarray(run.displacement)[-1, 0]) - complex(*known)) < error
+
+
+@pytest.mark.slow
+def test_damper_has_several_orbits():
+    """Unbalance response (14) of a mass on a cage: three circles at r = 2.6, one with a full film."""
+    rate, b, u = 2.6, 0.1, 0.4
+
+    def orbit(e, cavitated=True):
+        s = np.sqrt(1 - e**2)
+        stiff, damped = (2 * b * rate * e / s**4, np.pi / 2) if cavitated else (0.0, np.pi)
+        phase = -np.angle(1 - rate**2 + stiff + 1j * b * rate * damped / s**3)
+        damper = film(b, jr.SqueezeFilm, cavitated=cavitated)
+        scene = mass(jr.Support(0.5, 1.0), damper, jr.Unbalance(0.5, 1.0, u), speed=rate)
+        start, solver = jr.Whirl(e, rate, phase), jr.Exponential(4)
+        found = jr.periodic(scene, start, steps_per_revolution=192, solver=solver)
+        growth = np.log(np.max(np.abs(found.multipliers))) * rate / (2 * np.pi)
+        return np.abs(np.asarray(found.displacement)).ravel(), growth
+
+    cases = {
+        0.508499218: (0.5, -0.178819, True),
+        0.785185011: (0.78, 0.478155, True),
+        0.859282184: (0.86, -1.010162, True),
+        0.460096063: (0.45, None, False),
+    }
+    for radius, (guess, growth, cavitated) in cases.items():
+        found, grows = orbit(guess, cavitated)
+        np.testing.assert_allclose(found, radius, rtol=1e-7)
+        assert growth is None or grows == pytest.approx(growth, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_rotor_held_by_films_alone():
+    """Integrated by default; exponential steps say that they need a rest position."""
+    films = [film(1.2, offset=0.0), jr.JournalBearing(0.0, 1.2, 1.0, 1.0, 1.0)]
+    shaft = jr.RigidShaft(0.5, constraints=[])
+    parts = jr.Disc(0.25, 2.0, 0.1, 0.1), jr.Gravity(1.0)
+    scene = jr.Scene(shaft, *parts, *films, spin=jr.ConstantSpeed(2.0))
+    with pytest.raises(ValueError, match=r"nothing linear holds it \(journal_bearings.0 and"):
+        jr.simulate(scene, 2, solver=jr.Exponential())
+    run = jr.simulate(scene, 60, 16, keep=1)
+    assert run.solver == "Dopri8"
+    rest = jr.static_positions(scene).position[0, 0]
+    np.testing.assert_allclose(run.displacement, complex(rest), atol=1e-6)
+    with pytest.raises(RuntimeError):
+        jr.simulate(scene, 1, 16, start=jr.Continued(jnp.array([1.2 + 0j, 0]), jnp.zeros(2) + 0j))
