@@ -9,7 +9,6 @@ from mkdocs.structure.files import File, InclusionLevel
 
 REPOSITORY = Path(__file__).parents[1]
 PAGES = {
-    "index.md": "README.md",
     "contributing.md": "CONTRIBUTING.md",
     "changelog.md": "CHANGELOG.md",
     "benchmarks.md": "benchmarks/README.md",
