@@ -30,6 +30,15 @@ def on_page_markdown(markdown, page, config, files):
     return QUOTE.sub(_quoted, markdown)
 
 
+def on_page_content(html, page, config, files):
+    """Refuses a page of the reference with a field that nothing describes."""
+    if "has no description." in html:
+        raise PluginError(
+            f"{page.file.src_path}: give its field a comment, or a text in docs/fields.py."
+        )
+    return html
+
+
 def _quoted(match):
     text = (REPOSITORY / match["file"]).read_text("utf-8")
     blocks = [block for block in text.split("\n\n") if block.startswith(match["start"])]

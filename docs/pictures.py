@@ -1,6 +1,6 @@
 """Draws the pictures of the fan, `docs/fan_*.png`, from the scene of its tutorial.
 
-    python docs/pictures.py      # some two minutes
+`python docs/pictures.py` takes some three minutes.
 """
 
 import re

@@ -99,9 +99,13 @@ def test_code_of_a_page_runs(page):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_code_of_a_page_is_narrow(page):
-    """No line is cut off beside the navigation of the site on a screen of 1280 pixels."""
+    """Beside the navigation of the site, 1280 pixels have ninety columns; longer lines wrap."""
     for block in blocks(page):
-        wide = [line for line in block["code"].splitlines() if len(line) > 100]
+        wide = [
+            line
+            for line in block["code"].splitlines()
+            if len(line) > 90 and "pip install" not in line
+        ]
         assert not wide, wide
 
 
