@@ -11,6 +11,94 @@ LABEL = re.compile(r"""^\w+\(\s*['"](?P<name>[^'"\[]+) \[(?P<unit>[^\]]*)\]['"]"
 DEFAULT = re.compile(r"\bdefault=(?P<value>.+?)(?:, \w+=.*)?\)$", re.DOTALL)
 
 
+SCENE, SOLVER = "scene that it was computed for", "name of the solver and its settings"
+KIND, PLURAL = "its name in parameter paths and files", "name of several of them"
+NAME = "name of the quantity"
+PLAIN = {  # fields that are declared without a comment
+    "StabilityChart.paths": "names of the two parameters",
+    "StabilityChart.units": "their units",
+    "LagBranch.angles": "positions of the balls [rad], one row a whirl rate",
+    "LagBranch.rate": "whirl rates",
+    "ZeroApproximation.rotor": "roots of the rotor without the balls",
+    "Campbell.frame": 'axes of constant coefficients, "fixed", "rotating" or "periodic"',
+    "Crossings.damping_ratio": "damping ratio of the whirl at each crossing [1]",
+    "AxisSpeeds.across": "critical speeds across the axis [rad/s]",
+    "AxisSpeeds.along": "critical speeds along the axis [rad/s]",
+    "StabilityMap.paths": "names of the two parameters",
+    "StabilityMap.units": "their units",
+    "Modes.frame": 'axes of constant coefficients, "fixed", "rotating" or "periodic"',
+    "Reduction.shaft": "massless shaft with the same elasticity at the station",
+    "Pilot.what": "name of the setting, in the plural",
+    "Pilot.setting": "value that was chosen",
+    "History.loss": "loss, one row a start",
+    "Tuned.history": "steps of the search",
+    "Tuned.optimiser": "name of the optimiser",
+    "Tuned.scene": "tuned scene",
+    "Tuned.seed": "seed of the random starts",
+    "Uncertainty.covariance": "covariance C, SI",
+    "AbstractBodies.at": "station of the race [m]",
+    "AbstractCasing.name": "name by which supports refer to it",
+    "AbstractContact.at": "station of the contact [m]",
+    "AbstractEffect.kind": KIND,
+    "AbstractEffect.plural": PLURAL,
+    "Casing.name": "name by which supports refer to it",
+    "Continued.q": "coordinates",
+    "Continued.velocity": "their velocities",
+    "Launch.shaft": "state of the shaft",
+    "System.blocks": "matrices of all linear parts",
+    "System.line": "elastic line of the shaft and of casings",
+    "System.load": "unbalance and weight",
+    "System.ports": "stations with nonlinear laws",
+    "System.races": "races of balls",
+    "System.spin": "law of rotation",
+    "Variant.number": "row of the table, 1 to 30",
+    "TimeHistory.scene": SCENE,
+    "TimeHistory.solver": SOLVER,
+    "Reactions.names": "names of bearings, constraints and stops",
+    "Reactions.scene": SCENE,
+    "Bifurcation.kind": 'kind, as "fold" or "flip"',
+    "BranchPoint.kind": 'kind, as "fold" or "flip"',
+    "Branch.curve": "equations of the orbits along the branch",
+    "Branch.max_iterations": "largest number of iterations of the corrector",
+    "Branch.radius_max": "largest radius [m] of every orbit, by station",
+    "Branch.tolerance": "tolerance of the corrector",
+    "Branch.unknowns": "unknowns of the problem, one row an orbit",
+    "Branch.unlocated": "points after which a bifurcation was not located, with its kind",
+    "HarmonicOrbit.converged": "whether the iteration met its tolerance",
+    "HarmonicOrbit.iterations": "number of Newton iterations",
+    "HarmonicOrbit.scene": SCENE,
+    "Lyapunov.scene": SCENE,
+    "Lyapunov.solver": SOLVER,
+    "PeriodicOrbit.converged": "whether the iteration met its tolerance",
+    "PeriodicOrbit.error": "estimated errors, where they were asked for",
+    "PeriodicOrbit.iterations": "number of Newton iterations",
+    "PeriodicOrbit.scene": SCENE,
+    "PeriodicOrbit.solver": SOLVER,
+    "Scene.assumption": "what of the rotor is assumed; empty if nothing is",
+    "Scene.effects": "parts on and around the shaft",
+    "Scene.resolution": "number of nodes of every span",
+    "Scene.shaft": "model of the shaft",
+    "Scene.spans": "indices of the stations between which the elastic line is smooth",
+    "Scene.spin": "law of rotation",
+    "FlexibleShaft.constraints": "where the shaft is held, by default clamped at 0",
+    "RigidShaft.constraints": "where the shaft is held",
+    "FlexibleShaft.material": "material of the shaft, by default steel",
+    "AbstractShaft.length": "length [m]",
+    "AbstractObservable.needs_contact": "whether it is defined only for scenes with contacts",
+    "Variable.dims": "names of the dimensions",
+    "Variable.long_name": "description, as labels of axes have it",
+    "Variable.units": "unit",
+    "Variable.values": "values",
+    "FinalState.name": NAME,
+    "LongRun.name": NAME,
+    "Reaction.name": "name of a bearing, constraint or stop, as `reactions` has it",
+    "Method.axis": "which setting is refined",
+    "Method.name": "name, as legends have it",
+    "Method.settings": "settings to try, from loose to tight",
+}
+UNDESCRIBED = "This field has no description."  # `docs/hooks.py` refuses a page that has it
+
+
 class Fields(griffe.Extension):
     """Adds an `Attributes:` section to the docstring of every class with annotated fields."""
 
@@ -38,7 +126,9 @@ def _described(field):
     parts = [_comment(field) or (f"[{label['unit']}]" if label else "")]
     if default is not None:
         parts.append("absent by default" if default == "None" else f"by default `{default}`")
-    return f"{field.name}: {', '.join(part for part in parts if part) or 'see its type'}"
+    text = ", ".join(part for part in parts if part)
+    text = text or PLAIN.get(f"{field.parent.name}.{field.name}", UNDESCRIBED)
+    return f"{field.name}: {text}"
 
 
 def _comment(field):

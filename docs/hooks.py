@@ -9,7 +9,6 @@ from mkdocs.structure.files import File, InclusionLevel
 
 REPOSITORY = Path(__file__).parents[1]
 PAGES = {
-    "index.md": "README.md",
     "contributing.md": "CONTRIBUTING.md",
     "changelog.md": "CHANGELOG.md",
     "benchmarks.md": "benchmarks/README.md",
@@ -29,6 +28,15 @@ def on_files(files, config):
 def on_page_markdown(markdown, page, config, files):
     """`{{ quote FILE "START" }}` becomes the lines of a file from START to the next empty one."""
     return QUOTE.sub(_quoted, markdown)
+
+
+def on_page_content(html, page, config, files):
+    """Refuses a page of the reference with a field that nothing describes."""
+    if "has no description." in html:
+        raise PluginError(
+            f"{page.file.src_path}: give its field a comment, or a text in docs/fields.py."
+        )
+    return html
 
 
 def _quoted(match):

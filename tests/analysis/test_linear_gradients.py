@@ -75,10 +75,10 @@ def test_by_every_parameter(name, what):
     assert acting >= {"roots": 5, "onset": 4, "critical": 3}[what]
 
 
-# === claims of the README
+# === claims of the page of linear analyses
 
-README = (Path(__file__).parents[2] / "README.md").read_text()
-STATED = re.findall(r"`(\w+)`", re.search(r"^Differentiable: (.*?)\.$", README, re.S | re.M)[1])
+PAGE = (Path(__file__).parents[2] / "docs" / "guides" / "linear.md").read_text()
+STATED = re.findall(r"`(\w+)`", re.search(r"^Differentiable: (.*?)\.$", PAGE, re.S | re.M)[1])
 PUSH = jr.HarmonicForce(0.16125)
 DIFFERENTIABLE = {
     "roots": lambda scene: jr.roots(scene).imag,
@@ -104,7 +104,7 @@ SLOW = {"onset_speed", "stability_crossings"}  # a derivative of a scan takes te
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in STATED]
 )
-def test_what_the_readme_calls_differentiable(name):
+def test_what_the_page_calls_differentiable(name):
     cantilever = jr.load("gyroscopic-cantilever")
     loads = jr.Gravity(), jr.Unbalance(0.16125, 1.0, 1e-4)
     scene = jr.Scene(cantilever.shaft, *cantilever.effects, *loads, spin=jr.ConstantSpeed(70.0))

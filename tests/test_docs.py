@@ -1,0 +1,120 @@
+"""Code on the pages of the documentation runs, and prints what the pages say it prints.
+
+Blocks of a page run in order: `python` in one namespace, lines `jaxrotor ..` of `sh` as commands, and
+`toml` with a title is written to the file of that name. A block `text` is what the block before it
+prints, where `..` stands for anything. A comment `<!-- not run: reason -->` leaves the next block out.
+"""
+
+import contextlib
+import io
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from jaxrotor.cli import app
+
+
+ROOT = Path(__file__).parents[1]
+BLOCK = re.compile(
+    r"(?P<left><!-- not run: [^>]+ -->\n)?^```(?P<language>python|sh|toml|text)"
+    r'(?: title="(?P<title>[^"]+)")?\n(?P<code>.*?)^```$',
+    re.M | re.S,
+)
+NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
+QUICK = ("docs/tutorials/effect.md",)
+PAGES = ["README.md", *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/[gt]*/*.md"))]
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path, monkeypatch, rendered):
+    monkeypatch.chdir(tmp_path)
+
+
+def blocks(page: str) -> list[re.Match]:
+    return list(BLOCK.finditer((ROOT / page).read_text("utf-8")))
+
+
+def printed(block: re.Match, names: dict) -> str:
+    """What a block of Python or of the shell prints."""
+    if block["language"] == "python":
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            exec(compile(block["code"], "page", "exec"), names)
+        return out.getvalue()
+    return "".join(commanded(line) for line in block["code"].replace("\\\n", " ").splitlines())
+
+
+def commanded(line: str) -> str:
+    name, *arguments = shlex.split(line, comments=True) or [""]
+    if name != "jaxrotor":  # what installs, or runs something else
+        return ""
+    target = Path(arguments.pop()) if ">" in arguments else None
+    result = CliRunner().invoke(app, [one for one in arguments if one != ">"])
+    assert result.exit_code == 0, (line, result.output, result.exception)
+    if target is not None:
+        target.write_text(result.stdout, "utf-8")
+    return result.stdout
+
+
+def check_printed(stated: str, found: str) -> None:
+    """Lines of a page are those printed: words are the same, numbers to the last digit stated."""
+    lines = iter([line.split() for line in found.splitlines() if line.strip()])
+    for line in (line.split() for line in stated.splitlines() if line.strip()):
+        if line != [".."]:
+            assert any(same(line, other) for other in lines), (" ".join(line), found)
+
+
+def same(stated: list[str], found: list[str]) -> bool:
+    words = [[NUMBER.sub("#", word) for word in line] for line in (stated, found)]
+    numbers = [NUMBER.findall(" ".join(line)) for line in (stated, found)]
+    return words[0] == words[1] and all(
+        abs(float(one) - float(other)) <= 2.0 * last_digit(one)
+        for one, other in zip(*numbers, strict=True)
+    )
+
+
+def last_digit(number: str) -> float:
+    """Value of the last digit of a number as it is written."""
+    mantissa, _, exponent = number.partition("e")
+    return 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.slow] * (page not in QUICK)) for page in PAGES]
+)
+def test_code_of_a_page_runs(page):
+    names, last = {"__name__": "page"}, None
+    for block in blocks(page):
+        if block["left"]:
+            last = None
+        elif block["title"]:
+            Path(block["title"]).write_text(block["code"], "utf-8")
+        elif block["language"] in ("python", "sh"):
+            last = printed(block, names)
+        elif block["language"] == "text" and last is not None:
+            check_printed(block["code"], last)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_code_of_a_page_is_narrow(page):
+    """Beside the navigation of the site, 1280 pixels have ninety columns; longer lines wrap."""
+    for block in blocks(page):
+        wide = [
+            line
+            for line in block["code"].splitlines()
+            if len(line) > 90 and "pip install" not in line
+        ]
+        assert not wide, wide
+
+
+def test_statements_are_compared():
+    check_printed("a 1.23 mm\n..\nc 2e-05", "a   1.234 mm\nb 5\nc 2.04e-05")
+    for wrong in ("a 1.26 mm", "a 1.23 m", "c 2e-05\na 1.23 mm"):
+        with pytest.raises(AssertionError):
+            check_printed(wrong, "a   1.234 mm\nb 5\nc 2.04e-05")
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 150
