@@ -46,9 +46,17 @@ def pytest_configure(config):
 
 
 LONGEST = (  # see benchmarks/durations.md
-    *("test_notebooks", "test_designs", "test_stepped", "test_periodic", "test_continuation"),
+    *(
+        "test_docs",
+        "test_notebooks",
+        "test_designs",
+        "test_stepped",
+        "test_periodic",
+        "test_continuation",
+    ),
     *("test_hazards", "test_cluster", "test_unequal_axes", "test_store", "test_one_sided"),
     *(
+        "test_annular_rub",
         "test_any_scene",
         "test_cli",
         "test_time",
