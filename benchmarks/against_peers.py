@@ -273,6 +273,9 @@ def main() -> None:
     parser.add_argument("--target", type=float, default=1e-3, help="error of the whirl rate")
     parser.add_argument("--repeats", type=int, default=3, help="timed calls after the first")
     parser.add_argument("--only", default="", help="methods whose name has this pattern")
+    parser.add_argument(
+        "--no-growth", action="store_true", help="no table of cost against lanes, .."
+    )
     parser.add_argument("--json", type=Path, help="file for all numbers")
     args, log = parser.parse_args(), Console(stderr=True, highlight=False)
     load, close, rows = os.getloadavg()[:1], confirm(), []
@@ -284,7 +287,7 @@ def main() -> None:
     if "jaxrotor order 2" in found:
         steps = int(found["jaxrotor order 2"][0])
     by_hand = floor(args, steps, log)
-    grown = growth(args, steps)
+    grown = [] if args.no_growth else growth(args, steps)
     began = first_result(args.revolutions)
     load += os.getloadavg()[:1]
     reached = goals(rows, by_hand, began, args.target)
@@ -293,7 +296,8 @@ def main() -> None:
     if rows:
         out.print(table(rows, args.target))
     out.print(floor_table(by_hand, steps, args.lanes))
-    out.print(growth_table(grown))
+    if grown:
+        out.print(growth_table(grown))
     out.print(goals_table(reached))
     off = f"{close['orbit']:.0e} of the radius, {close['whirl rate']:.0e} in whirl rate"
     out.print(f"Reference: order 4, {REFERENCE_STEPS} steps; Radau at 1e-11 differs by {off}.")
