@@ -67,10 +67,12 @@ def response(
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
     """
     rotor = scene_with(scene, settings)
+    station = rotor.stations(
+        optional(at, "m", "--at")
+    )  # by default of a contact, before it is left out
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
-    station = rotor.stations(optional(at, "m", "--at"))
     speeds = speeds_between(rotor, low, high, points)
     with draft_or_none(out, _FILES, overwrite) as folder:
         whirls = _excited(rotor, speeds)
@@ -106,7 +108,8 @@ def response(
     heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]", "growth [1/s]")
     if rows:
         answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    notes = [("without", ", ".join(contacts))] if contacts else []
+    notes = [("station", f"{result.stations[0]:g} m")]
+    notes += [("without", ", ".join(contacts))] if contacts else []
     notes += [("peak", "none between these speeds")] if not rows else []
     if unstable:
         notes.append(

@@ -3,6 +3,7 @@
 import importlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -276,6 +277,15 @@ def test_response(place):
         assert data.amplitude.attrs["units"] == "m" and data.phase.attrs["units"] == "rad"
     text = call(*run).stdout
     assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
+    assert re.search(r"station\W+0\.3 m", text)
+
+
+def test_response_is_at_the_contact_that_is_left_out(place):
+    parts = [jr.Support(0.0, 1e6), jr.Support(0.5, 1e6), jr.Disc(0.2, 10.0, 0.1, 0.1)]
+    parts += [jr.Unbalance(0.2, 0.1, 0.01), jr.Limiter(at=0.6, angle=0.0, gap=0.01, stiffness=1e6)]
+    jr.save(jr.Scene(jr.RigidShaft(0.7), *parts, spin=jr.ConstantSpeed(50.0)), "rigid.toml")
+    shown = answered("response", "rigid.toml", "--to", 300, "--points", 5)
+    assert shown["station"] == pytest.approx(0.6) and shown["without"] == ["limiters"]
 
 
 @pytest.mark.slow
