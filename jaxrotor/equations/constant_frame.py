@@ -37,7 +37,7 @@ def in_constant_axes(system: System) -> System:
         check_axes(
             system,
             "No axes have constant coefficients, as exponential steps need, and not all forces along the "
-            "fixed ones act at single stations and without tables,",
+            "fixed ones act by constant numbers at single stations,",
             "leave `solver` out, or name a diffrax solver such as `solver=diffrax.Kvaerno5()`",
         )
     means = dataclasses.replace(system.blocks, fixed_damping=None, fixed_stiffness=None)
