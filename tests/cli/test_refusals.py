@@ -29,6 +29,7 @@ BOTH = held(UNEQUAL, **SHARE)
 HYSTERESIS = jr.HystereticDamping(0.01)
 OVAL = jr.FlexibleShaft(0.8, 0.02, nodes=2, constraints=(), anisotropy=0.3)
 SPREAD = held(OVAL, jr.ExternalDamping(8.0, anisotropy=0.3))
+FILM = jr.Support(0.4, kxx=[1e5, 2e5], kyy=[2e5, 3e5], speeds=[0.0, 100.0])
 BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
 
 
@@ -39,6 +40,10 @@ BALLS = jr.BallBalancer(0.4, 0.01, 0.05, 1.0)
             lambda: jr.simulate(SPREAD, 1, 8, solver=jr.Exponential()),
             r"not all forces.*at single stations, .* \(external_damping\) and others turn with the shaft "
             r"\(the shaft\); leave `solver` out, or name a diffrax solver",
+        ),
+        (
+            lambda: jr.simulate(held(UNEQUAL, FILM), 1, 8, solver=jr.Exponential()),
+            r"by constant numbers at single stations, .*\(supports.2\) and others turn with the shaft",
         ),
         (
             lambda: jr.roots(BOTH),
