@@ -374,8 +374,8 @@ def _least_friction(rotor: RotorInRing) -> tuple[Scalar, Scalar]:
     def narrow(ends, _):
         a, b = ends
         first, second = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
-        values = jax.vmap(needed)(jnp.stack([first, second]))
-        left = values[0] < values[1]
+        pair: Any = jax.vmap(needed)(jnp.stack([first, second]))
+        left = pair[0] < pair[1]
         return (jnp.where(left, a, first), jnp.where(left, second, b)), None
 
     (a, b), _ = jax.lax.scan(narrow, (near(-1), near(1)), length=GOLDEN)
