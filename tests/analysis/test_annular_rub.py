@@ -187,9 +187,9 @@ def test_multipliers_are_those_of_the_roots(case, speed, branch, record_property
 @pytest.mark.slow
 @pytest.mark.hard("7.4 both branches through the fold by continuation")
 def test_continuation_goes_through_the_fold(record_property):
-    scene = rotor(*S3, 2.2)
+    scene = rotor(*S3, 2.4)
     orbit = jr.periodic(scene, jr.annular_rub(scene).start())
-    branch = jr.continue_(orbit, "spin.speed", (1.5, 3.0))
+    branch = jr.continue_(orbit, "spin.speed", (2.35, 2.6))
     (fold,) = [point for point in branch.points if point.kind == "fold"]
     error = abs(float(fold.value) - ENDS[S3][-1])
     record_property("measured", f"fold {error:.0e}")
