@@ -109,8 +109,9 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     one of these. What bounces is not among them.
 
     With the `slip` of the ring, friction is `f s(V / slip)`: a rim that rolls creeps by the slip that its
-    friction needs, and a whirl slips where that exceeds the width. `blend` has no effect; the whirl is
-    right where the depth exceeds it.
+    friction needs, and a whirl slips where that exceeds the width. What creeps is sought from the rate at
+    which it would roll: a second creeping whirl of nearly saturated friction is not found. `blend` has no
+    effect; the whirl is right where the depth exceeds it.
 
     Args:
         scene: a rotor that is the same along every axis, in one `AnnularStator` on its axis; its

@@ -70,8 +70,8 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
         `StaticPositions`, with first derivatives by all parameters.
 
     Raises:
-        ValueError: if the scene has no film, has unequal axes that turn, or has no static position, as at
-            rest, where a film bears nothing.
+        ValueError: if the scene has no film, has unequal axes that turn, or no static position was found,
+            as at rest, where a film bears nothing and a Support must.
     """
     speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
     if not scene.of(AbstractFilm):
@@ -90,7 +90,7 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
     if known(position) and not np.isfinite(position).all():
         k = int(np.argmin(np.isfinite(position).all(axis=1)))
         raise ValueError(
-            f"The rotor has no static position in its films at {float(speeds[k]):g} rad/s: a film bears "
+            f"No static position in the films was found at {float(speeds[k]):g} rad/s: a film bears "
             "nothing at rest and has no stiffness if its journal does not turn; take higher speeds, less "
             "load, or add a Support."
         )
@@ -117,11 +117,16 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
         speeds: two or more ascending speeds [rad/s] as nodes of the tables; None: that of the scene.
 
     Returns:
-        The scene, whose other effects are the same. A film without viscosity leaves no support.
+        The scene, whose other effects are the same. The coefficients of a film without viscosity are zero.
 
     Raises:
-        ValueError: as `static_positions`.
+        ValueError: as `static_positions`, or the speeds are not two or more in ascending order.
     """
+    if speeds is not None and (np.ndim(speeds) != 1 or np.size(speeds) < 2):
+        raise ValueError(
+            f"`speeds` must be two or more in ascending order, but is {speeds}; at one speed give "
+            "`linearized(scene.at_speed(speed))`."
+        )
     found = static_positions(scene, speeds)
     films = scene.of(AbstractFilm)
     effects = []
@@ -292,18 +297,22 @@ def _with_slopes(function: Callable, x: Array) -> tuple[Array, Array]:
 
 
 def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
-    """Position in the bush [m] that bears a load, to some digits, by (8) and its full film's like."""
+    """Position in the bush [m] that bears a load, to some digits, by Ocvirk's closed form.
+
+    `W = k0 |Omega| e sqrt(16 e^2 + pi^2 s^2) / (4 s^4)` at `tan attitude = pi s / (4 e)`, `s^2 = 1 - e^2`;
+    of a full film `W = pi k0 |Omega| e / (2 s^3)`, across the load.
+    """
     s = np.geomspace(1.0, NEAREST, 400)
     e = np.sqrt((1 - s) * (1 + s))
     if law.film.cavitated:
-        borne, across = e * np.sqrt(16 * e**2 + (np.pi * s) ** 2) / (4 * s**4), np.pi * s
+        borne = e * np.sqrt(16 * e**2 + (np.pi * s) ** 2) / (4 * s**4)
     else:
-        borne, across = np.pi * e / (2 * s**3), 1.0
-    share = jnp.abs(load) / (law.scale * larger(jnp.abs(speed), jnp.finfo(float).tiny))
+        borne = np.pi * e / (2 * s**3)
+    capacity = law.scale * jnp.abs(speed)
+    share = jnp.abs(load) / jnp.where(capacity > 0, capacity, 1.0)  # a film at rest has no load
     eccentricity = jnp.interp(share, borne, e)
     along = 4 * eccentricity * law.film.cavitated
-    s = jnp.sqrt(1 - eccentricity**2)
-    attitude = jnp.arctan2(jnp.pi * s if law.film.cavitated else jnp.asarray(across), along)
+    attitude = jnp.arctan2(jnp.pi * jnp.sqrt(1 - eccentricity**2), along)
     direction = load / jnp.where(load == 0, 1.0, jnp.abs(load))
     place = law.film.clearance * eccentricity * direction
     return place * jnp.exp(1j * jnp.sign(speed) * attitude)
@@ -329,7 +338,7 @@ def _positions(balance: _Balance):
 def _newton(balance: _Balance) -> tuple[Float[Array, " n2"], Bool[Array, ""]]:
     """A root by Newton's method, and whether it was found.
 
-    A step is shortened so that no journal comes closer to its wall by more than seven tenths of the way.
+    A step is shortened so that no journal covers more than seven tenths of what is left to its wall.
     """
     start = balance.guess()
 

@@ -131,9 +131,9 @@ def _half(zeta: Plane, w: Plane, s2: Scalar, blend: Scalar | None) -> Plane:
     a, b = (jnp.where(moves, part / rho, 0.0) for part in (q, p))
     mean = jnp.where(moves, square / rho, 0.0)
     angle = jnp.arctan2(s, -a)
-    t = s / jnp.where(a < 0, -a, 1.0)
-    leaves = moves & (a < 0) & (t < SERIES)
-    small = -q * _tangent_defect(jnp.where(leaves, t, 0.0)) - s * smooth / rho
+    leaves = moves & (s < -SERIES * a)
+    t = jnp.where(leaves, s / jnp.where(leaves, -a, 1.0), 0.0)
+    small = -q * _tangent_defect(t) - s * smooth / rho
     radial = jnp.where(leaves, small, mean * s + q * angle)
     across = b / (s2 * (s2 + a**2 + (1 - s2) * jnp.where(moves, smooth / rho**2, 0.0)))
     turned = jnp.stack([-w[1], w[0]])

@@ -226,9 +226,25 @@ def test_linear_analyses_ask_for_linear_films():
         jr.linearized(scene.without("journal_bearings"))
 
 
+def test_speeds_of_tables_are_several():
+    with pytest.raises(
+        ValueError, match=r"`speeds` must be two or more.*`linearized\(scene.at_speed"
+    ):
+        jr.linearized(rigid(2.0), [500.0])
+
+
 @pytest.mark.slow
-def test_no_position_at_rest():
-    with pytest.raises(ValueError, match="no static position in its films at 0 rad/s"):
-        jr.linearized(rigid(2.0), [0.0, 100.0])
+def test_positions_at_rest():
+    """A film bears nothing at rest, and without viscosity never: there a support does, or nothing."""
+    scene = rigid(2.0)
+    with pytest.raises(ValueError, match="No static position in the films was found at 0 rad/s"):
+        jr.linearized(scene, [0.0, 100.0])
     with pytest.raises(ValueError, match="No position in the film bears the load"):
         jr.film_support(bearing(), -1j, 0.0)
+    weight, stiffness = float(scene.of(jr.Disc)[0].mass) * GRAVITY, 1e9
+    caged = scene.of_parts(*scene.effects, jr.Support(scene.of(jr.JournalBearing)[0].at, stiffness))
+    found = jr.static_positions(caged, [0.0, 100.0])
+    np.testing.assert_allclose(found.position[0], -1j * weight / stiffness, rtol=1e-9)
+    assert abs(found.load[0, 0]) < 1e-12 * weight < abs(found.load[1, 0])
+    dry = jr.static_positions(caged.put({"journal_bearing.viscosity": 0.0}), [0.0, 100.0])
+    np.testing.assert_allclose(dry.position[:, 0], -1j * weight / stiffness, rtol=1e-9)

@@ -160,3 +160,11 @@ def test_squeeze_film_is_a_film_that_does_not_turn():
         damped = np.pi / s**3 / (2 if cavitated else 1)
         np.testing.assert_allclose(force, -(stiff + 1j * rate * damped) * e, rtol=1e-13)
         assert not torque.any()
+
+
+def test_derivatives_nearly_in_the_centre():
+    """Of a film that moves, at displacements whose squares are no numbers: those of the centre."""
+    law, rate = bearing().law(), jnp.array([1e-3, 0.0])
+    force = lambda x: law(jnp.array([x, 0.0]), rate, jnp.zeros(()))[0]
+    slope = jax.grad(force)
+    assert float(slope(-1e-160)) == pytest.approx(float(slope(-1e-12)), rel=1e-6)
