@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core.blocks import Blocks, Load
@@ -126,6 +127,28 @@ class AbstractLaw(eqx.Module):
     @abc.abstractmethod
     def clearance(self, displacement: Plane) -> Scalar:
         """Distance [m] to contact, negative in contact; -inf for a law that always acts."""
+
+
+class AbstractSmoothLaw(AbstractLaw):
+    """Law that acts everywhere by one formula, so there is no branch and no clearance."""
+
+    @property
+    def kinked(self) -> bool:
+        return False
+
+    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+        return jnp.zeros(0)
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+        return self(displacement, velocity, speed)
+
+    def margins(
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+    ) -> Branch:
+        return jnp.zeros(0)
+
+    def clearance(self, displacement: Plane) -> Scalar:
+        return -jnp.inf * jnp.ones(())
 
 
 class AbstractContact(AbstractEffect):

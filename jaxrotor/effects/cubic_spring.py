@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, real
-from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
+from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
 
 
 class CubicSpring(AbstractContact):
@@ -30,7 +30,7 @@ class CubicSpring(AbstractContact):
         return CubicLaw(jnp.cos(self.angle), jnp.sin(self.angle), self.stiffness)
 
 
-class CubicLaw(AbstractLaw):
+class CubicLaw(AbstractSmoothLaw):
     """Law of a `CubicSpring`, with the direction computed once."""
 
     cos: Scalar
@@ -48,21 +48,3 @@ class CubicLaw(AbstractLaw):
         """Zero, as at the centre; elsewhere it is `3 k3 u^2`, which does not limit the steps."""
         zero = jnp.zeros_like(self.stiffness)
         return Hardness(zero, zero, jnp.stack([self.cos, self.sin]), zero)
-
-    @property
-    def kinked(self) -> bool:
-        return False
-
-    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
-        return jnp.zeros(0)
-
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        return self(displacement, velocity, speed)
-
-    def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
-    ) -> Branch:
-        return jnp.zeros(0)
-
-    def clearance(self, displacement: Plane) -> Scalar:
-        return -jnp.inf * jnp.ones(())

@@ -1,13 +1,12 @@
 """Film: forces of a short oil film between a journal and its bush."""
 
-import abc
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar
-from .base import AbstractContact, AbstractLaw, Branch, Hardness, Plane
+from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
 
 
 SERIES = 0.1  # below this `t - arctan t` is summed as a series
@@ -26,17 +25,19 @@ class AbstractFilm(AbstractContact):
     blend: eqx.AbstractVar[Scalar | None]  # delta [1/s]
     cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
 
-    @abc.abstractmethod
     def law(self) -> "FilmLaw":
         """Law of the film, with the centre of its bush computed once."""
+        x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
+        return FilmLaw(x=x, y=y, film=self)
 
 
-class FilmLaw(AbstractLaw):
+class FilmLaw(AbstractSmoothLaw):
     """`F = -k0 |w| Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi`.
 
     The integral goes over the half circle around `u = w / |w|` that is under pressure, `zeta = z / c`,
     `w = zeta. - i Omega zeta / 2`, `a = Re(zeta u*)`, `b = Im(zeta u*)`, `k0 = mu R L^3 / c^2`. At the
-    wall and beyond the force is NaN.
+    wall and beyond the force is NaN. It is continuous: its derivative alone jumps, where the film does not
+    move, so there are no branches.
     """
 
     steep: ClassVar[bool] = True
@@ -87,32 +88,6 @@ class FilmLaw(AbstractLaw):
         damping = jnp.pi * self.scale / self.film.clearance
         zero = jnp.zeros_like(damping)
         return Hardness(zero, damping / 2 if self.film.cavitated else damping, jnp.zeros(2), zero)
-
-    @property
-    def kinked(self) -> bool:
-        """False: the force is continuous, and its derivative jumps only where the film does not move."""
-        return False
-
-    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
-        return jnp.zeros(0)
-
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        return self(displacement, velocity, speed)
-
-    def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
-    ) -> Branch:
-        return jnp.zeros(0)
-
-    def clearance(self, displacement: Plane) -> Scalar:
-        return -jnp.inf * jnp.ones(())
-
-
-def film_law(film: AbstractFilm) -> FilmLaw:
-    """Law of a film, with the centre of its bush computed once."""
-    return FilmLaw(
-        x=film.offset * jnp.cos(film.angle), y=film.offset * jnp.sin(film.angle), film=film
-    )
 
 
 def _half(zeta: Plane, w: Plane, s2: Scalar, blend: Scalar | None) -> Plane:

@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 
 from ..core.quantities import Scalar, nonnegative, positive, real
-from .film import AbstractFilm, FilmLaw, film_law
+from .film import AbstractFilm
 
 
 class SqueezeFilm(AbstractFilm):
@@ -35,6 +35,3 @@ class SqueezeFilm(AbstractFilm):
     angle: Scalar = real("angle [rad]", default=0.0)
     blend: Scalar | None = positive("blend [1/s]", default=None)
     cavitated: bool = eqx.field(default=True, static=True)  # half of the film is under pressure
-
-    def law(self) -> FilmLaw:
-        return film_law(self)

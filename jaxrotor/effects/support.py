@@ -28,7 +28,7 @@ from ..core.quantities import (
 )
 from ..shafts.cased import column_of, row_of
 from ..shafts.line import AbstractLine
-from .base import AbstractLaw, AbstractOverSpeed, AbstractUnequal, Branch, Deviator, Hardness, Plane
+from .base import AbstractOverSpeed, AbstractSmoothLaw, AbstractUnequal, Deviator, Hardness, Plane
 
 
 _LETTERS = {"stiffness": "k", "damping": "c"}
@@ -318,7 +318,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         return _Plane(mean, getattr(self, f"cross_{name}"), deviator)
 
 
-class DeviatorLaw(AbstractLaw):
+class DeviatorLaw(AbstractSmoothLaw):
     """`F = -k z* - c z.*`, the part of a bearing's force that is unequal along axes fixed in space."""
 
     stiffness: Plane | None  # [Re, Im] of k [N/m]
@@ -337,24 +337,6 @@ class DeviatorLaw(AbstractLaw):
     def hardness(self) -> Hardness:
         """Zero, as it does not rebound: the length of the steps is not limited by it."""
         return Hardness(jnp.zeros(()), jnp.zeros(()), jnp.zeros(2), jnp.zeros(()))
-
-    @property
-    def kinked(self) -> bool:
-        return False
-
-    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
-        return jnp.zeros(0)
-
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        return self(displacement, velocity, speed)
-
-    def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
-    ) -> Branch:
-        return jnp.zeros(0)
-
-    def clearance(self, displacement: Plane) -> Scalar:
-        return -jnp.inf * jnp.ones(())
 
 
 class _Plane(NamedTuple):

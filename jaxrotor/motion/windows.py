@@ -21,6 +21,7 @@ from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
 from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
+from ..spins.constant import constant
 from .base import AbstractMarch, Plan, Window, bounded
 from .run_up import after
 from .stepped import Stepping, course, steps_between, steps_of, turning
@@ -60,11 +61,8 @@ class WindowMarch(AbstractMarch):
         system = assemble(after(scene, Launch.of(start)), plan.together)
         centres, rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
-        at_centre = system.at_speed(centres[0])
-        if (
-            system.tabled is not None
-        ):  # coefficients stay those of the lane, whose speed is constant
-            at_centre = dataclasses.replace(at_centre, blocks=system.blocks)
+        # Coefficients over speed stay those of the lane, whose speed is constant where there are tables.
+        at_centre = dataclasses.replace(system, spin=constant(centres[0]))
         assert isinstance(plan.solver, Exponential)
         dense = plan.solver.basis == "dense"
         basis = None if dense else modal(linear_matrix(at_centre, rate))

@@ -57,9 +57,9 @@ class RemainderMap(eqx.Module):
             lanes, begin = one_lane(step), jnp.eye(size, size + 1)
             phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
             each = jax.vmap(lambda phases: lanes.of_lanes(phases, begin))(phases)
-            return jax.lax.scan(lambda y, one: (_linear(one) @ y + one[:, -1:], None), begin, each)[
-                0
-            ]
+            advance = lambda y, one: (_linear(one) @ y + one[:, -1:], None)
+            ends, _ = jax.lax.scan(advance, begin, each)
+            return ends
 
         # What turns by twice the angle repeats itself after half a window: so many steps of half the size.
         whole, half = jax.lax.map(run, jnp.array([1.0, 0.5]))
