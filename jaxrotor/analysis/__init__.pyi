@@ -52,6 +52,11 @@ from .maps import (
 )
 from .modal import Modes as Modes, modes as modes, roots as roots
 from .nodes import chosen_nodes as chosen_nodes
+from .peaks import (
+    Margins as Margins,
+    ResponsePeaks as ResponsePeaks,
+    response_peaks as response_peaks,
+)
 from .perturbation import Perturbation as Perturbation, perturbed_roots as perturbed_roots
 from .reduction import (
     Reduction as Reduction,

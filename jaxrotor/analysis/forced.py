@@ -80,6 +80,15 @@ class HarmonicResponse(eqx.Module):
         """Minor half axis [m] of that ellipse, negative where it is passed backward."""
         return jnp.abs(self.forward) - jnp.abs(self.backward)
 
+    def probe(self, angle: Scalar | float | int) -> Complex[Array, "k s"]:
+        """`p = forward exp(-i psi) + backward* exp(i psi)` [m]: a probe at psi reads `Re p exp(i w t)`.
+
+        Args:
+            angle: direction of the probe from x to y [rad].
+        """
+        turned = jnp.exp(-1j * jnp.asarray(angle, float))
+        return self.forward * turned + (self.backward * turned).conj()
+
 
 class WeightResponse(eqx.Module):
     """`z(x, t) = deflection + twice exp(2 i Omega t)`; `k` speeds, `s` stations."""

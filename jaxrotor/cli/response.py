@@ -1,28 +1,26 @@
 """Command `response`: steady response to unbalance, its peaks, and its values at critical speeds."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import typer
 from jaxtyping import Array
-from scipy.optimize import brentq, minimize_scalar
 
 from ..analysis import (
-    CriticalSpeeds,
     HarmonicResponse,
-    critical_speeds,
+    ResponsePeaks,
     growth_rate,
+    response_peaks,
     unbalance_response,
 )
 from ..core.attributes import about
 from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact
-from ..equations.pencil import isotropic
-from ..equations.system import structure
+from ..files.units import quantity
 from ..scene import Scene
 from . import answer
 from .options import (
@@ -44,7 +42,6 @@ from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
 _FILES = ("response.zarr", "response.png")
-_SAME = 1e-6  # distance, relative to the range, below which two speeds count as one
 
 
 def response(
@@ -54,6 +51,14 @@ def response(
     high: High = None,
     points: Points = 401,
     at: At = None,
+    operating: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SPEED[:SPEED]",
+            help="Operating speed, or the slowest and the fastest, from which peaks must be separated. "
+            "[default: the scene's speed]",
+        ),
+    ] = None,
     out: Out = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -62,6 +67,8 @@ def response(
 
     The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
     gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
+    Amplification factors are those of API RP 684: a peak over the distance of the speeds beside it where
+    the amplitude is 0.707 of the peak's; so are the margins to the operating speeds that it requires.
     With --out, DIR/response.zarr and DIR/response.png.
 
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
@@ -73,44 +80,48 @@ def response(
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
-    speeds = speeds_between(rotor, low, high, points)
+    speeds, range_ = speeds_between(rotor, low, high, points), _operating(rotor, operating)
     with draft_or_none(out, _FILES, overwrite) as folder:
-        whirls = _excited(rotor, speeds)
-        critical = [
-            {"kind": kind, **_at(rotor, speed, station)}
-            for kind, speed in zip(whirls.kinds, np.asarray(whirls.speeds).tolist(), strict=True)
-        ]
-        bounded = [one["speed"] for one in critical if one["amplitude"] is not None]
-        unbounded = np.array([one["speed"] for one in critical if one["amplitude"] is None])
-        result = unbalance_response(rotor, _merged(speeds, bounded, unbounded), station)
+        found = response_peaks(rotor, speeds, station)
+        result, whirls = found.response, found.critical
         if not np.asarray(result.major).any():
             raise ValueError(
                 "The response is zero at that station; give the scene an unbalance, as in "
                 "--set unbalance.eccentricity=0.1mm."
             )
-        peaks = _peaks(rotor, result, unbounded)
+        critical = [
+            {"kind": kind, **_at(rotor, speed, station)}
+            for kind, speed in zip(whirls.kinds, np.asarray(whirls.speeds).tolist(), strict=True)
+        ]
+        finite = found.speeds[np.isfinite(found.amplitudes)]
+        peaks = [_at(rotor, speed, station) for speed in finite.tolist()]
         growth = _growth(rotor, result.speeds)
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
-            _draw(result, whirls, growth, folder)
+            _draw(found, growth, range_, folder)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
     if as_json:
-        found = {"station": result.stations[0], "without": contacts}
-        found |= {"peaks": peaks, "critical": critical, "unstable_share": unstable}
-        found |= {"written": written_to(out, _FILES)}
-        answer.print_json({"scene": scene, **found})
+        shown = {"station": result.stations[0], "without": contacts, "peaks": peaks}
+        shown |= {"margins": _margins(found, range_), "operating": range_}
+        shown |= {"critical": critical, "unstable_share": unstable}
+        answer.print_json({"scene": scene, **shown, "written": written_to(out, _FILES)})
         return
     rows = [("peak", *_row(one)) for one in peaks]
     rows += [(f"critical, {one['kind']}", *_row(one)) for one in critical]
     heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]", "growth [1/s]")
     if rows:
         answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
+    _print_margins(_margins(found, range_))
     notes = [("station", f"{result.stations[0]:g} m")]
     notes += [("without", ", ".join(contacts))] if contacts else []
     notes += [("peak", "none between these speeds")] if not rows else []
+    if range_ is not None:
+        notes.append(
+            ("operating", " to ".join(f"{one:g}" for one in sorted(set(range_))) + " rad/s")
+        )
     if unstable:
         notes.append(
             ("unstable", f"at {100 * unstable:.3g} % of the speeds, where no response is attained")
@@ -123,6 +134,58 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
     if one["amplitude"] is None:
         return (*speed, "unbounded", "-", growth)
     return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}", growth)
+
+
+def _operating(rotor: Scene, text: str | None) -> tuple[float, float] | None:
+    """Slowest and fastest operating speed [rad/s], None of a rotor at rest."""
+    if text is None:
+        speed = abs(float(rotor.spin.speed))
+        return (speed, speed) if speed else None
+    ends = [quantity(one, "rad/s", "--operating") for one in text.split(":")]
+    if len(ends) > 2 or not 0 < ends[0] <= ends[-1]:
+        raise ValueError(
+            "--operating must be one speed above 0, or two in ascending order as 3000rpm:3600rpm, but is "
+            f"{text!r}."
+        )
+    return ends[0], ends[-1]
+
+
+def _margins(found: ResponsePeaks, operating: tuple[float, float] | None) -> list[dict[str, Any]]:
+    """Amplification and margin of each peak, None for what is unknown or infinite."""
+    columns = {"speed": found.speeds, "lower": found.lower, "upper": found.upper}
+    columns["amplification"] = found.amplification
+    if operating is not None:
+        margins = found.margins(*operating)
+        columns |= {"margin": margins.actual, "required": margins.required, "kept": margins.kept}
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    known = lambda value: value if math.isfinite(value) else None
+    return [dict(zip(columns, map(known, row), strict=True)) for row in rows]
+
+
+def _print_margins(rows: list[dict[str, Any]]) -> None:
+    """Table of amplification factors and margins, as standards ask for it."""
+    text = lambda value, digits=6, factor=1: (
+        "-" if value is None else f"{factor * value:.{digits}g}"
+    )
+    heads = ["peak [rad/s]", "half power", "to", "AF"]
+    lines = []
+    for one in rows:
+        sharp = one["lower"] is not None and one["amplification"] is None  # no damping
+        factor = "infinite" if sharp else text(one["amplification"], 4)
+        lines.append([text(one["speed"]), text(one["lower"]), text(one["upper"]), factor])
+        if "margin" in one:
+            lines[-1] += [text(one[name], 3, 100) for name in ("margin", "required")]
+            lines[-1].append(_verdict(one))
+    if lines:
+        heads += ["margin [%]", "required", ""][: len(lines[0]) - 4]
+        answer.print_table(lines, heads, numbers=[0, 1, 2, 3, 4, 5][: len(lines[0])])
+
+
+def _verdict(one: dict[str, Any]) -> str:
+    """Whether the margin of a peak is as large as required."""
+    if one["required"] is None:
+        return "unknown"
+    return ("kept" if one["kept"] else "too close") if one["required"] else "not needed"
 
 
 def _growth(rotor: Scene, speeds: Any) -> np.ndarray:
@@ -147,57 +210,6 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
     return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
 
 
-def _excited(rotor: Scene, speeds: np.ndarray) -> CriticalSpeeds:
-    """Critical speeds in a range that unbalance excites: where orbits are circles, the forward ones."""
-    found = critical_speeds(rotor)
-    values, kinds = np.asarray(found.speeds), np.array(found.kinds)
-    inside = (values >= speeds[0]) & (values <= speeds[-1])
-    if isotropic(structure(rotor).blocks):
-        inside &= kinds == "forward"
-    return found.where(inside)
-
-
-def _merged(speeds: np.ndarray, added: list[float], unbounded: np.ndarray) -> np.ndarray:
-    """Speeds with the added ones, without those that coincide with an added or an unbounded one."""
-    taken = np.concatenate([added, unbounded])
-    near = np.abs(speeds[:, None] - taken) < _SAME * (speeds[-1] - speeds[0])
-    return np.union1d(speeds[~near.any(axis=1)], added)
-
-
-def _peaks(rotor: Scene, result: HarmonicResponse, unbounded: np.ndarray) -> list[dict[str, Any]]:
-    """Local maxima of the amplitude, each refined to the zero of its derivative."""
-    speeds, amplitude = np.asarray(result.speeds), np.asarray(result.major)[:, 0]
-    rises, falls = amplitude[1:-1] > amplitude[:-2], amplitude[1:-1] >= amplitude[2:]
-    at = lambda speed: _height_and_slope(rotor, jnp.asarray(np.asarray(speed)), result.stations)
-    found = []
-    for k in np.flatnonzero(rises & falls) + 1:
-        low, high = speeds[k - 1], speeds[k + 1]
-        if np.any((low <= unbounded) & (unbounded <= high)):
-            continue
-        found.append(_at(rotor, _summit(at, low, high), result.stations))
-    return found
-
-
-@compiled_quickly
-def _height_and_slope(rotor: Scene, speed: Array, stations: Array) -> tuple[Array, Array]:
-    """Amplitude at a speed and its derivative by the speed: one program for all peaks."""
-    height = lambda speed: unbalance_response(rotor, speed, stations).major[0, 0]
-    return jax.value_and_grad(height)(speed)
-
-
-def _summit(height_and_slope: Callable, low: float, high: float) -> float:
-    """Speed of the maximum between two speeds, to rounding: the zero of its slope."""
-    depth = lambda speed: -float(height_and_slope(speed)[0])
-    slope = lambda speed: float(height_and_slope(speed)[1])
-    near = minimize_scalar(depth, bounds=(low, high), method="bounded").x
-    apart = 1e-3 * (high - low)
-    below, above = max(low, near - apart), min(high, near + apart)
-    if not slope(below) > 0 > slope(above):
-        return float(near)
-    zero: Any = brentq(slope, below, above)
-    return float(zero)
-
-
 def _variables(
     result: HarmonicResponse, growth: np.ndarray
 ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -217,12 +229,12 @@ def _variables(
     )
 
 
-def _draw(
-    result: HarmonicResponse, critical: CriticalSpeeds, growth: np.ndarray, folder: Path
-) -> None:
+def _draw(found: ResponsePeaks, growth: np.ndarray, operating: Any, folder: Path) -> None:
     from .. import plot
 
+    about = {"critical": found.critical, "growth": growth, "peaks": found, "operating": operating}
+
     def both(axes: Any) -> None:
-        plot.response(result, axes, critical=critical, growth=growth)
+        plot.response(found.response, axes, **about)
 
     draw(folder / "response.png", both, 170, 110, rows=2)

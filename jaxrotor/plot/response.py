@@ -1,5 +1,6 @@
 """Steady response of a linear rotor: amplitude and phase against speed."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,8 @@ from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from ..analysis import CriticalSpeeds
+from ..analysis import CriticalSpeeds, ResponsePeaks
+from ..analysis.peaks import HALF_POWER
 from . import colours, labels, page
 from .record import signal
 
@@ -26,24 +28,34 @@ def response(
     station: int = 0,
     *,
     log: bool = False,
+    probes: Sequence[float | int] = (),
     critical: CriticalSpeeds | None = None,
     growth: Any = None,
+    peaks: ResponsePeaks | None = None,
+    operating: tuple[float | int, float | int] | None = None,
+    clearance: float | int | None = None,
 ) -> tuple[Axes, Axes]:
     """Amplitude of each part of a steady motion above, and its phase below, against speed.
 
-    The parts are those that whirl forward and backward, or the twice-per-revolution response to weight; a
-    part that is zero is left out. The response to a given force at one speed is drawn against frequency.
-    The phase is unwrapped from a first value within half a revolution; a jump of exactly half a
-    revolution (no damping) is drawn downwards.
+    The parts are those that whirl forward and backward, with their sum, the major half axis, or the
+    twice-per-revolution response to weight; a part that is zero is left out. With `probes` their readings
+    are drawn instead. The response to a given force at one speed is drawn against frequency. The phase
+    is unwrapped from a first value within half a revolution; a jump of exactly half a revolution (no
+    damping) is drawn downwards.
 
     Args:
         result: result of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.
         axes: two Axes, upper and lower; a new figure if None.
         station: index of the station of the result.
         log: draw amplitudes on a logarithmic axis.
+        probes: directions of probes [rad], as `(0, pi / 2)` of an X and a Y probe.
         critical: undamped `jaxrotor.critical_speeds`, marked by their kind of whirl.
         growth: (k,) growth rates at the speeds, see `jaxrotor.growth_rate`; the background is shaded where
             they are positive, as the response is unstable there.
+        peaks: `jaxrotor.response_peaks` of the major axis, marked with their amplification factors and
+            with a bar between the speeds of half power.
+        operating: slowest and fastest operating speed [rad/s], shaded.
+        clearance: amplitude [m] at which the shaft would touch, a line.
 
     Returns:
         The upper Axes, amplitude, and the lower, phase [deg].
@@ -51,18 +63,26 @@ def response(
     Raises:
         ValueError: the result has no such station, or `axes` are not two.
     """
-    names = ("twice",) if hasattr(result, "twice") else ("forward", "backward")
-    parts = {name: signal(result, name, station) for name in names}
-    shown = {name: part for name, part in parts.items() if np.any(part)} or {
-        names[0]: parts[names[0]]
-    }
+    shown = _probed(result, probes, station) if len(probes) else _parts(result, station)
     upper, lower = page.pair(axes, 170, 110)
     forced = np.ptp(result.speeds) == 0 and hasattr(result, "frequencies")
     speeds = np.asarray(result.frequencies if forced else result.speeds)
-    largest = max(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
-    for name, part in shown.items():
-        _draw(upper, lower, speeds, part, largest, *_PARTS[name])
-    marked = critical is not None and _mark(upper, lower, critical, speeds)
+    largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
+    factor = labels.length(largest)[0]
+    for (name, colour), part in shown.items():
+        _draw(upper, lower, speeds, part, largest, name, colour)
+    if not len(probes) and len(shown) > 1:  # an ellipse, which only its axis measures
+        major = factor * sum(np.abs(part) for part in shown.values())
+        upper.plot(speeds, major, color=colours.DARK, linewidth=1.2, label="major half axis")
+    if critical is not None:
+        _mark(upper, lower, critical, speeds)
+    if peaks is not None:
+        _draw_peaks(upper, peaks, factor)
+    if operating is not None:
+        _shade_operation((upper, lower), *operating)
+    if clearance is not None:
+        style = {"color": colours.DARK, "linewidth": 0.8, "linestyle": (0, (8, 2, 2, 2))}
+        upper.axhline(factor * clearance, label="clearance", **style)
     unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
     for ax in (upper, lower) if unstable.any() else ():
         shade = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}
@@ -73,13 +93,60 @@ def response(
     else:
         upper.set_ylim(bottom=0.0)
     lower.set_xlabel("frequency [rad/s]" if forced else "spin speed [rad/s]")
-    if marked or len(shown) > 1 or "twice" in shown or unstable.any():
+    if len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice"):
         page.legend(upper, columns=3)
     return upper, lower
 
 
-def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> bool:
-    """Draw a line at every critical speed in range, one label per kind; returns whether there are any."""
+def _parts(result: Any, station: int) -> dict[tuple[str, str], Complex[np.ndarray, " w"]]:
+    """Parts that are not zero, by label and colour."""
+    names = ("twice",) if hasattr(result, "twice") else ("forward", "backward")
+    parts = {_PARTS[name]: signal(result, name, station) for name in names}
+    return {name: part for name, part in parts.items() if np.any(part)} or {
+        _PARTS[names[0]]: parts[_PARTS[names[0]]]
+    }
+
+
+def _probed(result: Any, probes: Any, station: int) -> dict[tuple[str, str], Any]:
+    """Readings of probes, by label and colour."""
+    if not hasattr(result, "probe"):
+        raise ValueError("Probes read the parts at one frequency; leave `probes` out of this plot.")
+    signal(result, "forward", station)  # raises if there is no such station
+    angles = [float(angle) for angle in probes]
+    names = [f"probe at {np.degrees(angle):.4g}\N{DEGREE SIGN}" for angle in angles]
+    readings = [np.asarray(result.probe(angle))[:, station] for angle in angles]
+    return dict(zip(zip(names, colours.shades(len(names)), strict=True), readings, strict=True))
+
+
+def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
+    """Amplification factors over the peaks, and bars at half power."""
+    rows = zip(
+        peaks.speeds, peaks.amplitudes, peaks.lower, peaks.upper, peaks.amplification, strict=True
+    )
+    for speed, amplitude, left, right, amplification in rows:
+        if np.isfinite(amplification):
+            height = factor * amplitude * HALF_POWER
+            ax.plot([left, right], [height, height], "|-", color=colours.DARK, linewidth=0.8)
+            beside: Any = {
+                "xytext": (3, -2),
+                "textcoords": "offset points",
+                "fontsize": page.TEXT - 1,
+            }
+            ax.annotate(f"AF {amplification:.3g}", (speed, factor * amplitude), **beside)
+
+
+def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: float | int) -> None:
+    """A band, or a line if there is one operating speed."""
+    style: Any = {"color": colours.TEAL, "label": "operating speed", "zorder": 0.3}
+    for ax in axes:
+        if slowest == fastest:
+            ax.axvline(slowest, linewidth=1.0, **style)
+        else:
+            ax.axvspan(slowest, fastest, alpha=0.2, linewidth=0.0, **style)
+
+
+def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> None:
+    """Draw a line at every critical speed in range, one label per kind."""
     seen = set()
     for speed, kind in zip(np.asarray(critical.speeds).tolist(), critical.kinds, strict=True):
         if not speeds.min() <= speed <= speeds.max():
@@ -89,7 +156,6 @@ def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray
         for ax in (upper, lower):
             style = {"color": colours.GREY, "linewidth": 0.8, "zorder": 0.5}
             ax.axvline(speed, label=name, linestyle=_DASHES[kind], **style)
-    return bool(seen)
 
 
 def _draw(

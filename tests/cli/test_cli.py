@@ -275,7 +275,14 @@ def test_response(place):
         exact = eccentricity * speed**2 / (1e4 - speed**2 + 10j * speed)
         np.testing.assert_allclose(motion[:, 0], exact, rtol=1e-10)
         assert data.amplitude.attrs["units"] == "m" and data.phase.attrs["units"] == "rad"
-    text = call(*run).stdout
+    (sharp,) = shown["margins"]  # of little damping AF = 1 / (2 D) nearly
+    assert sharp["lower"] < 100 < sharp["upper"] and shown["operating"] == [50.0, 50.0]
+    assert sharp["amplification"] == pytest.approx(10.0, rel=0.02)
+    assert sharp["margin"] == pytest.approx(peak["speed"] / 50 - 1) and sharp["kept"]
+    factor = sharp["amplification"]
+    assert sharp["required"] == pytest.approx(0.1 + 0.17 * (1 - 1 / (factor - 1.5)))
+    text = call(*run, "--operating", "90:99").stdout
+    assert "too close" in text and "90 to 99 rad/s" in text
     assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
     assert re.search(r"station\W+0\.3 m", text)
 
@@ -292,7 +299,9 @@ def test_response_is_at_the_contact_that_is_left_out(place):
 def test_response_without_damping_is_unbounded():
     shown = answered("response", damped(0.0), "--points", 42)
     assert shown["peaks"] == [] and shown["critical"][0]["amplitude"] is None
-    assert "unbounded" in call("response", "damped.toml", "--points", 42).stdout
+    assert shown["margins"][0]["required"] == pytest.approx(0.26)
+    text = call("response", "damped.toml", "--points", 42).stdout
+    assert "unbounded" in text and "infinite" in text
     below = call("response", "damped.toml", "--to", 50, "--points", 42).stdout
     assert "none between these speeds" in below
 
@@ -888,6 +897,7 @@ def test_balance_with_balls(place):
         (["critical", "limiter-rotor", "--set", "disc.mass=-1"], "must not be negative"),
         (["response", "limiter-rotor", "--to", "900", "--at", "2 m"], "on the shaft"),
         (["response", "limiter-rotor", "--from", "5 kg", "--to", "6"], "--from must be in rad/s"),
+        (["response", "limiter-rotor", "--operating", "3:2"], "--operating must be one speed"),
         (["simulate", "limiter-rotor", "--start-radius", "-1 mm"], "must not be negative"),
         (["simulate", "limiter-rotor", "--start-radius", "1 kg"], "--start-radius must be in m"),
         (["simulate", "limiter-rotor", "--keep", "200"], "must not exceed"),

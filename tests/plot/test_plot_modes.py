@@ -401,6 +401,7 @@ def test_response_draws_the_parts_there_are():
     np.testing.assert_allclose(lines(upper)["forward part"].get_data(), [frequencies, [2.0] * 5])
     np.testing.assert_allclose(lines(upper)["backward part"].get_ydata(), 1.0)
     np.testing.assert_allclose(lines(lower)["backward part"].get_ydata(), 90.0)
+    np.testing.assert_allclose(lines(upper)["major half axis"].get_ydata(), 3.0)
     weight = jr.WeightResponse(frequencies, one, 0 * forward, 3 * forward)
     upper, lower = plot.response(weight)
     assert lower.get_xlabel() == "spin speed [rad/s]" and len(upper.lines) == 1
@@ -418,6 +419,42 @@ def test_response_shades_where_nothing_settles():
     assert "unstable" in [text.get_text() for text in upper.get_legend().get_texts()]
     stable, _ = plot.response(result, growth=-np.ones_like(speeds))
     assert not stable.collections
+
+
+def test_response_marks_peaks_and_what_they_are_kept_from():
+    found = resonance()
+    none = jr.CriticalSpeeds(jnp.zeros(0), jnp.zeros(0), jnp.zeros(2), jnp.zeros((0, 2)), None)
+    ends = [np.array([value]) for value in (100.0, 20e-3, 95.0, 105.0)]
+    peaks = jr.ResponsePeaks(found, none, *ends)
+    upper, lower = plot.response(
+        found, station=1, peaks=peaks, operating=(150.0, 180.0), clearance=0.03
+    )
+    (bar,) = [line for line in upper.lines if line.get_marker() == "|"]
+    np.testing.assert_allclose(bar.get_data(), [[95.0, 105.0], [20 * np.sqrt(0.5)] * 2])
+    assert [text.get_text() for text in upper.texts] == ["AF 10"]
+    np.testing.assert_allclose(lines(upper)["clearance"].get_ydata(), 30.0)
+    for ax in (upper, lower):
+        (band,) = ax.patches
+        assert (band.get_x(), band.get_width()) == (150.0, 30.0)
+    upper, _ = plot.response(found, operating=(150.0, 150.0))
+    np.testing.assert_allclose(lines(upper)["operating speed"].get_xdata(), 150.0)
+
+
+def test_response_of_probes():
+    """A straight orbit along 30 degrees: a probe across it reads nothing."""
+    speeds, one = jnp.linspace(10.0, 90.0, 5), jnp.array([0.2])
+    along = jnp.full((5, 1), 1e-3 * np.exp(1j * np.pi / 6))
+    result = jr.HarmonicResponse(speeds, speeds, one, along, along, None)
+    upper, lower = plot.response(result, probes=(np.pi / 6, 2 * np.pi / 3))
+    np.testing.assert_allclose(lines(upper)["probe at 30\N{DEGREE SIGN}"].get_ydata(), 2.0)
+    across = lines(upper)["probe at 120\N{DEGREE SIGN}"].get_ydata()
+    np.testing.assert_allclose(across, 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        lines(lower)["probe at 30\N{DEGREE SIGN}"].get_ydata(), 0.0, atol=1e-9
+    )
+    weight = jr.WeightResponse(speeds, one, 0 * along, along)
+    with pytest.raises(ValueError, match="leave `probes` out"):
+        plot.response(weight, probes=(0.0,))
 
 
 def test_response_of_a_station_that_is_not_there():

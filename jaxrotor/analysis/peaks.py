@@ -1,0 +1,222 @@
+"""Peaks of the response to unbalance: amplification factors and separation margins."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.optimize import brentq, minimize_scalar
+
+from ..core.compiled import compiled_quickly
+from ..core.tables import RPM, notebook_table
+from ..equations.pencil import isotropic
+from ..equations.system import structure
+from ..scene import Scene
+from .critical import CriticalSpeeds, critical_speeds
+from .forced import HarmonicResponse, unbalance_response
+
+
+SAME = 1e-6  # distance, relative to the range, below which two speeds count as one
+HALF_POWER = np.sqrt(0.5)  # amplitude there over that of the peak
+DAMPED = 2.5  # amplification factor below which a peak needs no margin
+_MOST = {"below": 0.16, "above": 0.26}  # largest margins that are required
+
+
+class Margins(NamedTuple):
+    """Separation of `k` peaks from a range of operating speeds, relative to its nearer end."""
+
+    actual: Float[np.ndarray, " k"]  # 0 within the range
+    required: Float[np.ndarray, " k"]  # NaN where the amplification factor is unknown
+
+    @property
+    def kept(self) -> Bool[np.ndarray, " k"]:
+        """Whether a peak is as far away as required; false where that is unknown."""
+        return self.actual >= self.required
+
+
+class ResponsePeaks(eqx.Module):
+    """`k` peaks of the synchronous response at one station, ascending, and the speeds at half power.
+
+    The peak of a critical speed without damping has an infinite amplitude.
+    """
+
+    response: HarmonicResponse  # at the speeds between which peaks were sought
+    critical: (
+        CriticalSpeeds  # critical speeds among them that unbalance excites, of the undamped rotor
+    )
+    speeds: Float[np.ndarray, " k"]  # [rad/s]
+    amplitudes: Float[np.ndarray, " k"]  # major half axis [m]
+    lower: Float[np.ndarray, " k"]  # speed of half power below a peak [rad/s], NaN if there is none
+    upper: Float[np.ndarray, " k"]  # above it
+
+    @property
+    def amplification(self) -> Float[np.ndarray, " k"]:
+        """`AF = N_c / (N_2 - N_1)`: peak over the distance of the speeds of half power; NaN without them.
+
+        Source: API RP 684 (2005), SP6.8.2.1.
+        """
+        width = self.upper - self.lower
+        return np.where(width == 0, np.inf, self.speeds / np.where(width == 0, 1.0, width))
+
+    def margins(self, slowest: float | int, fastest: float | int | None = None) -> Margins:
+        """Separation margins: `17 (1 - 1 / (AF - 1.5))` % is required below the range of operation.
+
+        Below, it is taken of the slowest operating speed, and 16 % suffice. Above, it is 10 % more and
+        taken of the fastest operating speed, and 26 % suffice. A peak with `AF < 2.5` needs none.
+
+        Args:
+            slowest: slowest operating speed [rad/s], above zero.
+            fastest: fastest one [rad/s], by default the same.
+
+        Returns:
+            `Margins`, actual and required ones as fractions.
+
+        Raises:
+            ValueError: the speeds are not above zero and in ascending order.
+
+        Source: API RP 684 (2005), SP6.8.2.10; the same as API Standard 617, part 1.
+        """
+        fastest = slowest if fastest is None else fastest
+        if not 0 < slowest <= fastest < np.inf:
+            raise ValueError(
+                "Operating speeds [rad/s] must be above zero and in ascending order, but are "
+                f"{slowest!r} and {fastest!r}."
+            )
+        below, above = (slowest - self.speeds) / slowest, (self.speeds - fastest) / fastest
+        factor = self.amplification
+        needed = 0.17 * (1 - 1 / np.where(factor < DAMPED, DAMPED, factor - 1.5))
+        bounds = (np.minimum(needed, _MOST["below"]), np.minimum(0.1 + needed, _MOST["above"]))
+        required = np.where(self.speeds > fastest, bounds[1], bounds[0])
+        required = np.where(factor < DAMPED, 0.0, required)
+        return Margins(np.maximum(0.0, np.maximum(below, above)), required)
+
+    def _repr_html_(self) -> str:
+        rows = zip(
+            self.speeds,
+            self.speeds * RPM,
+            self.amplitudes,
+            self.lower,
+            self.upper,
+            self.amplification,
+            strict=True,
+        )
+        heads = (
+            "speed [rad/s]",
+            "[rpm]",
+            "amplitude [m]",
+            "half power from",
+            "to",
+            "amplification",
+        )
+        (station,) = np.asarray(self.response.stations).tolist()
+        at = f"at {station:.6g} m" if np.isfinite(station) else "of a casing"
+        return notebook_table(f"{self.speeds.size} peaks of the response {at}", heads, list(rows))
+
+
+def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
+    """`d |z| / d Omega = 0`: peaks of the response to unbalance, refined, and where they fall by sqrt 2.
+
+    A speed of half power lies between a peak and the valley beside it, or the end of the range; where the
+    amplitude does not fall so far there, it is NaN. Peaks are sought between the speeds that are given and
+    the critical speeds among them, so a few hundred speeds miss none of use.
+
+    Args:
+        scene: a rotor without contact.
+        speeds: three or more speeds [rad/s], ascending.
+        at: one station [m] or the name of a casing, by default the observed station of `simulate`.
+
+    Returns:
+        `ResponsePeaks`. Neither differentiable nor traceable; differentiate `unbalance_response`.
+
+    Raises:
+        ValueError: the speeds are fewer or not ascending, there are several stations, or
+            `unbalance_response` refuses the scene.
+    """
+    speeds = np.asarray(speeds, float)
+    if speeds.ndim != 1 or speeds.size < 3 or not np.all(np.diff(speeds) > 0):
+        raise ValueError(f"`speeds` must be three or more in ascending order, but is {speeds}.")
+    critical = _excited(scene, float(speeds[0]), float(speeds[-1]))
+    unbounded = [_is_unbounded(scene, speed, at) for speed in np.asarray(critical.speeds).tolist()]
+    grid = _united(speeds, np.asarray(critical.speeds), np.array(unbounded, bool))
+    found = unbalance_response(scene, grid, at)
+    if found.stations.size != 1:
+        raise ValueError(
+            f"Peaks are those of one station, but `at` has {found.stations.size}; give one of them."
+        )
+    place = found.stations if np.isfinite(found.stations[0]) else at
+    height = lambda speed: tuple(map(float, _height_and_slope(scene, jnp.asarray(speed), place)))
+    heights, sharp = np.asarray(found.major)[:, 0], np.asarray(critical.speeds)[unbounded]
+    rows = [(speed, np.inf, speed, speed) for speed in sharp.tolist()]
+    for k in _summits(heights).tolist():
+        left, right = grid[k - 1], grid[k + 1]
+        if not np.any((left <= sharp) & (sharp <= right)):
+            speed = _summit(height, left, right)
+            top = height(speed)[0]
+            sides = (_half_power(height, grid, heights, k, (speed, top), way) for way in (-1, 1))
+            rows.append((speed, top, *sides))
+    table = np.array(sorted(rows), float).reshape(-1, 4)
+    return ResponsePeaks(found, critical, *table.T)
+
+
+def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
+    """Critical speeds in a range that unbalance excites: where orbits are circles, the forward ones."""
+    found = critical_speeds(scene)
+    values, kinds = np.asarray(found.speeds), np.array(found.kinds)
+    inside = (values >= low) & (values <= high)
+    if isotropic(structure(scene).blocks):
+        inside &= kinds == "forward"
+    return found.where(inside)
+
+
+def _is_unbounded(scene: Scene, speed: float, at) -> bool:
+    """Whether the response at a critical speed is infinite, for want of damping."""
+    try:
+        unbalance_response(scene, speed, at)
+    except ValueError:
+        return True
+    return False
+
+
+def _united(speeds: np.ndarray, critical: np.ndarray, unbounded: np.ndarray) -> np.ndarray:
+    """Speeds, and critical ones where the response is finite; of two that coincide the critical one."""
+    near = np.abs(speeds[:, None] - critical) < SAME * (speeds[-1] - speeds[0])
+    return np.union1d(speeds[~near.any(axis=1)], critical[~unbounded])
+
+
+def _summits(heights: np.ndarray) -> np.ndarray:
+    """Indices of the local maxima between the ends."""
+    rises, falls = heights[1:-1] > heights[:-2], heights[1:-1] >= heights[2:]
+    return np.flatnonzero(rises & falls) + 1
+
+
+@compiled_quickly
+def _height_and_slope(scene: Scene, speed: Array, at) -> tuple[Array, Array]:
+    """Amplitude at a speed and its derivative by the speed: one program for all peaks."""
+    height = lambda speed: unbalance_response(scene, speed, at).major[0, 0]
+    return jax.value_and_grad(height)(speed)
+
+
+def _summit(height: Callable, low: float, high: float) -> float:
+    """Speed of the maximum between two speeds, to rounding: the zero of its slope."""
+    near = minimize_scalar(lambda speed: -height(speed)[0], bounds=(low, high), method="bounded").x
+    slope, apart = lambda speed: height(speed)[1], 1e-3 * (high - low)
+    below, above = max(low, near - apart), min(high, near + apart)
+    if not slope(below) > 0 > slope(above):
+        return float(near)
+    zero: Any = brentq(slope, below, above)
+    return float(zero)
+
+
+def _half_power(height: Callable, grid, heights, k: int, peak: tuple, way: int) -> float:
+    """Speed of half power on one side of a peak, NaN if the valley or the end comes first."""
+    (near, previous), half = peak, HALF_POWER * peak[1]
+    k = k if (grid[k] - near) * way > 0 else k + way
+    while 0 <= k < grid.size and heights[k] <= previous:
+        if heights[k] < half:
+            crossed: Any = brentq(lambda x: height(x)[0] - half, *sorted((near, grid[k])))
+            return float(crossed)
+        near, previous, k = grid[k], heights[k], k + way
+    return np.nan
