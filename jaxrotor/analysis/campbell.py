@@ -15,7 +15,14 @@ from ..equations.pencil import Frame, frame, is_rounding, isotropic
 from ..equations.system import System, assemble
 from ..scene import Scene
 from .films import check_linear
-from .modal import moving_roots, sense_of_whirl, slowest_first
+from .modal import (
+    STRAIGHT,
+    energy_shares,
+    kinetic_energy,
+    moving_roots,
+    sense_of_whirl,
+    slowest_first,
+)
 
 
 CHOICE = 0.2  # largest error of a sure match, relative to that of the next best match
@@ -36,6 +43,7 @@ class Campbell(eqx.Module):
     circular: bool = eqx.field(
         static=True
     )  # whether orbits are circles, so frequencies have a sign
+    senses: Float[Array, "w m"] | None = None  # forward less backward share of kinetic energy
 
     @property
     def frequencies(self) -> Float[Array, "w m"]:
@@ -44,11 +52,16 @@ class Campbell(eqx.Module):
 
     @property
     def forward(self) -> Float[Array, "w m"] | None:
-        """+1 for whirl with the spin, -1 against it, 0 for none; None where axes are unequal.
+        """+1 for whirl with the spin, -1 against it, 0 for none; None in axes that turn with the shaft.
 
-        Where axes are unequal the sense depends on the mode shape, see `Modes.forward`.
+        Where axes are unequal the sense is that of the part with more kinetic energy, see `Modes.forward`,
+        and 0 where orbits are nearly straight lines.
         """
-        return sense_of_whirl(self.values, self.speeds[:, None]) if self.circular else None
+        if self.circular:
+            return sense_of_whirl(self.values, self.speeds[:, None])
+        if self.senses is None:
+            return None
+        return jnp.where(jnp.abs(self.senses) < STRAIGHT, 0.0, jnp.sign(self.senses))
 
     @property
     def growth(self) -> Float[Array, "w m"]:
@@ -71,14 +84,14 @@ class Campbell(eqx.Module):
         values: Any = np.asarray(self.values)
         above = np.abs(values.imag) - order * np.abs(speeds)[:, None]
         k, branch = np.nonzero((above[:-1] < 0) != (above[1:] < 0))
+        ways = np.zeros(values.shape) if self.forward is None else np.asarray(self.forward)
         if self.circular:  # a branch that changes its whirl direction is not oscillating in between
-            ways = np.asarray(self.forward)
             whole = ways[k, branch] == ways[k + 1, branch]
             k, branch = k[whole], branch[whole]
         part = above[k, branch] / (above[k, branch] - above[k + 1, branch])
         at = speeds[k] + part * (speeds[k + 1] - speeds[k])
         roots = values[k, branch] + part * (values[k + 1, branch] - values[k, branch])
-        ways = np.asarray(self.forward)[k, branch] if self.circular else np.zeros(k.size)
+        ways = ways[k, branch]
         whirls = ~is_rounding(roots.imag, roots)
         at, roots, ways = (one[whirls][np.argsort(at[whirls])] for one in (at, roots, ways))
         return Crossings(at, np.abs(roots.imag), -roots.real / np.abs(roots), ways)
@@ -90,7 +103,7 @@ class Crossings(NamedTuple):
     speeds: Float[np.ndarray, " c"]  # [rad/s]
     frequencies: Float[np.ndarray, " c"]  # [rad/s]
     damping_ratio: Float[np.ndarray, " c"]
-    forward: Float[np.ndarray, " c"]  # +1 with the spin, -1 against it, 0 where axes are unequal
+    forward: Float[np.ndarray, " c"]  # +1 with the spin, -1 against it, 0 for neither or unknown
 
 
 def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
@@ -127,8 +140,12 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
             "jax.grad; call it outside, or use `roots`."
         )
 
+    energy = None
+    if frame(blocks) == "fixed" and not isotropic(blocks):
+        energy = _kinetic_energy(scene)
+
     def sample(speed):
-        found = _values_and_slopes(system, jnp.asarray(speed), count)
+        found = _values_and_slopes(system, energy, jnp.asarray(speed), count)
         return _Sample(speed, *map(np.asarray, found))
 
     wanted = slice(count if isotropic(blocks) else 2 * count)
@@ -136,18 +153,21 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     for speed in speeds[1:]:
         followed.append(_follow(followed[-1], sample(speed), wanted, sample))
     branches = np.stack([one.values for one in followed])
-    if not isotropic(blocks):
-        branches = _less_conjugates(branches)
-    axes = frame(blocks)
-    return Campbell(jnp.asarray(speeds), jnp.asarray(branches[:, :count]), axes, isotropic(blocks))
+    kept = np.arange(count) if isotropic(blocks) else _less_conjugates(branches)[:count]
+    senses = None
+    if energy is not None:
+        senses = jnp.asarray(np.stack([one.senses for one in followed])[:, kept])
+    values = jnp.asarray(branches[:, kept])
+    return Campbell(jnp.asarray(speeds), values, frame(blocks), isotropic(blocks), senses)
 
 
 class _Sample(NamedTuple):
-    """Roots (m,) and their derivatives at one speed [rad/s]."""
+    """Roots (m,) at one speed [rad/s], their derivatives, and the senses of their whirl."""
 
     speed: float
     values: np.ndarray
     slopes: np.ndarray
+    senses: np.ndarray
 
     def same(self, step: float) -> np.ndarray:
         """Pairs of roots (m, m) that are equal and stay so over a step, so they are interchangeable."""
@@ -184,7 +204,7 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
     # The square root of the cost favours one long jump over a chain of short ones. Such a jump is real:
     # of the slowest roots that are kept, one may have lost its partner to those left out.
     order = linear_sum_assignment(np.sqrt(cost))[1]
-    cost, right = cost[:, order], _Sample(right.speed, right.values[order], right.slopes[order])
+    cost, right = cost[:, order], _Sample(right.speed, *(part[order] for part in right[1:]))
     twins = right.same(step)
     others = np.where(left.same(step) | twins, np.inf, cost)
     sure = np.diagonal(cost) <= CHOICE * np.minimum(others.min(axis=0), others.min(axis=1))
@@ -196,14 +216,26 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
 
 
 @compiled_quickly
-def _values_and_slopes(system: System, speed: Scalar, count: int):
-    """The slowest roots, somewhat more than `count` (pairs), and their derivatives."""
+def _kinetic_energy(scene: Scene) -> Float[Array, "n n"]:
+    return kinetic_energy(scene, assemble(scene))
+
+
+@compiled_quickly
+def _values_and_slopes(system: System, energy: Array | None, speed: Scalar, count: int):
+    """The slowest roots, somewhat more than `count` (pairs), their derivatives, and senses of whirl.
+
+    The senses are zero unless the matrix of the kinetic energy is given.
+    """
     number = 4 * count + 8
-    values, slopes = moving_roots(system, speed, number)
+    values, slopes, vectors = moving_roots(system, speed, number)
+    senses = jnp.zeros(values.size)
+    if energy is not None:
+        shares = energy_shares(energy, vectors.reshape(-1, 2, system.n))
+        senses = sense_of_whirl(values, speed) * (shares[:, 0] - shares[:, 1])
     # Massless coordinates have infinite roots; they are placed beyond all others.
     values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
     chosen = slowest_first(values)[:number]
-    return values[chosen], _finite(slopes[chosen])
+    return values[chosen], _finite(slopes[chosen]), senses[chosen]
 
 
 def _finite(values: Array) -> Array:
@@ -211,10 +243,10 @@ def _finite(values: Array) -> Array:
 
 
 def _less_conjugates(branches: Any) -> np.ndarray:
-    """The branches without those that are conjugate to another everywhere; positive frequency stays."""
-    kept: list[np.ndarray] = []
-    for branch in branches[:, np.argsort(branches.imag.mean(axis=0) < 0, kind="stable")].T:
-        if not any(is_rounding(branch.conj() - other, branch).all() for other in kept):
-            kept.append(branch)
-    kept.sort(key=lambda branch: abs(branch[0]))
-    return np.stack(kept, axis=1)
+    """Indices of the branches without those conjugate to another everywhere; positive frequency stays."""
+    kept: list[int] = []
+    for k in np.argsort(branches.imag.mean(axis=0) < 0, kind="stable").tolist():
+        branch = branches[:, k]
+        if not any(is_rounding(branch.conj() - branches[:, one], branch).all() for one in kept):
+            kept.append(k)
+    return np.array(sorted(kept, key=lambda k: abs(branches[0, k])), int)

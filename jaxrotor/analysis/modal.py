@@ -1,5 +1,7 @@
 """Roots and modes of a rotor about its straight position."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -239,7 +241,18 @@ def inertia_shares(
     """
     if halves.shape[1] == 1:
         return jnp.stack([jnp.ones(len(halves)), jnp.zeros(len(halves))], axis=1)
-    energy = assemble_blocks(scene, VirtualLine.galerkin(system.line)).inertia
+    return energy_shares(kinetic_energy(scene, system), halves)
+
+
+def kinetic_energy(scene: Scene, system: System) -> Float[Array, "n n"]:
+    """`M` of the kinetic energy `q.* M q. / 2`, which is symmetric, other than that of collocation."""
+    return assemble_blocks(scene, VirtualLine.galerkin(system.line)).inertia
+
+
+def energy_shares(
+    energy: Float[Array, "n n"], halves: Complex[Array, "m 2 n"]
+) -> Float[Array, "m 2"]:
+    """Shares of shape and counter shape in `q' M q`; equal ones where nothing with mass moves."""
     parts = jnp.einsum("mhi,ij,mhj->mh", halves.conj(), energy, halves).real
     total = jnp.sum(parts, axis=1, keepdims=True)
     return jnp.where(total > 0, parts / jnp.where(total > 0, total, 1.0), 0.5)
@@ -258,8 +271,8 @@ def natural_roots(system: System, count: int | None = None) -> Complex[Array, " 
 
 def moving_roots(
     system: System, speed: Scalar, count: int
-) -> tuple[Complex[Array, " m"], Complex[Array, " m"]]:
-    """`natural_roots` at a speed and their derivatives by the speed; see `moving_eigenvalues`."""
+) -> tuple[Complex[Array, " m"], Complex[Array, " m"], Complex[Array, "m m2"]]:
+    """`natural_roots` at a speed, their derivatives by it, and vectors; see `moving_eigenvalues`."""
 
     def at_whirl(whirl: int, count: int):
         pencil = lambda speed: Pencil.of(system.at_speed(speed), whirl)
@@ -267,24 +280,22 @@ def moving_roots(
         return moving_eigenvalues(here, change, count)
 
     if system.blocks.hysteretic is None:
-        values, slopes = at_whirl(0, count)
-        return less_rounding(values, system.blocks), slopes
+        values, slopes, vectors = at_whirl(0, count)
+        return less_rounding(values, system.blocks), slopes, vectors
     return _by_whirl(speed, *(at_whirl(whirl, 2 * system.n) for whirl in (1, -1)))
 
 
-def _by_whirl(speed, faster, slower) -> tuple[Array, Array]:
+def _by_whirl(speed, faster, slower) -> Any:
     """The roots of `faster` that whirl faster than the shaft, and those of `slower` that whirl slower.
 
     The sign of the loss hardly changes a frequency, so both sets have the same order by frequency.
     """
     faster, slower = (
-        tuple(part[jnp.argsort(values.imag)] for part in (values, vectors))
-        for values, vectors in (faster, slower)
+        tuple(part[jnp.argsort(parts[0].imag)] for part in parts) for parts in (faster, slower)
     )
     chosen = faster[0].imag > speed
     pick = lambda a, b: jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-    values, beside = (pick(a, b) for a, b in zip(faster, slower, strict=True))
-    return values, beside
+    return tuple(pick(a, b) for a, b in zip(faster, slower, strict=True))
 
 
 def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:

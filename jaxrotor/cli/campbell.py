@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
-from ..analysis.modal import KINDS
+from ..analysis.modal import KINDS, kind_of_whirl
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
 from ..scene import Scene
@@ -62,13 +62,15 @@ def campbell(
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
-            _draw(result, _undamped(rotor), mirrored, folder)
+            _draw(result, rotor, mirrored, folder)
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
-    if result.forward is not None:
+    if result.circular:
         senses = np.asarray(result.forward).mean(axis=0)
         directions = ["forward" if sense >= 0 else "backward" for sense in senses]
+    elif result.senses is not None:
+        directions = [kind_of_whirl(sense) for sense in np.asarray(result.senses).mean(axis=0)]
     if as_json:
         rows = zip(directions, np.abs(frequency), growth, strict=True)
         found = {
@@ -165,10 +167,13 @@ def _undamped(rotor: Scene) -> CriticalSpeeds | None:
         return None
 
 
-def _draw(result: Campbell, critical: CriticalSpeeds | None, mirrored: bool, folder: Path) -> None:
+def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path) -> None:
     from .. import plot
 
+    about: dict[str, Any] = {"critical": _undamped(rotor), "mirrored": mirrored}
+    about["operating"] = abs(float(rotor.spin.speed)) or None
+
     def both(axes: Any) -> None:
-        plot.campbell(result, axes, mirrored=mirrored, critical=critical)
+        plot.campbell(result, axes, **about)
 
     draw(folder / "campbell.png", both, 170, 120, rows=2)

@@ -215,8 +215,8 @@ def eigenvalues(pencil: Pencil, count: int | None = None) -> Complex[Array, " m2
 
 def moving_eigenvalues(
     pencil: Pencil, change: Pencil, count: int
-) -> tuple[Complex[Array, " k"], Complex[Array, " k"]]:
-    """The slowest eigenvalues and some others, and their changes with a change of the pencil.
+) -> tuple[Complex[Array, " k"], Complex[Array, " k"], Complex[Array, "k m2"]]:
+    """The slowest eigenvalues and some others, their changes with a change of the pencil, and vectors.
 
     `d lambda = -y dP x / (y P' x)`, with left vectors `y` to some digits, see `slowest`. Equal eigenvalues
     get the mean of their changes; close to a defective pair, whose vectors coincide, the result has few
@@ -240,7 +240,8 @@ def moving_eigenvalues(
     rates = jnp.where(finite, -changes / jnp.where(finite, slopes, 1.0), 0.0)
     same = finite & (jnp.abs(roots[:, None] - roots) <= ROUNDING * jnp.abs(roots)[:, None])
     same = same | jnp.eye(values.size, dtype=bool)
-    return values, (same @ rates) / jnp.sum(same, axis=1)
+    changes = (same @ rates) / jnp.sum(same, axis=1)
+    return values, changes, _in_halves(pencil, found.right[:m].T)
 
 
 def eigenvectors(
@@ -252,10 +253,15 @@ def eigenvectors(
     """
     own = pencil.along_axes
     values, vectors = _eigenvectors(count, own.inertia, own.damping, own.stiffness)
-    if pencil.paired:
-        x, y = jnp.split(vectors, 2, axis=1)
-        vectors = jnp.concatenate([x + 1j * y, x - 1j * y], axis=1)
-    return values, vectors
+    return values, _in_halves(pencil, vectors)
+
+
+def _in_halves(pencil: Pencil, vectors: Complex[Array, "k m2"]) -> Complex[Array, "k m2"]:
+    """Vectors of `(x, y)` as those of `(x + i y, x - i y)`, if the pencil is of pairs."""
+    if not pencil.paired:
+        return vectors
+    x, y = jnp.split(vectors, 2, axis=1)
+    return jnp.concatenate([x + 1j * y, x - 1j * y], axis=1)
 
 
 def _along_axes(pair: Complex[Array, "m m"]) -> Float[Array, "m m"]:

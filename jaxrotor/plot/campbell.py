@@ -18,7 +18,7 @@ from . import colours, page
 Branches = Float[np.ndarray, "w m"]
 Mask = Bool[np.ndarray, "w m"]
 
-_COLOURS = {1: colours.FORWARD, -1: colours.BACKWARD, 0: colours.DARK}
+_COLOURS = {1: colours.FORWARD, -1: colours.BACKWARD, 0: colours.DARK}  # of rings, by sense
 _SEEN = 0.01  # smallest damping ratio that is written beside a ring
 
 
@@ -30,6 +30,7 @@ def campbell(
     orders: Sequence[float | int] = (1,),
     highest: float | int | None = None,
     critical: CriticalSpeeds | None = None,
+    operating: float | int | None = None,
 ) -> tuple[Axes, Axes]:
     """Whirl frequency `|Im lambda|` above and growth rate `Re lambda` below, against spin speed.
 
@@ -46,6 +47,7 @@ def campbell(
         orders: cycles per revolution of the lines.
         highest: end of the frequency axis [rad/s], by default above the highest branch.
         critical: undamped `jaxrotor.critical_speeds`, marked by crosses.
+        operating: operating speed [rad/s], a vertical line.
 
     Returns:
         The upper Axes, frequency [rad/s], and the lower, growth rate [1/s].
@@ -83,6 +85,9 @@ def campbell(
 
     for ax in (upper, lower):
         ax.margins(x=0)
+        if operating is not None and speeds[0] <= operating <= speeds[-1]:
+            style = {"color": colours.TEAL, "linewidth": 1.0, "zorder": 0.3}
+            ax.axvline(operating, label="operating speed", **style)
     upper.set_ylim(0.0, 1.05 * frequency.max(initial=1e-9) if highest is None else highest)
     _scale_growth(lower, growth)
     page.zero(lower)
@@ -96,15 +101,20 @@ def campbell(
 
 
 def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
-    """Name, colour and points of each direction of whirl; only circular whirl has a direction."""
+    """Name, colour and points of each direction of whirl, if there are directions."""
     if result.forward is None:
         return [("whirl", colours.DARK, np.ones(result.values.shape, bool))]
     forward = np.asarray(result.forward)
     found = [
         ("forward whirl", colours.FORWARD, forward > 0),
         ("backward whirl", colours.BACKWARD, forward < 0),
-        ("no whirl", colours.UNDEFINED, forward == 0),
+        ("no whirl", colours.UNDEFINED, forward == 0)
+        if result.circular
+        else ("nearly straight", colours.ORANGE, forward == 0),
     ]
+    if not result.circular:  # a branch that changes its direction has no gap there
+        for _, _, shown in found:
+            shown[1:] |= shown[:-1].copy()
     return [row for row in found if row[2].any()]
 
 

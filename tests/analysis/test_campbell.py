@@ -135,3 +135,34 @@ def test_branches_keep_their_direction(points):
     sides = np.sign(np.imag(np.asarray(branches)))
     assert (sides[1:] == sides[1]).all()
     assert sorted(sides[1]) == [-1.0] * 4 + [1.0] * 4
+
+
+def test_senses_between_unequal_cross_coupled_supports():
+    """Forward less backward share of the translation of a disc, from its two equations of motion."""
+    stiffness, damping = np.array([[1e5, 4e3], [-6e3, 1.1e5]]), np.diag([60.0, 20.0])
+    names = ("kxx", "kxy", "kyx", "kyy")
+    coefficients = dict(zip(names, stiffness.ravel() / 2, strict=True))
+    supports = [jr.Support(at, **coefficients, cxx=30.0, cyy=10.0) for at in (0.0, 0.6)]
+    disc = jr.Disc(0.3, 10.0, 0.1, 0.1)  # its tilt is two to three times as fast
+    scene = jr.Scene(jr.RigidShaft(0.6), disc, *supports, spin=jr.ConstantSpeed(0.0))
+    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness / 10, -damping / 10]])
+    values, vectors = np.linalg.eig(matrix)
+    order = [k for k in np.argsort(np.abs(values)) if values[k].imag > 0]
+    x, y = vectors[:2, order]
+    ahead, behind = np.abs(x + 1j * y) ** 2, np.abs(x - 1j * y) ** 2
+    expected = (ahead - behind) / (ahead + behind)
+    found = jr.campbell(scene, [0.0, 40.0, 80.0], count=2)
+    np.testing.assert_allclose(found.values, np.tile(values[order], (3, 1)), rtol=1e-9)
+    np.testing.assert_allclose(found.senses, np.tile(expected, (3, 1)), atol=1e-9)
+    assert np.asarray(found.forward).tolist() == [np.sign(expected).tolist()] * 3
+    assert set(np.sign(expected)) == {1.0, -1.0}
+
+
+@pytest.mark.slow
+def test_senses_are_those_of_modes():
+    rotor = jr.load("two-discs-unequal")
+    found = jr.campbell(rotor, [10.0, 200.0], count=4)
+    for speed, values, senses in zip(found.speeds, found.values, found.senses, strict=True):
+        modes = jr.modes(rotor.replace({"spin.speed": speed}), 8)
+        there = [int(np.argmin(np.abs(np.asarray(modes.values) - value))) for value in values]
+        np.testing.assert_allclose(np.asarray(modes.forward)[there], senses, atol=1e-6)
