@@ -26,6 +26,7 @@ from .options import (
     rpm,
     scene_with,
     speeds_between,
+    typed_unit,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -62,7 +63,7 @@ def campbell(
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
-            _draw(result, rotor, mirrored, folder)
+            _draw(result, rotor, mirrored, folder, typed_unit(high, low))
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
@@ -167,7 +168,7 @@ def _undamped(rotor: Scene) -> CriticalSpeeds | None:
         return None
 
 
-def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path) -> None:
+def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path, unit: str) -> None:
     from .. import plot
 
     about: dict[str, Any] = {"critical": _undamped(rotor), "mirrored": mirrored}
@@ -176,4 +177,4 @@ def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path) -> None:
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)
 
-    draw(folder / "campbell.png", both, 170, 120, rows=2)
+    draw(folder / "campbell.png", both, 170, 120, rows=2, speed=unit)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -224,6 +225,15 @@ def interval(low: str | None, high: str) -> tuple[float, float]:
     if not start < stop:
         raise ValueError(f"--to must be above --from = {start:g} rad/s, but is {stop:g} rad/s.")
     return start, stop
+
+
+def typed_unit(*texts: str | None) -> str:
+    """Unit of speed to draw in: that of the first option that has one."""
+    for text in texts:
+        match = re.search(r"(krpm|rpm|hz)\s*(:|$)", text or "", re.IGNORECASE)
+        if match is not None:
+            return match[1].lower().replace("hz", "Hz")
+    return "rad/s"
 
 
 def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:

@@ -103,15 +103,23 @@ def write_dataset(dataset: Any, path: Path) -> None:
 
 
 def draw(
-    path: Path, plot: Callable[[Any], Any], width: float | int, height: float | int, rows: int = 1
+    path: Path,
+    plot: Callable[[Any], Any],
+    width: float | int,
+    height: float | int,
+    rows: int = 1,
+    speed: str = "rad/s",
 ) -> None:
     """Write a picture [mm] of `plot(axes)`, without a window; report on stderr if it cannot be drawn.
 
+    Speeds are drawn in the unit `speed`.
+
     An error would discard the data, which are already written.
     """
-    from ..plot import write
+    from ..plot import units, write
 
     try:
-        write(path, plot, width, height, rows)
+        with units(speed=speed):
+            write(path, plot, width, height, rows)
     except ValueError as error:
         typer.echo(f"{path.name} was not drawn: {error}", err=True)

@@ -37,6 +37,7 @@ from .options import (
     rpm,
     scene_with,
     speeds_between,
+    typed_unit,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -99,7 +100,7 @@ def response(
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
-            _draw(found, growth, range_, folder)
+            _draw(found, growth, range_, folder, typed_unit(high, low, operating))
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
@@ -229,7 +230,9 @@ def _variables(
     )
 
 
-def _draw(found: ResponsePeaks, growth: np.ndarray, operating: Any, folder: Path) -> None:
+def _draw(
+    found: ResponsePeaks, growth: np.ndarray, operating: Any, folder: Path, unit: str
+) -> None:
     from .. import plot
 
     about = {"critical": found.critical, "growth": growth, "peaks": found, "operating": operating}
@@ -237,4 +240,4 @@ def _draw(found: ResponsePeaks, growth: np.ndarray, operating: Any, folder: Path
     def both(axes: Any) -> None:
         plot.response(found.response, axes, **about)
 
-    draw(folder / "response.png", both, 170, 110, rows=2)
+    draw(folder / "response.png", both, 170, 110, rows=2, speed=unit)

@@ -36,5 +36,6 @@ from .stability import (
 )
 from .sweep_map import sweep_map as sweep_map
 from .tuning import tuning as tuning
+from .units import units as units
 from .waterfall import waterfall as waterfall
 from .whirl import whirl_history as whirl_history, whirl_spectrum as whirl_spectrum

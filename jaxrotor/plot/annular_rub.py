@@ -8,6 +8,7 @@ from matplotlib.colors import ListedColormap
 
 from . import colours, labels, page
 from .branch import MARKERS, runs
+from .units import speed_unit
 
 
 _KINDS = (  # of a map of dry whirl: name and colour
@@ -29,14 +30,16 @@ def annular_rub(result: Any, ax: Axes | None = None) -> Axes:
         ax: Axes to draw in; a new figure if None.
 
     Returns:
-        The Axes, radius [mm] over spin speed [rad/s].
+        The Axes, radius over spin speed.
     """
     ax = page.single(ax, 120, 80)
-    speeds, gap = np.asarray(result.speeds), float(result.gap)
+    turns, per_turn = speed_unit()
+    speeds, gap = turns * np.asarray(result.speeds), float(result.gap)
     radius, exists = np.asarray(result.radius), np.asarray(result.exists)
     factor, unit = labels.length(float(np.max(radius, initial=gap, where=exists)))
     onsets, folds, merged = (
-        np.asarray(part) for part in (result.onsets, result.folds, result.fold_radius)
+        np.asarray(part)
+        for part in (turns * result.onsets, turns * result.folds, result.fold_radius)
     )
     free = np.abs(np.asarray(result.free))
     ends = onsets, np.full(onsets.size, gap)
@@ -71,7 +74,7 @@ def annular_rub(result: Any, ax: Axes | None = None) -> Axes:
             ax.plot(places, factor * heights, marker, label=name, **style)
     ax.set_xlim(speeds.min(), speeds.max())
     ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("spin speed [rad/s]")
+    ax.set_xlabel(f"spin speed [{per_turn}]")
     ax.set_ylabel(f"radius at the ring [{unit}]")
     page.legend(ax, columns=3)
     return ax
@@ -87,10 +90,11 @@ def dry_whirl(result: Any, ax: Axes | None = None) -> Axes:
         ax: Axes to draw in; a new figure if None.
 
     Returns:
-        The Axes, friction [1] over spin speed [rad/s].
+        The Axes, friction [1] over spin speed.
     """
     ax = page.single(ax, 120, 85)
-    x, y = np.asarray(result.speeds), np.asarray(result.frictions)
+    turns, unit = speed_unit()
+    x, y = turns * np.asarray(result.speeds), np.asarray(result.frictions)
     rolls, slips = np.asarray(result.rolls), np.asarray(result.slips)
     kinds = np.where(np.asarray(result.exists), 1, 0)
     kinds = np.where(rolls & slips, 4, np.where(slips, 3, np.where(rolls, 2, kinds)))
@@ -103,7 +107,7 @@ def dry_whirl(result: Any, ax: Axes | None = None) -> Axes:
     least = np.asarray(result.least_friction)
     ax.plot(x, least, color=colours.DARK, linewidth=1.3, label="least friction")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
-    ax.set_xlabel("spin speed [rad/s]")
+    ax.set_xlabel(f"spin speed [{unit}]")
     ax.set_ylabel("friction [1]")
     page.legend(ax, columns=4)
     return ax

@@ -13,6 +13,7 @@ from ..analysis import Campbell, CriticalSpeeds
 from ..analysis.campbell import OVERDAMPED
 from ..equations.pencil import is_rounding
 from . import colours, page
+from .units import speed_unit
 
 
 Branches = Float[np.ndarray, "w m"]
@@ -50,7 +51,7 @@ def campbell(
         operating: operating speed [rad/s], a vertical line.
 
     Returns:
-        The upper Axes, frequency [rad/s], and the lower, growth rate [1/s].
+        The upper Axes, frequency, and the lower, growth rate [1/s].
 
     Raises:
         ValueError: `axes` are not two, or `mirrored` is set but there is no backward whirl or the speeds
@@ -58,8 +59,10 @@ def campbell(
 
     Source: Brysin, Nikiforov (2019), Figs. 3, 4; their decay is minus the growth here.
     """
-    speeds, values = np.asarray(result.speeds), np.asarray(result.values)
-    frequency, growth = np.abs(np.imag(values)), np.real(values)
+    factor, unit = speed_unit()
+    values = np.asarray(result.values)
+    speeds, frequency = factor * np.asarray(result.speeds), factor * np.abs(np.imag(values))
+    growth = np.real(values)
     growth = np.where(is_rounding(growth, values), 0.0, growth)
     directions = _directions(result)
     if mirrored:
@@ -85,17 +88,18 @@ def campbell(
 
     for ax in (upper, lower):
         ax.margins(x=0)
-        if operating is not None and speeds[0] <= operating <= speeds[-1]:
+        if operating is not None and speeds[0] <= factor * operating <= speeds[-1]:
             style = {"color": colours.TEAL, "linewidth": 1.0, "zorder": 0.3}
-            ax.axvline(operating, label="operating speed", **style)
-    upper.set_ylim(0.0, 1.05 * frequency.max(initial=1e-9) if highest is None else highest)
+            ax.axvline(factor * operating, label="operating speed", **style)
+    highest = 1.05 * frequency.max(initial=1e-9) if highest is None else factor * highest
+    upper.set_ylim(0.0, highest)
     _scale_growth(lower, growth)
     page.zero(lower)
     upper.set_ylabel(
-        "frequency in the axes\nof the shaft [rad/s]" if rotating else "whirl frequency [rad/s]"
+        f"frequency in the axes\nof the shaft [{unit}]" if rotating else f"whirl frequency [{unit}]"
     )
     lower.set_ylabel("growth rate [1/s]")
-    lower.set_xlabel(f"spin speed [rad/s]{', backward whirl at negative' if mirrored else ''}")
+    lower.set_xlabel(f"spin speed [{unit}]{', backward whirl at negative' if mirrored else ''}")
     page.legend(upper, columns=4)
     return upper, lower
 
@@ -150,13 +154,15 @@ def _draw_crossings(
         own = (found.forward == way) & (found.damping_ratio <= OVERDAMPED)
         if not own.any():
             continue
-        x = found.speeds[own] * (-1 if mirrored and way < 0 else 1)
+        factor, _ = speed_unit()
+        x = factor * found.speeds[own] * (-1 if mirrored and way < 0 else 1)
         style: Any = {"linestyle": "none", "marker": "o", "markersize": 4.0}
         style |= {"markerfacecolor": "white", "color": colour, "zorder": 4 + 0.01 * way}
-        ax.plot(x, found.frequencies[own], label=name, **style)
+        y = factor * found.frequencies[own]
+        ax.plot(x, y, label=name, **style)
         name = None
         ratios = found.damping_ratio[own]
-        for speed, frequency, ratio in zip(x, found.frequencies[own], ratios, strict=True):
+        for speed, frequency, ratio in zip(x, y, ratios, strict=True):
             if ratio >= _SEEN:
                 beside: Any = {"xytext": (4, -8), "textcoords": "offset points", "fontsize": 7}
                 ax.annotate(f"{ratio:.2g}", (speed, frequency), color=colour, zorder=5, **beside)
@@ -168,7 +174,7 @@ def _draw_crossings(
 
 def _draw_undamped(ax: Axes, critical: CriticalSpeeds, mirrored: bool, end: float) -> None:
     """Crosses on the synchronous line at the critical speeds of the undamped rotor."""
-    speeds, kinds = np.asarray(critical.speeds), np.array(critical.kinds)
+    speeds, kinds = speed_unit()[0] * np.asarray(critical.speeds), np.array(critical.kinds)
     inside = speeds <= end
     x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
     style = {"linestyle": "none", "marker": "x", "markersize": 4.0, "color": colours.DARK}

@@ -20,7 +20,7 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
         ax: Axes to draw in; a new figure if None.
 
     Returns:
-        The Axes, the parameter over speed [rad/s] or time [s].
+        The Axes, the parameter over speed or time [s].
 
     Raises:
         ValueError: the dataset has no `envelope`, is not over one parameter, or has too little to draw.
@@ -37,7 +37,8 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     speed = dataset["speed"].transpose(dim, "window").values
     changes = np.diff(speed[0])
     if np.allclose(speed, speed[0]) and (np.all(changes > 0) or np.all(changes < 0)):
-        across, (_, label) = speed[0], parameter("speed", "rad/s")
+        turns, label = parameter("speed", "rad/s")
+        across = turns * speed[0]
     else:
         across, label = dataset["window"].values, "time [s]"
     values, name = coordinate(dataset, dim)

@@ -8,9 +8,7 @@ from jaxtyping import Shaped
 
 from ..equations.pencil import is_rounding
 from ..results.provenance import ensemble_of
-
-
-_DRAWN = {"m": ("mm", 1e3)}  # SI unit -> unit in figures, factor
+from .units import length_unit, speed_unit
 
 
 def swept(dataset: xr.Dataset, variable: str, own: tuple[str, ...] = ()) -> list[str]:
@@ -53,13 +51,17 @@ def coordinate(dataset: xr.Dataset, dim: str) -> tuple[Shaped[np.ndarray, " N"],
 
 def parameter(name: str, unit: str) -> tuple[float, str]:
     """Factor from SI to the unit drawn, and axis label "name [unit]" of a parameter."""
-    unit, factor = _DRAWN.get(unit, (unit, 1.0))
+    factor = 1.0
+    if unit == "m":
+        factor, unit = length_unit("mm")
+    elif unit == "rad/s":
+        factor, unit = speed_unit()
     return factor, f"{name} [{_raised(unit)}]"
 
 
 def length(largest: float) -> tuple[float, str]:
     """Factor from m to the unit drawn, and that unit, for displacements up to `largest` [m]."""
-    return (1e6, "\N{MICRO SIGN}m") if largest < 1e-4 else (1e3, "mm")
+    return length_unit("\N{MICRO SIGN}m" if largest < 1e-4 else "mm")
 
 
 def words(path: str) -> str:

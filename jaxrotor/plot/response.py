@@ -12,6 +12,7 @@ from ..analysis import CriticalSpeeds, ResponsePeaks
 from ..analysis.peaks import HALF_POWER
 from . import colours, labels, page
 from .record import signal
+from .units import speed_unit
 
 
 _DASHES = {"forward": "--", "backward": ":", "mixed": "-."}
@@ -66,7 +67,8 @@ def response(
     shown = _probed(result, probes, station) if len(probes) else _parts(result, station)
     upper, lower = page.pair(axes, 170, 110)
     forced = np.ptp(result.speeds) == 0 and hasattr(result, "frequencies")
-    speeds = np.asarray(result.frequencies if forced else result.speeds)
+    turns, unit = speed_unit()
+    speeds = turns * np.asarray(result.frequencies if forced else result.speeds)
     largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
     factor = labels.length(largest)[0]
     for (name, colour), part in shown.items():
@@ -92,7 +94,7 @@ def response(
         upper.set_yscale("log")
     else:
         upper.set_ylim(bottom=0.0)
-    lower.set_xlabel("frequency [rad/s]" if forced else "spin speed [rad/s]")
+    lower.set_xlabel(f"frequency [{unit}]" if forced else f"spin speed [{unit}]")
     if len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice"):
         page.legend(upper, columns=3)
     return upper, lower
@@ -120,10 +122,9 @@ def _probed(result: Any, probes: Any, station: int) -> dict[tuple[str, str], Any
 
 def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
     """Amplification factors over the peaks, and bars at half power."""
-    rows = zip(
-        peaks.speeds, peaks.amplitudes, peaks.lower, peaks.upper, peaks.amplification, strict=True
-    )
-    for speed, amplitude, left, right, amplification in rows:
+    places = speed_unit()[0] * np.stack([peaks.speeds, peaks.lower, peaks.upper], axis=1)
+    rows = zip(places, peaks.amplitudes, peaks.amplification, strict=True)
+    for (speed, left, right), amplitude, amplification in rows:
         if np.isfinite(amplification):
             height = factor * amplitude * HALF_POWER
             ax.plot([left, right], [height, height], "|-", color=colours.DARK, linewidth=0.8)
@@ -138,6 +139,7 @@ def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
 def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: float | int) -> None:
     """A band, or a line if there is one operating speed."""
     style: Any = {"color": colours.TEAL, "label": "operating speed", "zorder": 0.3}
+    slowest, fastest = (speed_unit()[0] * end for end in (slowest, fastest))
     for ax in axes:
         if slowest == fastest:
             ax.axvline(slowest, linewidth=1.0, **style)
@@ -148,7 +150,8 @@ def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: flo
 def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> None:
     """Draw a line at every critical speed in range, one label per kind."""
     seen = set()
-    for speed, kind in zip(np.asarray(critical.speeds).tolist(), critical.kinds, strict=True):
+    places = speed_unit()[0] * np.asarray(critical.speeds)
+    for speed, kind in zip(places.tolist(), critical.kinds, strict=True):
         if not speeds.min() <= speed <= speeds.max():
             continue
         name = None if kind in seen else f"critical, {kind}"

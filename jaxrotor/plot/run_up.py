@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from ..analysis import critical_speeds
 from . import colours, labels, page
 from .record import signal
+from .units import speed_unit
 
 
 def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
@@ -18,7 +19,7 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
-        The upper Axes, speed [rad/s], and the lower, acceleration [rad/s^2].
+        The upper Axes, speed, and the lower, acceleration [rad/s^2].
 
     Raises:
         ValueError: `axes` are not two.
@@ -43,7 +44,7 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
         axes: two Axes, upper and lower; a new figure if None.
 
     Returns:
-        The upper Axes, amplitude, and the lower, speed [rad/s].
+        The upper Axes, amplitude, and the lower, speed.
 
     Raises:
         ValueError: the run has no such station, or `axes` are not two.
@@ -66,13 +67,14 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         ax: Axes to draw in; a new figure if None.
 
     Returns:
-        The Axes, amplitude over speed [rad/s].
+        The Axes, amplitude over speed.
 
     Raises:
         ValueError: the run has no such station.
     """
     ax = page.single(ax, 170, 60)
-    speed = np.asarray(run.speed)
+    turns, unit = speed_unit()
+    speed = turns * np.asarray(run.speed)
     _draw_amplitude(ax, speed, run, station)
     if run.contact_force is not None:
         amplitude = np.abs(signal(run, "displacement", station))
@@ -80,12 +82,12 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         factor = labels.length(amplitude.max(initial=0.0))[0]
         touched = np.where(touching, factor * amplitude, np.nan)
         ax.plot(speed, touched, color=colours.RED, lw=1.2, label="contact")
-    for number, critical in enumerate(_critical(run.scene)):
+    for number, critical in enumerate(turns * np.array(_critical(run.scene))):
         if speed.min() < critical < speed.max():
             label = None if number else "critical speed"
             ax.axvline(critical, color="0.6", lw=0.8, ls="--", label=label, zorder=0.5)
     page.legend(ax, columns=3)
-    ax.set_xlabel("speed of rotation [rad/s]")
+    ax.set_xlabel(f"speed of rotation [{unit}]")
     return ax
 
 
@@ -109,6 +111,7 @@ def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
 
 
 def _draw_speed(ax: Axes, run: Any) -> None:
-    ax.plot(np.asarray(run.time), np.asarray(run.speed), color=colours.DARK, lw=1.2)
+    turns, unit = speed_unit()
+    ax.plot(np.asarray(run.time), turns * np.asarray(run.speed), color=colours.DARK, lw=1.2)
     ax.margins(x=0)
-    ax.set_ylabel("speed [rad/s]")
+    ax.set_ylabel(f"speed [{unit}]")

@@ -81,3 +81,16 @@ def test_a_map_shows_what_kind_of_whirl_there_is():
 )
 def test_draws_in_given_axes_or_a_figure_of_its_own(draw):
     check_axes(draw)
+
+
+def test_speeds_in_revolutions_per_minute():
+    plain = plot.annular_rub(rub())
+    with plot.units(speed="rpm"):
+        chosen = plot.annular_rub(rub())
+    assert chosen.get_xlabel() == "spin speed [rpm]"
+    assert chosen.get_xlim() == pytest.approx(np.array(plain.get_xlim()) * 30 / np.pi)
+    for name in ("free, stable", "full rub, stable", "onset of contact", "fold"):
+        (before,), (after,) = (
+            [line for line in ax.lines if line.get_label() == name] for ax in (plain, chosen)
+        )
+        np.testing.assert_allclose(after.get_xdata(), np.array(before.get_xdata()) * 30 / np.pi)

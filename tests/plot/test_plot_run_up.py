@@ -96,6 +96,13 @@ def test_speed_and_acceleration_in_time(run):
     np.testing.assert_allclose(lower.lines[0].get_ydata(), 10.0)
     assert upper.get_ylabel() == "speed [rad/s]" and lower.get_xlabel() == "time [s]"
     assert lower.get_ylabel() == "acceleration [rad/s$^2$]"
+    with plot.units(speed="rpm"):
+        upper, _ = plot.run_up(run)[::-1]
+        over = plot.passage(run)
+    assert upper.get_ylabel() == "speed [rpm]"
+    assert over.get_xlabel() == "speed of rotation [rpm]"
+    for drawn in (upper.lines[0].get_ydata(), over.lines[0].get_xdata()):
+        np.testing.assert_allclose(drawn[[0, -1]], np.array([300.0, 600.0]) / np.pi)
 
 
 def test_amplitude_of_a_run_up(run):

@@ -1,0 +1,61 @@
+"""Units: those of speeds, frequencies and lengths on all axes, chosen in one place."""
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
+
+import numpy as np
+
+from ..core.tables import RPM
+
+
+SPEEDS = {"rad/s": 1.0, "rpm": RPM, "krpm": 1e-3 * RPM, "Hz": 1 / (2 * np.pi)}
+LENGTHS = {"m": 1.0, "mm": 1e3, "\N{MICRO SIGN}m": 1e6}
+_SPELT = {"um": "\N{MICRO SIGN}m"}
+
+_speed: ContextVar[str] = ContextVar("speed", default="rad/s")
+_length: ContextVar[str | None] = ContextVar("length", default=None)
+
+
+@contextlib.contextmanager
+def units(*, speed: str = "rad/s", length: str | None = None) -> Iterator[None]:
+    """Draw speeds of rotation, whirl frequencies and lengths in chosen units within a `with` block.
+
+        with plot.units(speed="rpm"):
+            plot.campbell(result)
+
+    Arguments of plot functions stay in SI units.
+
+    Args:
+        speed: "rad/s", "rpm", "krpm" or "Hz".
+        length: "m", "mm" or "um"; by default mm, of small displacements micrometres.
+
+    Raises:
+        ValueError: a unit is another one.
+    """
+    length = _SPELT.get(length, length) if length is not None else None
+    _check("speed", speed, SPEEDS)
+    if length is not None:
+        _check("length", length, LENGTHS)
+    tokens = _speed.set(speed), _length.set(length)
+    try:
+        yield
+    finally:
+        _speed.reset(tokens[0])
+        _length.reset(tokens[1])
+
+
+def speed_unit() -> tuple[float, str]:
+    """Factor from rad/s to the unit drawn, and that unit."""
+    return SPEEDS[_speed.get()], _speed.get()
+
+
+def length_unit(own: str) -> tuple[float, str]:
+    """Factor from m to the unit drawn, and that unit: `own` unless another is chosen."""
+    unit = _length.get() or own
+    return LENGTHS[unit], unit
+
+
+def _check(name: str, unit: str, known: Mapping[str, float]) -> None:
+    if unit not in known:
+        raise ValueError(f"`{name}` must be one of {', '.join(known)}, but is {unit!r}.")
