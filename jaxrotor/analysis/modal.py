@@ -246,7 +246,8 @@ def inertia_shares(
 
 def kinetic_energy(scene: Scene, system: System) -> Float[Array, "n n"]:
     """`M` of the kinetic energy `q.* M q. / 2`, which is symmetric, other than that of collocation."""
-    return assemble_blocks(scene, VirtualLine.galerkin(system.line)).inertia
+    inertia: Any = assemble_blocks(scene, VirtualLine.galerkin(system.line)).inertia
+    return inertia
 
 
 def energy_shares(

@@ -153,10 +153,10 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
     for k in _summits(heights).tolist():
         left, right = grid[k - 1], grid[k + 1]
         if not np.any((left <= sharp) & (sharp <= right)):
-            speed = _summit(height, left, right)
-            top = height(speed)[0]
-            sides = (_half_power(height, grid, heights, k, (speed, top), way) for way in (-1, 1))
-            rows.append((speed, top, *sides))
+            speed = _summit(height, float(left), float(right))
+            peak = speed, height(speed)[0]
+            lower, upper = (_half_power(height, grid, heights, k, peak, way) for way in (-1, 1))
+            rows.append((*peak, lower, upper))
     table = np.array(sorted(rows), float).reshape(-1, 4)
     return ResponsePeaks(found, critical, *table.T)
 
@@ -201,7 +201,9 @@ def _height_and_slope(scene: Scene, speed: Array, at) -> tuple[Array, Array]:
 
 def _summit(height: Callable, low: float, high: float) -> float:
     """Speed of the maximum between two speeds, to rounding: the zero of its slope."""
-    near = minimize_scalar(lambda speed: -height(speed)[0], bounds=(low, high), method="bounded").x
+    depth = lambda speed: -height(speed)[0]
+    best: Any = minimize_scalar(depth, bounds=(low, high), method="bounded")
+    near = best.x
     slope, apart = lambda speed: height(speed)[1], 1e-3 * (high - low)
     below, above = max(low, near - apart), min(high, near + apart)
     if not slope(below) > 0 > slope(above):

@@ -128,12 +128,10 @@ def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
         if np.isfinite(amplification):
             height = factor * amplitude * HALF_POWER
             ax.plot([left, right], [height, height], "|-", color=colours.DARK, linewidth=0.8)
-            beside: Any = {
-                "xytext": (3, -2),
-                "textcoords": "offset points",
-                "fontsize": page.TEXT - 1,
-            }
-            ax.annotate(f"AF {amplification:.3g}", (speed, factor * amplitude), **beside)
+            above: Any = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
+            above["fontsize"] = page.TEXT - 1
+            ax.annotate(f"AF {amplification:.3g}", (speed, factor * amplitude), **above)
+    ax.margins(y=0.12)  # for the texts
 
 
 def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: float | int) -> None:
