@@ -80,7 +80,7 @@ def test_a_motion_begins_at_any_angle():
         jr.lyapunov(scene, start=first.end)
     turned = {"start.angle": [0.0, float(first.end.angle)]}
     counts = {"settle": 0, "keep": 1, "steps_per_revolution": 32, "progress": False}
-    lanes = jr.sweep(scene, turned, start=first.end, **counts)
+    lanes = jr.sweep(scene, turned, start=first.end, observe=[jr.observe.Radius()], **counts)
     radius = np.abs(second.displacement[1:]).max()
     assert float(lanes.radius_max[1]) == pytest.approx(radius, rel=1e-6)
     assert float(lanes.radius_max[0]) != pytest.approx(radius, rel=1e-3)
