@@ -32,8 +32,10 @@ def balancer(case="R", om=2.0, imbalance=1.6, places=(2, 3), polar=0.014):
 
 
 def launch(angles=PSI0, rates=0.0):
+    """The shaft at rest, by coordinates as in any other state: one program serves all starts."""
     balls = (jr.Balls(jnp.asarray(a, float), jnp.full(len(a), rates)) for a in angles)
-    return jr.Launch(balls=tuple(balls))
+    still = jnp.zeros(1) + 0j
+    return jr.Launch(jr.Continued(still, still), balls=tuple(balls))
 
 
 def run(scene, tau, start=None, fine=True, **options):

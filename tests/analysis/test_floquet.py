@@ -95,7 +95,7 @@ VARIANTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("p", [0.83, 1.7, 4.0])
+@pytest.mark.parametrize("p", [0.83, 4.0])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_against_integration(name, p):
     values = BASE | VARIANTS[name]
@@ -120,7 +120,7 @@ def test_sense_of_rotation(p):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("p", [0.5, 0.83, 2.5])
+@pytest.mark.parametrize("p", [0.5, 2.5])
 @pytest.mark.parametrize("equal", ["supports", "shaft", "both"])
 def test_constant_coefficients_in_some_frame(equal, p):
     """Zero anisotropy, which is integrated, gives the multipliers of absent anisotropy, by its roots."""
@@ -280,10 +280,10 @@ def test_gradient(support):
     values = BASE | {"support": support, "kappa": 0.05}
     scene = rotor(1.3, **values)
     middle = {path: jnp.ravel(scene.get(path))[0] for path in PATHS}
-    growth = jax.jit(lambda values: jr.growth_rate(scene.put(values)))
-    slopes = jax.jit(jax.grad(lambda values: jr.growth_rate(scene.put(values))))(middle)
+    both = jax.jit(jax.value_and_grad(lambda values: jr.growth_rate(scene.put(values))))
+    slopes = both(middle)[1]
     for path, value in middle.items():
-        at = lambda h, path=path, value=value: float(growth(middle | {path: value + h}))
+        at = lambda h, path=path, value=value: float(both(middle | {path: value + h})[0])
         h = 1e-4
         found = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
         assert float(slopes[path]) == pytest.approx(found, rel=1e-7, abs=1e-9), path
@@ -292,11 +292,11 @@ def test_gradient(support):
 @pytest.mark.slow
 def test_gradient_of_multipliers():
     scene, x, h = flexible(300.0, nodes=4), jnp.asarray(SHAFT), 1e-4
-    at = jax.jit(lambda x: jr.floquet_multipliers(scene.put({"shaft.anisotropy": x}), 8)[:8])
-    near = [at(x + k * h) for k in (-2, -1, 1, 2)]
+    at = lambda x: jr.floquet_multipliers(scene.put({"shaft.anisotropy": x}), 8)[:8]
+    both = jax.jit(lambda x: jax.jvp(at, (x,), (jnp.ones(()),)))
+    near = [np.asarray(both(x + k * h)[0]) for k in (-2, -1, 1, 2)]
     found = (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / (12 * h)
-    slopes = jax.jvp(at, (x,), (jnp.ones(()),))[1]
-    np.testing.assert_allclose(slopes, found, rtol=1e-6)
+    np.testing.assert_allclose(both(x)[1], found, rtol=1e-6)
 
 
 def test_mapped_equals_one_by_one():

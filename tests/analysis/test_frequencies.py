@@ -56,7 +56,7 @@ def test_conservative_frequencies():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("nodes", [4, 8, 12])
+@pytest.mark.parametrize("nodes", [4, 12])
 @pytest.mark.parametrize("N", [0.0, 15.0])
 def test_conservative_roots_are_imaginary(nodes, N):
     scene = limiter_rotor(N=N, nodes=nodes, **UNDAMPED)
@@ -105,10 +105,8 @@ def test_first_roots(N):
 
 EXACT = 13.90412512  # N_crit at eta_i = 0.005 [R]
 TRAPEZOID = {  # cells: N_crit, stiffest eigenvalue [R]
-    2: (14.013883, 8.9e3),
     5: (13.925237, 7.9e4),
     10: (13.909524, 3.3e5),
-    20: (13.905482, 1.3e6),
     40: (13.904465, 5.4e6),
 }
 SPECTRAL = {  # nodes: N_crit and its tolerance, stiffest eigenvalue [R]
@@ -116,7 +114,6 @@ SPECTRAL = {  # nodes: N_crit and its tolerance, stiffest eigenvalue [R]
     5: (13.903526, 6e-7, 3.4e2),
     6: (13.904233, 6e-7, 1.5e3),
     8: (13.904125026, 1e-8, 1.1e4),
-    10: (13.904125120, 1e-8, 5.2e4),
 }
 
 
@@ -167,10 +164,8 @@ def beam(**options):
 
 TWO = ((0.28, MASS, DIAMETRAL, 2 * DIAMETRAL), (0.7, 0.6, 0.001, 0.0015))
 SEVERAL = {
-    "none": (),
     "end": ((0.7, MASS, DIAMETRAL, 2 * DIAMETRAL),),
     "middle": ((0.35, MASS, DIAMETRAL, 2 * DIAMETRAL),),
-    "two": TWO,
     "three": (*TWO, (0.49, 0.8, 0.002, 0.004)),
 }
 
@@ -182,7 +177,7 @@ def test_discs_against_finite_elements(discs):
     elements = beam()
     for disc in SEVERAL[discs]:
         elements.disc(*disc)
-    nodes = {"none": 14, "end": 14}.get(discs, 12)  # nodes per span
+    nodes = {"end": 14}.get(discs, 12)  # nodes per span
     scene = bare(*(Disc(*disc) for disc in SEVERAL[discs]), nodes=nodes)
     for N in (0.0, 15.0, 60.0):
         expected = elements.roots(N / TIME, 6)
@@ -194,7 +189,7 @@ def test_discs_against_finite_elements(discs):
 
 @pytest.mark.slow
 @pytest.mark.hard("1.6 no spurious mode grows")
-@pytest.mark.parametrize(("reach", "nodes"), [(0.65, 8), (0.65, 5), (0.6, 5), (0.03, 12)])
+@pytest.mark.parametrize(("reach", "nodes"), [(0.65, 5), (0.6, 5), (0.03, 12)])
 def test_no_spurious_mode_grows(reach, nodes):
     """With a disc near the end of the shaft every root is stable below the onset speed."""
     scene = limiter_rotor(N=1.0, eta_i=None, station=reach / LENGTH, nodes=nodes, contact=False)
@@ -229,10 +224,10 @@ def hanging(x, load, tip, where):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reach", [0.3, 0.7])
 @pytest.mark.parametrize("rule", ["spectral", "trapezoid"])
-def test_static_deflection(reach, rule):
-    g, x = 9.81, np.array([0.0, 0.14, 0.28, 0.42, 0.7])
+def test_static_deflection(rule):
+    """Under a disc inside the shaft; one at its end is below."""
+    g, x, reach = 9.81, np.array([0.0, 0.14, 0.28, 0.42, 0.7]), 0.3
     nodes = {"spectral": 6, "trapezoid": 60}[rule]
     scene = bare(Disc(reach, MASS), Gravity(g), nodes=nodes, rule=rule)
     found = np.asarray(jr.weight_response(scene, 0.0, at=x).deflection[0])

@@ -29,6 +29,9 @@ import jaxrotor as jr
 from jaxrotor.equations.rotating_frame import RotatingState, Transient
 
 
+SAMPLES = 12001  # of long runs, as many in all of them: one program
+
+
 # === reference runs
 
 
@@ -174,7 +177,7 @@ def test_wrong_side_state_at_low_speed():
 @pytest.mark.hard("5.7 several attractors: lag whirl")
 def test_lag_whirl_although_a11_is_negative():
     """Set L at om 1.5: the paper's test promises balance."""
-    result = run(balancer("L", 1.5), np.linspace(700, 900, 12001), fine=False)
+    result = run(balancer("L", 1.5), np.linspace(700, 900, SAMPLES), fine=False)
     rates = np.concatenate([b.angle[-1] - b.angle[0] for b in result.balls]) / 200 + 1.5
     assert np.allclose(rates, 1.0946, rtol=0, atol=1e-3)
     assert np.sqrt(np.mean(np.abs(s_of(result)) ** 2)) == pytest.approx(4.4194, rel=2e-3)
@@ -184,11 +187,7 @@ def test_lag_whirl_although_a11_is_negative():
 @pytest.mark.slow
 def test_light_set_balances_too():
     """Set L at om 2: five final angles."""
-    controller = dfx.PIDController(rtol=1e-11, atol=1e-14)
-    times = np.array([1499.0, 1500.0]) / 100
-    result = jr.run_up(
-        balancer("L"), times, start=launch(), at=D, solver=dfx.Dopri8(), controller=controller
-    )
+    result = run(balancer("L"), np.linspace(1499, 1500, 9))
     angles = np.concatenate([balls.angle[-1] for balls in result.balls])
     final = [5.98581521513, 3.98901042680, 3.20780606561, 2.60807067954, 2.10471078206]
     assert np.allclose(np.mod(angles, 2 * np.pi), final, rtol=0, atol=1e-8)
@@ -206,7 +205,7 @@ def test_lag_whirl_stays_beside_balance():
     tilt = jnp.array([-1j * TILT * delta])
     balls = launch((np.zeros(2), np.full(3, apart)), 100 * (rate - om)).balls
     start = jr.Launch(jr.Continued(tilt, 100j * rate * tilt), 0.0, balls)
-    result = run(balancer("L"), np.linspace(100, 2000, 9501), start, fine=False)
+    result = run(balancer("L"), np.linspace(100, 2000, SAMPLES), start, fine=False)
     angles = np.concatenate([balls.angle for balls in result.balls], axis=1)
     at_100 = [-83.3356771] * 2 + [-83.4526858] * 3
     assert np.allclose(angles[0], at_100, rtol=0, atol=2e-5)
@@ -219,7 +218,7 @@ def test_lag_whirl_stays_beside_balance():
 @pytest.mark.slow
 def test_balls_clump_and_slip_in_the_long_run():
     """Set R at om 0.9, from 800 to 3200: imbalance cycles, balls turn a little more slowly."""
-    result = run(balancer(om=0.9), np.linspace(800, 3200, 12001), fine=False)
+    result = run(balancer(om=0.9), np.linspace(800, 3200, SAMPLES), fine=False)
     rates = np.concatenate([b.angle[-1] - b.angle[0] for b in result.balls]) / 2400 + 0.9
     assert np.allclose(rates, 0.89152, rtol=0, atol=1e-3)
     for found, cycle in ((s_of(result), (2.798, 5.987)), (delta_of(result), (5.239, 11.310))):
@@ -232,9 +231,9 @@ def test_capacity_is_reached_as_one_over_time():
     """Imbalance 4.4, all that the balls have, and equal drag h = 0.8: no exponential decay."""
     drags = {f"ball_balancers.{i}.drag_coefficient": 112 * m for i, m in enumerate((M1, M2))}
     scene = balancer(imbalance=4.4).replace(drags)
-    tau = np.array([0, 100, 1000])
+    tau = np.linspace(100, 1000, SAMPLES)
     result = run(scene, tau, fine=False)
-    assert (tau * s_of(result).real)[1:] == pytest.approx([20.5658, 11.57963], rel=1e-5)
+    assert (tau * s_of(result).real)[[0, -1]] == pytest.approx([20.5658, 11.57963], rel=1e-5)
     settling = jr.balancer.settling_time(result)
     assert not settling.converged and "Not converged in 10 s" in str(settling)
 
@@ -243,7 +242,7 @@ def test_capacity_is_reached_as_one_over_time():
 def test_partial_capture():
     """Set L at om 2, all balls at rest together: one row is caught, the other turns with the rotor."""
     start = launch((np.zeros(2), np.zeros(3)), -200.0)
-    result = run(balancer("L"), np.linspace(2000, 3000, 12001), start, fine=False)
+    result = run(balancer("L"), np.linspace(2000, 3000, SAMPLES), start, fine=False)
     rates = [float(b.angle[-1, 0] - b.angle[0, 0]) / 1000 + 2 for b in result.balls]
     assert rates == pytest.approx([2.0003, 1.1851], abs=2e-3)
     assert np.sqrt(np.mean(np.abs(s_of(result)) ** 2)) == pytest.approx(2.2702, rel=5e-3)
@@ -266,7 +265,7 @@ def test_hysteresis_in_speed():
 def test_hysteresis_of_the_light_set():
     """Stuck up to 4 (rms |s| 4.69, |delta| 75.1, 1.4314); from balance at 4 kept to 1.7, lost at 1.6."""
     speeds = np.array([0.9, 1.2, 1.5, 1.6, 1.7, 1.8, 2.0, 3.0, 4.0])
-    top = run(balancer("L", 4.0), [0, 1500], fine=False).end
+    top = run(balancer("L", 4.0), np.linspace(1400, 1500, SAMPLES), fine=False).end
     down = jr.Launch(top.shaft, top.angle, top.balls)
     found = jr.hysteresis(
         balancer("L"),

@@ -61,8 +61,8 @@ def put(scene, values):
 
 
 def pushed(function):
-    """One program for the value of a function and its derivative along any direction."""
-    return jax.jit(lambda at, along: jax.jvp(function, (at,), (along,)))
+    """One program for the value of a function, its derivative along any direction, and what is beside."""
+    return jax.jit(lambda at, along: jax.jvp(function, (at,), (along,), has_aux=True))
 
 
 def still(values):
@@ -109,7 +109,8 @@ def test_onset_speed_by_every_parameter(rule):
     values = parameters(scene)
     middle = float(jr.onset_speed(scene).speed)
     within = 0.8 * middle, 1.3 * middle
-    onset = pushed(lambda at: jr.onset_speed(put(scene, at), within=within, samples=8).speed)
+    speed = lambda at: jr.onset_speed(put(scene, at), within=within, samples=8).speed
+    onset = pushed(lambda at: (speed(at), None))
     exact = forward(onset, values)
     idle = ("limiters", "unbalance", "gravity", "spin", "disc.offset", "disc.tilt")
     idle = [path for path in values if path.startswith(idle)]
@@ -125,7 +126,7 @@ def test_onset_speed_by_every_parameter(rule):
 
 
 def final(scene, start, revolutions, steps, **options):
-    """Real part of the last displacement, as a function of scene and start, in millimetres."""
+    """Real part of the last displacement [mm], beside forces of contact, by scene and start."""
 
     def function(values):
         own = {path: value for path, value in values.items() if not path.startswith("start.")}
@@ -134,7 +135,7 @@ def final(scene, start, revolutions, steps, **options):
         run = jr.simulate(
             put(scene, own), revolutions, steps, start=begin, at=OBSERVED, solver=solver, **options
         )
-        return 1e3 * run.displacement[-1, 0].real
+        return 1e3 * run.displacement[-1, 0].real, run.contact_force
 
     radius, rate, angle = start
     values = parameters(scene) | {
@@ -163,30 +164,20 @@ CONTACT = {
 START = {"spectral": (0.0085, -10.0, 0.0), "trapezoid": (0.004, -10.0, 0.0)}  # m, 1/T*, rad
 
 
-def touching(rule, **law):
-    """A scene and start that strike a limiter within a revolution."""
-    acting = {"gravity": True, "out_of_true": ASKEW}
-    scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **law, **RULES[rule])
-    radius, rate, angle = START[rule]
-    run = jr.simulate(scene, 1, 64, start=jr.Whirl(radius, rate / TIME, angle), at=OBSERVED)
-    loaded = np.abs(run.contact_force) > 0
-    assert not loaded[0].any() and loaded.any(axis=1).sum() > 5
-    return scene
-
-
 @functools.cache
 def struck(rule, law):
     """A scene that strikes a limiter, its values, their program and the derivatives by them."""
-    scene = touching(rule, **CONTACT[law])
+    acting = {"gravity": True, "out_of_true": ASKEW}
+    scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **CONTACT[law], **RULES[rule])
     function, values = final(scene, START[rule], 1, 64)
     push = pushed(function)
+    loaded = np.abs(push(values, still(values))[2]) > 0
+    assert not loaded[0].any() and loaded.any(axis=1).sum() > 5
     return scene, values, push, forward(push, values)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rule", "law"), [("spectral", "sharp"), ("trapezoid", "sharp"), ("trapezoid", "blended")]
-)
+@pytest.mark.parametrize(("rule", "law"), [("spectral", "sharp"), ("trapezoid", "blended")])
 def test_contact_trajectory_by_every_parameter(rule, law):
     _, values, push, exact = struck(rule, law)
     # A limiter that is not struck does not matter, nor how fast the rim slips on a sharp one.
@@ -200,7 +191,7 @@ def test_reverse_mode_equals_forward_mode():
     scene, values, _, exact = struck("spectral", "sharp")
     reverse = dfx.RecursiveCheckpointAdjoint()
     back, _ = final(scene, START["spectral"], 1, 64, adjoint=reverse)
-    gradient = jax.jit(jax.grad(back))(values)
+    gradient = jax.jit(jax.grad(back, has_aux=True))(values)[0]
     for path, value in values.items():
         close = pytest.approx(exact[path], rel=1e-7, abs=1e-9 / scale_of(value))
         assert float(gradient[path]) == close

@@ -219,7 +219,7 @@ def test_euler_at_the_step_of_the_course(worked):
 
 @pytest.mark.slow
 def test_orders_of_integrators():
-    """Errors at t = 0.16 of 8, 16, 32, 64 steps; RK4 with the course's 24 steps."""
+    """Errors at t = 0.16 of 8 and 64 steps; RK4 with the course's 24 steps."""
     times, exact = np.array([0.0, 0.16]), 273.704205856
 
     def error(count, solver):
@@ -227,17 +227,17 @@ def test_orders_of_integrators():
         run = jr.run_up(rotor(), times, solver=solver, controller=steps)
         return float(run.speed[1]) - exact
 
-    counts = 8 * 2 ** np.arange(4)
+    counts = np.array([8, 64])
     euler = np.array(
         [
             float(jr.run_up(rotor(), times, solver=dfx.Euler(), substeps=int(n)).speed[1]) - exact
             for n in counts
         ]
     )
-    np.testing.assert_allclose(euler, [-14.8, -7.19, -3.54, -1.76], rtol=4e-3)
+    np.testing.assert_allclose(euler, [-14.8, -1.76], rtol=4e-3)
     fourth = np.array([error(n, RK4()) for n in counts])
-    np.testing.assert_allclose(np.abs(fourth), [3.6e-3, 2.1e-4, 1.3e-5, 7.9e-7], rtol=2.5e-2)
-    slope = lambda errors: -np.polyfit(np.log(counts), np.log(np.abs(errors)), 1)[0]
+    np.testing.assert_allclose(np.abs(fourth), [3.6e-3, 7.9e-7], rtol=2.5e-2)
+    slope = lambda errors: np.log(errors[0] / errors[1]) / np.log(8)
     assert abs(slope(euler) - 1) < 0.05 and abs(slope(fourth) - 4) < 0.1
 
 
@@ -439,22 +439,26 @@ def test_a_rotor_that_has_stopped_loads_no_bearing():
 
 @pytest.mark.slow
 @pytest.mark.hard("4.5 no drag, no slope, no torque, D = 0, D^2 < 0")
-@pytest.mark.parametrize("name", ["torque", "slope", "drag"])
-def test_derivatives_where_the_formula_degenerates(name):
+def test_derivatives_where_the_formula_degenerates():
     """Case 5: D = 0."""
     scene = rotor(torque=-(1.57**2) / (4 * 0.039))
-    path = f"spin.{name}"
+    paths = ("spin.torque", "spin.slope", "spin.drag")
 
-    def reaction(value):
-        run = jr.run_up(scene.replace({path: value}), jnp.array([0.0, 0.16]))
+    def reaction(values):
+        changed = scene.replace(dict(zip(paths, values, strict=True)))
+        run = jr.run_up(changed, np.array([0.0, 0.16]))
         return jnp.abs(jr.reactions(run).force[1])
 
-    value = float(scene.get(path))
-    h = 1e-4 * abs(value)
-    found = jax.jacfwd(reaction)(value)
-    central = (reaction(value + h) - reaction(value - h)) / (2 * h)
-    assert np.all(np.isfinite(found)) and np.all(found != 0)
-    np.testing.assert_allclose(found, central, rtol=1e-6)
+    both = jax.jit(lambda values, along: jax.jvp(reaction, (values,), (along,)))
+    values = np.array([float(scene.get(path)) for path in paths])
+    for value, along in zip(values, np.eye(3), strict=True):
+        h = 1e-4 * abs(value)
+        found = both(values, along)[1]
+        central = (both(values + h * along, along)[0] - both(values - h * along, along)[0]) / (
+            2 * h
+        )
+        assert np.all(np.isfinite(found)) and np.all(found != 0)
+        np.testing.assert_allclose(found, central, rtol=1e-6)
 
 
 @pytest.mark.hard("4.6 the angle as drag vanishes")

@@ -97,9 +97,9 @@ def test_of_more_parameters_one_is_chosen(swept):
 @pytest.mark.slow
 def test_a_motion_without_whirl_is_said():
     """At rest in the centre the orbit is a point, and there is no spectrum."""
-    over = {"limiters.gap": [7e-3, 8e-3]}
-    rest = ROTOR.replace({"unbalance.eccentricity": 0.0})
-    explorer = plot.explore(jr.sweep(rest, over, progress=False, **RUN))
+    over = {"unbalance.eccentricity": [0.0, *VALUES[1:]], "start.radius": [0.0, 12e-3]}
+    rest = jr.sweep(ROTOR, over, start=jr.Whirl(1e-3, 0.0), progress=False, **RUN)
+    explorer = plot.explore(rest.isel({"start.radius": 0}))
     explorer.show(0)
     assert "undefined" in explorer.spectrum.texts[0].get_text().replace("\n", " ")
     assert np.abs(drawn(explorer)).max() == 0.0
@@ -107,13 +107,12 @@ def test_a_motion_without_whirl_is_said():
 
 
 @pytest.mark.slow
-def test_the_last_revolutions_are_shown(monkeypatch):
+def test_the_last_revolutions_are_shown(swept, monkeypatch):
     """If more were kept, the last ones are those of the diagram."""
     monkeypatch.setattr(importlib.import_module("jaxrotor.plot.explore"), "LONGEST", 2)
-    over = {"unbalance.eccentricity": VALUES[:1]}
-    start = jr.Whirl(7e-4, 75.0)
-    explorer = plot.explore(jr.sweep(ROTOR, over, start=start, progress=False, **RUN))
+    explorer = plot.explore(swept.isel({"start.radius": 0}))
     explorer.show(0)
+    start = jr.Whirl(7e-4, -441.0123456789012)
     scene = ROTOR.replace({"unbalance.eccentricity": VALUES[0]})
     found = jr.simulate(scene, 10, RUN["steps_per_revolution"], start=start, keep=2)
     np.testing.assert_allclose(explorer.response.displacement, found.displacement, rtol=1e-9)

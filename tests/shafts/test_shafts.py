@@ -35,25 +35,16 @@ def forward(scene, count=None):
     return whirl[whirl > 1e-3 * np.abs(whirl).min(where=np.abs(whirl) > 1.0, initial=1e9)][:count]
 
 
-# === uniform beams: all pairs of ends
+# === uniform beams: every kind of end, on either side
 
-RIGID = {  # number of rigid motions
-    ("free", "free"): 2,
-    ("pin", "free"): 1,
-    ("guide", "guide"): 1,
-    ("guide", "free"): 1,
-}
+RIGID = {("free", "free"): 2, ("pin", "free"): 1, ("guide", "guide"): 1}  # number of rigid motions
 C, S, CH, TH = np.cos, np.sin, np.cosh, np.tanh
 CHARACTERISTIC = {
     ("clamp", "free"): lambda b: C(b) + 1 / CH(b),
-    ("pin", "pin"): S,
-    ("clamp", "clamp"): lambda b: C(b) - 1 / CH(b),
     ("clamp", "pin"): lambda b: S(b) - C(b) * TH(b),
     ("free", "free"): lambda b: C(b) - 1 / CH(b),
     ("pin", "free"): lambda b: S(b) - C(b) * TH(b),
     ("guide", "guide"): S,
-    ("guide", "pin"): C,
-    ("guide", "free"): lambda b: S(b) + C(b) * TH(b),
     ("guide", "clamp"): lambda b: S(b) + C(b) * TH(b),
 }
 
@@ -71,7 +62,8 @@ def first_roots(function, count):
     return np.array([brentq(function, grid[i], grid[i + 1], xtol=1e-15) for i in places])
 
 
-PAIRS = [*CHARACTERISTIC, ("free", "clamp"), ("free", "pin"), ("pin", "clamp")]
+# An end knows nothing of the other, so every kind is at either end once.
+PAIRS = [pair for pair in CHARACTERISTIC if pair != ("clamp", "free")] + [("free", "clamp")]
 
 
 @pytest.mark.slow
@@ -95,7 +87,7 @@ def test_end_conditions(pair):
 def test_convergence_is_exponential():
     """The error of the third frequency of the pinned beam falls by a factor with every node."""
     exact = (3 * np.pi) ** 2 * np.sqrt(RIGIDITY / PER_LENGTH) / LENGTH**2
-    nodes, errors = [6, 8, 10, 12], []
+    nodes, errors = [6, 9, 12], []
     for n in nodes:
         shaft = FlexibleShaft(
             LENGTH, DIAMETER, STEEL, nodes=n, rotary_inertia=False, constraints=ends("pin", "pin")
@@ -420,7 +412,7 @@ def computed(scene):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_conservative_roots_are_imaginary(seed):
     """Eigenvalues before `roots` removes rounding have real parts of 3e-11 of the largest root."""
     values, roots = map(np.asarray, computed(random_rotor(seed)))
@@ -429,7 +421,7 @@ def test_conservative_roots_are_imaginary(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_external_damping_alone_is_stable_at_every_speed(seed):
     rotor = random_rotor(seed)
     damped = Scene(rotor.shaft, *rotor.effects, jr.ExternalDamping(20.0), spin=rotor.spin)
@@ -438,10 +430,9 @@ def test_external_damping_alone_is_stable_at_every_speed(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shear", [False, True])
-def test_internal_damping_alone_destabilises_at_the_first_critical_speed(shear):
+def test_internal_damping_alone_destabilises_at_the_first_critical_speed():
     shaft = FlexibleShaft(
-        LENGTH, DIAMETER, STEEL, constraints=ends("pin", "pin"), shear=shear, nodes=10
+        LENGTH, DIAMETER, STEEL, constraints=ends("pin", "pin"), shear=True, nodes=10
     )
     scene = at_rest(shaft, Disc(0.5, 4.0, 0.01, 0.02), jr.InternalDamping(1e-5))
     critical = float(jr.critical_speeds(scene).forward[0])
@@ -486,7 +477,6 @@ def test_gradient_by_steps_and_constraints(shear):
         shear=shear,
     )
     scene = at_rest(shaft, Disc(1.1, 3.0, 0.01, 0.018), speed=300.0)
-    slowest = lambda values: jr.roots(scene.replace(values), 4).imag
     paths = (
         "constraints.1.at",
         "steps.0.at",
@@ -496,9 +486,16 @@ def test_gradient_by_steps_and_constraints(shear):
     )
     paths, step = [f"shaft.{path}" for path in paths], 1e-6
     own = jnp.array([float(scene.get(path)) for path in paths])
-    at = jax.jit(lambda own: slowest(dict(zip(paths, own, strict=True))))
-    exact = np.asarray(jax.jit(jax.jacfwd(at))(own)).T
-    apart = step * jnp.eye(len(paths))
+    slowest = lambda own: jr.roots(scene.replace(dict(zip(paths, own, strict=True))), 4).imag
+
+    @jax.jit
+    def both(own):  # values, and derivatives by every path in a row of its own
+        push = lambda along: jax.jvp(slowest, (own,), (along,))
+        return jax.vmap(push, out_axes=(None, 0))(jnp.eye(len(paths)))
+
+    exact = np.asarray(both(own)[1])
+    at = lambda own: np.asarray(both(jnp.asarray(own))[0])
+    apart = step * np.eye(len(paths))
     differences = [(at(own + one) - at(own - one)) / (2 * step) for one in apart]
     np.testing.assert_allclose(exact, differences, rtol=2e-5)
     assert np.abs(exact).min() > 1e-3
@@ -559,7 +556,7 @@ def test_more_constraints_in_any_order_are_the_same():
     held = [Constraint(0.0), Constraint(0.4), Constraint(LENGTH, "clamp")]
     found = [
         np.asarray(jr.roots(at_rest(FlexibleShaft(LENGTH, DIAMETER, constraints=order)), 6))
-        for order in itertools.permutations(held)
+        for order in itertools.islice(itertools.permutations(held), 0, None, 2)
     ]
     np.testing.assert_allclose(found, np.broadcast_to(found[0], np.shape(found)), rtol=1e-12)
 
