@@ -17,7 +17,7 @@ from ..effects import Support
 from ..effects.film import AbstractFilm, FilmLaw
 from ..equations.pencil import Pencil, check_axes, frame, unequal_parts
 from ..equations.speed_tables import check_tables
-from ..equations.system import Port, assemble, structure
+from ..equations.system import Port, System, assemble
 from ..scene import Scene
 
 
@@ -79,14 +79,14 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
             "The scene has no oil film; add a JournalBearing or a SqueezeFilm, or take the scene as it is."
         )
     check_tables(scene, speeds)
-    system = structure(scene)
+    system, films = assemble(scene), scene.of(AbstractFilm)
     if frame(system.blocks) == "rotating":
         raise ValueError(
             f"Axes of {unequal_parts(system, 'rotating')} turn with the shaft, so the rotor under weight "
             "has no static position; simulate it in time."
         )
     check_axes(system, "There is no static position", "simulate it in time")
-    position, load, stiffness, damping = _at_speeds(scene, speeds)
+    position, load, stiffness, damping = _at_speeds(system, films, speeds)
     if known(position) and not np.isfinite(position).all():
         k = int(np.argmin(np.isfinite(position).all(axis=1)))
         raise ValueError(
@@ -94,7 +94,7 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
             "nothing at rest and has no stiffness if its journal does not turn; take higher speeds, less "
             "load, or add a Support."
         )
-    gaps = jnp.stack([film.clearance for film in scene.of(AbstractFilm)])
+    gaps = jnp.stack([film.clearance for film in films])
     return StaticPositions(
         speeds=speeds,
         position=position,
@@ -102,7 +102,7 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
         load=load,
         stiffness=stiffness,
         damping=damping,
-        films=tuple(scene.name_of(film) for film in scene.of(AbstractFilm)),
+        films=tuple(scene.name_of(film) for film in films),
     )
 
 
@@ -165,9 +165,9 @@ def film_support(film: AbstractFilm, load: ArrayLike, speeds: Any) -> Support:
 
 
 @compiled_quickly
-def _at_speeds(scene: Scene, speeds: Float[Array, " k"]):
+def _at_speeds(system: System, films: tuple[AbstractFilm, ...], speeds: Float[Array, " k"]):
     """Positions in the bush, loads, stiffness and damping of all films at every speed."""
-    return jax.vmap(lambda speed: _positions(_Balance.of(scene.at_speed(speed))))(speeds)
+    return jax.vmap(lambda speed: _positions(_Balance.of(system.at_speed(speed), films)))(speeds)
 
 
 @compiled_quickly
@@ -214,9 +214,8 @@ class _Balance(eqx.Module):
     speed: Scalar
 
     @classmethod
-    def of(cls, scene: Scene) -> "_Balance":
-        """Balance of a scene at its speed."""
-        system, films = assemble(scene), scene.of(AbstractFilm)
+    def of(cls, system: System, films: tuple[AbstractFilm, ...]) -> "_Balance":
+        """Balance of a rotor at its speed."""
         rows = jnp.stack([system.line.row(film.at) for film in films])
         columns = jnp.stack([system.line.column(film.at) for film in films], axis=1)
         mean, fixed = Pencil.mean(system).stiffness, system.blocks.fixed_stiffness
@@ -226,7 +225,7 @@ class _Balance(eqx.Module):
         constant = system.load.constant
         constant = jnp.zeros(system.n, complex) if constant is None else constant
         laws = tuple(film.law() for film in films)
-        speed = jnp.asarray(scene.spin.speed)
+        speed = jnp.asarray(system.spin.speed)
         return cls(matrix, _parts(constant), system.ports, laws, rows, columns, speed)
 
     @classmethod
@@ -239,13 +238,15 @@ class _Balance(eqx.Module):
 
     def residual(self, x: Array) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
         """Force that is not balanced, and its derivative."""
-        residual, jacobian = self.matrix @ x - self.load, self.matrix
-        for port in self.ports:
-            force = lambda at, port=port: port.forces(at, jnp.zeros(2), self.speed).sum(0)
+
+        def pressed(port: Port) -> tuple[Array, Array]:
+            force = lambda at: port.forces(at, jnp.zeros(2), self.speed).sum(0)
             row, column = _double(port.row), _double(port.column).T
             value, slope = _with_slopes(force, row @ x)
-            residual, jacobian = residual - column @ value, jacobian - column @ slope @ row
-        return residual, jacobian
+            return column @ value, column @ slope @ row
+
+        values, slopes = _of_each(pressed, self.ports)
+        return self.matrix @ x - self.load - values.sum(0), self.matrix - slopes.sum(0)
 
     def places(self, x: Array) -> Float[Array, "f 2"]:
         """Displacements of the journals [m]."""
@@ -253,8 +254,8 @@ class _Balance(eqx.Module):
 
     def eccentricities(self, x: Array) -> Float[Array, " f"]:
         """Distances of the journals from the centres of their bushes, over the clearances."""
-        pairs = zip(self.laws, self.places(x), strict=True)
-        return jnp.stack([jnp.linalg.norm(law.eccentricity(place)) for law, place in pairs])
+        distance = lambda law, place: jnp.linalg.norm(law.eccentricity(place))
+        return _of_each(distance, self.laws, self.places(x))
 
     def guess(self) -> Float[Array, " n2"]:
         """Every journal in the position that bears the load which a spring in place of its film carries.
@@ -275,8 +276,8 @@ class _Balance(eqx.Module):
 
         x, y = (self.places(held(springs, centres))).T
         loads = springs * (x + 1j * y - centres)
-        pairs = zip(self.laws, loads, strict=True)
-        places = jnp.stack([_bearing_place(law, load, self.speed) for law, load in pairs])
+        place = lambda law, load: _bearing_place(law, load, self.speed)
+        places = _of_each(place, self.laws, loads)
         return held(STIFF * springs, centres + places)
 
 
@@ -294,6 +295,15 @@ def _with_slopes(function: Callable, x: Array) -> tuple[Array, Array]:
     one = lambda along: jax.jvp(function, (x,), (along,))
     value, slopes = jax.vmap(one, out_axes=(None, -1))(jnp.eye(x.size))
     return value, slopes
+
+
+def _of_each(function: Callable, parts: tuple, *more: Array) -> Any:
+    """`function(part, ..)` of all parts with the rows of `more`, traced once if the parts are alike."""
+    stack = lambda *leaves: jnp.stack(leaves)
+    kinds = {(jax.tree.structure(part), *map(jnp.shape, jax.tree.leaves(part))) for part in parts}
+    if len(parts) > 1 and len(kinds) == 1:
+        return jax.vmap(function)(jax.tree.map(stack, *parts), *more)
+    return jax.tree.map(stack, *(function(*each) for each in zip(parts, *more, strict=True)))
 
 
 def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
@@ -325,14 +335,15 @@ def _positions(balance: _Balance):
     # One more step, which has the derivatives by the implicit function theorem.
     residual, jacobian = balance.residual(x)
     x = jnp.where(good, x - jnp.linalg.solve(free(jacobian), residual), jnp.nan)
-    found = []
-    for law, place in zip(balance.laws, balance.places(x), strict=True):
-        force = lambda motion, law=law: law(motion[:2], motion[2:], balance.speed)
+
+    def film(law: FilmLaw, place: Array) -> tuple[Array, ...]:
+        force = lambda motion: law(motion[:2], motion[2:], balance.speed)
         own, slopes = _with_slopes(force, jnp.append(place, jnp.zeros(2)))
         position = place - jnp.stack([law.x, law.y])
         vectors = position[0] + 1j * position[1], -own[0] - 1j * own[1]
-        found.append((*vectors, -slopes[:, :2], -slopes[:, 2:]))
-    return tuple(jnp.stack(part) for part in zip(*found, strict=True))
+        return *vectors, -slopes[:, :2], -slopes[:, 2:]
+
+    return _of_each(film, balance.laws, balance.places(x))
 
 
 def _newton(balance: _Balance) -> tuple[Float[Array, " n2"], Bool[Array, ""]]:

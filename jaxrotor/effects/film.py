@@ -123,8 +123,7 @@ def _full(zeta: Plane, w: Plane, s2: Scalar) -> Plane:
 
 def _tangent_defect(t: Scalar) -> Scalar:
     """`t - arctan t` of a small `t`, without cancellation."""
-    terms = range(8, 0, -1)
-    total = jnp.zeros_like(t)
-    for k in terms:
-        total = (-1) ** (k + 1) / (2 * k + 1) + t**2 * total
-    return t**3 * total
+    square, total = t * t, jnp.zeros_like(t)
+    for k in range(8, 0, -1):
+        total = (-1) ** (k + 1) / (2 * k + 1) + square * total
+    return t * square * total

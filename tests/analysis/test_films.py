@@ -1,5 +1,6 @@
 """Static positions and linear coefficients of oil films, against closed forms and SciPy."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -157,10 +158,8 @@ def test_three_bearings_share_the_load():
     found = jr.static_positions(scene, speeds)
     system = jr.assemble(scene)
     stiffness, force = np.asarray(system.blocks.stiffness), np.asarray(system.load.constant)
-    stations = [film.at for film in films]
-    rows, columns = (
-        np.array([read(at) for at in stations]) for read in (system.line.row, system.line.column)
-    )
+    read = eqx.filter_jit(lambda line, at: (jax.vmap(line.row)(at), jax.vmap(line.column)(at)))
+    rows, columns = map(np.asarray, read(system.line, np.array([0.0, 0.5, 1.0])))
     scale = 4 * 20.0 * 0.3 / BASE
 
     def film(zeta, speed):
@@ -186,9 +185,11 @@ def test_three_bearings_share_the_load():
 def test_derivatives_of_the_position():
     """By viscosity and clearance against central differences of the inverse of (8)."""
 
+    scene = rigid(2.0)
+
     def eccentricity(viscosity, gap):
         changed = {"journal_bearing.viscosity": viscosity, "journal_bearing.clearance": gap}
-        return jr.static_positions(rigid(2.0).replace(changed)).eccentricity[0, 0]
+        return jr.static_positions(scene.replace(changed)).eccentricity[0, 0]
 
     viscosity = float(bearing(0.5, 2.0 * GRAVITY).viscosity)
 
@@ -196,7 +197,7 @@ def test_derivatives_of_the_position():
         scale = viscosity * RADIUS * LENGTH**3 / gap**2 * 2.0 * BASE / (8.0 * GRAVITY)
         return scipy.optimize.brentq(lambda e: sommerfeld(e) - scale, 1e-6, 0.999, xtol=1e-15)
 
-    found = jax.jacfwd(eccentricity, (0, 1))(viscosity, GAP)
+    found = jax.jit(jax.jacfwd(eccentricity, (0, 1)))(viscosity, GAP)
     for number, slope in enumerate(found):
         at, step = np.array([viscosity, GAP]), np.zeros(2)
         step[number] = 1e-4 * at[number]
@@ -238,9 +239,9 @@ def test_positions_at_rest():
     """A film bears nothing at rest, and without viscosity never: there a support does, or nothing."""
     scene = rigid(2.0)
     with pytest.raises(ValueError, match="No static position in the films was found at 0 rad/s"):
-        jr.linearized(scene, [0.0, 100.0])
+        jr.linearized(scene.at_speed(0.0))
     with pytest.raises(ValueError, match="No position in the film bears the load"):
-        jr.film_support(bearing(), -1j, 0.0)
+        jr.film_support(bearing(), -1j, [0.0, 100.0, 200.0, 300.0])
     weight, stiffness = float(scene.of(jr.Disc)[0].mass) * GRAVITY, 1e9
     caged = scene.of_parts(*scene.effects, jr.Support(scene.of(jr.JournalBearing)[0].at, stiffness))
     found = jr.static_positions(caged, [0.0, 100.0])

@@ -26,10 +26,14 @@ def at(z, v):
     return jr.Continued(jnp.array([z + 0j]), jnp.array([v + 0j]))
 
 
-def whirl(sigma, speed, start, revolutions, keep, steps, solver):
+def late(scene, start, revolutions):
+    """The last 100 of some revolutions, by one program for all."""
+    return jr.simulate(scene, revolutions, 64, keep=100, start=start, solver=dfx.Dopri8())
+
+
+def whirl(sigma, speed, start, revolutions):
     """Whirl over speed, smallest and largest eccentricity of the last revolutions."""
-    scene = mass(jr.Gravity(1.0), film(4 * sigma), speed=speed)
-    run = jr.simulate(scene, revolutions, steps, keep=keep, start=start, solver=solver)
+    run = late(mass(jr.Gravity(1.0), film(4 * sigma), speed=speed), start, revolutions)
     z, time = np.asarray(run.displacement)[:, 0], np.asarray(run.time)
     y = z.imag - z.imag.mean()
     curve, up = CubicSpline(time, y), np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
@@ -48,7 +52,7 @@ def test_oil_whirl_beyond_its_threshold():
     """Orbit at 1.005 of the threshold, sigma 0.3, that the sheet has by shooting."""
     speed, rest = 1.005 * 2.59133483, 0.2931 - 0.1256j
     start = at(rest + 0.12, 0.12j * 0.52 * speed)
-    found = whirl(0.3, speed, start, 900, 100, 64, dfx.Dopri8())
+    found = whirl(0.3, speed, start, 900)
     near(found, (0.519014768, 0.19972033, 0.41947616))
 
 
@@ -57,11 +61,11 @@ def test_large_whirl_beside_a_stable_rest():
     """Subcritical: below the threshold a kicked rotor whirls, one let go near its rest does not."""
     speed = 0.97 * 2.75064044
     kicked = at(0.767, 0.767j * 0.4993 * speed)
-    found = whirl(1.5, speed, kicked, 240, 40, 64, dfx.Dopri8())
+    found = whirl(1.5, speed, kicked, 300)
     near(found, (0.499326667, 0.76137742, 0.77128502))
     scene = mass(jr.Gravity(1.0), film(6.0), speed=speed)
     rest = complex(jr.static_positions(scene).position[0, 0])
-    calm = jr.simulate(scene, 240, 64, keep=1, start=at(rest + 1e-3, 0), solver=dfx.Dopri8())
+    calm = late(scene, at(rest + 1e-3, 0), 340)
     assert np.max(np.abs(np.asarray(calm.displacement) - rest)) < 3e-4
 
 
@@ -88,7 +92,7 @@ def test_motions_are_those_of_scipy():
     known = solve_ivp(rates, (0, 2 * period), [0.0] * 4, "DOP853", rtol=1e-10, atol=1e-12).y[:2, -1]
     runs = (
         (jr.simulate(scene, 2, 16), 1e-8),
-        (jr.run_up(scene, np.linspace(0, 2 * period, 9)), 1e-8),
+        (jr.run_up(scene, np.linspace(0, 2 * period, 33)), 1e-8),
         (jr.simulate(scene, 2, 1024, solver=jr.Exponential(4)), 1e-8),
     )
     for run, error in runs:
@@ -132,9 +136,11 @@ def test_rotor_held_by_films_alone():
     scene = jr.Scene(shaft, *parts, *films, spin=jr.ConstantSpeed(2.0))
     with pytest.raises(ValueError, match=r"nothing linear holds it \(journal_bearings.0 and"):
         jr.simulate(scene, 2, solver=jr.Exponential())
-    run = jr.simulate(scene, 60, 16, keep=1)
+    begin = lambda z: jr.Continued(jnp.array([z + 0j, 0]), jnp.zeros(2) + 0j)
+    how = {"keep": 1, "max_steps": 200}
+    run = jr.simulate(scene, 60, 16, start=begin(0.0), **how)
     assert run.solver == "Dopri8"
     rest = jr.static_positions(scene).position[0, 0]
     np.testing.assert_allclose(run.displacement, complex(rest), atol=1e-6)
     with pytest.raises(RuntimeError):
-        jr.simulate(scene, 1, 16, start=jr.Continued(jnp.array([1.2 + 0j, 0]), jnp.zeros(2) + 0j))
+        jr.simulate(scene, 60, 16, start=begin(1.2), **how)
