@@ -18,7 +18,7 @@ from ..core.blocks import unbalance_factor
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
-from ..core.quantities import Scalar, known
+from ..core.quantities import Scalar, Series, known
 from ..effects.base import AbstractContact
 from ..equations.constant_frame import linear_matrix
 from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
@@ -78,14 +78,22 @@ class Stepping(eqx.Module):
 
     @classmethod
     def of(
-        cls, system: System, times: Any, solver: Exponential, substeps: int | None
+        cls,
+        system: System,
+        kinks: Series | None,
+        times: Any,
+        solver: Exponential,
+        substeps: int | None,
     ) -> "Stepping":
-        """Settings for samples at `times`; `substeps` are the steps from sample to sample."""
+        """Settings for samples at `times`; `substeps` are the steps from sample to sample.
+
+        `kinks` are those of the speed: within a trace the scene still knows them, its equations do not.
+        """
         constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
         modes = 0 if constant else min(MODES, system.n)
         speeds = 1 if constant or modes == system.n else SPEEDS
         several = math.ceil(4 * speeds / len(times)) if speeds > 1 else 1
-        breaks, samples, even = _breaks(system, np.asarray(times, float), several)
+        breaks, samples, even = _breaks(kinks, np.asarray(times, float), several)
         if substeps is None:
             each = _steps_of_piece(system, breaks, solver.order)
         else:
@@ -132,7 +140,7 @@ def stepping_of(
         raise ValueError("`times` of Exponential() must be known, but are traced.")
     if substeps is not None:
         check_counts(substeps=substeps)
-    return Stepping.of(system, times, solver, substeps)
+    return Stepping.of(system, scene.spin.kinks, times, solver, substeps)
 
 
 def steppable(scene: Scene, system: System) -> bool:
@@ -190,7 +198,9 @@ def unsteppable(system: System) -> str | None:
     return None
 
 
-def _breaks(system: System, times: np.ndarray, several: int) -> tuple[np.ndarray, np.ndarray, bool]:
+def _breaks(
+    kinks: Series | None, times: np.ndarray, several: int
+) -> tuple[np.ndarray, np.ndarray, bool]:
     """Ends of the pieces, which of them are samples, and whether all pieces are of one length.
 
     There are `several` pieces from sample to sample. Before the first sample they are no longer.
@@ -199,7 +209,6 @@ def _breaks(system: System, times: np.ndarray, several: int) -> tuple[np.ndarray
     ahead = math.ceil(times[0] / np.diff(times).max() - APART)
     whole = np.append(np.linspace(0.0, times[0], ahead + 1)[:-1], times)
     breaks = np.append((whole[:-1, None] + np.diff(whole)[:, None] * share).ravel(), whole[-1])
-    kinks = system.spin.kinks
     if kinks is not None and known(kinks):
         inside = np.asarray(kinks)[(np.asarray(kinks) > 0) & (np.asarray(kinks) < times[-1])]
         apart = np.abs(breaks - inside[:, None]).min(axis=1, initial=np.inf) > APART * times[-1]

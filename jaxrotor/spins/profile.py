@@ -1,6 +1,7 @@
 """Speed profile: the speed of rotation as a table over time."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
@@ -53,7 +54,8 @@ class SpeedProfile(AbstractSpin):
 
     def after(self, time: Scalar, speed: Scalar | None) -> "SpeedProfile":
         """The profile with t = 0 at `time`; raises if the rotor has another speed at that time."""
-        later = eqx.tree_at(lambda spin: spin.times, self, self.times - time)
+        with jax.ensure_compile_time_eval():  # within a trace, too, known kinks stay known
+            later = eqx.tree_at(lambda spin: spin.times, self, self.times - time)
         if speed is None:
             return later
         there = later.speed

@@ -191,6 +191,21 @@ def test_order_of_a_run_up_without_contact():
 
 
 @pytest.mark.slow
+def test_a_kink_of_the_speed_is_met_within_a_trace():
+    """A step across the kink has an error of 9e-5, at which order 4 ends."""
+    scene, exact = free_rotor()
+
+    @eqx.filter_jit
+    def displacement(eccentricity):
+        changed = scene.put({"unbalance.eccentricity": eccentricity})
+        run = jr.run_up(changed, SAMPLES, solver=ORDER_4, substeps=20, at=0.6)
+        return run.displacement[:, 0]
+
+    found = displacement(jnp.asarray(2e-4))
+    assert np.abs(found - exact).max() / np.abs(exact).max() < 3e-6
+
+
+@pytest.mark.slow
 def test_order_with_smooth_contact():
     found = errors(rotor(stops(**SMOOTH)), 4, (80, 320))
     assert found[0] / found[1] > 8**2
@@ -390,7 +405,7 @@ def test_nothing_depends_on_the_speed_of_a_point_mass():
     system = jr.assemble(rotor())
     plain = dataclasses.replace(system.blocks, gyroscopic=None, circulatory=None)
     system = dataclasses.replace(system, blocks=plain)
-    stepping = stepped.Stepping.of(system, SAMPLES, jr.Exponential(), 4)
+    stepping = stepped.Stepping.of(system, None, SAMPLES, jr.Exponential(), 4)
     assert (stepping.modes, stepping.speeds) == (0, 1)
 
 
