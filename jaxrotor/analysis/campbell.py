@@ -153,7 +153,8 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     for speed in speeds[1:]:
         followed.append(_follow(followed[-1], sample(speed), wanted, sample))
     branches = np.stack([one.values for one in followed])
-    kept = np.arange(count) if isotropic(blocks) else _less_conjugates(branches)[:count]
+    every = np.arange(branches.shape[1])
+    kept = (every if isotropic(blocks) else _less_conjugates(branches))[:count]
     senses = None
     if energy is not None:
         senses = jnp.asarray(np.stack([one.senses for one in followed])[:, kept])

@@ -96,6 +96,10 @@ def test_like_modes_cross_where_they_are_not_coupled(speeds):
         np.testing.assert_allclose(found[:, one], branch, atol=1e-9)
 
 
+def test_there_may_be_fewer_branches_than_asked_for():
+    assert jr.campbell(tilting(0.0), [0.0, 1.0], 50).values.shape == (2, 4)
+
+
 def backward(speeds, coupling):
     """The two backward whirls by numpy; as they do not cross, they are sorted by magnitude."""
     found = []
