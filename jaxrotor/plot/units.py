@@ -30,6 +30,9 @@ def units(*, speed: str = "rad/s", length: str | None = None) -> Iterator[None]:
         speed: "rad/s", "rpm", "krpm" or "Hz".
         length: "m", "mm" or "um"; by default mm, of small displacements micrometres.
 
+    Returns:
+        A context manager, which gives nothing.
+
     Raises:
         ValueError: a unit is another one.
     """
