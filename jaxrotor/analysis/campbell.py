@@ -29,7 +29,7 @@ CHOICE = 0.2  # largest error of a sure match, relative to that of the next best
 NARROWEST = (
     2.0**-12
 )  # fraction of an interval below which lines that pass each other are not refined
-# Damping ratio above which a speed is not critical: amplification is below 2.5, so there is no peak.
+# Damping ratio above which a speed is not counted as critical: amplification is about 1 / (2 D) = 2.5.
 OVERDAMPED = 0.2
 MIDPOINTS = 128  # largest number of speeds inserted between two given ones
 
@@ -72,7 +72,7 @@ class Campbell(eqx.Module):
         """Crossings of the branches with the line `|Im lambda| = order |Omega|`.
 
         At order 1 and with little damping they are the critical speeds. `critical_speeds` gives those of
-        the undamped rotor; damping shifts them and, above `OVERDAMPED`, removes their peak.
+        the undamped rotor; damping shifts them, and above `OVERDAMPED` they hardly amplify.
 
         Args:
             order: oscillations per revolution.

@@ -40,12 +40,12 @@ class Margins(NamedTuple):
 class ResponsePeaks(eqx.Module):
     """`k` peaks of the synchronous response at one station, ascending, and the speeds at half power.
 
-    The peak of a critical speed without damping has an infinite amplitude.
+    A critical speed without damping is a peak of infinite amplitude, whatever the unbalance excites.
     """
 
     response: HarmonicResponse  # at the speeds between which peaks were sought
     critical: (
-        CriticalSpeeds  # critical speeds among them that unbalance excites, of the undamped rotor
+        CriticalSpeeds  # of the undamped rotor in that range; of circular orbits the forward ones
     )
     speeds: Float[np.ndarray, " k"]  # [rad/s]
     amplitudes: Float[np.ndarray, " k"]  # major half axis [m]
@@ -54,7 +54,7 @@ class ResponsePeaks(eqx.Module):
 
     @property
     def amplification(self) -> Float[np.ndarray, " k"]:
-        """`AF = N_c / (N_2 - N_1)`: peak over the distance of the speeds of half power; NaN without them.
+        """`AF = N_c / (N_2 - N_1)`, by the speeds of half power on either side; NaN without them.
 
         Source: API RP 684 (2005), SP6.8.2.1.
         """
@@ -107,8 +107,8 @@ class ResponsePeaks(eqx.Module):
             "speed [rad/s]",
             "[rpm]",
             "amplitude [m]",
-            "half power from",
-            "to",
+            "half power from [rad/s]",
+            "to [rad/s]",
             "amplification",
         )
         (station,) = np.asarray(self.response.stations).tolist()
@@ -125,19 +125,21 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
 
     Args:
         scene: a rotor without contact.
-        speeds: three or more speeds [rad/s], ascending.
+        speeds: three or more speeds [rad/s], ascending, none below zero.
         at: one station [m] or the name of a casing, by default the observed station of `simulate`.
 
     Returns:
         `ResponsePeaks`. Neither differentiable nor traceable; differentiate `unbalance_response`.
 
     Raises:
-        ValueError: the speeds are fewer or not ascending, there are several stations, or
-            `unbalance_response` refuses the scene.
+        ValueError: the speeds are fewer, negative or not ascending, there are several stations, or
+            `unbalance_response` or `critical_speeds` refuses the scene.
     """
     speeds = np.asarray(speeds, float)
-    if speeds.ndim != 1 or speeds.size < 3 or not np.all(np.diff(speeds) > 0):
-        raise ValueError(f"`speeds` must be three or more in ascending order, but is {speeds}.")
+    if speeds.ndim != 1 or speeds.size < 3 or not np.all(np.diff(speeds) > 0) or speeds[0] < 0:
+        raise ValueError(
+            f"`speeds` must be three or more in ascending order, from 0 on, but is {speeds}."
+        )
     critical = _excited(scene, float(speeds[0]), float(speeds[-1]))
     unbounded = [_is_unbounded(scene, speed, at) for speed in np.asarray(critical.speeds).tolist()]
     grid = _united(speeds, np.asarray(critical.speeds), np.array(unbounded, bool))
@@ -162,7 +164,7 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
 
 
 def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
-    """Critical speeds in a range that unbalance excites: where orbits are circles, the forward ones."""
+    """Critical speeds in a range: where orbits are circles, the forward ones, as unbalance is forward."""
     found = critical_speeds(scene)
     values, kinds = np.asarray(found.speeds), np.array(found.kinds)
     inside = (values >= low) & (values <= high)

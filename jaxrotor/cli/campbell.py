@@ -12,6 +12,7 @@ from ..analysis.modal import KINDS, kind_of_whirl
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
 from ..scene import Scene
+from ..spins.constant import ConstantSpeed
 from . import answer
 from .options import (
     MOST,
@@ -150,12 +151,16 @@ def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:
 
 def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
     dims = ("speed", "branch")
-    frequency = about("rad/s", "whirl frequency, positive from x to y")
+    frequency = about("rad/s", "whirl frequency; on equal supports positive from x to y")
+    columns = {
+        "frequency": (dims, np.asarray(result.frequencies), frequency),
+        "growth": (dims, np.asarray(result.growth), about("1/s", "growth rate")),
+    }
+    if result.senses is not None:
+        told = about("1", "forward less backward share of kinetic energy")
+        columns["sense"] = dims, np.asarray(result.senses), told
     return (
-        {
-            "frequency": (dims, np.asarray(result.frequencies), frequency),
-            "growth": (dims, np.asarray(result.growth), about("1/s", "growth rate")),
-        },
+        columns,
         {"speed": ("speed", np.asarray(result.speeds), about("rad/s", "spin speed"))},
     )
 
@@ -172,7 +177,8 @@ def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path, unit: st
     from .. import plot
 
     about: dict[str, Any] = {"critical": _undamped(rotor), "mirrored": mirrored}
-    about["operating"] = abs(float(rotor.spin.speed)) or None
+    if isinstance(rotor.spin, ConstantSpeed):
+        about["operating"] = abs(float(rotor.spin.speed)) or None
 
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)

@@ -230,7 +230,7 @@ def interval(low: str | None, high: str) -> tuple[float, float]:
 def typed_unit(*texts: str | None) -> str:
     """Unit of speed to draw in: that of the first option that has one."""
     for text in texts:
-        match = re.search(r"(krpm|rpm|hz)\s*(:|$)", text or "", re.IGNORECASE)
+        match = re.search(r"(krpm|rpm|hz|rad/s)\s*(:|$)", text or "", re.IGNORECASE)
         if match is not None:
             return match[1].lower().replace("hz", "Hz")
     return "rad/s"

@@ -22,6 +22,7 @@ from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact
 from ..files.units import quantity
 from ..scene import Scene
+from ..spins.constant import ConstantSpeed
 from . import answer
 from .options import (
     AsJson,
@@ -68,8 +69,8 @@ def response(
 
     The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
     gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
-    Amplification factors are those of API RP 684: a peak over the distance of the speeds beside it where
-    the amplitude is 0.707 of the peak's; so are the margins to the operating speeds that it requires.
+    Amplification factors are those of API RP 684: the speed of a peak over the distance of the speeds
+    beside it at which the amplitude is 0.707 of the peak's. So are the margins to the operating speeds.
     With --out, DIR/response.zarr and DIR/response.png.
 
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
@@ -118,7 +119,7 @@ def response(
     _print_margins(_margins(found, range_))
     notes = [("station", f"{result.stations[0]:g} m")]
     notes += [("without", ", ".join(contacts))] if contacts else []
-    notes += [("peak", "none between these speeds")] if not rows else []
+    notes += [("peak", "none between these speeds")] if not found.speeds.size else []
     if range_ is not None:
         notes.append(
             ("operating", " to ".join(f"{one:g}" for one in sorted(set(range_))) + " rad/s")
@@ -138,9 +139,9 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _operating(rotor: Scene, text: str | None) -> tuple[float, float] | None:
-    """Slowest and fastest operating speed [rad/s], None of a rotor at rest."""
+    """Slowest and fastest operating speed [rad/s], None of a rotor that is at rest or runs up or down."""
     if text is None:
-        speed = abs(float(rotor.spin.speed))
+        speed = abs(float(rotor.spin.speed)) if isinstance(rotor.spin, ConstantSpeed) else 0.0
         return (speed, speed) if speed else None
     ends = [quantity(one, "rad/s", "--operating") for one in text.split(":")]
     if len(ends) > 2 or not 0 < ends[0] <= ends[-1]:

@@ -37,7 +37,7 @@ def campbell(
 
     Lines `n Omega` are drawn for `orders` n, with a ring where a branch crosses one: at order 1 the rings
     are the critical speeds of the damped rotor. Damping ratios from 0.01 on are written beside the
-    rings; above `OVERDAMPED` there is no peak and no ring. In the axes of the shaft (`result.frame` is
+    rings; above `OVERDAMPED` there is no ring. In the axes of the shaft (`result.frame` is
     "rotating") an unbalance is constant, so a speed is critical where a frequency is zero; the
     only line there is that of the weight, `Omega`.
 
@@ -66,7 +66,7 @@ def campbell(
     growth = np.where(is_rounding(growth, values), 0.0, growth)
     directions = _directions(result)
     if mirrored:
-        _check_mirror(speeds, [name for name, _, _ in directions])
+        _check_mirror(np.asarray(result.speeds), [name for name, _, _ in directions])
     rotating = result.frame == "rotating"
     lines = () if rotating else orders
 
@@ -84,7 +84,7 @@ def campbell(
             ax.plot(*_joined(x, part, shown), color=colour, label=name, **style)
     _draw_crossings(upper, result, lines, mirrored)
     if critical is not None and lines:
-        _draw_undamped(upper, critical, mirrored, float(speeds[-1]))
+        _draw_undamped(upper, critical, mirrored, float(speeds[0]), float(speeds[-1]))
 
     for ax in (upper, lower):
         ax.margins(x=0)
@@ -108,13 +108,13 @@ def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
     """Name, colour and points of each direction of whirl, if there are directions."""
     if result.forward is None:
         return [("whirl", colours.DARK, np.ones(result.values.shape, bool))]
-    forward = np.asarray(result.forward)
+    forward, values = np.asarray(result.forward), np.asarray(result.values)
+    still = is_rounding(values.imag, values)
     found = [
         ("forward whirl", colours.FORWARD, forward > 0),
         ("backward whirl", colours.BACKWARD, forward < 0),
-        ("no whirl", colours.UNDEFINED, forward == 0)
-        if result.circular
-        else ("nearly straight", colours.ORANGE, forward == 0),
+        ("nearly straight", colours.ORANGE, (forward == 0) & ~still),
+        ("no whirl", colours.UNDEFINED, (forward == 0) & still),
     ]
     if not result.circular:  # a branch that changes its direction has no gap there
         for _, _, shown in found:
@@ -172,10 +172,12 @@ def _draw_crossings(
         ax.plot([], [], linestyle="none", label=label)
 
 
-def _draw_undamped(ax: Axes, critical: CriticalSpeeds, mirrored: bool, end: float) -> None:
+def _draw_undamped(
+    ax: Axes, critical: CriticalSpeeds, mirrored: bool, start: float, end: float
+) -> None:
     """Crosses on the synchronous line at the critical speeds of the undamped rotor."""
     speeds, kinds = speed_unit()[0] * np.asarray(critical.speeds), np.array(critical.kinds)
-    inside = speeds <= end
+    inside = (speeds >= start) & (speeds <= end)
     x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
     style = {"linestyle": "none", "marker": "x", "markersize": 4.0, "color": colours.DARK}
     ax.plot(x, speeds[inside], label="critical speed, undamped", zorder=4.5, **style)

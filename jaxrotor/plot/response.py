@@ -137,12 +137,14 @@ def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
 def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: float | int) -> None:
     """A band, or a line if there is one operating speed."""
     style: Any = {"color": colours.TEAL, "label": "operating speed", "zorder": 0.3}
+    ends = axes[0].get_xlim()
     slowest, fastest = (speed_unit()[0] * end for end in (slowest, fastest))
     for ax in axes:
         if slowest == fastest:
             ax.axvline(slowest, linewidth=1.0, **style)
         else:
             ax.axvspan(slowest, fastest, alpha=0.2, linewidth=0.0, **style)
+        ax.set_xlim(ends)  # a speed outside does not stretch the axis
 
 
 def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> None:

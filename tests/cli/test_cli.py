@@ -295,6 +295,7 @@ def test_response(place):
         (["3krpm:4krpm"], "krpm"),
         ([None, "5 Hz"], "Hz"),
         (["900", None, "8rpm"], "rpm"),
+        (["500 rad/s", "8rpm"], "rad/s"),
         (["900"], "rad/s"),
     ],
 )

@@ -34,7 +34,7 @@ def response():
 
 
 def curves(axes):
-    """Data of all lines of some Axes, but ends of vertical lines, which are shares of the axis."""
+    """Data of all lines of some Axes."""
     return [np.array(line.get_data(), float) for ax in axes for line in ax.lines]
 
 
