@@ -109,7 +109,7 @@ def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
     if result.forward is None:
         return [("whirl", colours.DARK, np.ones(result.values.shape, bool))]
     forward, values = np.asarray(result.forward), np.asarray(result.values)
-    still = is_rounding(values.imag, values)
+    still = np.asarray(is_rounding(np.imag(values), values))
     found = [
         ("forward whirl", colours.FORWARD, forward > 0),
         ("backward whirl", colours.BACKWARD, forward < 0),
