@@ -142,7 +142,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
 
     energy = None
     if frame(blocks) == "fixed" and not isotropic(blocks):
-        energy = _kinetic_energy(scene)
+        energy = _kinetic_energy(scene, system)
 
     def sample(speed):
         found = _values_and_slopes(system, energy, jnp.asarray(speed), count)
@@ -217,8 +217,8 @@ def _matched(left: _Sample, right: _Sample) -> tuple[_Sample, np.ndarray]:
 
 
 @compiled_quickly
-def _kinetic_energy(scene: Scene) -> Float[Array, "n n"]:
-    return kinetic_energy(scene, assemble(scene))
+def _kinetic_energy(scene: Scene, system: System) -> Float[Array, "n n"]:
+    return kinetic_energy(scene, system)
 
 
 @compiled_quickly

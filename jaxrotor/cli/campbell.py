@@ -12,7 +12,6 @@ from ..analysis.modal import KINDS, kind_of_whirl
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
 from ..scene import Scene
-from ..spins.constant import ConstantSpeed
 from . import answer
 from .options import (
     MOST,
@@ -24,6 +23,7 @@ from .options import (
     Points,
     SceneName,
     Settings,
+    operating_speed,
     rpm,
     scene_with,
     speeds_between,
@@ -177,8 +177,7 @@ def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path, unit: st
     from .. import plot
 
     about: dict[str, Any] = {"critical": _undamped(rotor), "mirrored": mirrored}
-    if isinstance(rotor.spin, ConstantSpeed):
-        about["operating"] = abs(float(rotor.spin.speed)) or None
+    about["operating"] = operating_speed(rotor)
 
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)

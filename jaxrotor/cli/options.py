@@ -22,6 +22,7 @@ from ..files.toml_reader import swept_values, value_list
 from ..files.units import quantity
 from ..files.vocabulary import START
 from ..scene import Scene
+from ..spins.constant import ConstantSpeed
 from ..spins.drive import Drive
 from .answer import AsJson as AsJson
 
@@ -225,6 +226,12 @@ def interval(low: str | None, high: str) -> tuple[float, float]:
     if not start < stop:
         raise ValueError(f"--to must be above --from = {start:g} rad/s, but is {stop:g} rad/s.")
     return start, stop
+
+
+def operating_speed(scene: Scene) -> float | None:
+    """The speed [rad/s] at which a rotor operates, None of one that is at rest or runs up or down."""
+    constant = isinstance(scene.spin, ConstantSpeed)
+    return abs(float(scene.spin.speed)) or None if constant else None
 
 
 def typed_unit(*texts: str | None) -> str:

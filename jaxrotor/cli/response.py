@@ -22,7 +22,6 @@ from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact
 from ..files.units import quantity
 from ..scene import Scene
-from ..spins.constant import ConstantSpeed
 from . import answer
 from .options import (
     AsJson,
@@ -34,6 +33,7 @@ from .options import (
     Points,
     SceneName,
     Settings,
+    operating_speed,
     optional,
     rpm,
     scene_with,
@@ -139,10 +139,10 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _operating(rotor: Scene, text: str | None) -> tuple[float, float] | None:
-    """Slowest and fastest operating speed [rad/s], None of a rotor that is at rest or runs up or down."""
+    """Slowest and fastest operating speed [rad/s], by default that of the rotor, if it has one."""
     if text is None:
-        speed = abs(float(rotor.spin.speed)) if isinstance(rotor.spin, ConstantSpeed) else 0.0
-        return (speed, speed) if speed else None
+        speed = operating_speed(rotor)
+        return None if speed is None else (speed, speed)
     ends = [quantity(one, "rad/s", "--operating") for one in text.split(":")]
     if len(ends) > 2 or not 0 < ends[0] <= ends[-1]:
         raise ValueError(

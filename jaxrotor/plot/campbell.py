@@ -149,12 +149,11 @@ def _draw_crossings(
 ) -> None:
     """Rings where branches cross a line, with damping ratios; none where damping removes the peak."""
     name = "critical speed, damped" if tuple(orders) == (1,) else "crossing"
-    crossings = [result.crossings(order) for order in orders]
+    crossings, factor = [result.crossings(order) for order in orders], speed_unit()[0]
     for (way, colour), found in itertools.product(_COLOURS.items(), crossings):
         own = (found.forward == way) & (found.damping_ratio <= OVERDAMPED)
         if not own.any():
             continue
-        factor, _ = speed_unit()
         x = factor * found.speeds[own] * (-1 if mirrored and way < 0 else 1)
         style: Any = {"linestyle": "none", "marker": "o", "markersize": 4.0}
         style |= {"markerfacecolor": "white", "color": colour, "zorder": 4 + 0.01 * way}
