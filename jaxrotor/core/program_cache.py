@@ -4,10 +4,12 @@ jax finds a program there after it has traced the function and lowered it. Progr
 functions are found before that, see `stored_programs`.
 """
 
+import contextlib
 import hashlib
 import importlib.metadata
 import os
 import platform
+import warnings
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -18,6 +20,9 @@ SETTINGS = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": -1,
 }
+# jax does not write an entry at once, so another process may read a part of it, and compiles the program
+# itself, as it would without the cache.
+UNREADABLE = "Error reading persistent compilation cache entry"
 _kept = False
 
 
@@ -57,6 +62,7 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> Path:
 
     where = program_folder() if folder is None else Path(folder).expanduser().resolve()
     where.mkdir(parents=True, exist_ok=True)
+    _mend(where)
     for name, value in SETTINGS.items():
         jax.config.update(name, value)
     jax.config.update("jax_compilation_cache_dir", str(where))
@@ -71,9 +77,20 @@ def keep_programs_of_commands() -> None:
     _kept = True
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(program_folder())
+    folder = program_folder()
+    _mend(folder)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
     for name, value in SETTINGS.items():
         os.environ.setdefault(name.upper(), str(value))
+
+
+def _mend(folder: Path) -> None:
+    """Delete empty entries, which processes leave that end while they write: jax writes none again."""
+    warnings.filterwarnings("ignore", UNREADABLE)
+    for entry in folder.glob("*-cache"):
+        with contextlib.suppress(OSError):  # of a folder that others own, or share
+            if not entry.stat().st_size:
+                entry.unlink()
 
 
 def processor() -> str:

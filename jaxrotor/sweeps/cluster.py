@@ -26,14 +26,16 @@ import jax.numpy as jnp
 
 from ..core.checks import check_counts
 from ..core.parallel import Threads, cores
+from ..core.program_cache import UNREADABLE
 from ..results.provenance import versions
 from .store import Store, explained_errors
 
 
 MOST_QUEUED = 1000  # chunks given to the scheduler at once; more if there are more workers
 QUIET = (  # Ctrl-C is for the process that started the workers, which then end without messages
-    "import logging, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    "logging.getLogger('distributed.worker.state_machine').setLevel(logging.ERROR)"
+    "import logging, signal, warnings; signal.signal(signal.SIGINT, signal.SIG_IGN); "
+    "logging.getLogger('distributed.worker.state_machine').setLevel(logging.ERROR); "
+    f"warnings.filterwarnings('ignore', '{UNREADABLE}')"
 )
 MOST_PROCESSES = 1024  # that may be started here
 CONNECTION_TIME = 5  # seconds in which a scheduler must answer
