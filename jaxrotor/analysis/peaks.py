@@ -29,7 +29,7 @@ class Margins(NamedTuple):
     """Separation of `k` peaks from a range of operating speeds, relative to its nearer end."""
 
     actual: Float[np.ndarray, " k"]  # 0 within the range
-    required: Float[np.ndarray, " k"]  # NaN where the amplification factor is unknown
+    required: Float[np.ndarray, " k"]  # NaN where AF is unknown and may be large
 
     @property
     def kept(self) -> Bool[np.ndarray, " k"]:
@@ -61,11 +61,32 @@ class ResponsePeaks(eqx.Module):
         width = self.upper - self.lower
         return np.where(width == 0, np.inf, self.speeds / np.where(width == 0, 1.0, width))
 
+    @property
+    def amplification_at_most(self) -> Float[np.ndarray, " k"]:
+        """The amplification factor, or where it is unknown the largest one that the response allows.
+
+        The speeds of half power are at least as far apart as those around the peak at which the response
+        is known to be larger than there.
+        """
+        speeds, heights = np.asarray(self.response.speeds), np.asarray(self.response.major)[:, 0]
+        found = self.amplification
+        for k in np.flatnonzero(np.isnan(found)).tolist():
+            small = heights < HALF_POWER * self.amplitudes[k]
+            below, above = speeds < self.speeds[k], speeds > self.speeds[k]
+            first = max(speeds[small & below], default=speeds[0])
+            last = min(speeds[small & above], default=speeds[-1])
+            high = speeds[(first <= speeds) & (speeds <= last) & ~small]
+            ends = np.nan_to_num([self.lower[k], self.upper[k]], nan=self.speeds[k])
+            width = np.ptp([*high, *ends])
+            found[k] = self.speeds[k] / width if width else np.nan
+        return found
+
     def margins(self, slowest: float | int, fastest: float | int | None = None) -> Margins:
         """Separation margins: `17 (1 - 1 / (AF - 1.5))` % is required below the range of operation.
 
         Below, it is taken of the slowest operating speed, and 16 % suffice. Above, it is 10 % more and
-        taken of the fastest operating speed, and 26 % suffice. A peak with `AF < 2.5` needs none.
+        taken of the fastest operating speed, and 26 % suffice. A peak with `AF < 2.5` needs none; with a
+        range of speeds so wide that AF must be smaller, it need not be known.
 
         Args:
             slowest: slowest operating speed [rad/s], above zero.
@@ -87,6 +108,7 @@ class ResponsePeaks(eqx.Module):
             )
         below, above = (slowest - self.speeds) / slowest, (self.speeds - fastest) / fastest
         factor = self.amplification
+        factor = np.where(self.amplification_at_most < DAMPED, 0.0, factor)
         needed = 0.17 * (1 - 1 / np.where(factor < DAMPED, DAMPED, factor - 1.5))
         bounds = (np.minimum(needed, _MOST["below"]), np.minimum(0.1 + needed, _MOST["above"]))
         required = np.where(self.speeds > fastest, bounds[1], bounds[0])

@@ -32,6 +32,8 @@ def roots(
 ) -> None:
     """Complex roots: whirl frequencies, damping, direction and stability, without contact.
 
+    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root.
+
     jaxrotor roots limiter-rotor --speed 6000rpm --count 4
     """
     rotor = scene_with(scene, settings)
@@ -49,14 +51,15 @@ def roots(
             f"{root['frequency_hz']:.6g}",
             *([f"{root['shaft_frequency']:.7g}"] if rotating else []),
             f"{root['damping_ratio']:.4g}",
+            f"{root['log_decrement']:.4g}" if root["frequency"] else "-",
             root["direction"],
             root["stability"],
         )
         for root in found
     ]
-    own = ["shaft's axes [rad/s]"] if rotating else []
-    heads = ("whirl [rad/s]", "[Hz]", *own, "damping ratio", "direction", "stability")
-    answer.print_table(rows, heads, numbers=range(len(own) + 3))
+    own = ["shaft's axes"] if rotating else []
+    heads = ("whirl [rad/s]", "[Hz]", *own, "damping", "log dec", "direction", "stability")
+    answer.print_table(rows, heads, numbers=range(len(own) + 4))
 
 
 def onset(
@@ -165,7 +168,8 @@ def _described(root: complex, sense: float) -> dict[str, Any]:
         "root": complex(root),
         "frequency": abs(whirl),
         "frequency_hz": abs(whirl) / (2 * math.pi),
-        "damping_ratio": -root.real / abs(root) if root else math.nan,
+        "damping_ratio": 0.0 - root.real / abs(root) if root else math.nan,
+        "log_decrement": 0.0 - 2 * math.pi * root.real / abs(whirl) if whirl else math.nan,
         "direction": kind_of_whirl(float(sense)) if whirl else "none",
         "stability": _stability(root),
     }

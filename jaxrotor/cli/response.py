@@ -156,6 +156,7 @@ def _margins(found: ResponsePeaks, operating: tuple[float, float] | None) -> lis
     """Amplification and margin of each peak, None for what is unknown or infinite."""
     columns = {"speed": found.speeds, "lower": found.lower, "upper": found.upper}
     columns["amplification"] = found.amplification
+    columns["amplification_at_most"] = found.amplification_at_most
     if operating is not None:
         margins = found.margins(*operating)
         columns |= {"margin": margins.actual, "required": margins.required, "kept": margins.kept}
@@ -172,8 +173,10 @@ def _print_margins(rows: list[dict[str, Any]]) -> None:
     heads = ["peak [rad/s]", "half power", "to", "AF"]
     lines = []
     for one in rows:
-        sharp = one["lower"] is not None and one["amplification"] is None  # no damping
+        sharp = one["lower"] is not None and one["lower"] == one["upper"]  # no damping
         factor = "infinite" if sharp else text(one["amplification"], 4)
+        if factor == "-":
+            factor = f"< {one['amplification_at_most']:.4g}"
         lines.append([text(one["speed"]), text(one["lower"]), text(one["upper"]), factor])
         if "margin" in one:
             lines[-1] += [text(one[name], 3, 100) for name in ("margin", "required")]

@@ -46,6 +46,14 @@ def test_a_flat_peak_has_no_speed_of_half_power():
     found = jr.response_peaks(disc(0.4), np.linspace(10.0, 300.0, 30))
     np.testing.assert_allclose(found.lower, [half_power(0.4)[0]], rtol=1e-9)
     assert np.isnan(found.upper).all() and np.isnan(found.amplification).all()
+    assert found.amplification_at_most == pytest.approx(found.speeds / (300.0 - found.lower))
+    margins = found.margins(200.0)  # a factor below 2.5 needs none
+    assert margins.required.tolist() == [0.0] and margins.kept.all()
+
+
+def test_margins_are_unknown_where_the_range_of_speeds_ends_at_a_peak():
+    found = jr.response_peaks(disc(0.2), np.linspace(10.0, 115.0, 12))
+    assert np.isnan(found.upper).all() and found.amplification_at_most > 3.5
     margins = found.margins(200.0)
     assert np.isnan(margins.required).all() and not margins.kept.any()
 

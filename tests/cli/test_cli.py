@@ -140,6 +140,8 @@ def test_roots():
     one = shown["roots"][0]
     assert one["frequency_hz"] == pytest.approx(1.45302933 / TIME / (2 * np.pi), rel=1e-7)
     assert one["damping_ratio"] == pytest.approx(0.23335496 / abs(values[0]), rel=1e-7)
+    decay = np.log(np.exp(0.23335496 * 2 * np.pi / 1.45302933))  # of the amplitude in one whirl
+    assert one["log_decrement"] == pytest.approx(decay, rel=1e-7)
 
 
 def test_speed_takes_units():
