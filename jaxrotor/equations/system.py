@@ -43,12 +43,23 @@ class Port(eqx.Module):
     column: Float[Array, " n"]
     at: Scalar  # [m]
     laws: tuple[AbstractLaw, ...]  # laws of equal structure stacked along a leading axis
+    # Stiffness and damping that the linear equations bear in place of the laws, see `with_lent_films`:
+    lent: Float[Array, "2"] | None = None
 
     def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
         """Force of every law at this port [N], in the order of `System.members`."""
         return jnp.concatenate(
             [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
         )
+
+    def added(
+        self, forces: Float[Array, "k 2"], displacement: Array, velocity: Array
+    ) -> Float[Array, "2"]:
+        """Force of all laws together, beside what they lend to the linear equations [N]."""
+        total = forces.sum(0)
+        if self.lent is None:
+            return total
+        return total + self.lent[0] * displacement + self.lent[1] * velocity
 
     def branches(self, displacement: Array, velocity: Array, speed: Scalar) -> Branches:
         """Branch of every law in a motion."""
@@ -98,10 +109,9 @@ def port_forces(
     ports: tuple[Port, ...], displacement: Array, velocity: Array, speed: Scalar
 ) -> Float[Array, "2 p"]:
     """Total force at every port from displacement and velocity there, all (2, p)."""
-    forces = [
-        port.forces(displacement[:, i], velocity[:, i], speed) for i, port in enumerate(ports)
-    ]
-    return jnp.stack([force.sum(0) for force in forces], axis=1)
+    motions = list(zip(ports, displacement.T, velocity.T, strict=True))
+    found = [port.added(port.forces(d, v, speed), d, v) for port, d, v in motions]
+    return jnp.stack(found, axis=1)
 
 
 class Race(eqx.Module):

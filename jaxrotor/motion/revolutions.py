@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import in_constant_axes
+from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
 from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
@@ -72,7 +73,7 @@ class March(AbstractMarch):
         """The march of an assembled system, see `build`."""
         span = jnp.asarray(span)
         if isinstance(plan.solver, Exponential):
-            system = in_constant_axes(system)
+            system = with_lent_films(in_constant_axes(system))
         motion = Motion(system, rate, loads=not isinstance(plan.solver, Exponential))
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:

@@ -19,6 +19,7 @@ from ..analysis.floquet import multipliers_of
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.constant_frame import steady_amplitudes
+from ..equations.lent import with_lent_films
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from ..motion.base import Plan, Window
@@ -74,6 +75,7 @@ class Shooting(eqx.Module):
         """The problem near a start (q, velocity); with `revolutions=None` the period is unknown."""
         if revolutions is None:  # the equations must be autonomous
             system = without_unbalance(system)
+        system = with_lent_films(system)
         steady = steady_amplitudes(system)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *steady])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))

@@ -134,9 +134,9 @@ class BranchedPorts(eqx.Module):
         """Port forces by the formulas of given branches."""
 
         def law(d: Array, v: Array) -> Array:
-            ports = enumerate(zip(self.laws, branches, strict=True))
-            found = [port.along(b, d[:, i], v[:, i], self.speed) for i, (port, b) in ports]
-            return jnp.stack([force.sum(0) for force in found], axis=1)
+            ports = zip(self.laws, branches, d.T, v.T, strict=True)
+            found = [port.added(port.along(b, z, w, self.speed), z, w) for port, b, z, w in ports]
+            return jnp.stack(found, axis=1)
 
         return law
 

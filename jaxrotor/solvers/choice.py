@@ -13,6 +13,7 @@ from ..core.compiled import compiled_quickly
 from ..core.pilot import Pilot
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import in_constant_axes, linear_matrix
+from ..equations.lent import with_lent_films
 from ..equations.pencil import Pencil, frame
 from ..equations.system import System
 from .basis import well_conditioned
@@ -33,7 +34,7 @@ def choose(
     solver = checked_solver(solver, system)
     if not isinstance(solver, Exponential):
         return solver
-    system = in_constant_axes(system)
+    system = with_lent_films(in_constant_axes(system))
     given = all(known(leaf) for leaf in jax.tree.leaves((system, rate, start)))
     if given and system.steep:
         _check_held(system)

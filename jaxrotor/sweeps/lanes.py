@@ -15,6 +15,7 @@ from ..core.outcome import Outcome
 from ..core.parallel import first_alone
 from ..core.progress import segments
 from ..equations.constant_frame import linear_matrix
+from ..equations.lent import with_lent_films
 from ..equations.start import AbstractStart, put_number
 from ..equations.system import assemble
 from ..motion.base import AbstractMarch, Plan
@@ -224,7 +225,8 @@ def _matrices_of_lanes(scene: Scene, together, period, paths, points: Float[Arra
 
     def one(point):
         own = _at_point(scene, paths, point)
-        return linear_matrix(assemble(own, together), revolution_rate(own, period))
+        system = with_lent_films(assemble(own, together))
+        return linear_matrix(system, revolution_rate(own, period))
 
     return jax.lax.map(one, points)
 

@@ -205,6 +205,7 @@ def test_derivatives_of_the_position():
         assert float(slope) == pytest.approx(want, rel=1e-6)
 
 
+@pytest.mark.hard("8.7 linear analyses of a film without its static position", outcome="refused")
 def test_linear_analyses_ask_for_linear_films():
     scene = rigid(2.0)
     for analysis in (
@@ -235,6 +236,7 @@ def test_speeds_of_tables_are_several():
 
 
 @pytest.mark.slow
+@pytest.mark.hard("8.2 films without viscosity or speed, under weight")
 def test_positions_at_rest():
     """A film bears nothing at rest, and without viscosity never: there a support does, or nothing."""
     scene = rigid(2.0)

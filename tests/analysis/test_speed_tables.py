@@ -57,6 +57,7 @@ def test_closed_example():
 
 
 @pytest.mark.slow
+@pytest.mark.hard("8.8 critical speeds on bearings with tables: none, or several")
 def test_several_critical_speeds_and_their_derivatives():
     """A stiffness that falls and rises meets `m Omega^2` three times; each is a root by SciPy."""
     table = M * NODES**2 * np.where(NODES < 400, 1.3, np.where(NODES < 900, 0.8, 1.2))
@@ -337,6 +338,7 @@ def test_refused_in_one_sentence(change, said):
         lambda scene: jr.harmonic_balance(scene, jr.steady_state(scene.at_speed(0.0))),
     ],
 )
+@pytest.mark.hard("8.8 a speed beyond tables of coefficients", outcome="refused")
 def test_a_speed_outside_of_the_tables_is_refused(analysis):
     said = "tables of the supports are for speeds from 0 to 2000 rad/s, .*at 2500 rad/s; extend"
     with pytest.raises(ValueError, match=said):

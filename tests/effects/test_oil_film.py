@@ -64,6 +64,7 @@ def states(count, seed, largest):
 
 
 @pytest.mark.parametrize("speed", [3.0, -3.0, 0.0])
+@pytest.mark.hard("8.4 reversed rotation of an oil film, and a film at rest")
 def test_force_is_that_of_the_pressure(speed):
     """Over 400 states up to an eccentricity of 0.95 relative to each force."""
     z, v = states(400, 1, 0.95)
@@ -93,6 +94,7 @@ def test_printed_numbers():
     np.testing.assert_allclose(both, full, rtol=2e-12)
 
 
+@pytest.mark.hard("8.6 a journal that leaves the wall of its bearing")
 def test_journal_that_leaves_the_wall():
     """Terms of the size of s^-4 cancel there; the integrand is smooth, so quadrature is exact."""
     zeta = (1 - np.geomspace(1e-6, 0.3, 12)) * np.exp(0.4j)
@@ -101,6 +103,7 @@ def test_journal_that_leaves_the_wall():
     np.testing.assert_allclose(laws(bearing(), zeta, w, 0.0)[0], want, rtol=1e-8)
 
 
+@pytest.mark.hard("8.5 a film that does not move, in its centre and off it")
 def test_centre_rest_and_wall():
     """Half of the full film's derivative where the film does not move, NaN from the wall on."""
     slope = jax.jacfwd(lambda v, z, film: film.law()(z, v, jnp.zeros(())))
@@ -162,6 +165,7 @@ def test_squeeze_film_is_a_film_that_does_not_turn():
         assert not torque.any()
 
 
+@pytest.mark.hard("8.5 derivatives of a film next to its centre")
 def test_derivatives_nearly_in_the_centre():
     """Of a film that moves, at displacements whose squares are no numbers: those of the centre."""
     law, rate = bearing().law(), jnp.array([1e-3, 0.0])

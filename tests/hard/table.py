@@ -16,6 +16,7 @@ SHEETS = {
     5: "Automatic ball balancer",
     6: "Any rotor",
     7: "Rotor in an annular stator",
+    8: "Oil films and coefficients that change with speed",
 }
 ANY = 6  # the sheet of cases without a number
 OUTCOMES = {"right": "right", "refused": "refused in one sentence", "flagged": "flagged"}

@@ -70,6 +70,36 @@ def test_large_whirl_beside_a_stable_rest():
 
 
 @pytest.mark.slow
+@pytest.mark.hard("8.7 oil whirl of a rotor that its film alone holds, as orbits, stable or not")
+def test_whirls_are_orbits_with_their_multipliers():
+    """Sheet 8: above its threshold, sigma 0.3; below it, sigma 1.5, unstable, and large."""
+    cases = (  # sigma, speed, centre, radius, guess of the rate; rate, extremes, second multiplier
+        (0.3, 1.005 * 2.59133483, 0.29 - 0.126j, 0.12, 0.519),
+        (1.5, 0.99 * 2.75064044, 0.07 - 0.01j, 0.25, 0.5005),
+        (1.5, 0.97 * 2.75064044, 0.0, 0.767, 0.4995),
+    )
+    known = (
+        (0.519014768, 0.19972033, 0.41947616, 0.974269),
+        (0.500518140, 0.18918166, 0.31314390, 1.031737),
+        (0.499326667, 0.76137742, 0.77128502, 0.916141),
+    )
+    for (sigma, speed, centre, radius, rate), (*motion, multiplier) in zip(
+        cases, known, strict=True
+    ):
+        scene = mass(jr.Gravity(1.0), film(4 * sigma), speed=speed)
+        start, period = at(centre + radius, 1j * radius * rate * speed), 2 * np.pi / rate / speed
+        how = {"solver": jr.Exponential(4), "steps_per_revolution": round(2000 * rate)}
+        orbit = jr.periodic(scene, start, period=period, **how)  # 2000 steps, so one program
+        z = np.abs(np.asarray(orbit.displacement)[:, 0])
+        whirl = 2 * np.pi / float(orbit.period) / speed
+        assert whirl == pytest.approx(motion[0], rel=1e-8)
+        assert (z.min(), z.max()) == pytest.approx(
+            motion[1:], rel=2e-5
+        )  # they fall between samples
+        assert float(np.abs(orbit.multipliers[0])) == pytest.approx(multiplier, abs=1e-6)
+
+
+@pytest.mark.slow
 def test_motions_are_those_of_scipy():
     """Unbalance and weight from rest, by default, by exponential steps and by `run_up`."""
     speed, scale, e = 2.0, 1.2, 0.1
@@ -128,19 +158,26 @@ def test_damper_has_several_orbits():
 
 
 @pytest.mark.slow
+@pytest.mark.hard(
+    "8.1 a journal at its wall, and a rotor that floats in its films", outcome="refused"
+)
 def test_rotor_held_by_films_alone():
-    """Integrated by default; exponential steps say that they need a rest position."""
+    """Integrated by default, or by exponential steps, which need a speed or something else to hold it."""
     films = [film(1.2, offset=0.0), jr.JournalBearing(0.0, 1.2, 1.0, 1.0, 1.0)]
     shaft = jr.RigidShaft(0.5, constraints=[])
     parts = jr.Disc(0.25, 2.0, 0.1, 0.1), jr.Gravity(1.0)
     scene = jr.Scene(shaft, *parts, *films, spin=jr.ConstantSpeed(2.0))
     with pytest.raises(ValueError, match=r"nothing linear holds it \(journal_bearings.0 and"):
-        jr.simulate(scene, 2, solver=jr.Exponential())
+        jr.simulate(scene.at_speed(0.0), 2, period=1.0, solver=jr.Exponential())
     begin = lambda z: jr.Continued(jnp.array([z + 0j, 0]), jnp.zeros(2) + 0j)
     how = {"keep": 1, "max_steps": 200}
     run = jr.simulate(scene, 60, 16, start=begin(0.0), **how)
     assert run.solver == "Dopri8"
     rest = jr.static_positions(scene).position[0, 0]
     np.testing.assert_allclose(run.displacement, complex(rest), atol=1e-6)
+    stepped = jr.simulate(scene, 60, 128, start=begin(0.0), keep=1, solver=jr.Exponential(4))
+    np.testing.assert_allclose(stepped.displacement, complex(rest), atol=1e-6)
+    weight = complex(np.sum(stepped.contact_force[-1]))  # of the films alone, nothing lent
+    assert weight == pytest.approx(2j, abs=1e-5)
     with pytest.raises(RuntimeError):
         jr.simulate(scene, 60, 16, start=begin(1.2), **how)

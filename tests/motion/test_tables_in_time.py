@@ -113,6 +113,7 @@ def test_lanes_along_times():
 
 
 @pytest.mark.slow
+@pytest.mark.hard("8.8 a run-up that leaves the tables of coefficients", outcome="refused")
 def test_a_run_that_leaves_the_tables_is_refused():
     said = "from 0 to 1200 rad/s, but coefficients are needed at 12.*extend the tables"
     for spin in (

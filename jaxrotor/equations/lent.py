@@ -1,0 +1,40 @@
+"""Lent stiffness: the linear equations hold a journal that floats in its film.
+
+    F = -k z - c z. + (F + k z + c z.)
+
+Exponential steps propagate the deviation from the rest position of the linear rotor, and a rotor that
+only films hold has none. So films lend it their damping about the centre, and that times the speed as a
+stiffness; what is left of their forces stays at the ports. The motion is the same.
+"""
+
+import dataclasses
+
+import jax.numpy as jnp
+
+from ..core.blocks import Blocks
+from .system import Port, System
+
+
+def with_lent_films(system: System) -> System:
+    """The system whose steep laws lend stiffness and damping; the same one where there are none, or it is.
+
+    At standstill there is no speed, so they lend damping alone.
+    """
+    ports = tuple(_lending(port, system) for port in system.ports)
+    blocks = system.blocks
+    for port, before in zip(ports, system.ports, strict=True):
+        if port.lent is not None and before.lent is None:
+            across = jnp.outer(port.column, port.row)
+            stiffness, damping = port.lent
+            blocks = blocks + Blocks(stiffness=stiffness * across, damping=damping * across)
+    return dataclasses.replace(system, ports=ports, blocks=blocks)
+
+
+def _lending(port: Port, system: System) -> Port:
+    """The port with what its steep laws lend."""
+    if port.lent is not None or not any(law.steep for law in port.laws):
+        return port
+    damping = port.hardness()[1]
+    return dataclasses.replace(
+        port, lent=jnp.stack([damping * jnp.abs(system.spin.speed), damping])
+    )
