@@ -31,14 +31,19 @@ def late(scene, start, revolutions):
     return jr.simulate(scene, revolutions, 64, keep=100, start=start, solver=dfx.Dopri8())
 
 
-def whirl(sigma, speed, start, revolutions):
+def whirl(scene, start, revolutions):
     """Whirl over speed, smallest and largest eccentricity of the last revolutions."""
-    run = late(mass(jr.Gravity(1.0), film(4 * sigma), speed=speed), start, revolutions)
+    run, speed = late(scene, start, revolutions), float(scene.spin.speed)
     z, time = np.asarray(run.displacement)[:, 0], np.asarray(run.time)
     y = z.imag - z.imag.mean()
     curve, up = CubicSpline(time, y), np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
     first, last = (brentq(curve, time[i], time[i + 1], xtol=1e-13) for i in up[[0, -1]])
     return 2 * np.pi * (up.size - 1) / (last - first) / speed, np.abs(z).min(), np.abs(z).max()
+
+
+def rigid(sigma, speed):
+    """A rigid rotor under its weight."""
+    return mass(jr.Gravity(1.0), film(4 * sigma), speed=speed)
 
 
 def near(found, known):
@@ -52,7 +57,7 @@ def test_oil_whirl_beyond_its_threshold():
     """Orbit at 1.005 of the threshold, sigma 0.3, that the sheet has by shooting."""
     speed, rest = 1.005 * 2.59133483, 0.2931 - 0.1256j
     start = at(rest + 0.12, 0.12j * 0.52 * speed)
-    found = whirl(0.3, speed, start, 900)
+    found = whirl(rigid(0.3, speed), start, 900)
     near(found, (0.519014768, 0.19972033, 0.41947616))
 
 
@@ -61,12 +66,25 @@ def test_large_whirl_beside_a_stable_rest():
     """Subcritical: below the threshold a kicked rotor whirls, one let go near its rest does not."""
     speed = 0.97 * 2.75064044
     kicked = at(0.767, 0.767j * 0.4993 * speed)
-    found = whirl(1.5, speed, kicked, 300)
+    found = whirl(rigid(1.5, speed), kicked, 300)
     near(found, (0.499326667, 0.76137742, 0.77128502))
-    scene = mass(jr.Gravity(1.0), film(6.0), speed=speed)
+    scene = rigid(1.5, speed)
     rest = complex(jr.static_positions(scene).position[0, 0])
     calm = late(scene, at(rest + 1e-3, 0), 340)
     assert np.max(np.abs(np.asarray(calm.displacement) - rest)) < 3e-4
+
+
+@pytest.mark.slow
+@pytest.mark.hard("8.7 oil whip, which is locked to the natural frequency of the shaft")
+def test_oil_whip_of_a_flexible_rotor():
+    """A tenth of the mass in the journal, the rest on a spring of natural frequency 1: sheet 8."""
+    cage = jr.Support(0.5, 0.9, on="disc"), jr.Support(of="disc", stiffness=0.0, damping=0.036)
+    parts = jr.Disc(0.5, 0.1), jr.Casing("disc", 0.9), *cage, jr.Gravity(1.0), film(1.2)
+    start = jr.Continued(jnp.array([0.8, 4.0 + 0j]), 1j * jnp.array([0.8, 4.0]))
+    scene = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1e-9), *parts, spin=jr.ConstantSpeed(3.0))
+    rate, _, largest = whirl(scene, start, 200)
+    assert 3.0 * rate == pytest.approx(0.96231767, rel=1e-5)
+    assert largest == pytest.approx(0.817388, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -86,7 +104,7 @@ def test_whirls_are_orbits_with_their_multipliers():
     for (sigma, speed, centre, radius, rate), (*motion, multiplier) in zip(
         cases, known, strict=True
     ):
-        scene = mass(jr.Gravity(1.0), film(4 * sigma), speed=speed)
+        scene = rigid(sigma, speed)
         start, period = at(centre + radius, 1j * radius * rate * speed), 2 * np.pi / rate / speed
         how = {"solver": jr.Exponential(4), "steps_per_revolution": round(2000 * rate)}
         orbit = jr.periodic(scene, start, period=period, **how)  # 2000 steps, so one program
