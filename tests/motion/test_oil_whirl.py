@@ -82,7 +82,7 @@ def test_oil_whip_of_a_flexible_rotor():
     parts = jr.Disc(0.5, 0.1), jr.Casing("disc", 0.9), *cage, jr.Gravity(1.0), film(1.2)
     start = jr.Continued(jnp.array([0.8, 4.0 + 0j]), 1j * jnp.array([0.8, 4.0]))
     scene = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1e-9), *parts, spin=jr.ConstantSpeed(3.0))
-    rate, _, largest = whirl(scene, start, 200)
+    rate, _, largest = whirl(scene, start, 300)
     assert 3.0 * rate == pytest.approx(0.96231767, rel=1e-5)
     assert largest == pytest.approx(0.817388, rel=1e-4)
 
