@@ -148,8 +148,14 @@ def test_motions_are_those_of_scipy():
 
 
 @pytest.mark.slow
+@pytest.mark.hard(
+    "8.9 three orbits of a squeeze film damper, and the fold in which two of them end"
+)
 def test_damper_has_several_orbits():
-    """Unbalance response (14) of a mass on a cage: three circles at r = 2.6, one with a full film."""
+    """Unbalance response (14) of a mass on a cage: three circles at r = 2.6, one with a full film.
+
+    Two of the three meet in a fold at a lower speed.
+    """
     rate, b, u = 2.6, 0.1, 0.4
 
     def orbit(e, cavitated=True):
@@ -161,7 +167,7 @@ def test_damper_has_several_orbits():
         start, solver = jr.Whirl(e, rate, phase), jr.Exponential(4)
         found = jr.periodic(scene, start, steps_per_revolution=192, solver=solver)
         growth = np.log(np.max(np.abs(found.multipliers))) * rate / (2 * np.pi)
-        return np.abs(np.asarray(found.displacement)).ravel(), growth
+        return np.abs(np.asarray(found.displacement)).ravel(), growth, found
 
     cases = {
         0.508499218: (0.5, -0.178819, True),
@@ -170,9 +176,14 @@ def test_damper_has_several_orbits():
         0.460096063: (0.45, None, False),
     }
     for radius, (guess, growth, cavitated) in cases.items():
-        found, grows = orbit(guess, cavitated)
+        found, grows, last = orbit(guess, cavitated)
         np.testing.assert_allclose(found, radius, rtol=1e-7)
         assert growth is None or grows == pytest.approx(growth, rel=1e-4)
+        if guess == 0.5:
+            branch = jr.continue_(last, "spin.speed", (2.0, 2.7), direction="down")
+            fold = branch.of("fold")[0]
+            assert fold.value == pytest.approx(2.11302071, rel=1e-7)
+            assert float(fold.radius_max[0]) == pytest.approx(0.6533, abs=5e-5)
 
 
 @pytest.mark.slow
