@@ -183,7 +183,8 @@ def test_damper_has_several_orbits():
             branch = jr.continue_(last, "spin.speed", (2.0, 2.7), direction="down")
             fold = branch.of("fold")[0]
             assert fold.value == pytest.approx(2.11302071, rel=1e-7)
-            assert float(fold.radius_max[0]) == pytest.approx(0.6533, abs=5e-5)
+            # the radius goes with the square root of the distance from the fold
+            assert float(fold.radius_max[0]) == pytest.approx(0.6533, abs=3e-4)
 
 
 @pytest.mark.slow
