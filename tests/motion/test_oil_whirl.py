@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 import jaxrotor as jr
 
@@ -158,6 +158,15 @@ def test_damper_has_several_orbits():
     """
     rate, b, u = 2.6, 0.1, 0.4
 
+    def excess(e, rate):
+        """Square of (14), left minus right, of a half film."""
+        s = np.sqrt(1 - e**2)
+        stiff, damped = 1 - rate**2 + 2 * b * rate * e / s**4, b * rate * np.pi / (2 * s**3)
+        return e**2 * (stiff**2 + damped**2) - (u * rate**2) ** 2
+
+    def fold_of(e, rate):
+        return excess(e, rate), (excess(e + 1e-6, rate) - excess(e - 1e-6, rate)) / 2e-6
+
     def orbit(e, cavitated=True):
         s = np.sqrt(1 - e**2)
         stiff, damped = (2 * b * rate * e / s**4, np.pi / 2) if cavitated else (0.0, np.pi)
@@ -182,9 +191,10 @@ def test_damper_has_several_orbits():
         if guess == 0.5:
             branch = jr.continue_(last, "spin.speed", (2.0, 2.7), direction="down")
             fold = branch.of("fold")[0]
-            assert fold.value == pytest.approx(2.11302071, rel=1e-7)
-            # the radius goes with the square root of the distance from the fold
-            assert float(fold.radius_max[0]) == pytest.approx(0.6533, abs=3e-4)
+            radius, place = fsolve(lambda x: fold_of(*x), [0.65, 2.1], xtol=1e-13)
+            assert (place, radius) == pytest.approx((2.11302071, 0.6533), rel=2e-4)  # of the sheet
+            assert fold.value == pytest.approx(place, rel=1e-8)
+            assert float(fold.radius_max[0]) == pytest.approx(radius, rel=1e-6)
 
 
 @pytest.mark.slow
