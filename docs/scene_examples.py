@@ -1,5 +1,16 @@
 """Examples of `docs/scene-files.md`: tables of a file, which together have every key of their part."""
 
+PEDESTAL = """\
+
+[casing]                           # on which it stands
+name = "pedestal"
+mass = "40 kg"
+
+[[support]]                        # between casing and ground
+of = "pedestal"
+stiffness = "200 MN/m"
+"""
+
 EXAMPLES = {
     "flexible": [
         """\
@@ -208,7 +219,9 @@ gap = "0.3 mm"
 stiffness = "5 MN/m"
 blend = "10 um"
 slip = "0.1 m/s"
-""",
+on = "pedestal"
+"""
+        + PEDESTAL,
     ],
     "annular_stator": [
         """\
@@ -223,7 +236,9 @@ offset = "50 um"                   # of the centre of the ring
 angle = "270 deg"                  # of that offset
 blend = "5 um"
 slip = "0.1 m/s"
+on = "pedestal"                    # whose mass and suspension it has
 """
+        + PEDESTAL
     ],
     "journal_bearing": [
         """\
@@ -237,7 +252,9 @@ offset = "10 um"                   # of the centre of the bush from the axis
 angle = "270 deg"                  # of that offset
 blend = "0.1 1/s"                  # smooths the film where it does not move
 cavitated = true                   # false: the full film, which bears negative pressure
+on = "pedestal"
 """
+        + PEDESTAL
     ],
     "squeeze_film": [
         """\
@@ -251,9 +268,20 @@ offset = "10 um"
 angle = "270 deg"
 blend = "0.1 1/s"
 cavitated = true                   # false: the full film of a sealed damper under pressure
+on = "pedestal"
 """
+        + PEDESTAL
     ],
-    "cubic_spring": ['[cubic_spring]\nat = "0.4 m"\nangle = "0 deg"\nstiffness = "1e12 N/m^3"\n'],
+    "cubic_spring": [
+        """\
+[cubic_spring]
+at = "0.4 m"
+angle = "0 deg"
+stiffness = "1e12 N/m^3"
+on = "pedestal"
+"""
+        + PEDESTAL
+    ],
     "gravity": ['[gravity]\nacceleration = "9.81 m/s^2"\nangle = "-90 deg"\n'],
     "external_damping": [
         '[external_damping]\nper_length = "9 N s/m^2"\nanisotropy = 0.1\nangle = "0 deg"\n'

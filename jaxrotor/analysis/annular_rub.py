@@ -32,7 +32,7 @@ class AnnularRub(eqx.Module):
     free: Complex[Array, " k"]  # displacement at the ring without it, at rotation angle 0 [m]
     free_growth: Float[Array, " k"]  # largest real part of the roots without contact [1/s]
     normal_force: Float[Array, "k 2"]  # [N]
-    displacement: Complex[Array, "k 2"]  # at the ring, at rotation angle 0 [m]
+    displacement: Complex[Array, "k 2"]  # relative to the ring, at rotation angle 0 [m]
     roots: Complex[Array, "k 2 m"]  # in turning axes [rad/s]; largest growth first
     coordinates: Complex[Array, "k 2 n"]  # at rotation angle 0 [m]
     onsets: Float[
@@ -93,11 +93,12 @@ class AnnularRub(eqx.Module):
 def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
     """`|g + N q| = |z_free|`, `q = 1/k + H (1 + i f)`: synchronous full rubs, without time stepping.
 
-    `H` is the receptance of the rotor at the ring for a force that turns with the shaft, and `z_free` its
-    unbalance response without the ring. The equation is quadratic in the normal force `N`, so two
-    rubs may coexist; they merge where `|z_free| |q| = g |Im q|`, the fold. The damping of the ring does
-    not act in a circular whirl, but on small motions about it. The sharp law is taken: `blend` and `slip`
-    of the ring have no effect here, as they have none where depth and slip exceed them.
+    `H` is the receptance of the rotor at the ring for a force that turns with the shaft, with that of the
+    casing on which the ring may stand, and `z_free` its unbalance response without the ring. The equation
+    is quadratic in the normal force `N`, so two rubs may coexist; they merge where
+    `|z_free| |q| = g |Im q|`, the fold. The damping of the ring does not act in a circular whirl, but on
+    small motions about it. The sharp law is taken: `blend` and `slip` of the ring have no effect here, as
+    they have none where depth and slip exceed them.
 
     Args:
         scene: a rotor that is the same along every axis, in one `AnnularStator` on its axis.

@@ -19,6 +19,7 @@ from ..equations.pencil import Pencil, check_axes, frame, unequal_parts
 from ..equations.speed_tables import check_tables
 from ..equations.system import Port, System, assemble
 from ..scene import Scene
+from ..shafts.cased import ends
 
 
 NEAREST = 1e-4  # root of 1 - eccentricity^2 up to which a film is sought to bear its load
@@ -196,7 +197,7 @@ def _support(
     for letter, matrix in (("k", stiffness), ("c", damping)):
         for i, j, axes in ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy")):
             numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
-    return Support(at=film.at, speeds=speeds, **numbers)
+    return Support(at=film.at, on=film.on, speeds=speeds, **numbers)
 
 
 # === equilibrium
@@ -216,8 +217,9 @@ class _Balance(eqx.Module):
     @classmethod
     def of(cls, system: System, films: tuple[AbstractFilm, ...]) -> "_Balance":
         """Balance of a rotor at its speed."""
-        rows = jnp.stack([system.line.row(film.at) for film in films])
-        columns = jnp.stack([system.line.column(film.at) for film in films], axis=1)
+        pairs = [ends(system.line, film.at, film.on) for film in films]
+        rows = jnp.stack([row for row, _ in pairs])
+        columns = jnp.stack([column for _, column in pairs], axis=1)
         mean, fixed = Pencil.mean(system).stiffness, system.blocks.fixed_stiffness
         fixed = jnp.zeros_like(mean) if fixed is None else fixed
         ahead, across = mean + fixed, mean - fixed  # of `K q + K_f q*`

@@ -10,17 +10,18 @@ from .rub import AbstractRub, AbstractRubLaw, Touch
 
 
 class AnnularStator(AbstractRub):
-    """Ring on a rigid mount around the rim, with a radial `gap` to the centred rim.
+    """Ring around the rim, with a radial `gap` to the centred rim.
 
         r = z - offset e^(i angle),   rho = |r|,   n = r / rho,   p = rho - gap
         N = k p + d p.   while p > 0 and N > 0 (a ring cannot pull)
         F = -N (1 + i f sgn V) n,   V = Omega R + Im(r. n*)   slip of the rim, R = rim_radius
 
-    The rim stays round and the ring yields where it is touched. `offset` and `angle` place the centre of
-    the ring. `blend` [m] and `slip` [m/s] smooth the force and the reversal of friction as in `Limiter`; a
-    rim that rolls (V = 0) needs `slip`, since with the sharp law it changes between both directions of
-    friction for ever. A ring without gap is in contact always. A ring differs from many `Limiter` round a
-    circle, whose common force grows as the depth to the power 3/2.
+    The rim stays round and the ring yields where it is touched. Its mount is rigid, or it stands `on` a
+    `Casing` of its own mass and suspension, to which `z` is then relative. `offset` and `angle` place the
+    centre of the ring. `blend` [m] and `slip` [m/s] smooth the force and the reversal of friction as in
+    `Limiter`; a rim that rolls (V = 0) needs `slip`, since with the sharp law it changes between both
+    directions of friction for ever. A ring without gap is in contact always. A ring differs from many
+    `Limiter` round a circle, whose common force grows as the depth to the power 3/2.
     Source: Black (1968), J. Mech. Eng. Sci. 10, pp. 1-12, with the velocity of the rotor's centre in V.
     """
 

@@ -154,13 +154,16 @@ class AbstractSmoothLaw(AbstractLaw):
 class AbstractContact(AbstractEffect):
     """Effect with a nonlinear law of displacement and velocity at a station.
 
-    Rotating the law by an angle is the same as adding the angle to `angle`.
+    Rotating the law by an angle is the same as adding the angle to `angle`. A contact stands on the
+    ground, or `on` the `Casing` of a name: its law is then one of the motion relative to the casing, which
+    gets the opposite force.
     """
 
     holds_shaft: ClassVar[bool] = True
 
     at: eqx.AbstractVar[Scalar]
     angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]
+    on: str | None = eqx.field(default=None, static=True, kw_only=True)
 
     @abc.abstractmethod
     def law(self) -> AbstractLaw:
@@ -243,12 +246,13 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"Two casings have the name {name!r}; give each a name of its own.")
-    named = (getattr(effect, key, None) for effect in effects for key in ("of", "on"))
-    used = list(dict.fromkeys(name for name in named if name is not None))
-    for name in used:
+    parts = [(effect, getattr(effect, key, None)) for effect in effects for key in ("of", "on")]
+    parts = [(effect, name) for effect, name in parts if name is not None]
+    for _, name in parts:
         check_casing(name, names)
+    held = [name for effect, name in parts if not isinstance(effect, AbstractContact)]
     for name in names:
-        if name not in used:
+        if name not in held:
             raise ValueError(
                 f"Nothing holds the casing {name!r}; give it a Support by `of`, and the shaft one by `on`."
             )

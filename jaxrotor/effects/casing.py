@@ -17,7 +17,8 @@ class Casing(AbstractLinear, AbstractCasing):
 
     It moves along x and y and does not tilt or turn, so it has a mass and no moment of inertia. Its
     displacement is a coordinate of the rotor, after those of the shaft. `Support(at, .., on=name)` stands
-    on it, one or several, and `Support(of=name, ..)` holds it, on the ground or on another casing.
+    on it, one or several, and so may stops, rings and oil films. `Support(of=name, ..)` holds it, on the
+    ground or on another casing.
     Source: Friswell, Penny, Garvey, Lees (2010), section 6.4: flexible foundations.
     """
 

@@ -26,7 +26,7 @@ from ..core.quantities import (
     series,
     with_values,
 )
-from ..shafts.cased import column_of, row_of
+from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
 from .base import AbstractOverSpeed, AbstractSmoothLaw, AbstractUnequal, Deviator, Hardness, Plane
 
@@ -250,11 +250,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
 
     def _ends_on(self, line: AbstractLine) -> tuple[Array, Array]:
         """Row and column of the displacement of the one end relative to the other."""
-        place = self.at if self.of is None else self.of
-        row, column = row_of(line, place), column_of(line, place)
-        if self.on is not None:
-            row, column = row - row_of(line, self.on), column - column_of(line, self.on)
-        return row, column
+        return ends(line, self.at if self.of is None else self.of, self.on)
 
     def _present(self, name: str) -> dict[str, Any]:
         """Parts of the stiffness or the damping, None where they are known to be zero."""

@@ -24,6 +24,7 @@ from ..effects.base import (
     AbstractUnequal,
 )
 from ..scene import Scene
+from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
@@ -45,6 +46,7 @@ class Port(eqx.Module):
     laws: tuple[AbstractLaw, ...]  # laws of equal structure stacked along a leading axis
     # Stiffness and damping that the linear equations bear in place of the laws, see `with_lent_films`:
     lent: Float[Array, "2"] | None = None
+    on: str | None = eqx.field(static=True, default=None)  # name of a casing; None: the ground
 
     def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
         """Force of every law at this port [N], in the order of `System.members`."""
@@ -229,9 +231,9 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         for i in group:
             law = contacts[i].law()
             stacks.setdefault(jax.tree.structure(law), []).append((i, law))
-        at = contacts[group[0]].at
+        at, on = contacts[group[0]].at, contacts[group[0]].on
         laws = tuple(_stack([law for _, law in stack]) for stack in stacks.values())
-        ports.append(Port(line.row(at), line.column(at), at, laws))
+        ports.append(Port(*ends(line, at, on), at, laws, on=on))
         members += [i for stack in stacks.values() for i, _ in stack]
     races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
     return System(
@@ -344,21 +346,20 @@ def polar_inertia(scene: Scene) -> Scalar | None:
 
 
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
-    """Groups of contacts of a scene that act at one station and share a port.
+    """Groups of contacts of a scene that act at one station, on the same casing if any, and share a port.
 
     Stations are the same if they are one traced value, or known and equal. Contacts with separately
     traced stations have ports of their own, so that a derivative by one station moves that contact alone.
     """
-    groups: list[tuple[Scalar, list[int]]] = []
+    groups: list[tuple[AbstractContact, list[int]]] = []
+    same = lambda a, b: a is b or known(a) and known(b) and float(a) == float(b)
     for i, contact in enumerate(scene.of(AbstractContact)):
-        for at, group in groups:
-            if contact.at is at or (
-                known(at) and known(contact.at) and float(at) == float(contact.at)
-            ):
+        for first, group in groups:
+            if contact.on == first.on and same(contact.at, first.at):
                 group.append(i)
                 break
         else:
-            groups.append((contact.at, [i]))
+            groups.append((contact, [i]))
     return tuple(tuple(group) for _, group in groups)
 
 

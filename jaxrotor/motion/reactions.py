@@ -17,7 +17,7 @@ from ..equations.pencil import Pencil, frame
 from ..equations.rotating_frame import Transient
 from ..equations.system import System, assemble_blocks, assemble_load
 from ..scene import Scene
-from ..shafts.cased import row_of
+from ..shafts.cased import ends, row_of
 from ..shafts.influence import Influence
 from ..shafts.virtual import VirtualLine
 from ..spins.base import Turning
@@ -188,7 +188,7 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
         if system.tabled is not None:
             own = assemble_blocks(scene.at_speed(now.turning.speed), line)
         reaction = resistance(own, now) - applied_force(load, now)
-        reaction -= contact_force(system, now, lambda port: line.column(port.at))
+        reaction -= contact_force(system, now, lambda port: ends(line, port.at, port.on)[1])
         reaction -= body_force(system, now, lambda race: line.column(race.at))
         if inertia is not None:
             reaction += inertia @ now.absolute

@@ -19,6 +19,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar
+from ..effects import AbstractContact
 from ..equations.speed_tables import check_tables
 from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
@@ -222,6 +223,12 @@ def problem_of(
             "The steps of a branch are parts of a revolution, so the rotor must rotate, but its speed is "
             "0; give an orbit of a rotating scene."
         )
+    for contact in orbit.scene.of(AbstractContact):
+        if contact.on is not None:
+            raise ValueError(
+                f"`{orbit.scene.name_of(contact)}` stands on the casing {contact.on!r}, but branches "
+                "look for grazing of contacts that stand on the ground; call `periodic` value by value."
+            )
     scene = with_shared_nodes(orbit.scene, [path])
     low, high = _range(scene, path, between)
     together = port_groups(scene)

@@ -90,6 +90,16 @@ def column_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " r"]:
     return row_of(line, place)
 
 
+def ends(
+    line: AbstractLine, place: Scalar | str, on: str | None
+) -> tuple[Float[Array, " n"], Float[Array, " r"]]:
+    """Row and column of a place relative to the casing of a name; None: to the ground."""
+    row, column = row_of(line, place), column_of(line, place)
+    if on is None:
+        return row, column
+    return row - row_of(line, on), column - column_of(line, on)
+
+
 def _cased(line: AbstractLine) -> CasedLine:
     """The line with casings that a line is, or that a virtual one is of."""
     while isinstance(line, VirtualLine):
