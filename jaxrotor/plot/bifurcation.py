@@ -26,8 +26,9 @@ def bifurcation(
     Colours are those of the attractors if the data set has them (`jaxrotor.attractors`). Otherwise they
     mark forward whirl (index > 0), backward whirl (< 0) and undefined whirl (NaN: at rest in the
     centre; 0: no net whirl). Several starts are drawn over each other, as are the branches up and down,
-    which have different markers in the lower Axes. Lines are at the clearance of the stops, if the data
-    set keeps its scene; a value without any point is shaded, with the status of its lanes.
+    which have different markers in the lower Axes. Lines are at the clearance of the stops, the gap
+    on the side of x to which each faces, if the data set keeps its scene. A value without any point is
+    shaded, with the status of its lanes.
 
     Args:
         dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and

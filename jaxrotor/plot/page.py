@@ -20,6 +20,7 @@ TEXT = 8.0  # pt: axis and tick labels, legends
 RASTER = 20_000  # points above which a curve is rasterized, so that a PDF stays small
 
 _MM = 1 / 25.4
+_LABELS = 48.0  # pt: labels beside Axes
 _DPI = 200.0  # resolution of rasterized parts
 STYLE: Any = {  # text and lines of a picture file [pt]
     "font.size": 8.0,
@@ -175,14 +176,15 @@ def legend(ax: Axes, columns: int) -> None:
 
 
 def width_of(ax: Axes) -> float:
-    """Width [pt] that Axes may have between their labels and the edge of the figure."""
+    """Width [pt] between the labels of Axes and the edge of their part of the figure, about."""
     figure: Any = ax.figure
-    return 1.13 * ax.get_position().width * figure.bbox.width * 72 / figure.dpi
+    share = ax.get_position().width / 0.775  # of the default width of Axes in a figure
+    return min(share, 1.0) * figure.bbox.width * 72 / figure.dpi - _LABELS
 
 
 def _columns(ax: Axes, names: list[str], most: int) -> int:
     """Number of columns of a legend that fit, at most `most`; the first ones have one entry more."""
-    widths = [0.5 * TEXT * len(name) + 3.7 * TEXT for name in names]
+    widths = [0.5 * TEXT * len(name) + 3.4 * TEXT for name in names]
     for columns in range(min(most, len(names)), 1, -1):
         parts = np.array_split(widths, columns)
         if sum(max(part) for part in parts) <= width_of(ax):

@@ -17,6 +17,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import jaxrotor as jr
+from jaxrotor import plot
 from jaxrotor.cli import app, main
 from jaxrotor.cli.answer import _plain
 from jaxrotor.cli.options import typed_unit
@@ -257,11 +258,14 @@ def damped(damping=100.0, *more):
     return "damped.toml"
 
 
-def test_response(place):
-    limiter = jr.Limiter(at=0.3, angle=0.0, gap=0.01, stiffness=1e6)
+def test_response(place, monkeypatch):
+    drawn, draw = {}, plot.response
+    monkeypatch.setattr(plot, "response", lambda *a, **b: drawn.update(b) or draw(*a, **b))
+    limiter = jr.Limiter(at=0.3, angle=0.0, gap=0.002, stiffness=1e6)
     run = ["response", damped(100.0, limiter), "--from", 10, "--to", 300, "--points", 42]
     shown = answered(*run, "--out", "run")
     assert shown["without"] == ["limiters"] and shown["station"] == 0.3
+    assert drawn["clearance"] == 0.002  # [m]; the amplitude is 1 mm
     eccentricity, ratio = 0.1 * 0.01 / 10, 0.05
     (peak,) = shown["peaks"]
     assert peak["speed"] == pytest.approx(100 / np.sqrt(1 - 2 * ratio**2), rel=1e-10)
