@@ -92,7 +92,7 @@ def bifurcation(
     largest = float(np.nanmax(np.abs(displacement), initial=0.0)) / factor
     clearance.draw_sideways(upper, dataset, dim, each, (factor, unit), largest)
     empty = ~np.isfinite(displacement).reshape(len(each), -1).any(axis=1)
-    _say_why(upper, each, empty, status.reshape(len(each), -1))
+    _say_why(upper, each, np.asarray(empty), status.reshape(len(each), -1))
     for ax in (upper, lower):
         ax.margins(x=0.01)
     page.zero(lower)
@@ -120,14 +120,17 @@ def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray
     ends = np.concatenate([places[:1], (places[1:] + places[:-1]) / 2, places[-1:]])
     close = _CLOSE * (places[-1] - places[0])
     texts: list[tuple[list[float], dict[str, None]]] = []  # places, and what is said of them
-    for k in np.flatnonzero(empty[order]):
+    last = -1
+    for k in np.flatnonzero(empty[order]).tolist():
         ax.axvspan(ends[k], ends[k + 1], color="0.92", linewidth=0.0, zorder=0.2)
-        said = {_reason(code): None for code in why[k].tolist()}
-        if texts and places[k] - texts[-1][0][-1] <= max(close, 1.01 * (ends[k + 1] - ends[k])):
-            texts[-1][0].append(float(places[k]))
+        place, said = float(places[k]), {_reason(code): None for code in why[k].tolist()}
+        same = texts and k == last + 1 and said == texts[-1][1]
+        if same or (texts and place - texts[-1][0][-1] <= close):
+            texts[-1][0].append(place)
             texts[-1][1].update(said)
         else:
-            texts.append(([float(places[k])], said))
+            texts.append(([place], said))
+        last = k
     for at, said in texts:
         style: Any = {"rotation": 90, "ha": "center", "va": "center", "fontsize": page.TEXT - 1}
         style["bbox"] = {"facecolor": "0.92", "edgecolor": "none", "pad": 0.5}

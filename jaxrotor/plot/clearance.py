@@ -23,9 +23,9 @@ def stops_at(scene: Scene, at: float) -> list[AbstractRub]:
 
 
 def amplitudes(scene: Scene, at: float) -> list[float]:
-    """Smallest `|z|` [m] that reaches each stop at a station; equal ones once."""
+    """Smallest `|z|` [m] that reaches each stop at a station, ascending; equal ones once."""
     gaps = [float(stop.gap) - _offset(stop) for stop in stops_at(scene, at)]
-    return _distinct([max(gap, 0.0) for gap in gaps])
+    return np.unique(np.round(np.maximum(gaps, 0.0), 12)).tolist()
 
 
 def sideways(scene: Scene, at: float) -> list[float]:
@@ -41,7 +41,7 @@ def sideways(scene: Scene, at: float) -> list[float]:
             found += [_offset(stop) * side - gap, _offset(stop) * side + gap]
         elif abs(side) > 1e-9:
             found.append(float(np.sign(side)) * gap)
-    return _distinct(found)
+    return found
 
 
 def draw_amplitudes(
@@ -87,30 +87,23 @@ def draw_sideways(
     if moved:
         rows = zip(*(dataset[path].values.tolist() for path in moved), strict=True)
         scenes = [scene.replace(dict(zip(moved, row, strict=True))) for row in rows]
-    lines = [sideways(one, at) for one in scenes]
-    if not lines[0] or len({len(line) for line in lines}) > 1:
+    found = [sideways(one, at) for one in scenes]
+    if not found[0] or len({len(one) for one in found}) > 1:  # an angle is swept past that of y
         return
     (factor, unit), name = scale, "clearance"
-    for line in factor * np.array(lines).T:
-        if np.abs(line).min() > BEYOND * factor * largest > 0:
-            ax.plot([], [], label=f"clearance {abs(line[0]):.3g} {unit}, beyond", **_STYLE)
-            return
+    lines = np.unique(np.round(found, 12), axis=1).T
+    near = [line for line in lines if not np.abs(line).min() > BEYOND * largest > 0]
+    if not near:
+        label = f"{name} {factor * np.abs(lines).min():.3g} {unit}, beyond"
+        ax.plot([], [], label=label, **_STYLE)
+    for number, line in enumerate(near):
+        label = "_" if number else name
         if moved:
-            ax.plot(values, line, label=name, **_STYLE)
+            ax.plot(values, factor * line, label=label, **_STYLE)
         else:
-            ax.axhline(line[0], label=name, **_STYLE)
-        name = "_"
+            ax.axhline(factor * line[0], label=label, **_STYLE)
 
 
 def _offset(stop: AbstractRub) -> float:
     """Eccentricity [m] of a ring, zero of a limiter."""
     return float(stop.offset) if isinstance(stop, AnnularStator) else 0.0
-
-
-def _distinct(values: list[float]) -> list[float]:
-    """Ascending values, of those equal to rounding the first."""
-    found: list[float] = []
-    for value in sorted(values):
-        if not found or not np.isclose(value, found[-1], rtol=1e-9, atol=0.0):
-            found.append(value)
-    return found

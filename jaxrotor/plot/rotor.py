@@ -58,7 +58,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     ends = [-0.04 * length, 1.04 * length]
     ax.plot(ends, [0.0, 0.0], "-.", color=colours.DARK, linewidth=0.5)
     ax.set_aspect("equal", adjustable="box")
-    unit, size = length_unit("mm")[1], float(ax.xaxis.label.get_size())
+    unit, size = length_unit("mm")[1], float(ax.xaxis.label.get_fontsize())
     wide = int(page.width_of(ax) / (0.55 * size))  # letters
     ax.set_xlabel(fill(f"station [{unit}]{_unseen(scene)}", wide))
     ax.set_ylabel(f"radius [{unit}]")

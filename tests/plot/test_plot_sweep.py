@@ -204,10 +204,14 @@ def test_bifurcation_says_why_a_value_has_no_points(lanes):
         pytest.approx([0.0, 0.25]),
         pytest.approx([0.75, 1.0]),
     ]
-    both = np.array([gave_up, not_finite, 0], np.int8)
-    upper, _ = plot.bifurcation(put(lanes, status=both))
-    (text,) = upper.texts
-    assert text.get_text() == "solver gave up, not finite" and text.get_position()[0] == 0.25
+    several = put(lanes, status=np.array([0, gave_up, gave_up], np.int8))
+    (text,) = plot.bifurcation(several)[0].texts  # one of values beside each other
+    assert text.get_text() == "solver gave up" and text.get_position()[0] == 0.75
+    several = put(lanes, status=np.array([0, gave_up, not_finite], np.int8))
+    assert len(plot.bifurcation(several)[0].texts) == 2
+    close = several.assign_coords({ECCENTRICITY: [0.0, 9.9e-4, 1e-3]})
+    (text,) = plot.bifurcation(close)[0].texts
+    assert text.get_text() == "solver gave up, not finite"
     nothing = put(lanes, extrema=np.full((3, 2, 3), np.nan))
     assert plot.bifurcation(nothing)[0].texts[0].get_text() == "no points"
 
