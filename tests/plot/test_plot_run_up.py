@@ -136,10 +136,8 @@ def test_passage_marks_contact_and_the_critical_speed():
     assert legend(ax) == ["contact", "clearance", "critical, forward"]
     assert np.nanmin(touched) > 2.99 and np.isnan(touched[0])
     with plot.units(speed="rpm", length="um"):
-        ax = plot.passage(run)
         far = plot.passage(replace(run, scene=run.scene.replace({"limiters.gap": 1.0})))
-    assert [text.get_text() for text in ax.texts] == [f"{50 * 30 / np.pi:.4g}"]
-    np.testing.assert_allclose(lines(ax)["clearance"].get_ydata(), 3000.0)
+    assert [text.get_text() for text in far.texts] == [f"{50 * 30 / np.pi:.4g}"]
     assert legend(far)[1] == "clearance 1e+06 \N{MICRO SIGN}m, beyond" and far.get_ylim()[1] < 1e5
 
 
