@@ -38,7 +38,9 @@ def save(ax, name: str) -> None:
 
 def draw_linear(scene: jr.Scene) -> None:
     """Campbell diagram, and response to unbalance with the clearance of the ring."""
-    upper, _ = plot.campbell(jr.campbell(scene, np.linspace(0.0, 630.0, 64)))
+    diagram, critical = jr.campbell(scene, np.linspace(0.0, 630.0, 64)), jr.critical_speeds(scene)
+    with plot.units(speed="rpm"):
+        upper, _ = plot.campbell(diagram, critical=critical)
     save(upper, "fan_campbell.png")
     speeds = np.linspace(10.0, 630.0, 311)
     response = jr.unbalance_response(scene.without("limiters"), speeds, at=1.3)

@@ -47,6 +47,9 @@ def campbell(
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Draw backward whirl at negative speeds.")
     ] = False,
+    twice: Annotated[
+        bool, typer.Option("--twice", help="Draw the line of twice per revolution, too.")
+    ] = False,
     out: Out = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -64,7 +67,8 @@ def campbell(
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
-            _draw(result, rotor, mirrored, folder, typed_unit(high, low))
+            drawn = {"mirrored": mirrored, "orders": (1, 2) if twice else (1,)}
+            _draw(result, rotor, drawn, folder, typed_unit(high, low))
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
@@ -173,11 +177,10 @@ def _undamped(rotor: Scene) -> CriticalSpeeds | None:
         return None
 
 
-def _draw(result: Campbell, rotor: Scene, mirrored: bool, folder: Path, unit: str) -> None:
+def _draw(result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, unit: str) -> None:
     from .. import plot
 
-    about: dict[str, Any] = {"critical": _undamped(rotor), "mirrored": mirrored}
-    about["operating"] = operating_speed(rotor)
+    about = {"critical": _undamped(rotor), "operating": operating_speed(rotor)} | chosen
 
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)

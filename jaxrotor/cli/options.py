@@ -30,6 +30,7 @@ from .answer import AsJson as AsJson
 MOST = 10_000_000  # largest count accepted; a larger one is a mistake
 STILL = "a rigid shaft in two pins cannot move; use `jaxrotor reactions`"
 SAMPLES = 2001  # of a run, by default
+BEYOND = 2.5  # default end of a range of speeds, over the running speed
 REVOLUTIONS = 50  # default length of a run at constant speed
 
 SceneName = Annotated[
@@ -110,8 +111,8 @@ High = Annotated[
     typer.Option(
         "--to",
         metavar="SPEED",
-        help="Highest speed. [default: a quarter above the second critical speed, or above the "
-        "scene's speed if that is higher]",
+        help="Highest speed. [default: 2.5 times the scene's speed, and at least a quarter above the "
+        "first forward critical speed; of a scene at speed 0 a quarter above the second]",
     ),
 ]
 Duration = Annotated[
@@ -250,8 +251,9 @@ def speeds_between(scene: Scene, low: str | None, high: str | None, points: int)
         ends = max(float(span[0]), 0.0), float(span[1])
         low, high = (own or repr(end) for own, end in zip((low, high), ends, strict=True))
     if high is None:
-        marks = [*critical_speeds(scene, 2).forward.tolist(), abs(float(scene.spin.speed))]
-        high = repr(1.25 * max(marks))
+        running = abs(float(scene.spin.speed))
+        marks = critical_speeds(scene, 1 if running else 2).forward.tolist()
+        high = repr(max(BEYOND * running, 1.25 * max(marks, default=0.0)))
     return np.linspace(*interval(low, high), points)
 
 

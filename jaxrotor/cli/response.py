@@ -79,7 +79,7 @@ def response(
     station = rotor.stations(
         optional(at, "m", "--at")
     )  # by default of a contact, before it is left out
-    contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
+    contacts, whole = sorted({effect.plural for effect in rotor.of(AbstractContact)}), rotor
     for kind in contacts:
         rotor = rotor.without(kind)
     speeds, range_ = speeds_between(rotor, low, high, points), _operating(rotor, operating)
@@ -101,7 +101,8 @@ def response(
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
-            _draw(found, growth, range_, folder, typed_unit(high, low, operating))
+            shown_with = {"growth": growth, "operating": range_}
+            _draw(found, whole, shown_with, folder, typed_unit(high, low, operating))
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
@@ -235,11 +236,15 @@ def _variables(
 
 
 def _draw(
-    found: ResponsePeaks, growth: np.ndarray, operating: Any, folder: Path, unit: str
+    found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, unit: str
 ) -> None:
     from .. import plot
+    from ..plot.clearance import BEYOND, amplitudes
 
-    about = {"critical": found.critical, "growth": growth, "peaks": found, "operating": operating}
+    largest = float(np.nanmax(np.asarray(found.response.major), initial=0.0))
+    gaps = amplitudes(whole, float(np.asarray(found.response.stations)[0]))
+    near = min((gap for gap in gaps if gap <= BEYOND * largest), default=None)
+    about = about | {"critical": found.critical, "peaks": found, "clearance": near}
 
     def both(axes: Any) -> None:
         plot.response(found.response, axes, **about)

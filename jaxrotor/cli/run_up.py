@@ -1,5 +1,6 @@
 """Command `run-up`: motion while the speed changes."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,11 +35,12 @@ from .options import (
     optional,
     scene_of,
     start_with,
+    typed_unit,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
 
 
-_FILES = ("run-up.zarr", "run-up.png", "speed.png", "balls.png", "film.gif")
+_FILES = ("run-up.zarr", "run-up.png", "passage.png", "speed.png", "balls.png", "film.gif")
 
 
 def run_up(
@@ -63,9 +65,10 @@ def run_up(
 ) -> None:
     """Simulate a run-up or any other change of speed: peak, speeds, contact and balls.
 
-    With --out, DIR/run-up.zarr, pictures of amplitude and speed, and of balls if there are any. Without
+    With --out, DIR/run-up.zarr, pictures of amplitude in time and over speed (passage.png), of speed, and
+    of balls if there are any. Without
     --at the motion is that of the first station of a contact or an effect that can move; if none
-    can, as on a rigid shaft in two pins, the picture of the amplitude is left out.
+    can, as on a rigid shaft in two pins, pictures of the amplitude are left out.
 
     jaxrotor run-up turbine-run-up --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
@@ -81,7 +84,7 @@ def run_up(
         motion = run(rotor, instant, start=start, at=station)
         if folder is not None:
             write_dataset(dataset(motion), folder / "run-up.zarr")
-            _draw(motion, folder, film, moves is not None)
+            _draw(motion, folder, film, moves is not None, typed_unit(*settings or ()))
     summary = _summary(motion, moves is not None)
     answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
@@ -113,14 +116,17 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _draw(motion: TimeHistory, folder: Path, film: bool, moves: bool) -> None:
+def _draw(motion: TimeHistory, folder: Path, film: bool, moves: bool, unit: str) -> None:
     from .. import plot
 
+    paint = partial(draw, speed=unit)
     if moves:
-        draw(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
-    draw(folder / "speed.png", lambda axes: plot.speed(motion, axes), 170, 100, rows=2)
+        paint(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
+        if np.ptp(np.asarray(motion.speed)) > 0:
+            paint(folder / "passage.png", lambda ax: plot.passage(motion, ax=ax), 170, 75)
+    paint(folder / "speed.png", lambda axes: plot.speed(motion, axes), 170, 100, rows=2)
     if motion.balls:
-        draw(folder / "balls.png", lambda axes: plot.balls(motion, axes), 170, 110, rows=2)
+        paint(folder / "balls.png", lambda axes: plot.balls(motion, axes), 170, 110, rows=2)
     if film and (moves or motion.balls):
         plot.animate(motion, folder / "film.gif")
 

@@ -58,9 +58,9 @@ def show(
         return
     with draft_or_none(out, _FILES, overwrite) as folder:
         if folder is not None:
-            from ..plot import rotor as drawn
+            from ..plot.rotor import fit, rotor as drawn
 
-            draw(folder / "rotor.png", lambda ax: drawn(rotor, ax), 170, 75)
+            draw(folder / "rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
     written = written_to(out, _FILES)
     parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)

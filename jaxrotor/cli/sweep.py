@@ -48,6 +48,7 @@ from .options import (
     scene_with,
     start_with,
     swept_axes,
+    typed_unit,
 )
 from .output import draft, draw, written_to
 from .sweep_answer import errors, lanes_of, print_sweep, results
@@ -209,7 +210,8 @@ def sweep(
     if out is None:
         out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep")
     compute = functools.partial(run, rotor, axes, start=start, **counts, **options)
-    dataset, seconds = _computed(compute, list(axes), out, overwrite)
+    unit = typed_unit(*over or (), *settings or ())
+    dataset, seconds = _computed(compute, list(axes), out, overwrite, unit)
     told = ("steps_per_revolution", *_RUN)
     counts |= {name: dataset.attrs[name] for name in told if name in dataset.attrs}
     good = dataset["radius_max"].values[~failed(dataset["status"])]
@@ -224,7 +226,7 @@ def sweep(
 
 
 def _computed(
-    compute: Callable[..., xr.Dataset], swept: list[str], out: Path, overwrite: bool
+    compute: Callable[..., xr.Dataset], swept: list[str], out: Path, overwrite: bool, unit: str
 ) -> tuple[xr.Dataset, float]:
     """The data of a sweep, stored and drawn in a folder, and the time it took [s]."""
     partial = out / _PARTIAL
@@ -242,7 +244,7 @@ def _computed(
                 shutil.rmtree(partial)
                 dataset = compute(store=partial).load()
             seconds = time.perf_counter() - begun
-            _draw(dataset, swept, folder)
+            _draw(dataset, swept, folder, unit)
     partial.rename(out / "sweep.zarr")
     return dataset, seconds
 
@@ -306,24 +308,21 @@ def _observables(
     return found
 
 
-def _draw(dataset: xr.Dataset, swept: list[str], folder: Path) -> None:
+def _draw(dataset: xr.Dataset, swept: list[str], folder: Path, unit: str) -> None:
     from .. import plot
 
+    paint = functools.partial(draw, speed=unit)
     if len(swept) == 2:  # by kind, or by the peak of runs without limiters
         name = None if "index" in dataset or "duty" in dataset else "peak"
-        draw(folder / "map.png", lambda ax: plot.sweep_map(dataset, name, ax), 120, 90)
+        paint(folder / "map.png", lambda ax: plot.sweep_map(dataset, name, ax), 120, 90)
     if len(swept) != 1:
         return
-    size = min(max(250 / dataset.sizes[swept[0]], 1.0), 4.0)  # few lanes, large points
-
     if "envelope" in dataset:
         if min(dataset.sizes[swept[0]], dataset.sizes["window"]) > 1:
-            draw(folder / "envelope.png", lambda ax: plot.envelope(dataset, ax), 170, 90)
+            paint(folder / "envelope.png", lambda ax: plot.envelope(dataset, ax), 170, 90)
         return
-
-    def bifurcation(axes):
-        plot.bifurcation(dataset, axes, size=size)
-
-    draw(folder / "bifurcation.png", bifurcation, 170, 110, rows=2)
+    paint(
+        folder / "bifurcation.png", lambda axes: plot.bifurcation(dataset, axes), 170, 110, rows=2
+    )
     if "spectrum" in dataset and swept == ["spin.speed"]:
-        draw(folder / "waterfall.png", lambda ax: plot.waterfall(dataset, ax), 120, 85)
+        paint(folder / "waterfall.png", lambda ax: plot.waterfall(dataset, ax), 120, 85)

@@ -18,7 +18,7 @@ from .lyapunov import lyapunov as lyapunov
 from .mode_shapes import mode_shapes as mode_shapes
 from .modes3d import modes3d as modes3d
 from .onset import onset as onset
-from .orbit import orbit as orbit
+from .orbit import orbit as orbit, orbits as orbits
 from .page import write as write
 from .periodic import periodic as periodic
 from .reactions import (

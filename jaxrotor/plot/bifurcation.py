@@ -7,30 +7,38 @@ import xarray as xr
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from ..core.outcome import failed
-from . import colours, page
+from ..core.outcome import FAILED, STATUS, failed
+from . import clearance, colours, page
 from .labels import coordinate, ensemble, only_swept, words
+from .units import length_unit
+
+
+_INK = 22_000  # of points, by their number and the square of their marker size [pt]
+_SIZES = (1.5, 4.0)  # smallest and largest marker [pt]; a point is half as wide
+_CLOSE = 0.04  # distance, over the range, below which two texts become one
 
 
 def bifurcation(
-    dataset: xr.Dataset, axes: Any = None, *, section: bool = False, size: float | int = 1
+    dataset: xr.Dataset, axes: Any = None, *, section: bool = False, size: float | int | None = None
 ) -> tuple[Axes, Axes]:
     """Local extrema of the x displacement, and the precession index below, over one parameter.
 
     Colours are those of the attractors if the data set has them (`jaxrotor.attractors`). Otherwise they
     mark forward whirl (index > 0), backward whirl (< 0) and undefined whirl (NaN: at rest in the
     centre; 0: no net whirl). Several starts are drawn over each other, as are the branches up and down,
-    which have different markers in the lower Axes.
+    which have different markers in the lower Axes. Lines are at the clearance of the stops, the gap
+    on the side of x to which each faces, if the data set keeps its scene. A value without any point is
+    shaded, with the status of its lanes.
 
     Args:
         dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and
             `index` [1].
         axes: two Axes, upper and lower; a new figure if None.
         section: draw x once per revolution (`section` [m]) instead of its extrema.
-        size: marker size of the points [pt].
+        size: marker size of the points [pt]; by default the larger, the fewer there are.
 
     Returns:
-        The upper Axes, displacement [mm], and the lower, precession index [1].
+        The upper Axes, displacement, and the lower, precession index [1].
 
     Raises:
         ValueError: a variable is missing, it is not over one swept parameter, or both are not over
@@ -51,11 +59,17 @@ def bifurcation(
     lanes = (dim, *others)
     array = dataset[name].isel(axis=0) if section else dataset[name]
     index = dataset["index"].transpose(*lanes).values
-    displacement = 1e3 * array.transpose(*lanes, ...).values.reshape(index.size, -1)
-    values, label = coordinate(dataset, dim)
-    values = np.repeat(values, index.size // len(values))
+    factor, unit = length_unit("mm")
+    displacement = factor * array.transpose(*lanes, ...).values.reshape(index.size, -1)
+    each, label = coordinate(dataset, dim)
+    values = np.repeat(each, index.size // len(each))
+    status = np.zeros(index.shape, int)
     if "status" in dataset:  # failed lanes are not drawn
-        displacement[failed(dataset["status"].transpose(*lanes)).ravel()] = np.nan
+        status = dataset["status"].transpose(*lanes).values
+        displacement[failed(status).ravel()] = np.nan
+    count = int(np.isfinite(displacement).sum())
+    if size is None:
+        size = float(np.clip(np.sqrt(_INK / max(count, 1)), *_SIZES))
 
     upper, lower = page.pair(axes, 170, 110)
     ways = {".": np.ones(index.size, bool)}
@@ -74,12 +88,16 @@ def bifurcation(
         for marker, belongs in ways.items():
             some = chosen & belongs
             marked: Any = style | {"marker": marker}
-            lower.plot(values[some], index.ravel()[some], markersize=3.0, **marked)
+            lower.plot(values[some], index.ravel()[some], markersize=4.0, **marked)
+    largest = float(np.nanmax(np.abs(displacement), initial=0.0)) / factor
+    clearance.draw_sideways(upper, dataset, dim, each, (factor, unit), largest)
+    empty = ~np.isfinite(displacement).reshape(len(each), -1).any(axis=1)
+    _say_why(upper, each, np.asarray(empty), status.reshape(len(each), -1))
     for ax in (upper, lower):
         ax.margins(x=0.01)
     page.zero(lower)
     what = "once a revolution" if section else "local extrema"
-    upper.set_ylabel(f"x displacement,\n{what} [mm]")
+    upper.set_ylabel(f"x displacement,\n{what} [{unit}]")
     lower.set_ylabel("precession index\n" r"mean of $\dot\psi/\Omega$ [1]")
     lower.set_xlabel(label)
     about = dataset["index"].attrs
@@ -91,6 +109,38 @@ def bifurcation(
         lower.annotate(text, (0.99, 0.04), xycoords="axes fraction", **style)
     page.legend(upper, columns=3)
     return upper, lower
+
+
+def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray) -> None:
+    """Shade the values without points, and write the status of their lanes; close texts are merged."""
+    if not empty.any() or values.dtype.kind not in "fiu":
+        return
+    order = np.argsort(values)
+    places, why = values[order], status[order]
+    ends = np.concatenate([places[:1], (places[1:] + places[:-1]) / 2, places[-1:]])
+    close = _CLOSE * (places[-1] - places[0])
+    texts: list[tuple[list[float], dict[str, None]]] = []  # places, and what is said of them
+    last = -1
+    for k in np.flatnonzero(empty[order]).tolist():
+        ax.axvspan(ends[k], ends[k + 1], color="0.92", linewidth=0.0, zorder=0.2)
+        place, said = float(places[k]), {_reason(code): None for code in why[k].tolist()}
+        same = texts and k == last + 1 and said == texts[-1][1]
+        if same or (texts and place - texts[-1][0][-1] <= close):
+            texts[-1][0].append(place)
+            texts[-1][1].update(said)
+        else:
+            texts.append(([place], said))
+        last = k
+    for at, said in texts:
+        style: Any = {"rotation": 90, "ha": "center", "va": "center", "fontsize": page.TEXT - 1}
+        style["bbox"] = {"facecolor": "0.92", "edgecolor": "none", "pad": 0.5}
+        where = ax.get_xaxis_transform()
+        ax.text((at[0] + at[-1]) / 2, 0.5, ", ".join(said), transform=where, color="0.35", **style)
+
+
+def _reason(code: int) -> str:
+    """Why a lane has no points."""
+    return words(STATUS[code]) if code in FAILED else "no points"
 
 
 def _attractors(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:

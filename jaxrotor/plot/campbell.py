@@ -1,6 +1,5 @@
 """Campbell diagram: whirl frequency and growth rate against the speed of rotation."""
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,6 +19,9 @@ Branches = Float[np.ndarray, "w m"]
 Mask = Bool[np.ndarray, "w m"]
 
 _COLOURS = {1: colours.FORWARD, -1: colours.BACKWARD, 0: colours.DARK}  # of rings, by sense
+_SENSES = {1: "forward", -1: "backward", 0: "straight"}
+_LINE = 9.5  # pt: distance of lines of the list
+_APART = 0.08  # least distance of rings, over the range, with damping ratios beside them
 _SEEN = 0.01  # smallest damping ratio that is written beside a ring
 
 
@@ -36,18 +38,19 @@ def campbell(
     """Whirl frequency `|Im lambda|` above and growth rate `Re lambda` below, against spin speed.
 
     Lines `n Omega` are drawn for `orders` n, with a ring where a branch crosses one: at order 1 the rings
-    are the critical speeds of the damped rotor. Damping ratios from 0.01 on are written beside the
-    rings; above `OVERDAMPED` there is no ring. In the axes of the shaft (`result.frame` is
-    "rotating") an unbalance is constant, so a speed is critical where a frequency is zero; the
-    only line there is that of the weight, `Omega`.
+    are the critical speeds of the damped rotor. They are numbered, and listed beside the Axes with speed,
+    sense and damping ratio D, which is also written at a ring that is alone, from 0.01 on. Above
+    `OVERDAMPED` there is no ring, but a line of the list with a dash. In the axes of the shaft
+    (`result.frame` is "rotating") an unbalance is constant, so a speed is critical where a frequency is
+    zero; the only line there is that of the weight, `Omega`.
 
     Args:
         result: `jaxrotor.Campbell` diagram.
         axes: two Axes, upper and lower; a new figure if None.
         mirrored: draw backward whirl at negative speeds.
-        orders: cycles per revolution of the lines.
+        orders: cycles per revolution of the lines, (1, 2) for a line of twice per revolution, too.
         highest: end of the frequency axis [rad/s], by default above the highest branch.
-        critical: undamped `jaxrotor.critical_speeds`, marked by crosses.
+        critical: undamped `jaxrotor.critical_speeds`, marked by crosses and listed, too.
         operating: operating speed [rad/s], a vertical line.
 
     Returns:
@@ -82,9 +85,10 @@ def campbell(
         for ax, part in ((upper, frequency), (lower, growth)):
             style: Any = {"linewidth": 1.2, "zorder": 2.5 - 0.1 * under}
             ax.plot(*_joined(x, part, shown), color=colour, label=name, **style)
-    _draw_crossings(upper, result, lines, mirrored)
+    listed = _draw_crossings(upper, result, lines, mirrored)
     if critical is not None and lines:
-        _draw_undamped(upper, critical, mirrored, float(speeds[0]), float(speeds[-1]))
+        listed += _draw_undamped(upper, critical, mirrored, float(speeds[0]), float(speeds[-1]))
+    _list(upper, listed)
 
     for ax in (upper, lower):
         ax.margins(x=0)
@@ -146,40 +150,79 @@ def _joined(
 
 def _draw_crossings(
     ax: Axes, result: Campbell, orders: Sequence[float | int], mirrored: bool
-) -> None:
-    """Rings where branches cross a line, with damping ratios; none where damping removes the peak."""
+) -> list[tuple[str, str]]:
+    """Rings where branches cross a line, numbered; none where damping removes the peak.
+
+    Returns:
+        Text and colour of each line of the list of rings.
+    """
     name = "critical speed, damped" if tuple(orders) == (1,) else "crossing"
-    crossings, factor = [result.crossings(order) for order in orders], speed_unit()[0]
-    for (way, colour), found in itertools.product(_COLOURS.items(), crossings):
-        own = (found.forward == way) & (found.damping_ratio <= OVERDAMPED)
-        if not own.any():
-            continue
-        x = factor * found.speeds[own] * (-1 if mirrored and way < 0 else 1)
+    factor, unit = speed_unit()
+    every = [
+        (order, *one) for order in orders for one in zip(*result.crossings(order), strict=True)
+    ]
+    seen = [one for one in every if one[3] <= OVERDAMPED]
+    span = _APART * (result.speeds[-1] - result.speeds[0])
+    listed, places = [], {}
+    for order, speed, frequency, ratio, way in seen:
+        number, colour = len(listed) + 1, _COLOURS[int(way)]
+        at = factor * (-speed if mirrored and way < 0 else speed), factor * frequency
+        places.setdefault((int(way), order), []).append(at)
+        alone = sum(abs(other[1] - speed) < span for other in seen) == 1
+        text = rf"$\bf{{{number}}}$" + (f"  {ratio:.2g}" if alone and ratio >= _SEEN else "")
+        beside: Any = {"textcoords": "offset points", "fontsize": 7, "color": colour, "zorder": 5}
+        place: Any = ((4, -9), "left") if way < 0 else ((-4, 4), "right")
+        ax.annotate(text, at, place[0], ha=place[1], **beside)
+        listed.append((f"{number}", order, speed, ratio, way))
+    ways = list(_COLOURS)
+    for (way, _), rings in sorted(places.items(), key=lambda one: ways.index(one[0][0])):
         style: Any = {"linestyle": "none", "marker": "o", "markersize": 4.0}
-        style |= {"markerfacecolor": "white", "color": colour, "zorder": 4 + 0.01 * way}
-        y = factor * found.frequencies[own]
-        ax.plot(x, y, label=name, **style)
+        style |= {"color": _COLOURS[way], "markerfacecolor": "white", "zorder": 4 + 0.01 * way}
+        ax.plot(*zip(*rings, strict=True), label=name, **style)
         name = None
-        ratios = found.damping_ratio[own]
-        for speed, frequency, ratio in zip(x, y, ratios, strict=True):
-            if ratio >= _SEEN:
-                beside: Any = {"xytext": (4, -8), "textcoords": "offset points", "fontsize": 7}
-                ax.annotate(f"{ratio:.2g}", (speed, frequency), color=colour, zorder=5, **beside)
-    hidden = sum(int(np.sum(found.damping_ratio > OVERDAMPED)) for found in crossings)
+    hidden = [("\N{EN DASH}", *one[:2], *one[3:]) for one in every if one[3] > OVERDAMPED]
     if hidden:
-        label = f"{hidden} damped by over {OVERDAMPED:g}"
+        label = f"{len(hidden)} damped by over {OVERDAMPED:g}"
         ax.plot([], [], linestyle="none", label=label)
+    rows = []
+    for mark, order, speed, ratio, way in (*listed, *hidden):
+        sense = "whirl" if result.forward is None else _SENSES[int(way)]
+        text = f"{mark}  {factor * speed:.4g} {unit}, {sense}, D = {ratio:.2g}"
+        text += "" if order == 1 else f" ({order:g}x)"
+        rows.append((text, colours.GREY if mark == "\N{EN DASH}" else _COLOURS[int(way)]))
+    return rows
 
 
 def _draw_undamped(
     ax: Axes, critical: CriticalSpeeds, mirrored: bool, start: float, end: float
-) -> None:
-    """Crosses on the synchronous line at the critical speeds of the undamped rotor."""
-    speeds, kinds = speed_unit()[0] * np.asarray(critical.speeds), np.array(critical.kinds)
+) -> list[tuple[str, str]]:
+    """Crosses on the synchronous line at the critical speeds of the undamped rotor.
+
+    Returns:
+        Text and colour of each line of the list of crosses.
+    """
+    factor, unit = speed_unit()
+    speeds, kinds = factor * np.asarray(critical.speeds), np.array(critical.kinds)
     inside = (speeds >= start) & (speeds <= end)
     x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
     style = {"linestyle": "none", "marker": "x", "markersize": 4.0, "color": colours.DARK}
     ax.plot(x, speeds[inside], label="critical speed, undamped", zorder=4.5, **style)
+    rows = zip(speeds[inside].tolist(), kinds[inside].tolist(), strict=True)
+    cross = "\N{MULTIPLICATION SIGN}"
+    return [(f"{cross}  {speed:.4g} {unit}, {kind}", colours.DARK) for speed, kind in rows]
+
+
+def _list(ax: Axes, rows: list[tuple[str, str]]) -> None:
+    """Write lines of text [colour] to the right of the Axes; those that do not fit are counted."""
+    figure: Any = ax.figure
+    height = ax.get_position().height * figure.get_figheight() * 72  # pt
+    fits = max(int(height / _LINE) - 1, 3)
+    if len(rows) > fits:
+        rows = [*rows[:fits], (f"and {len(rows) - fits} more", colours.DARK)]
+    for line, (text, colour) in enumerate(rows):
+        place: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
+        style: Any = {"fontsize": 7, "color": colour, "annotation_clip": False}
+        ax.annotate(text, (1.0, 1.0), (6.0, -_LINE * line), **place, **style)
 
 
 def _scale_growth(ax: Axes, growth: Branches) -> None:

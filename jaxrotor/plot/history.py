@@ -7,12 +7,13 @@ from matplotlib.axes import Axes
 
 from . import colours, page
 from .record import revolutions, signal
+from .units import length_unit
 
 
 def history(
     response: Any, station: int = 0, ax: Axes | None = None, *, slope: bool = False
 ) -> Axes:
-    """Displacement x and y [mm], or slope x' and y' [mrad], against time in revolutions.
+    """Displacement x and y, or slope x' and y' [mrad], against time in revolutions.
 
     Args:
         response: one simulation, with `angle` and `displacement` [m] or `slope` [rad].
@@ -33,13 +34,14 @@ def history(
         signal(response, "slope" if slope else "displacement", station),
     )
     ax = page.single(ax, 170, 60)
+    factor, unit = (1e3, "mrad") if slope else length_unit("mm")
     names = ("x'", "y'") if slope else ("x", "y")
     for name, part, colour in zip(
         names, (np.real(motion), np.imag(motion)), (colours.BLUE, colours.ORANGE), strict=True
     ):
         ax.plot(
             turns,
-            1e3 * part,
+            factor * part,
             color=colour,
             linewidth=0.8,
             rasterized=turns.size > page.RASTER,
@@ -47,6 +49,6 @@ def history(
         )
     ax.margins(x=0)
     ax.set_xlabel("time [revolutions]")
-    ax.set_ylabel("slope [mrad]" if slope else "displacement [mm]")
+    ax.set_ylabel(f"{'slope' if slope else 'displacement'} [{unit}]")
     page.legend(ax, columns=2)
     return ax

@@ -8,8 +8,10 @@ from matplotlib.axes import Axes
 
 from ..effects import AnnularStator, Limiter
 from ..effects.rub import AbstractRub
-from . import colours, page
+from . import colours, labels, page
+from .clearance import stops_at
 from .record import once_per_revolution, signal
+from .units import length_unit
 
 
 def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
@@ -24,46 +26,70 @@ def orbit(response: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         ax: Axes to draw in; a new figure if None.
 
     Returns:
-        The Axes, x and y [mm].
+        The Axes, x and y.
 
     Raises:
         ValueError: the response has no such station, or is of many lanes.
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 4b.
     """
-    path = 1e3 * signal(response, "displacement", station)
-    points = path[once_per_revolution(response)]
     ax = page.single(ax, 85, 85)
-    ax.plot(
-        path.real,
-        path.imag,
-        color=colours.GREY,
-        linewidth=0.5,
-        rasterized=path.size > page.RASTER,
-        label="orbit",
-    )
-    ax.plot(
-        points.real,
-        points.imag,
-        linestyle="none",
-        marker=".",
-        markersize=4.0,
-        markeredgewidth=0.0,
-        color=colours.RED,
-        label="once a revolution",
-    )
-    draw_limiters(ax, response, station, np.abs(path).max(initial=0.0), 1e3)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("x displacement [mm]")
-    ax.set_ylabel("y displacement [mm]")
+    _draw_orbit(ax, response, station, *length_unit("mm"))
     page.legend(ax, columns=3)
     return ax
+
+
+def orbits(response: Any, axes: Any = None) -> tuple[Axes, ...]:
+    """Orbits at all stations of a response, a small picture each, with a red point once per revolution.
+
+    Every picture has a scale of its own, and the limiters of its station, as `orbit` draws them.
+
+    Args:
+        response: one simulation, as for `orbit`.
+        axes: as many Axes as there are stations; a new figure if None.
+
+    Returns:
+        The Axes by stations, x and y.
+
+    Raises:
+        ValueError: there are not as many `axes` as stations, or the response is of many lanes.
+    """
+    stations = np.asarray(response.stations, float)
+    drawn = page.grid(axes, len(stations), 57, 62)
+    lengths, name = length_unit("mm")
+    largest = np.abs(np.asarray(response.displacement)).max(initial=0.0)
+    factor, unit = labels.length(float(largest))
+    for number, (ax, at) in enumerate(zip(drawn, stations.tolist(), strict=True)):
+        _draw_orbit(ax, response, number, factor, unit)
+        ax.set_title(f"at {lengths * at:.5g} {name}", fontsize=page.TEXT)
+    handles = {}
+    for ax in drawn:  # one legend names all that is drawn anywhere
+        handles |= dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
+    figure: Any = drawn[0].figure
+    style: Any = {"loc": "outside upper left"} if axes is None else {"loc": "upper left"}
+    figure.legend(handles.values(), handles, ncols=3, fontsize=page.TEXT, frameon=False, **style)
+    return drawn
+
+
+def _draw_orbit(ax: Axes, response: Any, station: int, factor: float, unit: str) -> None:
+    """Path, points and limiters of one station, in a unit: its factor from m, and its name."""
+    path = factor * signal(response, "displacement", station)
+    points = path[once_per_revolution(response)]
+    many = path.size > page.RASTER
+    style: Any = {"color": colours.GREY, "linewidth": 0.5, "rasterized": many}
+    ax.plot(path.real, path.imag, label="orbit", **style)
+    style = {"marker": ".", "markersize": 5.0, "markeredgewidth": 0.0, "color": colours.RED}
+    ax.plot(points.real, points.imag, linestyle="none", label="once a revolution", **style)
+    draw_limiters(ax, response, station, np.abs(path).max(initial=0.0), factor)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel(f"x displacement [{unit}]")
+    ax.set_ylabel(f"y displacement [{unit}]")
 
 
 def limiters_at(response: Any, station: int) -> list[AbstractRub]:
     """Limiters and rings of the scene at a station of the response."""
     at = float(np.asarray(response.stations)[station])
-    return [s for s in response.scene.of(AbstractRub) if np.isclose(float(s.at), at, rtol=1e-9)]
+    return stops_at(response.scene, at)
 
 
 def draw_limiters(ax: Axes, response: Any, station: int, radius: float, factor: float) -> None:

@@ -20,6 +20,7 @@ TEXT = 8.0  # pt: axis and tick labels, legends
 RASTER = 20_000  # points above which a curve is rasterized, so that a PDF stays small
 
 _MM = 1 / 25.4
+_LABELS = 48.0  # pt: labels beside Axes
 _DPI = 200.0  # resolution of rasterized parts
 STYLE: Any = {  # text and lines of a picture file [pt]
     "font.size": 8.0,
@@ -63,6 +64,21 @@ def pair(axes: Any, width: int, height: int, *, beside: bool = False) -> tuple[A
     return given[0], given[1]
 
 
+def grid(axes: Any, count: int, width: int, height: int) -> tuple[Axes, ...]:
+    """The `count` Axes given, or those of a new figure, at most three in a row, each of a size [mm]."""
+    if axes is None:
+        columns = min(count, 3)
+        rows = -(-count // columns)
+        every = _new(rows, columns, width * columns, height * rows, shared=False)
+        for ax in every[count:]:
+            ax.remove()
+        return tuple(every[:count])
+    given = tuple(np.ravel(np.asarray(axes, dtype=object)))
+    if len(given) != count:
+        raise ValueError(f"`axes` must be {count} Axes, one of each station, but are {len(given)}.")
+    return given
+
+
 def solid(axes: Any, count: int) -> tuple[Axes, ...]:
     """The `count` 3-D Axes given, or those of a new figure."""
     if axes is None:
@@ -91,11 +107,11 @@ def solid(axes: Any, count: int) -> tuple[Axes, ...]:
     return given
 
 
-def _new(rows: int, columns: int, width: int, height: int) -> list[Axes]:
+def _new(rows: int, columns: int, width: int, height: int, *, shared: bool = True) -> list[Axes]:
     figure, axes = plt.subplots(
         rows,
         columns,
-        sharex="col",
+        sharex="col" if shared else False,
         squeeze=False,
         figsize=inches(width, height),
         dpi=_DPI,
@@ -138,14 +154,15 @@ def write(
 def legend(ax: Axes, columns: int) -> None:
     """Draw a legend above the Axes, outside the data, with markers large enough to show their colours.
 
-    Axes without named artists get no legend.
+    Axes without named artists get no legend, and narrow ones fewer columns.
     """
-    if not ax.get_legend_handles_labels()[1]:
+    names = ax.get_legend_handles_labels()[1]
+    if not names:
         return
     drawn = ax.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
-        ncols=columns,
+        ncols=_columns(ax, names, columns),
         fontsize=TEXT,
         frameon=False,
         borderaxespad=0.0,
@@ -156,6 +173,23 @@ def legend(ax: Axes, columns: int) -> None:
     for handle in drawn.legend_handles:
         if isinstance(handle, Line2D) and handle.get_linestyle() == "None":
             handle.set_markersize(8.0)
+
+
+def width_of(ax: Axes) -> float:
+    """Width [pt] between the labels of Axes and the edge of their part of the figure, about."""
+    figure: Any = ax.figure
+    share = ax.get_position().width / 0.775  # of the default width of Axes in a figure
+    return min(share, 1.0) * figure.bbox.width * 72 / figure.dpi - _LABELS
+
+
+def _columns(ax: Axes, names: list[str], most: int) -> int:
+    """Number of columns of a legend that fit, at most `most`; the first ones have one entry more."""
+    widths = [0.5 * TEXT * len(name) + 3.4 * TEXT for name in names]
+    for columns in range(min(most, len(names)), 1, -1):
+        parts = np.array_split(widths, columns)
+        if sum(max(part) for part in parts) <= width_of(ax):
+            return columns
+    return 1
 
 
 def assumption(ax: Axes, scene: Scene) -> None:

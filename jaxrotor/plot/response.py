@@ -11,11 +11,11 @@ from matplotlib.ticker import MaxNLocator
 from ..analysis import CriticalSpeeds, ResponsePeaks
 from ..analysis.peaks import HALF_POWER
 from . import colours, labels, page
+from .critical import mark_critical
 from .record import signal
 from .units import speed_unit
 
 
-_DASHES = {"forward": "--", "backward": ":", "mixed": "-."}
 _PARTS = {  # label and colour of each part
     "forward": ("forward part", colours.FORWARD),
     "backward": ("backward part", colours.BACKWARD),
@@ -77,7 +77,7 @@ def response(
         major = factor * sum(np.abs(part) for part in shown.values())
         upper.plot(speeds, major, color=colours.DARK, linewidth=1.2, label="major half axis")
     if critical is not None:
-        _mark(upper, lower, critical, speeds)
+        mark_critical((upper, lower), critical, float(speeds.min()), float(speeds.max()))
     if peaks is not None:
         _draw_peaks(upper, peaks, factor)
     if operating is not None:
@@ -145,20 +145,6 @@ def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: flo
         else:
             ax.axvspan(slowest, fastest, alpha=0.2, linewidth=0.0, **style)
         ax.set_xlim(ends)  # a speed outside does not stretch the axis
-
-
-def _mark(upper: Axes, lower: Axes, critical: CriticalSpeeds, speeds: np.ndarray) -> None:
-    """Draw a line at every critical speed in range, one label per kind."""
-    seen = set()
-    places = speed_unit()[0] * np.asarray(critical.speeds)
-    for speed, kind in zip(places.tolist(), critical.kinds, strict=True):
-        if not speeds.min() <= speed <= speeds.max():
-            continue
-        name = None if kind in seen else f"critical, {kind}"
-        seen.add(kind)
-        for ax in (upper, lower):
-            style = {"color": colours.GREY, "linewidth": 0.8, "zorder": 0.5}
-            ax.axvline(speed, label=name, linestyle=_DASHES[kind], **style)
 
 
 def _draw(

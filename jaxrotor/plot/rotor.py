@@ -1,5 +1,6 @@
 """Rotor: side view of the shaft and its parts, to scale."""
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ from ..effects import AnnularStator, BallBalancer, Casing, Disc, Limiter, Suppor
 from ..effects.rub import AbstractRub
 from ..scene import Scene
 from . import colours, labels, page
+from .units import length_unit
 
 
-MM = 1e3
+BESIDE, ABOVE = 17.0, 19.0  # mm: labels beside the Axes, labels and legend below and above
+LOWEST, HIGHEST, NARROWEST = 50.0, 110.0, 85.0  # mm: sizes of a figure
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
 DRAWN = (AnnularStator, Disc, BallBalancer, Casing, Limiter, Support, Unbalance)
@@ -30,36 +33,57 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
         ax: Axes to draw in; a new figure if None.
 
     Returns:
-        The Axes, radius over station [mm].
+        The Axes, radius over station. A new figure is as high as the rotor needs.
     """
+    new = ax is None
     ax = page.single(ax, 170, 75)
-    length = MM * float(scene.shaft.length)
+    length = _drawn(scene.shaft.length)
     tall = [0.05 * length, _shaft(ax, scene.shaft, length)]
     tall += [_disc(ax, disc, length) for disc in scene.of(Disc)]
     tall += [_balls(ax, balls) for balls in scene.of(BallBalancer)]
     tall += [_stop(ax, stop, length) for stop in scene.of(AbstractRub)]
     ground = -1.2 * max(tall)
     for held in getattr(scene.shaft, "constraints", ()):
-        _constraint(ax, MM * float(held.at), held.holds, ground)
+        _constraint(ax, _drawn(held.at), held.holds, ground)
     for support in scene.of(Support):
         if support.at is not None:
             foot = ground if support.on is None else HOUSED[0] * ground
-            _spring(ax, MM * float(support.at), 0.0, foot, ground)
+            _spring(ax, _drawn(support.at), 0.0, foot, ground)
     for casing in scene.of(Casing):
         _casing(ax, scene, casing, ground)
-    heavy = [MM * float(unbalance.at) for unbalance in scene.of(Unbalance)]
+    heavy = [_drawn(unbalance.at) for unbalance in scene.of(Unbalance)]
     if heavy:
         style = {"color": colours.RED, "markersize": 4.0, "zorder": 4.0}
         ax.plot(heavy, np.zeros(len(heavy)), "o", label="unbalance", **style)
     ends = [-0.04 * length, 1.04 * length]
     ax.plot(ends, [0.0, 0.0], "-.", color=colours.DARK, linewidth=0.5)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel(f"station [mm]{_unseen(scene)}")
-    ax.set_ylabel("radius [mm]")
+    ax.set_aspect("equal", adjustable="box")
+    unit, size = length_unit("mm")[1], float(ax.xaxis.label.get_fontsize())
+    wide = int(page.width_of(ax) / (0.55 * size))  # letters
+    ax.set_xlabel(fill(f"station [{unit}]{_unseen(scene)}", wide))
+    ax.set_ylabel(f"radius [{unit}]")
+    if new:
+        fit(ax)
     _name_once(ax)
     page.legend(ax, columns=6)
     page.assumption(ax, scene)
     return ax
+
+
+def fit(ax: Axes) -> None:
+    """Make a figure of one rotor as high, or if that is too high as wide, as its scale needs."""
+    figure: Any = ax.figure
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    ratio, width = (high - low) / (right - left), figure.get_figwidth() * 25.4
+    height = ratio * (width - BESIDE) + ABOVE
+    if height > HIGHEST:
+        width, height = (HIGHEST - ABOVE) / ratio + BESIDE, HIGHEST
+    figure.set_size_inches(page.inches(max(width, NARROWEST), max(height, LOWEST)))
+
+
+def _drawn(length: Any) -> float:
+    """A length [m] in the unit drawn."""
+    return length_unit("mm")[0] * float(length)
 
 
 def _name_once(ax: Axes) -> None:
@@ -77,29 +101,29 @@ def _box(ax: Axes, x: tuple[float, float], y: tuple[float, float], **style: Any)
 
 
 def _shaft(ax: Axes, shaft: Any, length: float) -> float:
-    """Draw the shaft; returns its largest radius [mm]."""
+    """Draw the shaft; returns its largest radius as drawn."""
     if not hasattr(shaft, "diameter"):
         ax.plot([0.0, length], [0.0, 0.0], color=colours.DARK, linewidth=3.0, label="shaft")
         return 0.0
-    parts = [(0.0, shaft), *((MM * float(step.at), step) for step in shaft.steps)]
+    parts = [(0.0, shaft), *((_drawn(step.at), step) for step in shaft.steps)]
     ends = [at for at, _ in parts[1:]] + [length]
     for (left, part), right in zip(parts, ends, strict=True):
-        radius = MM * float(part.diameter) / 2
+        radius = _drawn(part.diameter) / 2
         _box(ax, (left, right), (-radius, radius), facecolor="0.85", label="shaft")
         if part.inner_diameter is not None and float(part.inner_diameter):
-            bore = MM * float(part.inner_diameter) / 2
+            bore = _drawn(part.inner_diameter) / 2
             _box(ax, (left, right), (-bore, bore), facecolor="white", label="bore")
-    return MM * max(float(part.diameter) for _, part in parts) / 2
+    return _drawn(max(float(part.diameter) for _, part in parts)) / 2
 
 
 def _disc(ax: Axes, disc: Disc, length: float) -> float:
-    """Draw a disc by `I_p = m R^2 / 2`, `I_d = I_p / 2 + m a^2 / 12`; returns its radius [mm]."""
-    at, mass, polar = MM * float(disc.at), float(disc.mass), abs(float(disc.polar))
+    """Draw a disc by `I_p = m R^2 / 2`, `I_d = I_p / 2 + m a^2 / 12`; returns its radius as drawn."""
+    at, mass, polar = _drawn(disc.at), float(disc.mass), abs(float(disc.polar))
     if not (mass and polar):
         ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label="mass")
         return 0.0
-    radius = MM * (2 * polar / mass) ** 0.5
-    thickness = MM * (12 * max(float(disc.diametral) - polar / 2, 0.0) / mass) ** 0.5
+    radius = _drawn((2 * polar / mass) ** 0.5)
+    thickness = _drawn((12 * max(float(disc.diametral) - polar / 2, 0.0) / mass) ** 0.5)
     if thickness > THICK * length:  # the inertia represents more than a disc
         thickness = 0.0
     half = max(thickness / 2, 0.003 * length)
@@ -109,21 +133,21 @@ def _disc(ax: Axes, disc: Disc, length: float) -> float:
 
 
 def _balls(ax: Axes, balls: BallBalancer) -> float:
-    """Draw a race of balls; returns its radius [mm]."""
-    at, race = MM * float(balls.at), MM * float(balls.race_radius)
+    """Draw a race of balls; returns its radius as drawn."""
+    at, race = _drawn(balls.at), _drawn(balls.race_radius)
     style = {"color": colours.TEAL, "markersize": 5.0, "markerfacecolor": "none"}
     ax.plot([at, at], [-race, race], "o", label="balls", **style)
     return race
 
 
 def _stop(ax: Axes, stop: AbstractRub, length: float) -> float:
-    """Draw a limiter above or below the axis, one at the side and a ring both; returns the radius [mm]."""
-    at, side, shift = MM * float(stop.at), float(np.sin(stop.angle)), 0.0
-    reach = MM * (float(stop.rim_radius) + float(stop.gap))
+    """Draw a limiter above or below the axis, one at the side and a ring both; returns its reach."""
+    at, side, shift = _drawn(stop.at), float(np.sin(stop.angle)), 0.0
+    reach = _drawn(float(stop.rim_radius) + float(stop.gap))
     half, thick = 0.012 * length, 0.02 * length
     signs, name = (1.0, -1.0) if abs(side) < 1e-9 else (np.sign(side),), "limiter"
     if isinstance(stop, AnnularStator):
-        shift, signs, name = MM * float(stop.offset) * side, (1.0, -1.0), "ring"
+        shift, signs, name = _drawn(stop.offset) * side, (1.0, -1.0), "ring"
     for sign in signs:
         y = sorted((shift + sign * reach, shift + sign * (reach + thick)))
         _box(ax, (at - half, at + half), (y[0], y[1]), facecolor=colours.ORANGE, label=name)
@@ -145,7 +169,7 @@ def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
 def _casing(ax: Axes, scene: Scene, casing: Casing, ground: float) -> None:
     """Draw a casing below the supports of the shaft that stand on it, and a spring to the ground."""
     supports = scene.of(Support)
-    above = [MM * float(one.at) for one in supports if one.on == casing.name and one.at is not None]
+    above = [_drawn(one.at) for one in supports if one.on == casing.name and one.at is not None]
     if not above:
         return
     x = min(above) + 0.3 * ground, max(above) - 0.3 * ground

@@ -5,10 +5,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis import critical_speeds
-from . import colours, labels, page
+from ..analysis import CriticalSpeeds, critical_speeds
+from . import clearance, colours, labels, page
+from .critical import mark_critical
 from .record import signal
 from .units import speed_unit
+
+
+CIRCULAR = 1e-9  # forward share of a purely backward whirl, which an unbalance does not excite
 
 
 def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
@@ -59,7 +63,8 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
 def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     """Amplitude `|z|` at one station against the speed of rotation at the same time.
 
-    Contact with a limiter is red; grey lines are forward critical speeds of the linear rotor.
+    Contact with a limiter is red. Lines are at the clearance of the stops there and at the critical speeds
+    of the undamped linear rotor that an unbalance can excite, each with its speed.
 
     Args:
         run: a `TimeHistory`, with `displacement` [m] and `speed` [rad/s].
@@ -76,27 +81,31 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     turns, unit = speed_unit()
     speed = turns * np.asarray(run.speed)
     _draw_amplitude(ax, speed, run, station)
+    amplitude = np.abs(signal(run, "displacement", station))
     if run.contact_force is not None:
-        amplitude = np.abs(signal(run, "displacement", station))
         touching = (np.abs(np.asarray(run.contact_force)) > 0).any(axis=1)
         factor = labels.length(amplitude.max(initial=0.0))[0]
         touched = np.where(touching, factor * amplitude, np.nan)
         ax.plot(speed, touched, color=colours.RED, lw=1.2, label="contact")
-    for number, critical in enumerate(turns * np.array(_critical(run.scene))):
-        if speed.min() < critical < speed.max():
-            label = None if number else "critical speed"
-            ax.axvline(critical, color="0.6", lw=0.8, ls="--", label=label, zorder=0.5)
+    largest = float(amplitude.max(initial=0.0))
+    at = float(np.asarray(run.stations)[station])
+    clearance.draw_amplitudes(ax, run.scene, at, labels.length(largest), largest)
+    critical = _critical(run.scene)
+    if critical is not None:
+        ends = float(speed.min()), float(speed.max())
+        mark_critical((ax,), critical, *ends, written=True)
     page.legend(ax, columns=3)
     ax.set_xlabel(f"speed of rotation [{unit}]")
     return ax
 
 
-def _critical(scene: Any) -> list[float]:
-    """First forward critical speeds [rad/s]; empty if the rotor has none."""
+def _critical(scene: Any) -> CriticalSpeeds | None:
+    """Critical speeds that an unbalance can excite; None if the rotor has none."""
     try:
-        return np.asarray(critical_speeds(scene, 3).forward).tolist()
+        found = critical_speeds(scene)
     except ValueError:
-        return []
+        return None
+    return found.where(np.asarray(found.forward_share) > CIRCULAR)
 
 
 def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:

@@ -6,15 +6,19 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.transforms import offset_copy
 
 from ..core.outcome import STATUS, failed
 from ..core.tables import RPM
 from . import colours, page
-from .labels import coordinate, parameter, swept
+from .labels import coordinate, parameter, swept, words
+from .units import speed_unit
 
 
+LOST = "no result"
+_MOST = 8  # classes that a variable with whole numbers may have; more have a colour bar
 _DECADES = 3  # positive values that span more are drawn on a logarithmic scale
 _RAISED = 26.0  # pt: the legend above an axis in rpm
 _KINDS = {  # name -> colour, in the order of the legend
@@ -27,7 +31,7 @@ _KINDS = {  # name -> colour, in the order of the legend
     "backward whirl": colours.BACKWARD,
     "undefined": colours.UNDEFINED,
     "steps too long": colours.DARK,
-    "no result": "white",
+    LOST: "white",
 }
 
 
@@ -56,14 +60,16 @@ def sweep_map(
     Args:
         dataset: result of a sweep over two parameters; the first is drawn to the right.
         name: variable with one number a lane, as "radius_max" or "peak", or one a limiter ("duty"), of
-            which the largest is drawn; by default the kind of motion. Failed lanes are hatched.
+            which the largest is drawn; by default the kind of motion. Failed lanes are hatched. Whole
+            numbers of at most eight values, as "attractor" of `jaxrotor.attractors` and "status", are
+            classes: each has a colour and a name in the legend.
         ax: Axes to draw in; a new figure if None.
         norm: scale of the colours of a variable, in the unit drawn, such as
             `matplotlib.colors.LogNorm()`. By default linear, about zero if there are both signs, and
             logarithmic if all values are positive and span more than three decades.
 
     Returns:
-        The Axes, both parameters; a speed has an axis in rpm, too.
+        The Axes, both parameters; a speed in rad/s has an axis in rpm, too.
 
     Raises:
         ValueError: the dataset is not over two swept parameters of two or more values each, or has no
@@ -73,17 +79,20 @@ def sweep_map(
     dataset = dataset.sortby(list(dims))
     (x, x_label), (y, y_label) = (coordinate(dataset, dim) for dim in dims)
     lost = failed(dataset["status"].transpose(*dims)).T
-    drawn = _kinds(dataset, dims) if name is None else _numbers(dataset, dims, name)
     ax = page.single(ax, 120, 90)
     style: Any = {"shading": "nearest", "rasterized": True}
-    if name is None:
-        shades = ListedColormap(list(_KINDS.values()))
-        ax.pcolormesh(x, y, drawn, cmap=shades, norm=Normalize(-0.5, len(_KINDS) - 0.5), **style)
-        for number, (kind, shade) in enumerate(_KINDS.items()):
-            if kind != "no result" and (drawn == number).any():
+    found = _kinds(dataset, dims) if name is None else _classes(dataset, dims, name, lost)
+    if found is not None:
+        codes, classes = found
+        scale: Any = {"cmap": ListedColormap([shade for _, shade in classes])}
+        ax.pcolormesh(x, y, codes, norm=Normalize(-0.5, len(classes) - 0.5), **scale, **style)
+        for number, (kind, shade) in enumerate(classes):
+            if kind != LOST and (codes == number).any():
                 ax.fill([], [], color=shade, label=kind)
+        lost = codes == [kind for kind, _ in classes].index(LOST)
     else:
-        about = dataset[name].attrs
+        assert name is not None
+        about, drawn = dataset[name].attrs, _numbers(dataset, dims, name)
         factor, label = parameter(about.get("long_name", name), str(about.get("units", "1")))
         drawn = np.where(lost, np.nan, factor * drawn)
         chosen, shades = _scale(drawn)
@@ -93,10 +102,7 @@ def sweep_map(
         if (np.isnan(drawn) & ~lost).any():
             ax.fill([], [], color="0.8", label="undefined")
     if lost.any():
-        ax.contourf(x, y, lost, [0.5, 1.5], colors="none", hatches=["//////"])
-        ax.fill(
-            [], [], facecolor="white", edgecolor=colours.DARK, hatch="//////", label="no result"
-        )
+        _hatch(ax, x, y, lost)
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
     page.legend(ax, columns=3)
@@ -121,8 +127,57 @@ def _two(dataset: xr.Dataset) -> tuple[str, str]:
     return dims[0], dims[1]
 
 
-def _kinds(dataset: xr.Dataset, dims: tuple[str, str]) -> Int[np.ndarray, "y x"]:
-    """Number in `_KINDS` of every lane, the first parameter along columns."""
+def _hatch(ax: Axes, x: np.ndarray, y: np.ndarray, lost: Bool[np.ndarray, "y x"]) -> None:
+    """Hatch the whole cells of lanes without a result."""
+    (left, right), (low, high) = _sides(x), _sides(y)
+    cells = [
+        [(left[i], low[j]), (right[i], low[j]), (right[i], high[j]), (left[i], high[j])]
+        for j, i in np.argwhere(lost)
+    ]
+    style: Any = {"edgecolor": colours.DARK, "hatch": "//////"}
+    ax.add_collection(PolyCollection(cells, facecolor="none", linewidth=0.0, **style))
+    ax.fill([], [], facecolor="white", label=LOST, **style)
+
+
+def _sides(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper end of the cell about each of the ascending values."""
+    half = np.diff(values) / 2
+    first, last = values[0] - half[0], values[-1] + half[-1]
+    ends = np.concatenate([[first], values[:-1] + half, [last]])
+    return ends[:-1], ends[1:]
+
+
+def _classes(
+    dataset: xr.Dataset, dims: tuple[str, str], name: str, lost: Bool[np.ndarray, "y x"]
+) -> tuple[Int[np.ndarray, "y x"], list[tuple[str, str]]] | None:
+    """Class of every lane, and name and colour of each, of a variable with few whole numbers."""
+    values = _numbers(dataset, dims, name)
+    if dataset[name].dtype.kind not in "iub":
+        return None
+    if name == "status":  # tells itself why there is no result
+        lost = np.zeros_like(lost)
+    elif name == "attractor":
+        lost = lost | (values < 0)
+    present = np.unique(values[~lost])
+    if len(present) > _MOST:
+        return None
+    if name == "attractor":
+        about = dataset[name].attrs
+        feature = words(about["features"][0])
+        names = [f"{feature} {about['means'][int(value)][0]:.3g}" for value in present]
+    elif name == "status":
+        names = [words(STATUS[int(value)]) for value in present]
+    else:
+        names = [f"{words(name)} {value:g}" for value in present]
+    codes = np.where(lost, len(present), np.searchsorted(present, values))
+    shades = [*colours.shades(len(present)), "white"] if len(present) else ["white"]
+    return codes, list(zip([*names, LOST], shades, strict=True))
+
+
+def _kinds(
+    dataset: xr.Dataset, dims: tuple[str, str]
+) -> tuple[Int[np.ndarray, "y x"], list[tuple[str, str]]]:
+    """Number in `_KINDS` of every lane, the first parameter along columns, and the kinds."""
     whirl = next((name for name in ("winding", "index") if name in dataset), None)
     if "duty" not in dataset and whirl is None:
         raise ValueError(
@@ -131,7 +186,7 @@ def _kinds(dataset: xr.Dataset, dims: tuple[str, str]) -> Int[np.ndarray, "y x"]
         )
     status = dataset["status"].transpose(*dims).values.T
     conditions: dict[str, Bool[np.ndarray, "y x"]] = {
-        "no result": failed(status),
+        LOST: failed(status),
         "steps too long": status == STATUS.index("steps_too_long_for_a_stop"),
     }
     rub = "rub" if "duty" in dataset else ""
@@ -144,7 +199,7 @@ def _kinds(dataset: xr.Dataset, dims: tuple[str, str]) -> Int[np.ndarray, "y x"]
         rub += "undefined"
     names = list(_KINDS)
     numbers = [names.index(kind) for kind in conditions]
-    return np.select(list(conditions.values()), numbers, names.index(rub))
+    return np.select(list(conditions.values()), numbers, names.index(rub)), list(_KINDS.items())
 
 
 def _numbers(dataset: xr.Dataset, dims: tuple[str, str], name: str) -> Float[np.ndarray, "y x"]:
@@ -172,8 +227,8 @@ def _scale(values: np.ndarray) -> tuple[Normalize, Any]:
 
 
 def _also_in_rpm(ax: Axes, dims: tuple[str, str]) -> bool:
-    """Draw a second axis of the spin speed, in revolutions per minute; whether it lies above."""
-    if "spin.speed" not in dims:
+    """Draw a second axis of a spin speed in rad/s, in revolutions per minute; whether it lies above."""
+    if "spin.speed" not in dims or speed_unit()[1] != "rad/s":  # else another unit is chosen
         return False
     both = (lambda speed: speed * RPM, lambda rpm: rpm / RPM)
     above = dims[0] == "spin.speed"

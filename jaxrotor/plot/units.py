@@ -1,4 +1,4 @@
-"""Units: those of speeds, frequencies and amplitudes on axes, chosen in one place."""
+"""Units: those of speeds, frequencies and lengths on axes, chosen in one place."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -19,17 +19,16 @@ _length: ContextVar[str | None] = ContextVar("length", default=None)
 
 @contextlib.contextmanager
 def units(*, speed: str = "rad/s", length: str | None = None) -> Iterator[None]:
-    """Draw speeds of rotation, whirl frequencies and amplitudes in chosen units within a `with` block.
+    """Draw speeds of rotation, whirl frequencies and lengths in chosen units within a `with` block.
 
         with plot.units(speed="rpm"):
             plot.campbell(result)
 
-    Arguments of plot functions stay in SI units. Orbits, histories, bifurcation diagrams and rotors are
-    in mm whatever the choice, and texts beside modes name rad/s.
+    Arguments of plot functions stay in SI units, and texts beside modes name rad/s.
 
     Args:
         speed: "rad/s", "rpm", "krpm" or "Hz".
-        length: "m", "mm" or "um"; by default mm, of small displacements micrometres.
+        length: "m", "mm" or "um"; by default mm, and micrometres for small amplitudes.
 
     Returns:
         A context manager, which gives nothing.

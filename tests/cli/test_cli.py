@@ -17,6 +17,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import jaxrotor as jr
+from jaxrotor import plot
 from jaxrotor.cli import app, main
 from jaxrotor.cli.answer import _plain
 from jaxrotor.cli.options import typed_unit
@@ -177,7 +178,7 @@ def gyroscopic():
 
 def test_campbell(place):
     run = ["campbell", gyroscopic(), "--from", 240.800121421, "--to", 389.529692329]
-    shown = answered(*run, "--points", 5, "--mirrored", "--out", "run")
+    shown = answered(*run, "--points", 5, "--mirrored", "--twice", "--out", "run")
     assert shown["frame"] == "fixed" and len(shown["speeds"]) == 5
     at_end = {
         (one["direction"], round(one["frequency"][-1])): (one["frequency"][-1], one["growth"][-1])
@@ -208,12 +209,15 @@ def test_campbell(place):
     assert "91.2567" in text and "90.7491" in text and "forward" not in text
 
 
-def test_campbell_ends_above_the_second_critical_speed():
+def test_campbell_ends_beyond_the_running_speed():
+    """The critical speeds of forward whirl are 92.387 and 393.681 rad/s."""
     shown = answered("campbell", gyroscopic(), "--points", 3)
     assert shown["speeds"][0] == 0 and shown["written"] == []
-    assert shown["speeds"][-1] == pytest.approx(1.25 * 393.680758289)
-    fast = answered("campbell", "can.toml", "--points", 3, "--set", "spin.speed=800")
-    assert fast["speeds"][-1] == 1000.0
+    assert shown["speeds"][-1] == 250.0
+    ends = {800: 2000.0, 20: 1.25 * 92.387084740, 0: 1.25 * 393.680758289}
+    for speed, end in ends.items():
+        shown = answered("campbell", "can.toml", "--points", 3, "--set", f"spin.speed={speed}")
+        assert shown["speeds"][-1] == pytest.approx(end)
 
 
 def test_campbell_in_the_axes_of_the_shaft():
@@ -256,11 +260,14 @@ def damped(damping=100.0, *more):
     return "damped.toml"
 
 
-def test_response(place):
-    limiter = jr.Limiter(at=0.3, angle=0.0, gap=0.01, stiffness=1e6)
+def test_response(place, monkeypatch):
+    drawn, draw = {}, plot.response
+    monkeypatch.setattr(plot, "response", lambda *a, **b: drawn.update(b) or draw(*a, **b))
+    limiter = jr.Limiter(at=0.3, angle=0.0, gap=0.002, stiffness=1e6)
     run = ["response", damped(100.0, limiter), "--from", 10, "--to", 300, "--points", 42]
     shown = answered(*run, "--out", "run")
     assert shown["without"] == ["limiters"] and shown["station"] == 0.3
+    assert drawn["clearance"] == 0.002  # [m]; the amplitude is 1 mm
     eccentricity, ratio = 0.1 * 0.01 / 10, 0.05
     (peak,) = shown["peaks"]
     assert peak["speed"] == pytest.approx(100 / np.sqrt(1 - 2 * ratio**2), rel=1e-10)
@@ -728,8 +735,8 @@ def test_run_up(place):
     assert shown["speed"] == [10.0, 20.0] and shown["stopped"] is None
     assert shown["peak"] == pytest.approx({"radius": 1e-3, "time": 0.0, "speed": 10.0})
     assert shown["revolutions"] == pytest.approx(1.5 / (2 * np.pi))
-    assert everything_below(place / "run")[0] == "run-up.png"
-    assert sorted(os.listdir("run")) == ["run-up.png", "run-up.zarr", "speed.png"]
+    assert everything_below(place / "run")[0] == "passage.png"
+    assert sorted(os.listdir("run")) == ["passage.png", "run-up.png", "run-up.zarr", "speed.png"]
     data = xr.open_zarr("run/run-up.zarr")
     swing = 1e-3 * np.cos(50.0 * np.linspace(0.0, 0.1, 41))
     np.testing.assert_allclose(data["displacement"].sel(axis="x")[:, 0], swing, atol=1e-9)

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm, to_hex
 import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.analysis.balancer import StabilityChart
-from jaxrotor.plot import colours
+from jaxrotor.plot import colours, page
 
 
 pytestmark = pytest.mark.usefixtures("rendered")
@@ -37,6 +37,36 @@ def test_rotor_is_drawn_to_scale():
     assert ax.get_xlabel().endswith("not drawn: external damping, disc damping, internal damping")
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names == ["shaft", "disc", "limiter", "clamp", "unbalance"]
+
+
+def test_a_rotor_fills_its_figure():
+    """Height over width of the Axes is that of the rotor, and of a new figure nearly so."""
+    scene = jr.load("limiter-rotor")
+    for ax in (plot.rotor(scene), plot.rotor(scene.replace({"limiters.rim_radius": 0.5}))):
+        ax.figure.draw_without_rendering()
+        (width, height), box = ax.figure.get_size_inches(), ax.get_window_extent()
+        shares = np.array([box.width, box.height]) / ax.figure.dpi / (width, height)
+        assert (shares > 0.5).all()
+        low, high = ax.get_ylim()
+        assert box.height / box.width == pytest.approx((high - low) / np.ptp(ax.get_xlim()))
+    with plot.units(length="m"):
+        ax = plot.rotor(scene)
+    assert ax.get_xlabel().startswith("station [m]; not") and ax.get_ylabel() == "radius [m]"
+    assert ax.patches[0].get_width() == pytest.approx(0.7)
+
+
+def test_a_rotor_in_a_narrow_column_is_legible():
+    """In 90 mm its legend has several rows and its label several lines, of at least 7 pt, none cut off."""
+    with plt.rc_context(page.STYLE):
+        figure, ax = plt.subplots(figsize=page.inches(90, 55), layout="constrained")
+    plot.rotor(jr.load("limiter-rotor"), ax)
+    figure.draw_without_rendering()
+    texts = [*ax.get_legend().get_texts(), ax.xaxis.label, ax.yaxis.label]
+    assert min(text.get_size() for text in (*texts, *ax.get_xticklabels())) >= 7.0
+    assert "\n" in ax.get_xlabel()
+    for text in texts:
+        box = text.get_window_extent()
+        assert box.x0 >= 0 and box.x1 <= figure.bbox.width, text.get_text()
 
 
 def test_a_ring_is_drawn_on_both_sides():

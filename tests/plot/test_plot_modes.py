@@ -122,15 +122,46 @@ def test_campbell_marks_critical_speeds():
 
 
 def test_campbell_tells_damped_from_undamped_critical_speeds():
-    """A ring has its damping ratio beside it, and none is drawn where damping leaves no peak."""
+    """A ring has its number and damping ratio beside it; none is drawn where damping leaves no peak."""
     damped = branches(GYROSCOPIC, [-2.0, -20.0, -1.0, -1.0])
     upper, _ = plot.campbell(damped, critical=undamped([20 / 0.9, 150.0]))
-    ratios = [note.get_text() for note in upper.texts]
-    at = 20 / 0.9  # [rad/s], decay 2 /s
-    assert ratios == [f"{2.0 / np.hypot(2.0, at):.2g}"]
+    at, fast = 20 / 0.9, 20 / 1.1  # [rad/s], decay 2 /s and 20 /s
+    ratio, other = 2.0 / np.hypot(2.0, at), 20.0 / np.hypot(20.0, fast)
+    assert [note.get_text() for note in upper.texts] == [
+        rf"$\bf{{1}}$  {ratio:.2g}",
+        f"1  22.22 rad/s, forward, D = {ratio:.2g}",
+        f"\N{EN DASH}  18.18 rad/s, backward, D = {other:.2g}",
+        "\N{MULTIPLICATION SIGN}  22.22 rad/s, forward",
+    ]
+    assert upper.texts[0].xy == pytest.approx((at, at))
     marks = lines(upper)
     np.testing.assert_allclose(marks["critical speed, undamped"].get_xdata(), [at])
     assert "1 damped by over 0.2" in marks
+
+
+def test_campbell_numbers_and_lists_its_rings():
+    """Rings are numbered by ascending speed along each line; close ones have no ratio beside them."""
+    with plot.units(speed="rpm"):
+        upper, _ = plot.campbell(branches(GYROSCOPIC, [-1.0] * 4), orders=(1, 2))
+    turns = 30 / np.pi
+    speeds = turns * np.array([20 / 1.1, 20 / 0.9, 20 / 2.1, 20 / 1.9])  # 20 -+ 0.1 Omega = n Omega
+    rings = {note.get_text()[5:6]: note.xy for note in upper.texts if "$" in note.get_text()}
+    assert [rings[name][0] for name in "1234"] == pytest.approx(speeds)
+    assert [rings[name][1] for name in "34"] == pytest.approx(2 * speeds[2:])
+    listed = [note for note in upper.texts if "rpm" in note.get_text()]
+    for note, speed, colour in zip(
+        listed, speeds, [colours.BACKWARD, colours.FORWARD] * 2, strict=False
+    ):
+        assert f"  {speed:.4g} rpm, " in note.get_text() and note.get_color() == colour
+    assert [note.get_text().endswith("(2x)") for note in listed[:4]] == [False, False, True, True]
+
+
+def test_campbell_counts_what_its_list_has_no_room_for():
+    upper, _ = plt.subplots(2, figsize=(4.0, 2.0))[1]
+    steps = [(20.0 + k, 0.1) for k in range(7)]
+    plot.campbell(branches(steps, [-1.0] * 7), (upper, upper.figure.axes[1]))
+    texts = [note.get_text() for note in upper.texts]
+    assert texts[-1] == f"and {7 - sum('rad/s' in text for text in texts)} more"
 
 
 def test_campbell_of_more_orders():

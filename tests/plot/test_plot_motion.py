@@ -5,6 +5,7 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from drawn import check_axes, lines
@@ -128,6 +129,43 @@ def test_orbit_of_another_station():
     np.testing.assert_allclose(np.hypot(drawn.get_xdata(), drawn.get_ydata()), 5.0)
     with pytest.raises(ValueError, match="`station` must be 0 to 1, but is 2."):
         plot.orbit(whirling(0.5), station=2)
+
+
+def test_orbits_at_all_stations():
+    """Amplitudes of 10 and 5 mm; the limiter is drawn at its station, and named in the one legend."""
+    found = beside(whirling(0.25), jr.Limiter(at=0.35, angle=0.0, gap=0.0075, stiffness=1e6))
+    first, second = plot.orbits(found)
+    for ax, radius, title in ((first, 10.0, "at 700 mm"), (second, 5.0, "at 350 mm")):
+        drawn = lines(ax)
+        path, points = drawn["orbit"], drawn["once a revolution"]
+        np.testing.assert_allclose(np.hypot(path.get_xdata(), path.get_ydata()), radius)
+        expected = radius * np.array([1, 0, -1, 0] * 2 + [1])
+        np.testing.assert_allclose(points.get_xdata(), expected, atol=1e-9)
+        assert ax.get_title() == title and ax.get_aspect() == 1.0
+    assert "limiter" not in lines(first)
+    np.testing.assert_allclose(lines(second)["limiter"].get_xdata(), 7.5)
+    (named,) = first.figure.legends
+    assert [text.get_text() for text in named.get_texts()] == [
+        "orbit",
+        "once a revolution",
+        "limiter",
+    ]
+    _, given = plt.subplots(1, 2)
+    assert plot.orbits(found, given) == tuple(given)
+    with pytest.raises(ValueError, match="must be 2 Axes, one of each station, but are 1"):
+        plot.orbits(found, given[0])
+
+
+def test_lengths_in_a_chosen_unit():
+    moving = whirling(0.5)
+    with plot.units(length="m"):
+        path, turns = plot.orbit(moving), plot.history(moving)
+        slopes = plot.history(moving, slope=True)
+        titles = [ax.get_title() for ax in plot.orbits(moving)]
+    assert np.abs(lines(path)["orbit"].get_xdata()).max() == pytest.approx(0.01)
+    assert lines(turns)["x"].get_ydata()[0] == pytest.approx(0.01)
+    assert path.get_ylabel() == "y displacement [m]" and turns.get_ylabel() == "displacement [m]"
+    assert slopes.get_ylabel() == "slope [mrad]" and titles == ["at 0.7 m", "at 0.35 m"]
 
 
 def test_orbit_takes_one_simulation():

@@ -126,12 +126,19 @@ def test_passage_marks_contact_and_the_critical_speed():
         jr.Limiter(0.2, 0.0, 3e-3, 4e4, 20.0),
         spin=jr.SpeedProfile.ramp(10.0, 90.0, 2.0),
     )
-    ax = plot.passage(jr.run_up(scene, np.linspace(0, 2, 801)))
+    run = jr.run_up(scene, np.linspace(0, 2, 801))
+    ax = plot.passage(run)
     drawn = lines(ax)
-    assert drawn["critical speed"].get_xdata()[0] == pytest.approx(50.0)
+    assert drawn["critical, forward"].get_xdata()[0] == pytest.approx(50.0)
+    assert [text.get_text() for text in ax.texts] == ["50"]  # the backward one is not excited
+    np.testing.assert_allclose(drawn["clearance"].get_ydata(), 3.0)
     touched = drawn["contact"].get_ydata()
-    assert legend(ax) == ["contact", "critical speed"]
+    assert legend(ax) == ["contact", "clearance", "critical, forward"]
     assert np.nanmin(touched) > 2.99 and np.isnan(touched[0])
+    with plot.units(speed="rpm", length="um"):
+        far = plot.passage(replace(run, scene=run.scene.replace({"limiters.gap": 1.0})))
+    assert [text.get_text() for text in far.texts] == [f"{50 * 30 / np.pi:.4g}"]
+    assert legend(far)[1] == "clearance 1e+06 \N{MICRO SIGN}m, beyond" and far.get_ylim()[1] < 1e5
 
 
 # === reactions

@@ -9,6 +9,7 @@ from matplotlib.colors import LogNorm, to_hex
 import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.core.outcome import STATUS
+from jaxrotor.files.toml import dumps
 from jaxrotor.plot import colours, page
 from jaxrotor.results.provenance import BRANCHES
 
@@ -148,6 +149,80 @@ def test_bifurcation_of_section_draws_its_x(lanes):
     upper, _ = plot.bifurcation(lanes, section=True)
     np.testing.assert_allclose(lines(upper)["forward whirl"].get_ydata(), [1.1, 1.2])
     assert "once a revolution" in upper.get_ylabel()
+
+
+def clearances(ax):
+    """Data of the lines of clearance, by their order."""
+    return [np.array(line.get_data(), float) for line in ax.lines if is_clearance(line)]
+
+
+def is_clearance(line):
+    return to_hex(line.get_color()).upper() == colours.ORANGE
+
+
+def test_bifurcation_draws_the_clearance_of_stops(mapped):
+    """Two stops along x with gaps of 1 mm, which another value of the data set may replace."""
+    along = mapped.isel({"spin.speed": 0})
+    upper, _ = plot.bifurcation(along, section=True)
+    assert [line[1].tolist() for line in clearances(upper)] == [[-1.0, -1.0], [1.0, 1.0]]
+    assert legend(upper)[-1] == "clearance"
+    with plot.units(length="um"):
+        upper, lower = plot.bifurcation(along.assign_coords({"limiters.gap": 1.5e-3}), section=True)
+    np.testing.assert_allclose([line[1] for line in clearances(upper)], [[-1500] * 2, [1500] * 2])
+    assert upper.get_ylabel().endswith("[\N{MICRO SIGN}m]")
+    swept_gap = along.rename({ECCENTRICITY: "limiters.gap"})
+    upper, _ = plot.bifurcation(swept_gap, section=True)
+    gaps = [0.2, 2.0]  # [mm]
+    np.testing.assert_allclose(clearances(upper), [[gaps, np.negative(gaps)], [gaps, gaps]])
+    far, _ = plot.bifurcation(along.assign_coords({"limiters.gap": 1.0}), section=True)
+    assert legend(far)[-1] == "clearance 1e+03 mm, beyond" and far.get_ylim()[1] < 10
+
+
+def test_bifurcation_of_any_stops_and_of_none(lanes):
+    upper, _ = plot.bifurcation(lanes)  # has no stops
+    assert not clearances(upper)
+    assert not clearances(plot.bifurcation(lanes.drop_attrs(deep=False))[0])
+    ring = jr.AnnularStator(at=0.35, gap=3e-3, stiffness=1e6, offset=1e-3, angle=np.pi / 3)
+    tilted = [
+        jr.Limiter(at=at, angle=angle, gap=gap, stiffness=1e6)
+        for at, angle, gap in ((0.35, 2.0, 2e-3), (0.35, np.pi / 2, 1e-3))
+    ]
+    scene = ROTOR.of_parts(*ROTOR.effects, ring, *tilted)
+    upper, _ = plot.bifurcation(lanes.assign_attrs(scene=dumps(scene)))
+    # the ring is about x = 0.5 mm; the first limiter faces -x, the second y
+    np.testing.assert_allclose([line[1][0] for line in clearances(upper)], [-2.5, -2.0, 3.5])
+    elsewhere = lanes.assign_attrs(scene=dumps(scene), station=0.1)
+    assert not clearances(plot.bifurcation(elsewhere)[0])
+
+
+def test_bifurcation_says_why_a_value_has_no_points(lanes):
+    gave_up, not_finite = STATUS.index("solver_gave_up"), STATUS.index("not_finite")
+    upper, _ = plot.bifurcation(put(lanes, status=np.array([gave_up, 0, not_finite], np.int8)))
+    assert [text.get_text() for text in upper.texts] == ["solver gave up", "not finite"]
+    assert [text.get_position()[0] for text in upper.texts] == [0.0, 1.0]
+    assert [patch.get_bbox().intervalx.tolist() for patch in upper.patches] == [
+        pytest.approx([0.0, 0.25]),
+        pytest.approx([0.75, 1.0]),
+    ]
+    several = put(lanes, status=np.array([0, gave_up, gave_up], np.int8))
+    (text,) = plot.bifurcation(several)[0].texts  # one of values beside each other
+    assert text.get_text() == "solver gave up" and text.get_position()[0] == 0.75
+    several = put(lanes, status=np.array([0, gave_up, not_finite], np.int8))
+    assert len(plot.bifurcation(several)[0].texts) == 2
+    close = several.assign_coords({ECCENTRICITY: [0.0, 9.9e-4, 1e-3]})
+    (text,) = plot.bifurcation(close)[0].texts
+    assert text.get_text() == "solver gave up, not finite"
+    nothing = put(lanes, extrema=np.full((3, 2, 3), np.nan))
+    assert plot.bifurcation(nothing)[0].texts[0].get_text() == "no points"
+
+
+def test_bifurcation_has_larger_points_the_fewer_there_are(lanes):
+    of = lambda dataset, **given: lines(plot.bifurcation(dataset, **given)[0])["forward whirl"]
+    many = np.zeros((3, 5000, 1))  # of 10 000 points, and 5000 of a lane at rest
+    dataset = lanes.drop_vars(["extrema", "section"])
+    dataset["extrema"] = ((ECCENTRICITY, "revolution", "extremum"), many)
+    assert of(lanes).get_markersize() == 4.0 and of(dataset).get_markersize() == 1.5
+    assert of(lanes, size=2).get_markersize() == 2
 
 
 def test_bifurcation_in_any_order_of_dimensions(lanes):
@@ -317,6 +392,45 @@ def test_map_of_a_number_with_its_unit(kinds):
     assert legend(ax) == ["no result"] and mesh.norm.vmin == 1.0
     ax = plot.sweep_map(kinds, "duty")
     np.testing.assert_allclose(ax.collections[0].get_array()[0], [0.0, 0.3, 0.5])
+
+
+def test_map_of_classes(kinds):
+    """Whole numbers have a colour and a name each; lanes without a result are hatched."""
+    ax = plot.sweep_map(kinds, "status")
+    assert legend(ax) == ["ok", "not finite", "whirl undefined", "steps too long for a stop"]
+    np.testing.assert_array_equal(ax.collections[0].get_array(), [[0, 0, 3], [0, 2, 1]])
+    attractors = {"features": ["index"], "means": [[0.5], [-0.25]]}
+    numbers = np.array([[0, 1], [1, 1], [0, -1]])
+    found = kinds.assign(attractor=(kinds["status"].dims, numbers, attractors))
+    ax = plot.sweep_map(found, "attractor")
+    assert legend(ax) == ["index 0.5", "index -0.25", "no result"]
+    blue, orange = colours.CYCLE[:2]
+    assert colours_of(ax) == [[blue, orange, blue], [orange, orange, "#FFFFFF"]]
+    counted = kinds.assign(missed=(kinds["status"].dims, np.array([[0, 3], [0, 3], [7, 0]])))
+    assert legend(plot.sweep_map(counted, "missed")) == [
+        "missed 0",
+        "missed 3",
+        "missed 7",
+        "no result",
+    ]
+    many = kinds.assign(missed=(kinds["status"].dims, np.arange(6).reshape(3, 2)))
+    assert len(legend(plot.sweep_map(many, "missed"))) == 6  # five, and the lane that failed
+
+
+def test_map_hatches_whole_cells(kinds):
+    """Cells end half-way between values: 1.3 to 1.5 times the speed, 1.1 to 2.9 mm."""
+    hatched = [c for c in plot.sweep_map(kinds, "radius_max").collections if c.get_hatch()]
+    (cell,) = hatched[0].get_paths()
+    corners = cell.get_extents()
+    np.testing.assert_allclose(corners.intervalx, np.array([1.3, 1.5]) * SPEED)
+    np.testing.assert_allclose(corners.intervaly, [1.1, 2.9])
+
+
+def test_map_in_a_chosen_unit(kinds):
+    with plot.units(speed="rpm", length="um"):
+        ax = plot.sweep_map(kinds)
+    assert ax.get_xlabel() == "spin speed [rpm]" and not ax.child_axes
+    assert ax.get_ylabel() == "unbalance eccentricity [\N{MICRO SIGN}m]"
 
 
 def test_map_chooses_a_scale(kinds):
