@@ -34,7 +34,7 @@ def spread_lanes(
     count = int(np.prod(starts, dtype=int))
     values = max(most // count, 1)
     side = values if len(shape) == 1 else int(np.sqrt(values))
-    chosen = [_spread(size, side) for size in shape]
+    chosen = [_spread(*each) for each in zip(shape, (side, values // side), strict=False)]
     numbers = np.ravel_multi_index(np.meshgrid(*chosen, indexing="ij"), tuple(shape)).ravel()
     lanes = numbers[:, None] * count + _spread(count, most)
     return lanes.ravel()[~failed(status.ravel()[lanes.ravel()])]
