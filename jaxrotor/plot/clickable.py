@@ -148,7 +148,7 @@ def _axis(dataset: xr.Dataset, dim: str) -> dict[str, Any]:
 def _name_and_unit(label: str) -> dict[str, str]:
     """Parts of a label "name [unit]", with its exponents in HTML."""
     name, _, unit = re.sub(r"\$\^\{(.*?)\}\$", r"<sup>\1</sup>", label).rpartition(" [")
-    return {"name": name, "unit": unit.removesuffix("]").removeprefix("1")}
+    return {"name": name, "unit": "" if unit == "1]" else unit.removesuffix("]")}
 
 
 def _numbers(dataset: xr.Dataset, dims: tuple[str, ...]) -> list[dict[str, Any]]:
@@ -223,7 +223,8 @@ def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"]) -> dict[str, 
         sections = stacked.reshape(-1, *stacked.shape[-2:])[lanes]
     orbits = found["orbit"].transpose("lane", "revolution", "sample", "axis").values
     spectra = found["spectrum"].values[:, seen]
-    stops = _stops(dataset, lanes, 1e3 * np.nanmax(np.abs(orbits), initial=0.0))
+    radius = np.max(np.abs(orbits), where=np.isfinite(orbits), initial=0.0)
+    stops = _stops(dataset, lanes, 1e3 * float(radius))
     motions = [
         {
             "lane": int(lane),
