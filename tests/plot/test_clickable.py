@@ -325,6 +325,10 @@ def test_a_drag_zooms_and_a_double_click_resets(page):
 
 @pytest.mark.slow
 def test_the_page_needs_no_network_and_fits_a_phone(page):
+    titles = page.evaluate(
+        "() => [...document.querySelectorAll('#diagram .modebar-btn')].map(one => one.dataset.title)"
+    )
+    assert len(titles) == 6 and "Share" not in " ".join(titles)  # nothing sends data away
     page.set_viewport_size({"width": 390, "height": 844})
     until(page, "() => document.getElementById('diagram')._fullLayout.width < 390")
     assert page.evaluate("() => document.documentElement.scrollWidth") == 390
