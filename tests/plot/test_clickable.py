@@ -102,7 +102,9 @@ def test_what_a_page_holds(by_hand, tmp_path):
     assert "<title>by hand</title>" in text and "eccentricity = 0.0001" in text and "@@" not in text
 
 
-def test_a_map(tmp_path):
+@pytest.fixture(scope="module")
+def map_page(tmp_path_factory):
+    """The page of four lanes over two parameters, without motions."""
     (name, _), other = PATHS, "spin.speed"
     lanes = (name, other)
     data = told(
@@ -110,12 +112,17 @@ def test_a_map(tmp_path):
         index=(lanes, [[1.0, -1.0], [1.0, np.nan]]),
         status=(lanes, [[0, 0], [0, 1]]),
     )
-    plot.write_page(tmp_path / "a.html", data, motions=0, title="a < b")
-    held = content_of(tmp_path / "a.html")
+    path = tmp_path_factory.mktemp("map") / "a.html"
+    plot.write_page(path, data, motions=0, title="a < b")
+    return path
+
+
+def test_a_map(map_page):
+    held = content_of(map_page)
     names = [held["groups"][k]["name"] for k in held["group"]]
     assert names == ["backward whirl", "forward whirl", "no result", "forward whirl"]
     assert held["axes"][1] == {"name": "spin speed", "unit": "", "values": [50, 60]}
-    assert held["motions"] == [] and "a &lt; b" in (tmp_path / "a.html").read_text("utf-8")
+    assert held["motions"] == [] and "a &lt; b" in map_page.read_text("utf-8")
 
 
 def test_lanes_are_spread_over_values_and_starts():
@@ -293,6 +300,11 @@ def test_a_lane_without_its_motion_shows_the_nearest(page, swept):
     assert "Below is the nearest motion" in page.text_content("#told")
     page.keyboard.press("ArrowRight")
     until(page, "() => document.getElementById('told').dataset.motion == 6")
+    width = "document.getElementById('orbit')._fullLayout.xaxis._length"
+    first = page.evaluate(f"() => {width}")
+    for key in ("ArrowLeft", "ArrowRight"):
+        page.keyboard.press(key)
+    assert page.evaluate(f"() => {width}") == first > 250  # it does not shrink
 
 
 @pytest.mark.slow
@@ -335,3 +347,20 @@ def test_the_page_needs_no_network_and_fits_a_phone(page):
     assert page.errors == [] and all(
         url.startswith(("file:", "blob:", "data:")) for url in page.asked
     )
+
+
+@pytest.mark.slow
+def test_a_click_on_a_map(page, map_page):
+    other = page.context.new_page()
+    other.goto(map_page.as_uri())
+    other.wait_for_selector("body[data-ready]", timeout=120_000)
+    for place, words in (((1e-4, 50.0), "backward whirl"), ((2e-4, 50.0), "no result: not finite")):
+        other.mouse.move(*pixel(other, *place))
+        until(
+            other,
+            f"() => document.querySelector('#diagram .hoverlayer').textContent.includes('{words}')",
+        )
+        other.mouse.down()
+        other.mouse.up()
+        until(other, f"() => document.getElementById('told').textContent.includes('{words}')")
+    assert "This page has no motions." in other.text_content("#told")
