@@ -21,19 +21,37 @@ def explore(
         Path | None,
         typer.Option(metavar="FILE", help="Picture to write instead of opening a window."),
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Page to write, which a browser shows without network."),
+    ] = None,
+    motions: Annotated[
+        int, typer.Option(help="Most motions in the page, each computed like a lane of the sweep.")
+    ] = 48,
     overwrite: Overwrite = False,
 ) -> None:
     """Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.
 
     The left and right arrow keys select the neighbours. Motions are recomputed; the first takes some
-    seconds.
+    seconds. With --html it is a page to keep and send, also of a map over two parameters; it needs
+    jaxrotor[html].
 
     ```
     jaxrotor sweep limiter-rotor --out runs/long
     jaxrotor explore runs/long
     jaxrotor explore runs/long --at 0.5 --out half.png
+    jaxrotor explore runs/long --html long.html
     ```
     """
+    if html is not None:
+        if at is not None or out is not None:
+            raise ValueError("--html writes a page of all lanes; leave out --at and --out.")
+        from ..plot.clickable import write_page
+
+        with draft(html.parent, [html.name], overwrite) as folder:
+            write_page(folder / html.name, opened(stores(data)), motions=motions)
+        typer.echo(f"Written: {html}.")
+        return
     from ..plot.explore import explore as window
 
     explorer = window(opened(stores(data)))

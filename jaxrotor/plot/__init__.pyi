@@ -8,6 +8,7 @@ from .balancer import balancer_at as balancer_at, balls as balls
 from .bifurcation import bifurcation as bifurcation
 from .branch import branch as branch
 from .campbell import campbell as campbell
+from .clickable import write_page as write_page
 from .envelope import envelope as envelope
 from .error_map import error_map as error_map
 from .escapes import escapes as escapes

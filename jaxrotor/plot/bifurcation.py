@@ -78,10 +78,7 @@ def bifurcation(
         ways = {marker: branch == k for k, marker in enumerate("^v")}
         for marker, name in zip("^v", dataset["branch"].values, strict=True):
             upper.plot([], [], marker, color=colours.DARK, label=f"below: {name}")
-    groups = _directions(index.ravel())
-    if "attractor" in dataset:
-        groups = _attractors(dataset["attractor"].transpose(*lanes))
-    for about, colour, chosen in groups:
+    for about, colour, chosen in coloured_groups(dataset, lanes):
         x, y = _cloud(values[chosen], displacement[chosen])
         style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
         upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=about, **style)
@@ -141,6 +138,15 @@ def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray
 def _reason(code: int) -> str:
     """Why a lane has no points."""
     return words(STATUS[code]) if code in FAILED else "no points"
+
+
+def coloured_groups(
+    dataset: xr.Dataset, lanes: tuple[str, ...]
+) -> list[tuple[str, str, np.ndarray]]:
+    """Name, colour and lanes of each attractor, or of each direction of whirl where none are known."""
+    if "attractor" in dataset:
+        return _attractors(dataset["attractor"].transpose(*lanes))
+    return _directions(dataset["index"].transpose(*lanes).values.ravel())
 
 
 def _attractors(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:

@@ -176,6 +176,13 @@ def explore(dataset: xr.Dataset, **run: Any) -> Explorer:
         ValueError: if the data set is none of `sweep`, its states were carried from lane to lane, or its
             start or solver cannot be built from its attributes.
     """
+    check_lanes(dataset)
+    motion_of(dataset, 0)  # raises here if a click could show nothing
+    return Explorer(dataset, run)
+
+
+def check_lanes(dataset: xr.Dataset) -> None:
+    """Raise unless each lane of a data set can be run alone."""
     if "scene" not in dataset.attrs or "status" not in dataset:
         raise ValueError(
             "Only a data set of `sweep` can be explored: this one has no scene or status."
@@ -185,8 +192,6 @@ def explore(dataset: xr.Dataset, **run: Any) -> Explorer:
             "In a sweep with `carry` a lane depends on all lanes before it, so it cannot be run alone; "
             "explore a sweep without."
         )
-    motion_of(dataset, 0)  # raises here if a click could show nothing
-    return Explorer(dataset, run)
 
 
 def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:

@@ -81,8 +81,8 @@ def report(
         dict.fromkeys([*scenes, *(one.attrs["scene"] for one in data if "scene" in one.attrs)])
     )
     title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
-    parts = [*map(_scene, scenes), *_figures(figures), *map(_numbers, data), _versions(data)]
-    text = _PAGE.substitute(title=html.escape(title), body="\n".join(parts))
+    parts = [*map(scene_part, scenes), *_figures(figures), *map(numbers_part, data)]
+    text = _PAGE.substitute(title=html.escape(title), body="\n".join([*parts, versions_part(data)]))
     with replacing(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
 
@@ -90,7 +90,7 @@ def report(
 # === parts
 
 
-def _scene(text: str) -> str:
+def scene_part(text: str) -> str:
     """Drawing, parameters and the scene file that reproduces it."""
     scene = loads(text, "the scene of a result")
     said = f'<p class="note">{html.escape(scene.assumption)}</p>' if scene.assumption else ""
@@ -162,7 +162,7 @@ def _image(content: bytes, kind: str, caption: str) -> str:
     return f'<figure><img alt="{text}" src="{source}"><figcaption>{text}</figcaption></figure>'
 
 
-def _numbers(data: Any) -> str:
+def numbers_part(data: Any) -> str:
     """Status of the lanes of a data set, accuracy, range of every variable, settings."""
     parts = [f"<h2>{html.escape(str(data.attrs.get('title', 'Data')))}</h2>"]
     if "status" in data:
@@ -213,7 +213,7 @@ def _statuses(status: Any) -> str:
     return "<h3>Lanes</h3>\n" + html_table(rows, ("status", "lanes"), numbers=(1,))
 
 
-def _versions(data: Sequence[Any]) -> str:
+def versions_part(data: Sequence[Any]) -> str:
     """Versions of the software that made the results and this page."""
     from ..results.provenance import versions
 

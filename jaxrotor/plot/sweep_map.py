@@ -202,6 +202,15 @@ def _kinds(
     return np.select(list(conditions.values()), numbers, names.index(rub)), list(_KINDS.items())
 
 
+def coloured_kinds(
+    dataset: xr.Dataset, dims: tuple[str, str]
+) -> list[tuple[str, str, Bool[np.ndarray, "x y"]]]:
+    """Name, colour and lanes of each kind of motion that occurs."""
+    drawn = _kinds(dataset, dims).T
+    rows = [(kind, shade, drawn == number) for number, (kind, shade) in enumerate(_KINDS.items())]
+    return [row for row in rows if row[2].any()]
+
+
 def _numbers(dataset: xr.Dataset, dims: tuple[str, str], name: str) -> Float[np.ndarray, "y x"]:
     """A variable with one number a lane, of limiters the largest, the first parameter along columns."""
     own = set(swept(dataset, name)) - set(dims)

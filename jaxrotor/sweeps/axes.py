@@ -26,9 +26,21 @@ TAKEN = (
         "frequency",
         "limiter",
         "revolution",
+        "sample",
         "window",
     ),
-    *("status", "unresolved", "section", "extrema", "index", "winding", "duty", "peak", "envelope"),
+    *(
+        "status",
+        "unresolved",
+        "section",
+        "orbit",
+        "extrema",
+        "index",
+        "winding",
+        "duty",
+        "peak",
+        "envelope",
+    ),
     *("speed", "imbalance", "captured", "outcome", "race", "reversal", "spectrum"),
 )
 MOST_LANES = 1_000_000_000  # in one sweep, because lists of what is to be computed take memory

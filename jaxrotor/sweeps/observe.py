@@ -31,6 +31,25 @@ class Section(AbstractObservable):
         return {"section": section}
 
 
+class Orbit(AbstractObservable):
+    """Orbit: displacement at every step of every revolution, which takes much memory in large sweeps."""
+
+    needs_contact: ClassVar[bool] = False
+
+    def check(self, steps, contacts):
+        del steps, contacts
+
+    def start(self, contacts):
+        return None
+
+    def update(self, carry, turn: Turn):
+        return carry, plane(turn.z[1:], axis=-1)
+
+    def report(self, carry, stored, count):
+        dims = ("revolution", "sample", "axis")
+        return {"orbit": Variable(dims, stored, "m", "displacement at every step")}
+
+
 class Extrema(AbstractObservable):
     """Local extrema of the x displacement, up to `most` in a revolution, located to O(step^4)."""
 

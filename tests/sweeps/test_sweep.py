@@ -169,6 +169,14 @@ def observed(one, path, count: int, steps: int, speed: float = 1.0, force=None):
     return {name: v.values for name, v in one.report(lane, stored, count).items()}
 
 
+def test_orbit_is_every_step_of_every_revolution():
+    found = observed(jr.observe.Orbit(), lambda t: t * np.exp(0.3j * t), 3, 16)["orbit"]
+    t = 2 * np.pi * np.arange(1, 3 * 16 + 1) / 16
+    want = t * np.exp(0.3j * t)
+    want = np.stack([want.real, want.imag], -1).reshape(3, 16, 2)
+    np.testing.assert_allclose(found[0], want, atol=1e-12)
+
+
 def test_section_is_the_end_of_every_revolution():
     found = observed(jr.observe.Section(), lambda t: t * np.exp(0.3j * t), 4, 16)["section"]
     t = 2 * np.pi * np.arange(1, 5)

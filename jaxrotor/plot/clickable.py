@@ -1,0 +1,289 @@
+"""Clickable page: one HTML file with the diagram of a sweep and the motions behind its points."""
+
+import base64
+import gzip
+import html
+import json
+import os
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float, Shaped
+from matplotlib.figure import Figure
+
+from ..core.checks import check_counts
+from ..core.outcome import STATUS, failed
+from ..effects.rub import AbstractRub
+from ..files.draft import replacing
+from ..files.toml import loads
+from . import colours, report
+from .bifurcation import coloured_groups
+from .explore import check_lanes, motion_of
+from .labels import coordinate, ensemble, only_swept, parameter, swept, words
+from .lane_motions import motions_of, spread_lanes
+from .orbit import draw_limiters
+from .sweep_map import coloured_kinds
+
+
+MOTIONS = 48  # motions of a page by default
+HIGHEST = 10  # end of the frequency axis [cycles per revolution], as that of `whirl_spectrum`
+SHOWN = 20  # the most revolutions of an orbit that are drawn, its last ones
+SAMPLES = 128  # about the most points of an orbit that are drawn in a revolution
+BINS, FINE = (
+    1600,
+    64,
+)  # heights at which points of a lane are told apart, and levels in each of them
+_NUMBERS = {  # told of the lane that is shown
+    "index": "precession index",
+    "winding": "winding",
+    "radius_max": "largest radius",
+    "radius_rms": "rms radius",
+}
+_TEMPLATE = Path(__file__).with_name("clickable.html")
+
+
+def write_page(
+    path: str | os.PathLike[str], dataset: xr.Dataset, *, motions: int = MOTIONS, title: str = ""
+) -> None:
+    """Write one HTML file with the diagram of a sweep, where a click shows the motion of a lane.
+
+    Over one parameter, with any starts, the diagram is that of `bifurcation`; over two it is a map of the
+    kinds of motion, as `sweep_map` draws it. It can be zoomed, and points tell their values. A click on a
+    point shows orbit, whirl spectrum and Poincare section of its lane, or of the nearest lane whose motion
+    is in the page. Beside them are the scene, settings, accuracy and versions. The file needs no network.
+
+    Motions are taken from the data set if it was observed with `observe.Orbit` and
+    `observe.WhirlSpectrum`; otherwise their lanes are run again, together. A chaotic lane that is run
+    again follows another path on the same attractor. What a screen cannot resolve is left out: points of a
+    lane that are nearer than 1/1600 of the height of the diagram, and orbits have 128 points a revolution,
+    of the last 20 revolutions. Needs `jaxrotor[html]`. An existing file is replaced.
+
+    Args:
+        path: the file, which ends in .html.
+        dataset: data set of a sweep, with `extrema` and `index`, over one parameter and any starts; or
+            with `duty`, `winding` or `index` over two parameters.
+        motions: the most lanes whose motions are in the page, spread over the diagram; each takes as long
+            as its lane has taken. With 0 there is the diagram alone.
+        title: heading, by default that of the data set.
+
+    Raises:
+        ValueError: the path does not end in .html, `motions` is no whole number, plotly is not installed,
+            the data set is none of `sweep` over one or two parameters, its states were carried from lane
+            to lane, or its motions can be neither taken from it nor run again.
+    """
+    target = Path(path)
+    if target.suffix != ".html":
+        raise ValueError(f"The name of a page must end in .html, but is {target.name}.")
+    check_counts(0, motions=motions)
+    library = _library()
+    check_lanes(dataset)
+    starts = ensemble(dataset, "status")
+    parameters = [dim for dim in swept(dataset, "status") if dim not in starts]
+    dims = (*parameters, *starts)
+    data = dataset.transpose(*dims, ...)
+    if len(parameters) == 2 and not starts:
+        data = data.sortby(parameters)
+        drawn = _map(data, (parameters[0], parameters[1]))
+    else:
+        drawn = _diagram(data, starts)
+    shape = [data.sizes[dim] for dim in dims]
+    parts = shape[: len(parameters)], shape[len(parameters) :]
+    lanes = spread_lanes(*parts, motions, data["status"].values)
+    content = {
+        "axes": [_axis(data, dim) for dim in dims],
+        "starts": len(starts),
+        "status": data["status"].values.ravel().tolist(),
+        "statuses": [words(name) for name in STATUS],
+        "failed": failed(data["status"].values).ravel().tolist(),
+        "numbers": _numbers(data, dims),
+        **drawn,
+        **_motions(data, lanes),
+        "colours": {name: getattr(colours, name) for name in ("BLUE", "RED", "GREY", "DARK")},
+    }
+    title = title or str(dataset.attrs.get("title", "")) or target.stem
+    scene = report.scene_part(dataset.attrs["scene"])
+    about = f"{report.numbers_part(dataset)}\n{report.versions_part([dataset])}"
+    texts = {
+        "TITLE": html.escape(title),
+        "SCENE": scene,
+        "ABOUT": about,
+        "DATA": _packed(json.dumps(content, separators=(",", ":"), allow_nan=False)),
+        "LIBRARY": _packed(library),
+    }
+    text = re.sub("@@([A-Z]+)@@", lambda found: texts[found[1]], _TEMPLATE.read_text("utf-8"))
+    with replacing(target) as draft:
+        draft.write_text(text, "utf-8", newline="\n")
+
+
+def _library() -> str:
+    """The source of plotly.js."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        raise ValueError(
+            "A page that one can click is drawn by plotly, which is not installed; install it by "
+            "`pip install 'jaxrotor[html]'`."
+        ) from None
+    return get_plotlyjs()
+
+
+def _packed(text: str) -> str:
+    """A text in base64, compressed by gzip."""
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")
+
+
+# === diagram
+
+
+def _axis(dataset: xr.Dataset, dim: str) -> dict[str, Any]:
+    """Name, unit and values of a swept parameter in the unit drawn."""
+    values, label = coordinate(dataset, dim)
+    return {**_name_and_unit(label), "values": _digits(values, 8)}
+
+
+def _name_and_unit(label: str) -> dict[str, str]:
+    """Parts of a label "name [unit]", with its exponents in HTML."""
+    name, _, unit = re.sub(r"\$\^\{(.*?)\}\$", r"<sup>\1</sup>", label).rpartition(" [")
+    return {"name": name, "unit": "" if unit == "1]" else unit.removesuffix("]")}
+
+
+def _numbers(dataset: xr.Dataset, dims: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Numbers of every lane that are told of it."""
+    found = []
+    for name, called in _NUMBERS.items():
+        if name in dataset and dataset[name].dims == dims:
+            factor, label = parameter(called, str(dataset[name].attrs["units"]))
+            values = _digits(factor * dataset[name].values.ravel(), 5)
+            found.append({**_name_and_unit(label), "key": name, "values": values})
+    return found
+
+
+def _groups(groups: list[tuple[str, str, Bool[np.ndarray, "..."]]]) -> dict[str, Any]:
+    """Names and colours of groups of lanes, and the number of every lane's group, -1 of none."""
+    number = np.full(groups[0][2].size, -1) if groups else np.zeros(0, int)
+    for k, (_, _, chosen) in enumerate(groups):
+        number[chosen.ravel()] = k
+    named = [{"name": name, "colour": colour} for name, colour, _ in groups]
+    return {"groups": named, "group": number.tolist()}
+
+
+def _map(dataset: xr.Dataset, dims: tuple[str, str]) -> dict[str, Any]:
+    """Kinds of motion over two parameters."""
+    return {"kind": "map", **_groups(coloured_kinds(dataset, dims))}
+
+
+def _diagram(dataset: xr.Dataset, starts: tuple[str, ...]) -> dict[str, Any]:
+    """Extrema of every lane with a result as whole levels of the height, and the precession index."""
+    only_swept(dataset, "extrema", ("revolution", "extremum", *starts))
+    dim = only_swept(dataset, "index", starts)
+    status = dataset["status"].values.ravel()
+    height = 1e3 * dataset["extrema"].values.reshape(status.size, -1)
+    height[failed(status)] = np.nan
+    known = height[np.isfinite(height)]
+    low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
+    level = float(high - low) / (BINS * FINE) or 1.0
+    points = [_told_apart((row[np.isfinite(row)] - low) / level) for row in height]
+    return {
+        "kind": "diagram",
+        "low": float(low),
+        "level": level,
+        "points": points,
+        **_groups(coloured_groups(dataset, (dim, *starts))),
+    }
+
+
+def _told_apart(levels: Float[np.ndarray, " e"]) -> list[int]:
+    """Ascending levels, one of each bin, as the first and the differences of neighbours."""
+    whole = np.unique(np.rint(levels).astype(int))
+    _, first = np.unique(whole // FINE, return_index=True)
+    return np.diff(whole[first], prepend=0).tolist()
+
+
+# === motions
+
+
+def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"]) -> dict[str, Any]:
+    """Orbit, section, spectrum and stops of some lanes."""
+    if not lanes.size:
+        return {"motions": [], "frequency": []}
+    try:
+        found = motions_of(dataset, lanes)
+    except ValueError as error:
+        raise ValueError(f"{error} With no motions (`motions=0`) a page has the diagram.") from None
+    frequency = np.asarray(found["frequency"].values)
+    seen = frequency <= HIGHEST
+    own = ("revolution", "axis")
+    sections = found["orbit"].isel(sample=-1).transpose("lane", *own).values
+    if "section" in dataset:
+        stacked = dataset["section"].transpose(*dataset["status"].dims, *own).values
+        sections = stacked.reshape(-1, *stacked.shape[-2:])[lanes]
+    orbits = found["orbit"].transpose("lane", "revolution", "sample", "axis").values
+    spectra = found["spectrum"].values[:, seen]
+    radius = np.max(np.abs(orbits), where=np.isfinite(orbits), initial=0.0)
+    stops = _stops(dataset, lanes, 1e3 * float(radius))
+    motions = [
+        {
+            "lane": int(lane),
+            **_orbit(1e3 * orbit[-SHOWN:]),
+            "section": _ints(1e3 * section),
+            "spectrum": _ints(spectrum) if np.isfinite(spectrum).all() else None,
+            "stops": stop,
+        }
+        for lane, orbit, section, spectrum, stop in zip(
+            lanes, orbits, sections, spectra, stops, strict=True
+        )
+        if np.isfinite(orbit).all()
+    ]
+    return {"motions": motions, "frequency": _digits(frequency[seen], 6)}
+
+
+def _orbit(path: Float[np.ndarray, "r s a"]) -> dict[str, Any]:
+    """The path of the last revolutions [mm], and where it is once a revolution."""
+    every = max(path.shape[1] // SAMPLES, 1)
+    samples = path.reshape(-1, 2)[::-1][::every][::-1]
+    return {"orbit": _ints(samples), "marks": _ints(path[:, -1])}
+
+
+def _ints(values: Float[np.ndarray, "..."]) -> dict[str, Any]:
+    """Numbers as whole multiples of 1/20000 of the largest, columns one after the other, differenced."""
+    unit = float(np.abs(values).max(initial=0.0)) / 20_000 or 1.0
+    columns = np.rint(np.atleast_2d(values.T) / unit).astype(int)
+    return {"unit": unit, "columns": np.diff(columns, prepend=0, axis=1).tolist()}
+
+
+def _stops(
+    dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], radius: float
+) -> list[list[dict[str, Any]]]:
+    """Lines of the stops at the station of every lane, as `orbit` draws them [mm]."""
+    rubs = loads(dataset.attrs["scene"]).of(AbstractRub)
+    own = {name for stop in rubs for name in (stop.kind, stop.plural)}
+    swept_stops = any(str(name).partition(".")[0] in own for name in dataset.coords)
+    of_lanes = [
+        _lines_of_stops(dataset, int(n), radius) for n in lanes[: None if swept_stops else 1]
+    ]
+    return of_lanes if swept_stops else of_lanes * len(lanes)
+
+
+def _lines_of_stops(dataset: xr.Dataset, lane: int, radius: float) -> list[dict[str, Any]]:
+    """Lines of the stops at the station of a lane [mm]."""
+    scene, how = motion_of(dataset, lane)
+    ax = Figure().subplots()
+    draw_limiters(ax, SimpleNamespace(scene=scene, stations=[how["at"]]), 0, radius, 1e3)
+    return [
+        {
+            "name": "" if str(line.get_label()).startswith("_") else line.get_label(),
+            "colour": line.get_color(),
+            "x": _digits(line.get_xdata(), 5),
+            "y": _digits(line.get_ydata(), 5),
+        }
+        for line in ax.get_lines()
+    ]
+
+
+def _digits(values: Any, count: int) -> list[float | None]:
+    """Numbers with so many digits, None where they are undefined."""
+    return [float(f"{x:.{count}g}") if np.isfinite(x) else None for x in np.ravel(values)]
