@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, positive, real
@@ -38,6 +39,7 @@ class AnnularStator(AbstractRub):
     angle: Scalar = real("angle [rad]", default=0.0)
     blend: Scalar | None = positive("blend [m]", default=None)
     slip: Scalar | None = positive("slip [m/s]", default=None)
+    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
 
     def law(self) -> "ViscoelasticRing":
         x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)

@@ -163,7 +163,7 @@ class AbstractContact(AbstractEffect):
 
     at: eqx.AbstractVar[Scalar]
     angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]
-    on: str | None = eqx.field(default=None, static=True, kw_only=True)
+    on: eqx.AbstractVar[str | None]  # name of a casing; None: the ground
 
     @abc.abstractmethod
     def law(self) -> AbstractLaw:

@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, real
@@ -25,6 +26,7 @@ class CubicSpring(AbstractContact):
     at: Scalar = nonnegative("at [m]")
     angle: Scalar = real("angle [rad]")
     stiffness: Scalar = real("stiffness [N/m^3]")
+    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
 
     def law(self) -> "CubicLaw":
         return CubicLaw(jnp.cos(self.angle), jnp.sin(self.angle), self.stiffness)

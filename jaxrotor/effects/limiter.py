@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, positive, real
@@ -36,6 +37,7 @@ class Limiter(AbstractRub):
     rim_radius: Scalar = nonnegative("rim_radius [m]", default=0.0)
     blend: Scalar | None = positive("blend [m]", default=None)
     slip: Scalar | None = positive("slip [m/s]", default=None)
+    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
 
     @classmethod
     def at_angles(cls, angles: Iterable[Any], **parameters: Any) -> list["Limiter"]:

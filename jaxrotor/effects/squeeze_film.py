@@ -35,3 +35,4 @@ class SqueezeFilm(AbstractFilm):
     angle: Scalar = real("angle [rad]", default=0.0)
     blend: Scalar | None = positive("blend [1/s]", default=None)
     cavitated: bool = eqx.field(default=True, static=True)  # half of the film is under pressure
+    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground

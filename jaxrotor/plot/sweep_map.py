@@ -206,8 +206,8 @@ def coloured_kinds(
     dataset: xr.Dataset, dims: tuple[str, str]
 ) -> list[tuple[str, str, Bool[np.ndarray, "x y"]]]:
     """Name, colour and lanes of each kind of motion that occurs."""
-    drawn = _kinds(dataset, dims).T
-    rows = [(kind, shade, drawn == number) for number, (kind, shade) in enumerate(_KINDS.items())]
+    codes, classes = _kinds(dataset, dims)
+    rows = [(kind, shade, number == codes.T) for number, (kind, shade) in enumerate(classes)]
     return [row for row in rows if row[2].any()]
 
 

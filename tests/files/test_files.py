@@ -714,7 +714,7 @@ def study_of(text):
             "gap =",
             "gapp =",
             "limiters.0.gapp is not a parameter of a limiter (did you mean `gap`?); it has: "
-            "at, angle, gap, stiffness, damping, friction, rim_radius, blend, slip.",
+            "at, angle, gap, stiffness, damping, friction, rim_radius, blend, slip, on.",
         ),
         (
             'gap = "7.5 mm"\n',
