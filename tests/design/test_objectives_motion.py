@@ -11,17 +11,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from differences import central, check_forward
-from systems import one_disc
+from systems import limiter_rotor, one_disc
 
 import jaxrotor as jr
 from jaxrotor import objectives
 
 
-def rubbing(second=0.5):
+def rubbing():
     """A disc that strikes two soft, blended stops within a revolution, so that few steps follow them."""
     stop = {"gap": 7e-3, "stiffness": 4e5, "damping": 200.0, "friction": 0.1, "rim_radius": 0.1}
     stop |= {"blend": 2e-3, "slip": 8.0}
-    stops = jr.Limiter(0.5, 0.0, **stop), jr.Limiter(second, 2.0, **stop)
+    stops = [jr.Limiter(0.5, angle, **stop) for angle in (0.0, 2.0)]
     return one_disc(*stops, mass=10.0, damping=60.0, stiffness=1e5, speed=100.0, eccentricity=1e-4)
 
 
@@ -118,7 +118,7 @@ def test_work_of_a_window(monkeypatch):
     seen = types.SimpleNamespace(time=time, velocity=velocity, contact_force=force)
     monkeypatch.setattr(objectives.motion, "simulate", lambda *_, **__: seen)
     assert float(objectives.contact_work(rubbing(), 1)) == pytest.approx(power * 3.0 / 2, rel=1e-12)
-    free, apart = one_disc(), rubbing(second=0.35)
+    free, apart = one_disc(), limiter_rotor().replace({"limiters.0.at": 0.35})
     with pytest.raises(ValueError, match="no contacts"):
         objectives.contact_work(free, 1)
     with pytest.raises(ValueError, match="at one station"):
