@@ -4,17 +4,14 @@ import os
 import signal
 from pathlib import Path
 
+import flags
+
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as jaxrotor itself sets, before jax loads it
-# Programs of tests run once or twice: compiling them is most of what they cost, so they are compiled
-# without optimisation, and in one part, as the other core has tests of its own. Processes that tests
-# start do the same.
-os.environ.setdefault(
-    "XLA_FLAGS",
-    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false "
-    "--xla_cpu_parallel_codegen_split_count=1",
-)
+# Compiling programs is most of what tests cost, so they are compiled without optimisation. Processes
+# that tests start do the same.
+os.environ.setdefault("XLA_FLAGS", flags.FLAGS)
 
 import durations  # noqa: E402
 import garbage  # noqa: E402

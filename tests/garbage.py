@@ -6,7 +6,7 @@ Searching them all for garbage is a tenth of the time.
 import gc
 
 
-THRESHOLDS = 50_000, 20, 50
+THRESHOLDS = 400_000, 20, 50
 CODE = f"import gc; gc.freeze(); gc.set_threshold{THRESHOLDS}"  # for another process
 
 

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 
 import diffrax as dfx
+import flags
 import garbage
 import jax
 import jax.numpy as jnp
@@ -25,6 +26,10 @@ from jaxrotor.core.compiled import QUICKLY
 
 
 LANES, CHUNK = 16_384 + 128, 128  # some programs of jax went wrong above 16 384
+# Options by which the program of chunks is compiled: as other tests compile theirs.
+SIMPLY = {
+    "compiler_options": QUICKLY["compiler_options"] | {"xla_disable_hlo_passes": flags.LOOP_PASSES}
+}
 LIMIT = 240  # [s] for one program, its compilation included; most take less than 10
 
 
@@ -170,7 +175,7 @@ def mapped(functions: dict[str, Callable], scene: Callable) -> Callable[[], None
             return {name: function(changed) for name, function in functions.items()}
 
         whole = jax.device_get(jax.jit(jax.vmap(one))(values))
-        chunk = jax.jit(jax.vmap(one), **QUICKLY)
+        chunk = jax.jit(jax.vmap(one), **SIMPLY)
         for first in (0, 16_384 - CHUNK // 2, LANES - CHUNK):
             own = slice(first, first + CHUNK)
             part = jax.device_get(chunk(values[own]))
@@ -208,15 +213,24 @@ def tilting():
     )
 
 
-def rubbing():
-    return jr.load("limiter-rotor").with_nodes(3)
-
-
 def stopped():
     """The disc that tilts, between three stops."""
+    rotor = tilting()
+    return jr.Scene(rotor.shaft, *rotor.effects, *stops(), spin=rotor.spin)
+
+
+def stops():
     stop = {"gap": 7e-3, "stiffness": 1e5, "damping": 50.0, "friction": 0.1, "rim_radius": 0.1}
-    rotor, stops = tilting(), [jr.Limiter(0.5, angle, **stop) for angle in (0.0, 2.0, 4.0)]
-    return jr.Scene(rotor.shaft, *rotor.effects, *stops, spin=rotor.spin)
+    return [jr.Limiter(0.5, angle, **stop) for angle in (0.0, 2.0, 4.0)]
+
+
+def sprung():
+    """A disc on a rigid shaft in springs, whose reactions are determined, between the same stops."""
+    bearings = [jr.Support(at, 5e4, 50.0) for at in (0.0, 1.0)]
+    disc, heavy = jr.Disc(0.5, 10.0, 0.2, 0.1), jr.Unbalance(0.5, 10.0, 1e-4)
+    return jr.Scene(
+        jr.RigidShaft(1.0), disc, heavy, *bearings, *stops(), spin=jr.ConstantSpeed(50.0)
+    )
 
 
 def unequal():
@@ -305,7 +319,7 @@ MASS = "disc.mass"
 TIMES = np.linspace(0.0, 0.02, 3)
 BALLS = {"solver": dfx.Tsit5(), "substeps": 4, "at": 0.14}
 SPEEDS = (20.0, 120.0)
-RUN = {"start": jr.Whirl(7.4e-3, -441.0), "steps_per_revolution": 32}
+RUN = {"start": jr.Whirl(7e-3, 150.0), "steps_per_revolution": 32}
 FORCE = jr.HarmonicForce(0.7, 3.0, 0.2)
 
 # name of a program: functions of a scene, and the scene
@@ -362,9 +376,9 @@ FUNCTIONS: dict[str, tuple[dict[str, Callable], Callable]] = {
             "objectives.contact_peak": lambda s: of.contact_peak(s, 1, **RUN),
             "objectives.contact_rms": lambda s: of.contact_rms(s, 1, **RUN),
             "objectives.contact_work": lambda s: of.contact_work(s, 1, **RUN),
-            "objectives.reaction_peak": lambda s: of.reaction_peak(s, "limiters.0", 1, **RUN),
+            "objectives.reaction_peak": lambda s: of.reaction_peak(s, "limiters.1", 1, **RUN),
         },
-        rubbing,
+        sprung,
     ),
     "run_up": ({"run_up": running_up}, hardening),
     "periodic": ({"periodic": orbiting}, hardening),

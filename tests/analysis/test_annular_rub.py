@@ -1,5 +1,6 @@
 """Full rubs in closed form: against the tables of the sheet, motions in time and periodic orbits."""
 
+import dataclasses
 import functools
 import importlib
 from pathlib import Path
@@ -146,6 +147,9 @@ def test_a_frictionless_ring_folds_at_a_root_of_the_cubic():
 # === in time, and as orbits
 
 
+FINE = {"steps_per_revolution": 1024}  # so that one program finds all forced orbits
+
+
 @pytest.mark.slow
 @pytest.mark.hard("7.4 a full rub in time and as an orbit")
 def test_a_stable_full_rub_stays_in_time(record_property):
@@ -173,7 +177,7 @@ def test_multipliers_are_those_of_the_roots(case, speed, branch, record_property
     """Per revolution `exp(2 pi lambda / s)`, in fixed axes turned by whole revolutions."""
     scene = rotor(*case, speed)
     found = jr.annular_rub(scene)
-    orbit = jr.periodic(scene, found.start(0, branch), steps_per_revolution=1024)
+    orbit = jr.periodic(scene, found.start(0, branch), **FINE)
     assert float(jnp.max(jnp.abs(orbit.displacement))) == pytest.approx(
         float(found.radius[0, branch]), rel=1e-9
     )
@@ -188,8 +192,9 @@ def test_multipliers_are_those_of_the_roots(case, speed, branch, record_property
 @pytest.mark.hard("7.4 both branches through the fold by continuation")
 def test_continuation_goes_through_the_fold(record_property):
     scene = rotor(*S3, 2.4)
-    orbit = jr.periodic(scene, jr.annular_rub(scene).start())
-    branch = jr.continue_(orbit, "spin.speed", (2.35, 2.6))
+    orbit = jr.periodic(scene, jr.annular_rub(scene).start(), **FINE)
+    coarse = dataclasses.replace(orbit, steps=256)
+    branch = jr.continue_(coarse, "spin.speed", (2.35, 2.6))
     (fold,) = [point for point in branch.points if point.kind == "fold"]
     error = abs(float(fold.value) - ENDS[S3][-1])
     record_property("measured", f"fold {error:.0e}")
@@ -337,7 +342,7 @@ def test_a_creeping_whirl_stays_in_time_and_is_an_orbit(record_property):
     found = jr.dry_whirl(scene)
     start = found.start()
     off = jr.Continued(1.02 * start.q, 1.02 * start.velocity)
-    r = jr.simulate(scene, 30, 512, keep=1, start=off, solver=jr.Exponential(4, located=True))
+    r = jr.simulate(scene, 30, 512, keep=1, start=off, solver=jr.Exponential(4))
     error = abs(abs(np.asarray(r.displacement[:, 0])) - float(found.radius[0])).max()
     period = 2 * np.pi / abs(float(found.rate[0]))
     orbit = jr.periodic(scene, start, period=period, steps_per_revolution=1024)
