@@ -11,6 +11,7 @@ import re
 import sys
 import tomllib
 import traceback
+import types
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from typer.main import get_command
 
 from jaxrotor import SceneError, files
 from jaxrotor.cli import app
+from jaxrotor.cli.typed import typed
 from jaxrotor.files import units
 from jaxrotor.files.shipped import _shipped, shipped
 from jaxrotor.files.units import quantity
@@ -281,7 +283,8 @@ def checked(path, content):
         assert said.startswith(str(path)) and said.endswith("."), said
         assert said.isprintable() and len(said) < LONGEST, said
         if sum(OUTCOMES.values()) % 10 == 0:
-            assert called("show", str(path)) == (2, "", f"{' '.join(said.split())}\n")
+            shown = typed(said, "show", [str(path)], (), types.SimpleNamespace(params=()))
+            assert called("show", str(path)) == (2, "", f"{' '.join(shown.split())}\n")
     else:
         OUTCOMES["scene"] += 1
         files.study(path)
