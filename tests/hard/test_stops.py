@@ -241,7 +241,7 @@ def _ring(z: complex, gap: float, stiffness: float, friction: float) -> complex:
 
 
 @pytest.mark.slow
-@pytest.mark.hard("1.4 an annular stator as the limit of many stops")
+@pytest.mark.hard("1.4 many stops approach a continuum of stops")
 def test_many_stops_become_a_ring(record_property):
     """Stiffness, friction and gap of a ring, shared among 8 and 64 flat stops: of second order."""
     gap, stiffness, friction = 0.2, 400.0, 0.2
