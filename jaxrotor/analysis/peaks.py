@@ -85,8 +85,8 @@ class ResponsePeaks(eqx.Module):
         """Separation margins: `17 (1 - 1 / (AF - 1.5))` % is required below the range of operation.
 
         Below, it is taken of the slowest operating speed, and 16 % suffice. Above, it is 10 % more and
-        taken of the fastest operating speed, and 26 % suffice. A peak with `AF < 2.5` needs none; with a
-        range of speeds so wide that AF must be smaller, it need not be known.
+        taken of the fastest operating speed, and 26 % suffice. A peak with `AF < 2.5` needs none; where
+        the response shows that AF is smaller, its value need not be known.
 
         Args:
             slowest: slowest operating speed [rad/s], above zero.

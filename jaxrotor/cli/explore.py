@@ -26,8 +26,11 @@ def explore(
         typer.Option(metavar="FILE", help="Page to write, which a browser shows without network."),
     ] = None,
     motions: Annotated[
-        int, typer.Option(help="Most motions in the page, each computed like a lane of the sweep.")
-    ] = 48,
+        int | None,
+        typer.Option(
+            help="Most motions in the page, each computed like a lane of the sweep. [default: 48]"
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.
@@ -46,12 +49,15 @@ def explore(
     if html is not None:
         if at is not None or out is not None:
             raise ValueError("--html writes a page of all lanes; leave out --at and --out.")
-        from ..plot.clickable import write_page
+        from ..plot.clickable import MOTIONS, write_page
 
+        most = MOTIONS if motions is None else motions
         with draft(html.parent, [html.name], overwrite) as folder:
-            write_page(folder / html.name, opened(stores(data)), motions=motions)
+            write_page(folder / html.name, opened(stores(data)), motions=most)
         typer.echo(f"Written: {html}.")
         return
+    if motions is not None:
+        raise ValueError("--motions is for a page; add --html FILE, or leave it out.")
     from ..plot.explore import explore as window
 
     explorer = window(opened(stores(data)))

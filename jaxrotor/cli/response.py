@@ -176,8 +176,8 @@ def _print_margins(rows: list[dict[str, Any]]) -> None:
     for one in rows:
         sharp = one["lower"] is not None and one["lower"] == one["upper"]  # no damping
         factor = "infinite" if sharp else text(one["amplification"], 4)
-        if factor == "-":
-            factor = f"< {one['amplification_at_most']:.4g}"
+        if factor == "-" and one["amplification_at_most"] is not None:
+            factor = f"at most {one['amplification_at_most']:.4g}"
         lines.append([text(one["speed"]), text(one["lower"]), text(one["upper"]), factor])
         if "margin" in one:
             lines[-1] += [text(one[name], 3, 100) for name in ("margin", "required")]

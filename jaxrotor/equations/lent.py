@@ -16,9 +16,10 @@ from .system import Port, System
 
 
 def with_lent_films(system: System) -> System:
-    """The system whose steep laws lend stiffness and damping; the same one where there are none, or it is.
+    """The system whose steep laws lend stiffness and damping.
 
-    At standstill there is no speed, so they lend damping alone.
+    One without such laws, or whose ports lend already, is returned as it is. At standstill there is no
+    speed, so films lend damping alone.
     """
     ports = tuple(_lending(port, system) for port in system.ports)
     blocks = system.blocks
@@ -32,9 +33,10 @@ def with_lent_films(system: System) -> System:
 
 def _lending(port: Port, system: System) -> Port:
     """The port with what its steep laws lend."""
-    if port.lent is not None or not any(law.steep for law in port.laws):
+    films = tuple(law for law in port.laws if law.steep)
+    if port.lent is not None or not films:
         return port
-    damping = port.hardness()[1]
+    damping = dataclasses.replace(port, laws=films).hardness()[1]
     return dataclasses.replace(
         port, lent=jnp.stack([damping * jnp.abs(system.spin.speed), damping])
     )

@@ -73,8 +73,9 @@ class March(AbstractMarch):
         """The march of an assembled system, see `build`."""
         span = jnp.asarray(span)
         if isinstance(plan.solver, Exponential):
-            system = with_lent_films(in_constant_axes(system))
-        motion = Motion(system, rate, loads=not isinstance(plan.solver, Exponential))
+            system = in_constant_axes(system)
+        lent = with_lent_films(system) if isinstance(plan.solver, Exponential) else system
+        motion = Motion(lent, rate, loads=not isinstance(plan.solver, Exponential))
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:
             rows.append(jax.vmap(system.line.slope_row)(stations))
@@ -85,13 +86,13 @@ class March(AbstractMarch):
         rows = jnp.concatenate(rows)
         if not isinstance(plan.solver, Exponential):
             return cls(plan, system, stations, PhysicalForm(motion, rows), None, None, span)
-        form = plan.solver.form(system, motion, rows, basis, stations.size)
+        form = plan.solver.form(lent, motion, rows, basis, stations.size)
         step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
         free = None
         # It only tells whether there was contact, or what steps amplify, so it needs no derivative.
         still, length = jax.lax.stop_gradient((form.basis, span))
         if system.remainder and step is not None:
-            settings = *jax.lax.stop_gradient((system, rate)), plan.solver, still
+            settings = *jax.lax.stop_gradient((lent, rate)), plan.solver, still
             free = RemainderMap.of(*settings, plan.steps, length)
             spoilt = jnp.where(free.amplified, jnp.nan, step.tableau.weights)
             step = eqx.tree_at(lambda step: step.tableau.weights, step, spoilt)

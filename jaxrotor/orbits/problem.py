@@ -19,7 +19,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar
-from ..effects import AbstractContact
+from ..effects.rub import AbstractRub
 from ..equations.speed_tables import check_tables
 from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
@@ -223,7 +223,7 @@ def problem_of(
             "The steps of a branch are parts of a revolution, so the rotor must rotate, but its speed is "
             "0; give an orbit of a rotating scene."
         )
-    for contact in orbit.scene.of(AbstractContact):
+    for contact in orbit.scene.of(AbstractRub):
         if contact.on is not None:
             raise ValueError(
                 f"`{orbit.scene.name_of(contact)}` stands on the casing {contact.on!r}, but branches "

@@ -76,7 +76,9 @@ class Shooting(eqx.Module):
         if revolutions is None:  # the equations must be autonomous
             system = without_unbalance(system)
         system = with_lent_films(system)
-        steady = steady_amplitudes(system)
+        # The rest position of a rotor that films alone hold says nothing of its size.
+        lent = any(port.lent is not None for port in system.ports)
+        steady = [] if lent else steady_amplitudes(system)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *steady])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
         parts = system, plan, stations, rate, span, turn, size

@@ -18,8 +18,9 @@ _STYLE: Any = {"color": colours.ORANGE, "linewidth": 1.0, "linestyle": (0, (6, 2
 
 
 def stops_at(scene: Scene, at: float) -> list[AbstractRub]:
-    """Limiters and rings of a scene at a station [m]."""
-    return [stop for stop in scene.of(AbstractRub) if np.isclose(float(stop.at), at, rtol=1e-9)]
+    """Limiters and rings of a scene at a station [m]; those on a casing move, so they are left out."""
+    there = lambda stop: stop.on is None and np.isclose(float(stop.at), at, rtol=1e-9)
+    return [stop for stop in scene.of(AbstractRub) if there(stop)]
 
 
 def amplitudes(scene: Scene, at: float) -> list[float]:

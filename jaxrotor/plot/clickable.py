@@ -197,7 +197,7 @@ def _diagram(dataset: xr.Dataset, starts: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _told_apart(levels: Float[np.ndarray, " e"]) -> list[int]:
-    """Ascending levels, one of each bin, as the first and the differences of neighbours."""
+    """Heights that a screen tells apart, ascending, as the first level and differences of neighbours."""
     whole = np.unique(np.rint(levels).astype(int))
     _, first = np.unique(whole // FINE, return_index=True)
     return np.diff(whole[first], prepend=0).tolist()
@@ -249,7 +249,7 @@ def _orbit(path: Float[np.ndarray, "r s a"]) -> dict[str, Any]:
 
 
 def _ints(values: Float[np.ndarray, "..."]) -> dict[str, Any]:
-    """Numbers as whole multiples of 1/20000 of the largest, columns one after the other, differenced."""
+    """Columns in whole units of 1/20000 of the largest number, each as its first and the differences."""
     unit = float(np.abs(values).max(initial=0.0)) / 20_000 or 1.0
     columns = np.rint(np.atleast_2d(values.T) / unit).astype(int)
     return {"unit": unit, "columns": np.diff(columns, prepend=0, axis=1).tolist()}

@@ -18,6 +18,7 @@ from . import colours, page
 from .bifurcation import bifurcation
 from .labels import coordinate, ensemble, only_swept
 from .orbit import orbit
+from .units import length_unit
 from .whirl import whirl_spectrum
 
 
@@ -41,6 +42,7 @@ class Explorer:
     def __init__(self, dataset: xr.Dataset, run: dict[str, Any]):
         self.response: TimeHistory | None = None
         self._run = run
+        self._factor = length_unit("mm")[0]
         others = ensemble(dataset, "index")
         dim = only_swept(dataset, "index", others)
         self._values, self._label = coordinate(dataset, dim)
@@ -97,7 +99,10 @@ class Explorer:
         number = int(np.argmin(np.abs(self._values - x)))
         lanes = number * self._starts + np.arange(self._starts)
         if ax is self.upper:
-            drawn = 1e3 * self._data["extrema"].values.reshape(self._data["index"].size, -1)[lanes]
+            drawn = (
+                self._factor
+                * self._data["extrema"].values.reshape(self._data["index"].size, -1)[lanes]
+            )
         else:
             drawn = self._data["index"].values.reshape(-1, 1)[lanes]
         off = np.where(np.isfinite(drawn), np.abs(drawn - y), np.inf).min(axis=1)
@@ -186,6 +191,11 @@ def check_lanes(dataset: xr.Dataset) -> None:
     if "scene" not in dataset.attrs or "status" not in dataset:
         raise ValueError(
             "Only a data set of `sweep` can be explored: this one has no scene or status."
+        )
+    if "keep" not in dataset.attrs:
+        raise ValueError(
+            "The lanes of this sweep are motions along times, which have no orbit to explore; draw it by "
+            "`plot.envelope` or `plot.sweep_map`."
         )
     if "branch" in dataset.dims or "branch" in dataset.coords:
         raise ValueError(

@@ -75,7 +75,9 @@ def grid(axes: Any, count: int, width: int, height: int) -> tuple[Axes, ...]:
         return tuple(every[:count])
     given = tuple(np.ravel(np.asarray(axes, dtype=object)))
     if len(given) != count:
-        raise ValueError(f"`axes` must be {count} Axes, one of each station, but are {len(given)}.")
+        raise ValueError(
+            f"`axes` must be {count} Axes, one for each station, but are {len(given)}."
+        )
     return given
 
 

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from ..effects import AnnularStator, BallBalancer, Casing, Disc, Limiter, Support, Unbalance
+from ..effects.base import AbstractContact
 from ..effects.rub import AbstractRub
 from ..scene import Scene
 from . import colours, labels, page
@@ -167,9 +168,10 @@ def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
 
 
 def _casing(ax: Axes, scene: Scene, casing: Casing, ground: float) -> None:
-    """Draw a casing below the supports of the shaft that stand on it, and a spring to the ground."""
+    """Draw a casing below what stands on it at the shaft, and a spring to the ground."""
     supports = scene.of(Support)
-    above = [_drawn(one.at) for one in supports if one.on == casing.name and one.at is not None]
+    parts = (*supports, *scene.of(AbstractContact))
+    above = [_drawn(one.at) for one in parts if one.on == casing.name and one.at is not None]
     if not above:
         return
     x = min(above) + 0.3 * ground, max(above) - 0.3 * ground

@@ -12,7 +12,7 @@ from .record import signal
 from .units import speed_unit
 
 
-CIRCULAR = 1e-9  # forward share of a purely backward whirl, which an unbalance does not excite
+EXCITED = 1e-9  # least forward share of a whirl that an unbalance excites
 
 
 def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
@@ -105,7 +105,7 @@ def _critical(scene: Any) -> CriticalSpeeds | None:
         found = critical_speeds(scene)
     except ValueError:
         return None
-    return found.where(np.asarray(found.forward_share) > CIRCULAR)
+    return found.where(np.asarray(found.forward_share) > EXCITED)
 
 
 def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:

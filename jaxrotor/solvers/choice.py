@@ -58,7 +58,7 @@ def with_shapes(
     """The solver with its shapes decided, and the pilot that did, if they are "auto".
 
     They are then as many as the most demanding of some systems needs for an error below a tolerance, see
-    `shape_errors`. All coordinates are followed where a system is traced, has no contact, or has
+    `shape_errors`. All coordinates are followed where a system is traced, has no contact, oil films or
     massless parts, where a law of contact states no stiffness, and where neither `MOST` shapes nor one
     fewer than the coordinates are enough.
 
@@ -80,7 +80,7 @@ def with_shapes(
         fewer = systems[0].ports and solver.shapes < systems[0].n
         return solver if fewer else every, ()
     most = min(MOST, systems[0].n - 1)
-    if not (systems[0].ports and most > 0) or systems[0].massless is not None:
+    if not (systems[0].ports and most > 0) or systems[0].massless is not None or systems[0].steep:
         return every, ()
     if not all(known(leaf) for leaf in jax.tree.leaves((systems, rates, stations))):
         return every, ()
@@ -139,8 +139,8 @@ def _check_held(system: System) -> None:
     if np.linalg.norm(stiffness @ rest - force) > 1e-6 * np.linalg.norm(force):
         raise ValueError(
             "Exponential() needs a rest position of the linear rotor under its constant loads, but "
-            f"nothing linear holds it ({system.owners_of('contact')} not counted); leave `solver` out, or "
-            "give a diffrax solver."
+            f"nothing linear holds it ({system.owners_of('contact')} not counted; films hold it while it "
+            "rotates); leave `solver` out, or give a diffrax solver."
         )
 
 

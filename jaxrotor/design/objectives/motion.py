@@ -80,6 +80,12 @@ def contact_work(scene: Scene, revolutions: int, **run: Any) -> Scalar:
     if len(at) > 1:
         raise ValueError(f"Contacts must be at one station, but are at {sorted(at)} m.")
     _check_contact(scene)
+    for contact in scene.of(AbstractContact):
+        if contact.on is not None:
+            raise ValueError(
+                f"The work of `{scene.name_of(contact)}` is by its motion relative to the casing "
+                f"{contact.on!r}, but `contact_work` is of contacts on the ground; leave out its `on`."
+            )
     if "at" in run:
         raise ValueError(
             "The work is done where the contacts are, so `contact_work` takes no `at`; leave it out."
