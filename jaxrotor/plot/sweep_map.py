@@ -207,7 +207,9 @@ def coloured_kinds(
 ) -> list[tuple[str, str, Bool[np.ndarray, "x y"]]]:
     """Name, colour and lanes of each kind of motion that occurs."""
     codes, classes = _kinds(dataset, dims)
-    rows = [(kind, shade, number == codes.T) for number, (kind, shade) in enumerate(classes)]
+    rows = [
+        (kind, shade, np.equal(codes.T, number)) for number, (kind, shade) in enumerate(classes)
+    ]
     return [row for row in rows if row[2].any()]
 
 
