@@ -27,6 +27,7 @@ from .labels import coordinate, ensemble, only_swept, parameter, swept, words
 from .lane_motions import motions_of, spread_lanes
 from .orbit import draw_limiters
 from .sweep_map import coloured_kinds
+from .units import length_unit
 
 
 MOTIONS = 48  # motions of a page by default
@@ -81,6 +82,7 @@ def write_page(
     check_counts(0, motions=motions)
     library = _library()
     check_lanes(dataset)
+    factor, unit = length_unit("mm")
     starts = ensemble(dataset, "status")
     parameters = [dim for dim in swept(dataset, "status") if dim not in starts]
     dims = (*parameters, *starts)
@@ -89,11 +91,12 @@ def write_page(
         data = data.sortby(parameters)
         drawn = _map(data, (parameters[0], parameters[1]))
     else:
-        drawn = _diagram(data, starts)
+        drawn = _diagram(data, starts, factor)
     shape = [data.sizes[dim] for dim in dims]
     parts = shape[: len(parameters)], shape[len(parameters) :]
     lanes = spread_lanes(*parts, motions, data["status"].values)
     content = {
+        "lengthUnit": unit,
         "axes": [_axis(data, dim) for dim in dims],
         "starts": len(starts),
         "status": data["status"].values.ravel().tolist(),
@@ -101,7 +104,7 @@ def write_page(
         "failed": failed(data["status"].values).ravel().tolist(),
         "numbers": _numbers(data, dims),
         **drawn,
-        **_motions(data, lanes),
+        **_motions(data, lanes, factor),
         "colours": {name: getattr(colours, name) for name in ("BLUE", "RED", "GREY", "DARK")},
     }
     title = title or str(dataset.attrs.get("title", "")) or target.stem
@@ -176,12 +179,12 @@ def _map(dataset: xr.Dataset, dims: tuple[str, str]) -> dict[str, Any]:
     return {"kind": "map", **_groups(coloured_kinds(dataset, dims))}
 
 
-def _diagram(dataset: xr.Dataset, starts: tuple[str, ...]) -> dict[str, Any]:
+def _diagram(dataset: xr.Dataset, starts: tuple[str, ...], factor: float) -> dict[str, Any]:
     """Extrema of every lane with a result as whole levels of the height, and the precession index."""
     only_swept(dataset, "extrema", ("revolution", "extremum", *starts))
     dim = only_swept(dataset, "index", starts)
     status = dataset["status"].values.ravel()
-    height = 1e3 * dataset["extrema"].values.reshape(status.size, -1)
+    height = factor * dataset["extrema"].values.reshape(status.size, -1)
     height[failed(status)] = np.nan
     known = height[np.isfinite(height)]
     low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
@@ -206,8 +209,8 @@ def _told_apart(levels: Float[np.ndarray, " e"]) -> list[int]:
 # === motions
 
 
-def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"]) -> dict[str, Any]:
-    """Orbit, section, spectrum and stops of some lanes."""
+def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], factor: float) -> dict[str, Any]:
+    """Orbit, section, spectrum and stops of some lanes, lengths times a factor."""
     if not lanes.size:
         return {"motions": [], "frequency": []}
     try:
@@ -224,12 +227,12 @@ def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"]) -> dict[str, 
     orbits = found["orbit"].transpose("lane", "revolution", "sample", "axis").values
     spectra = found["spectrum"].values[:, seen]
     radius = np.max(np.abs(orbits), where=np.isfinite(orbits), initial=0.0)
-    stops = _stops(dataset, lanes, 1e3 * float(radius))
+    stops = _stops(dataset, lanes, factor * float(radius), factor)
     motions = [
         {
             "lane": int(lane),
-            **_orbit(1e3 * orbit[-SHOWN:]),
-            "section": _ints(1e3 * section),
+            **_orbit(factor * orbit[-SHOWN:]),
+            "section": _ints(factor * section),
             "spectrum": _ints(spectrum) if np.isfinite(spectrum).all() else None,
             "stops": stop,
         }
@@ -242,7 +245,7 @@ def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"]) -> dict[str, 
 
 
 def _orbit(path: Float[np.ndarray, "r s a"]) -> dict[str, Any]:
-    """The path of the last revolutions [mm], and where it is once a revolution."""
+    """The path of the last revolutions, and where it is once a revolution."""
     every = max(path.shape[1] // SAMPLES, 1)
     samples = path.reshape(-1, 2)[::-1][::every][::-1]
     return {"orbit": _ints(samples), "marks": _ints(path[:, -1])}
@@ -256,23 +259,26 @@ def _ints(values: Float[np.ndarray, "..."]) -> dict[str, Any]:
 
 
 def _stops(
-    dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], radius: float
+    dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], radius: float, factor: float
 ) -> list[list[dict[str, Any]]]:
-    """Lines of the stops at the station of every lane, as `orbit` draws them [mm]."""
+    """Lines of the stops at the station of every lane, as `orbit` draws them."""
     rubs = loads(dataset.attrs["scene"]).of(AbstractRub)
     own = {name for stop in rubs for name in (stop.kind, stop.plural)}
     swept_stops = any(str(name).partition(".")[0] in own for name in dataset.coords)
     of_lanes = [
-        _lines_of_stops(dataset, int(n), radius) for n in lanes[: None if swept_stops else 1]
+        _lines_of_stops(dataset, int(n), radius, factor)
+        for n in lanes[: None if swept_stops else 1]
     ]
     return of_lanes if swept_stops else of_lanes * len(lanes)
 
 
-def _lines_of_stops(dataset: xr.Dataset, lane: int, radius: float) -> list[dict[str, Any]]:
-    """Lines of the stops at the station of a lane [mm]."""
+def _lines_of_stops(
+    dataset: xr.Dataset, lane: int, radius: float, factor: float
+) -> list[dict[str, Any]]:
+    """Lines of the stops at the station of a lane."""
     scene, how = motion_of(dataset, lane)
     ax = Figure().subplots()
-    draw_limiters(ax, SimpleNamespace(scene=scene, stations=[how["at"]]), 0, radius, 1e3)
+    draw_limiters(ax, SimpleNamespace(scene=scene, stations=[how["at"]]), 0, radius, factor)
     return [
         {
             "name": "" if str(line.get_label()).startswith("_") else line.get_label(),

@@ -98,6 +98,12 @@ def test_what_a_page_holds(by_hand, tmp_path):
     assert second["spectrum"] is None and held["frequency"] == [0, 0.25, 0.5]
     (stop,) = first["stops"]  # a line at the gap, as the orbit has it
     assert stop["name"] == "limiter" and stop["x"] == [7, 7]
+    with plot.units(length="um"):
+        plot.write_page(tmp_path / "b.html", by_hand)
+    fine = content_of(tmp_path / "b.html")
+    circles = [numbers(one["motions"][0]["orbit"]) for one in (held, fine)]
+    np.testing.assert_allclose(circles[1], 1e3 * circles[0], rtol=1e-12)
+    assert (held["lengthUnit"], fine["lengthUnit"], stop["x"]) == ("mm", "\N{MICRO SIGN}m", [7, 7])
     text = (tmp_path / "a.html").read_text("utf-8")
     assert "<title>by hand</title>" in text and "eccentricity = 0.0001" in text and "@@" not in text
 
