@@ -13,6 +13,7 @@ from ..scene import Scene
 from . import colours
 
 
+_PLACING = ("at", "gap", "angle", "offset")  # values that move a stop
 BEYOND = 3.0  # a clearance larger than this many times the motion does not stretch the axis
 _STYLE: Any = {"color": colours.ORANGE, "linewidth": 1.0, "linestyle": (0, (6, 2)), "zorder": 0.6}
 
@@ -80,7 +81,10 @@ def draw_sideways(
     except ValueError:  # it names an effect of the user's own
         return
     named = {name for stop in scene.of(AbstractRub) for name in (stop.kind, stop.plural)}
-    paths = [str(name) for name in dataset.coords if str(name).split(".")[0] in named]
+    places = {name: str(name).split(".") for name in dataset.coords}
+    paths = [
+        str(name) for name, parts in places.items() if parts[0] in named and parts[-1] in _PLACING
+    ]
     fixed = {path: float(dataset[path]) for path in paths if not dataset[path].dims}
     moved = [path for path in paths if dataset[path].dims == (dim,)]
     scene = scene.replace(fixed) if fixed else scene

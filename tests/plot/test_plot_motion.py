@@ -152,7 +152,7 @@ def test_orbits_at_all_stations():
     ]
     _, given = plt.subplots(1, 2)
     assert plot.orbits(found, given) == tuple(given)
-    with pytest.raises(ValueError, match="must be 2 Axes, one of each station, but are 1"):
+    with pytest.raises(ValueError, match="must be 2 Axes, one for each station, but are 1"):
         plot.orbits(found, given[0])
 
 

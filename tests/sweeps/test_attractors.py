@@ -118,5 +118,5 @@ def test_diagram_is_coloured_by_attractor(starts):
         jr.attractors(dataset, ["whirl_rate", "radius_max"], apart=2.0)
     )
     names = [text.get_text() for text in upper.get_legend().get_texts()]
-    assert all(name.startswith("whirl rate") for name in names)
+    assert all(name.startswith(("whirl rate", "clearance")) for name in names)
     assert sum(line.get_xdata().size for line in lower.get_lines()[:-1]) == 9
