@@ -29,9 +29,7 @@ class AnnularRub(eqx.Module):
 
     speeds: Float[Array, " k"]  # Omega [rad/s]
     gap: Scalar  # [m]
-    free: Complex[
-        Array, " k"
-    ]  # displacement at the ring without its force, at rotation angle 0 [m]
+    free: Complex[Array, " k"]  # displacement without force of the ring, at rotation angle 0 [m]
     free_growth: Float[Array, " k"]  # largest real part of the roots without contact [1/s]
     normal_force: Float[Array, "k 2"]  # [N]
     displacement: Complex[Array, "k 2"]  # relative to the ring, at rotation angle 0 [m]

@@ -107,12 +107,11 @@ class ResponsePeaks(eqx.Module):
                 f"{slowest!r} and {fastest!r}."
             )
         below, above = (slowest - self.speeds) / slowest, (self.speeds - fastest) / fastest
-        factor = self.amplification
-        factor = np.where(self.amplification_at_most < DAMPED, 0.0, factor)
-        needed = 0.17 * (1 - 1 / np.where(factor < DAMPED, DAMPED, factor - 1.5))
+        factor, damped = self.amplification, self.amplification_at_most < DAMPED
+        needed = 0.17 * (1 - 1 / np.where(damped, DAMPED, factor - 1.5))
         bounds = (np.minimum(needed, _MOST["below"]), np.minimum(0.1 + needed, _MOST["above"]))
         required = np.where(self.speeds > fastest, bounds[1], bounds[0])
-        required = np.where(factor < DAMPED, 0.0, required)
+        required = np.where(damped, 0.0, required)
         return Margins(np.maximum(0.0, np.maximum(below, above)), required)
 
     def _repr_html_(self) -> str:

@@ -85,7 +85,10 @@ def keep_programs_of_commands() -> None:
 
 
 def _mend(folder: Path) -> None:
-    """Delete empty entries, which processes leave that end while they write: jax writes none again."""
+    """Delete empty entries, left by processes that ended while they wrote, as jax writes none again.
+
+    Warnings of entries that another process writes are left out from now on.
+    """
     warnings.filterwarnings("ignore", UNREADABLE)
     for entry in folder.glob("*-cache"):
         with contextlib.suppress(OSError):  # of a folder that others own, or share

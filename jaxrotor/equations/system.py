@@ -111,7 +111,7 @@ def port_forces(
     ports: tuple[Port, ...], displacement: Array, velocity: Array, speed: Scalar
 ) -> Float[Array, "2 p"]:
     """Total force at every port from displacement and velocity there, all (2, p)."""
-    motions = list(zip(ports, displacement.T, velocity.T, strict=True))
+    motions = zip(ports, displacement.T, velocity.T, strict=True)
     found = [port.added(port.forces(d, v, speed), d, v) for port, d, v in motions]
     return jnp.stack(found, axis=1)
 

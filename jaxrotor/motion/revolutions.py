@@ -72,9 +72,10 @@ class March(AbstractMarch):
     ) -> "March":
         """The march of an assembled system, see `build`."""
         span = jnp.asarray(span)
+        lent = system
         if isinstance(plan.solver, Exponential):
             system = in_constant_axes(system)
-        lent = with_lent_films(system) if isinstance(plan.solver, Exponential) else system
+            lent = with_lent_films(system)
         motion = Motion(lent, rate, loads=not isinstance(plan.solver, Exponential))
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:

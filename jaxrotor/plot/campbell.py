@@ -215,7 +215,7 @@ def _draw_undamped(
 def _list(ax: Axes, rows: list[tuple[str, str]]) -> None:
     """Write lines of text [colour] to the right of the Axes; those that do not fit are counted."""
     figure: Any = ax.figure
-    height = ax.get_position().height * figure.get_figheight() * 72  # pt
+    height = ax.bbox.height / figure.dpi * 72  # pt
     fits = max(int(height / _LINE) - 1, 3)
     if len(rows) > fits:
         rows = [*rows[:fits], (f"and {len(rows) - fits} more", colours.DARK)]

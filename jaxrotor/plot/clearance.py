@@ -24,6 +24,13 @@ def stops_at(scene: Scene, at: float) -> list[AbstractRub]:
     return [stop for stop in scene.of(AbstractRub) if there(stop)]
 
 
+def placing(scene: Scene, dataset: xr.Dataset) -> list[str]:
+    """Paths of a sweep that move a stop of its scene."""
+    named = {name for stop in scene.of(AbstractRub) for name in (stop.kind, stop.plural)}
+    paths = {str(name): str(name).split(".") for name in dataset.coords}
+    return [p for p, parts in paths.items() if parts[0] in named and parts[-1] in _PLACING]
+
+
 def amplitudes(scene: Scene, at: float) -> list[float]:
     """Smallest `|z|` [m] that reaches each stop at a station, ascending; equal ones once."""
     gaps = [float(stop.gap) - _offset(stop) for stop in stops_at(scene, at)]
@@ -80,11 +87,7 @@ def draw_sideways(
         scene, at = loads(dataset.attrs["scene"]), float(dataset.attrs["station"])
     except ValueError:  # it names an effect of the user's own
         return
-    named = {name for stop in scene.of(AbstractRub) for name in (stop.kind, stop.plural)}
-    places = {name: str(name).split(".") for name in dataset.coords}
-    paths = [
-        str(name) for name, parts in places.items() if parts[0] in named and parts[-1] in _PLACING
-    ]
+    paths = placing(scene, dataset)
     fixed = {path: float(dataset[path]) for path in paths if not dataset[path].dims}
     moved = [path for path in paths if dataset[path].dims == (dim,)]
     scene = scene.replace(fixed) if fixed else scene

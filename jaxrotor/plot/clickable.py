@@ -17,11 +17,11 @@ from matplotlib.figure import Figure
 
 from ..core.checks import check_counts
 from ..core.outcome import STATUS, failed
-from ..effects.rub import AbstractRub
 from ..files.draft import replacing
 from ..files.toml import loads
 from . import colours, report
 from .bifurcation import coloured_groups
+from .clearance import placing
 from .explore import check_lanes, motion_of
 from .labels import coordinate, ensemble, only_swept, parameter, swept, words
 from .lane_motions import motions_of, spread_lanes
@@ -34,11 +34,9 @@ MOTIONS = 48  # motions of a page by default
 HIGHEST = 10  # end of the frequency axis [cycles per revolution], as that of `whirl_spectrum`
 SHOWN = 20  # the most revolutions of an orbit that are drawn, its last ones
 SAMPLES = 128  # about the most points of an orbit that are drawn in a revolution
-BINS, FINE = (
-    1600,
-    64,
-)  # heights at which points of a lane are told apart, and levels in each of them
-_NUMBERS = {  # told of the lane that is shown
+BINS = 1600  # heights at which points of a lane are told apart
+FINE = 64  # levels in each of them
+_NUMBERS = {  # shown beside a lane
     "index": "precession index",
     "winding": "winding",
     "radius_max": "largest radius",
@@ -262,14 +260,10 @@ def _stops(
     dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], radius: float, factor: float
 ) -> list[list[dict[str, Any]]]:
     """Lines of the stops at the station of every lane, as `orbit` draws them."""
-    rubs = loads(dataset.attrs["scene"]).of(AbstractRub)
-    own = {name for stop in rubs for name in (stop.kind, stop.plural)}
-    swept_stops = any(str(name).partition(".")[0] in own for name in dataset.coords)
-    of_lanes = [
-        _lines_of_stops(dataset, int(n), radius, factor)
-        for n in lanes[: None if swept_stops else 1]
-    ]
-    return of_lanes if swept_stops else of_lanes * len(lanes)
+    moved = placing(loads(dataset.attrs["scene"]), dataset)
+    different = lanes if moved else lanes[:1]
+    found = [_lines_of_stops(dataset, int(n), radius, factor) for n in different]
+    return found if moved else found * len(lanes)
 
 
 def _lines_of_stops(

@@ -1,6 +1,7 @@
 """Explorer: a bifurcation diagram that shows the motion behind a point that is clicked."""
 
 import textwrap
+from collections.abc import Mapping
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -99,10 +100,8 @@ class Explorer:
         number = int(np.argmin(np.abs(self._values - x)))
         lanes = number * self._starts + np.arange(self._starts)
         if ax is self.upper:
-            drawn = (
-                self._factor
-                * self._data["extrema"].values.reshape(self._data["index"].size, -1)[lanes]
-            )
+            extrema = self._data["extrema"].values.reshape(self._data["index"].size, -1)
+            drawn = self._factor * extrema[lanes]
         else:
             drawn = self._data["index"].values.reshape(-1, 1)[lanes]
         off = np.where(np.isfinite(drawn), np.abs(drawn - y), np.inf).min(axis=1)
@@ -210,16 +209,23 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
     place = dict(zip(status.dims, np.unravel_index(lane, status.shape), strict=True))
     coords = status.isel(place).coords
     values = {str(name): float(c) for name, c in coords.items() if "." in str(name)}
+    how = run_of(attributes)
+    scene, how["start"] = at_point(loads(attributes["scene"]), how["start"], values)
+    how["revolutions"] = how.pop("settle") + how["keep"]
+    return scene, how
+
+
+def run_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Options by which lanes of a sweep are run again, to keep their last `LONGEST` revolutions."""
     start, solver = start_and_solver(attributes)
-    scene, start = at_point(loads(attributes["scene"]), start, values)
-    keep, period = int(attributes["keep"]), attributes["period"]
-    options = {
-        "revolutions": int(attributes["settle"]) + keep,
-        "steps_per_revolution": int(attributes["steps_per_revolution"]),
+    kept, period = int(attributes["keep"]), attributes["period"]
+    keep = min(kept, LONGEST)
+    return {
         "start": start,
         "solver": solver,
-        "keep": min(keep, LONGEST),
+        "settle": int(attributes["settle"]) + kept - keep,
+        "keep": keep,
+        "steps_per_revolution": int(attributes["steps_per_revolution"]),
         "at": float(attributes["station"]),
         "period": period if isinstance(period, float) else None,
     }
-    return scene, options

@@ -7,10 +7,9 @@ import xarray as xr
 
 from ..core.outcome import failed
 from ..files.toml import loads
-from ..results.provenance import start_and_solver
 from ..sweeps.observe import Orbit, WhirlSpectrum
 from ..sweeps.sweep import sweep
-from .explore import LONGEST
+from .explore import run_of
 
 
 def spread_lanes(
@@ -49,7 +48,7 @@ def motions_of(dataset: xr.Dataset, lanes: np.ndarray) -> xr.Dataset:
     """Orbit and whirl spectrum of some lanes, by their numbers in the order of `status`.
 
     What the data set has is taken from it. Otherwise the lanes are run again as one sweep, from the
-    attributes of the data set, and their last revolutions are observed, at most `LONGEST`.
+    attributes of the data set, and their last revolutions are observed, see `run_of`.
 
     Args:
         dataset: data set of a sweep.
@@ -70,18 +69,6 @@ def motions_of(dataset: xr.Dataset, lanes: np.ndarray) -> xr.Dataset:
         for name, one in coords.items()
         if "." in str(name)
     }
-    start, solver = start_and_solver(attributes)
-    keep, steps = int(attributes["keep"]), int(attributes["steps_per_revolution"])
-    period = attributes["period"]
-    return sweep(
-        loads(attributes["scene"]),
-        {"lane": values},
-        start=start,
-        settle=int(attributes["settle"]) + keep - min(keep, LONGEST),
-        keep=min(keep, LONGEST),
-        observe=(Orbit(), WhirlSpectrum(steps)),
-        steps_per_revolution=steps,
-        solver=solver,
-        at=float(attributes["station"]),
-        period=period if isinstance(period, float) else None,
-    )
+    how = run_of(attributes)
+    observe = Orbit(), WhirlSpectrum(how["steps_per_revolution"])
+    return sweep(loads(attributes["scene"]), {"lane": values}, observe=observe, **how)

@@ -84,3 +84,15 @@ class AbstractObservable(eqx.Module):
 
         Stored arrays are (lanes, revolutions, ..); `count` is the number of revolutions.
         """
+
+
+class AbstractStored(AbstractObservable):
+    """A quantity that is stored of each revolution or window, whatever was before it."""
+
+    needs_contact: ClassVar[bool] = False
+
+    def check(self, steps: int, contacts: int) -> None:
+        del steps, contacts
+
+    def start(self, contacts: int) -> None:
+        return None

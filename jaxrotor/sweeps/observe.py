@@ -8,20 +8,17 @@ import numpy as np
 
 from ..core.plane import plane, square
 from ..core.quantities import Scalar, positive
-from .observable import AbstractObservable as AbstractObservable, Turn as Turn, Variable as Variable
+from .observable import (
+    AbstractObservable as AbstractObservable,
+    AbstractStored,
+    Turn as Turn,
+    Variable as Variable,
+)
 from .observe_balls import BallLag as BallLag, Imbalance as Imbalance
 
 
-class Section(AbstractObservable):
+class Section(AbstractStored):
     """Poincare section: displacement at the end of every revolution."""
-
-    needs_contact: ClassVar[bool] = False
-
-    def check(self, steps, contacts):
-        del steps, contacts
-
-    def start(self, contacts):
-        return None
 
     def update(self, carry, turn: Turn):
         return carry, plane(turn.z[-1])
@@ -31,16 +28,8 @@ class Section(AbstractObservable):
         return {"section": section}
 
 
-class Orbit(AbstractObservable):
+class Orbit(AbstractStored):
     """Orbit: displacement at every step of every revolution, which takes much memory in large sweeps."""
-
-    needs_contact: ClassVar[bool] = False
-
-    def check(self, steps, contacts):
-        del steps, contacts
-
-    def start(self, contacts):
-        return None
 
     def update(self, carry, turn: Turn):
         return carry, plane(turn.z[1:], axis=-1)
@@ -259,17 +248,10 @@ class Capture(AbstractObservable):
         }
 
 
-class Envelope(AbstractObservable):
+class Envelope(AbstractStored):
     """Largest distance from the centre at the samples of every window, and the speed at its end."""
 
-    needs_contact: ClassVar[bool] = False
     paced = "times"
-
-    def check(self, steps, contacts):
-        del steps, contacts
-
-    def start(self, contacts):
-        return None
 
     def update(self, carry, turn: Turn):
         assert turn.time is not None and turn.speed is not None, "checked before the run"
