@@ -115,10 +115,10 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
 
     Source: Black (1968), J. Mech. Eng. Sci. 10, pp. 1-12.
     """
-    ring_of(scene, "A full rub")
+    ring = ring_of(scene, "A full rub")
     check_linear(scene, speeds)
     cases = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
-    found = _annular_rub(scene, cases)
+    found = _annular_rub(assemble(scene), ring, cases)
     if not (known(found.onsets) and known(found.folds)):
         return found
     ends = lambda found: (found.onsets, found.folds, found.fold_radius)
@@ -127,9 +127,7 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
 
 
 @compiled_quickly
-def _annular_rub(scene: Scene, speeds: Float[Array, " k"]) -> AnnularRub:
-    system, ring = assemble(scene), ring_of(scene, "A full rub")
-
+def _annular_rub(system: System, ring: AnnularStator, speeds: Float[Array, " k"]) -> AnnularRub:
     def at(speed: Scalar) -> "_Synchronous":
         return _Synchronous.of(system, ring, speed)
 

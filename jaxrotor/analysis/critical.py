@@ -115,7 +115,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
     check_linear(scene, [])
-    found = _synchronous(scene, count, points)
+    found = _synchronous(scene, assemble(scene), count, points)
     if not known(found.speeds):
         return found
     finite = np.isfinite(found.speeds)
@@ -126,9 +126,8 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
 
 
 @compiled_quickly
-def _synchronous(scene: Scene, count: int | None, points: int) -> CriticalSpeeds:
+def _synchronous(scene: Scene, system: System, count: int | None, points: int) -> CriticalSpeeds:
     """Critical speeds, ascending; infinite ones fill up."""
-    system = assemble(scene)
     check_moves(system)
     stations = scene.shaft.seen(points)
     speeds, share, senses = _whirls(scene, system, stations)
@@ -195,7 +194,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
     """
     check_linear(scene, [])
     check_no_tables(scene, "`axis_speeds`")
-    speeds = _axis_speeds(scene)
+    speeds = _axis_speeds(assemble(scene))
     if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):
         raise ValueError(
             "Critical speeds along and across refer to axes at angle 0, but an unequal part of this rotor "
@@ -205,8 +204,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
 
 
 @compiled_quickly
-def _axis_speeds(scene: Scene) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
-    system = assemble(scene)
+def _axis_speeds(system: System) -> tuple[Float[Array, " a"], Float[Array, " b"]]:
     check_moves(system)
     blocks = system.blocks
     if frame(blocks) != "rotating":

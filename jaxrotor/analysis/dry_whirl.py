@@ -12,10 +12,11 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
+from ..effects import AnnularStator
 from ..effects.rub import smoothed_sign
 from ..equations.pencil import Pencil, eigenvalues
 from ..equations.start import Continued
-from ..equations.system import assemble
+from ..equations.system import System, assemble
 from ..scene import Scene
 from .films import check_linear
 from .ring import RotorInRing, polished, ring_of, sorted_roots
@@ -129,9 +130,9 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     Source: Black (1968), J. Mech. Eng. Sci. 10, pp. 1-12, with the receptance of backward whirl.
     """
     check_counts(count=count)
-    ring_of(scene, "A dry whirl")
+    ring = ring_of(scene, "A dry whirl")
     check_linear(scene)
-    found = _dry_whirl(scene, count)
+    found = _dry_whirl(assemble(scene), ring, count)
     if not known(found.rate):
         return found
     there = np.asarray(found.exists)
@@ -141,9 +142,8 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
 
 
 @compiled_quickly
-def _dry_whirl(scene: Scene, count: int) -> DryWhirl:
-    ring = ring_of(scene, "A dry whirl")
-    rotor = RotorInRing.of(assemble(scene), ring)
+def _dry_whirl(system: System, ring: AnnularStator, count: int) -> DryWhirl:
+    rotor = RotorInRing.of(system, ring)
     slipping = jax.lax.map(lambda sign: _slipping(rotor, sign), jnp.array([1.0, -1.0]))
     every = jax.tree.map(lambda a, b: jnp.concatenate([*a, b]), slipping, _rolling(rotor))
     order = jnp.argsort(jnp.where(every.exists, every.rate, jnp.inf))[:count]

@@ -59,7 +59,7 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
         raise ValueError(
             "Floquet multipliers are those of one revolution, but the speed is 0; use `jaxrotor.roots`."
         )
-    values = _multipliers(scene, steps)
+    values = _multipliers(assemble(scene), steps)
     if known(values) and jnp.any(jnp.isnan(values)):
         raise ValueError(
             f"`steps` = {steps} is too small to resolve the first mode at {float(speed):g} rad/s; give "
@@ -83,8 +83,7 @@ def exponents(system: System, steps: int = 32) -> Complex[Array, " m"]:
 
 
 @compiled_quickly
-def _multipliers(scene: Scene, steps: int) -> Complex[Array, " m"]:
-    system = assemble(scene)
+def _multipliers(system: System, steps: int) -> Complex[Array, " m"]:
     if frame(system.blocks) == "periodic":
         values = half_revolution(system, steps)[0] ** 2
     else:

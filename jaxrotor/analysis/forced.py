@@ -224,7 +224,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
     _cases(scene, 0.0, None)
     if scene.of(AbstractBodies):
         raise ValueError("Balls have many steady positions; use `run_up` to find one.")
-    q, velocity, distance = _steady(scene)
+    q, velocity, distance = _steady(assemble(scene))
     if known(distance) and distance < CRITICAL:
         raise ValueError(
             f"The response is unbounded at {float(scene.spin.speed):g} rad/s, an undamped critical speed "
@@ -234,8 +234,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
 
 
 @compiled_quickly
-def _steady(scene: Scene):
-    system = assemble(scene)
+def _steady(system: System):
     speed = system.spin.speed
     if not system.n:
         return jnp.zeros(0, complex), jnp.zeros(0, complex), jnp.ones(())
@@ -322,7 +321,7 @@ def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
 
     `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none.
     """
-    *parts, distance = _parts_of_all(scene, speeds, frequencies, places, forces)
+    *parts, distance = _parts_of_all(assemble(scene), speeds, frequencies, places, forces)
     if known(distance) and np.any(np.asarray(distance) < CRITICAL):
         bad = int(np.argmin(distance))
         raise ValueError(
@@ -333,9 +332,7 @@ def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
 
 
 @compiled_quickly
-def _parts_of_all(scene: Scene, speeds, frequencies, places: Places, forces):
-    rotor = assemble(scene)
-
+def _parts_of_all(rotor: System, speeds, frequencies, places: Places, forces):
     def one(case):
         speed, frequency = case
         system = rotor.at_speed(speed)

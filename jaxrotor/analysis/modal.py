@@ -164,7 +164,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     eq. (2); Klochkov, eqs. (4)-(7).
     """
     check_linear(scene)
-    values = _roots(scene, count)
+    values = _roots(assemble(scene), count)
     if known(values):
         found = np.asarray(values)
         return jnp.asarray(found[np.isfinite(found)][:count])
@@ -172,8 +172,8 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
 
 
 @compiled_quickly
-def _roots(scene: Scene, count: int | None) -> Complex[Array, " m"]:
-    values = natural_roots(assemble(scene), count)
+def _roots(system: System, count: int | None) -> Complex[Array, " m"]:
+    values = natural_roots(system, count)
     return values[slowest_first(values)]
 
 
@@ -193,7 +193,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
         ValueError: tables of coefficients have no values at the speed of the scene.
     """
     check_linear(scene)
-    found = _modes(scene, count, points)
+    found = _modes(scene, assemble(scene), count, points)
     if not known(found.values):
         return found
     there = np.isfinite(found.values)
@@ -208,8 +208,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
 
 
 @compiled_quickly
-def _modes(scene: Scene, count: int | None, points: int) -> Modes:
-    system = assemble(scene)
+def _modes(scene: Scene, system: System, count: int | None, points: int) -> Modes:
     if system.blocks.hysteretic is None:
         values, vectors = eigenvectors(Pencil.of(system), count)
         values = less_rounding(values, system.blocks)

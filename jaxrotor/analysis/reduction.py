@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, check, known
 from ..equations.pencil import check_alike
-from ..equations.system import assemble
+from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts import MasslessShaft
 from .films import check_linear
@@ -47,7 +47,7 @@ def reduction(scene: Scene, at) -> Reduction:
     check_linear(scene)
     (at,) = scene.stations(at)
     length = scene.shaft.length
-    flexibility, moved, condition = _static(scene, at)
+    flexibility, moved, condition = _static(assemble(scene), at)
     obstacles = {
         "is free to move as a rigid body": ~(condition < 1e12),
         "has no slope": flexibility[1, 1] <= 0,
@@ -64,13 +64,12 @@ def reduction(scene: Scene, at) -> Reduction:
 
 
 @compiled_quickly
-def _static(scene: Scene, at: Scalar) -> tuple[Array, Array, Scalar]:
+def _static(system: System, at: Scalar) -> tuple[Array, Array, Scalar]:
     """Flexibility under force and couple, `Int m x_i x_j ds` of both deflections, condition number.
 
     The integral is the response at the station to the inertia forces of a deflection, since the
     flexibility is symmetric.
     """
-    system = assemble(scene)
     line, blocks = system.line, system.blocks
     check_alike(system, "A single reduction", "reduce each axis by itself")
     rows = jnp.stack([line.row(at), line.slope_row(at)])

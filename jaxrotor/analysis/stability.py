@@ -57,16 +57,17 @@ def growth_rate(scene: Scene) -> Scalar:
         ValueError: tables of coefficients have no values at the speed of the scene.
     """
     check_linear(scene)
-    growth = _growth_rate(scene, STEPS[0])
+    system = assemble(scene)
+    growth = _growth_rate(system, STEPS[0])
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
-            growth = _growth_rate(scene, steps)
+            growth = _growth_rate(system, steps)
     return growth
 
 
 @compiled_quickly
-def _growth_rate(scene: Scene, steps: int) -> Scalar:
-    return growth_of(assemble(scene), steps)[0]
+def _growth_rate(system: System, steps: int) -> Scalar:
+    return growth_of(system, steps)[0]
 
 
 def growth_of(system: System, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
@@ -125,12 +126,13 @@ def onset_speed(
     """
     check_linear(scene, [] if within is None else within)
     with waiting(progress, "onset of instability"):
-        speeds, sign = _scan(scene, _checked(within, samples), samples)
-        found = _onset(scene, speeds, sign, samples, throw)
+        system = assemble(scene)
+        speeds, sign = _scan(system, _checked(within, samples), samples)
+        found = _onset(system, speeds, sign, samples, throw)
         return jax.block_until_ready(found) if known(found.speed) else found
 
 
-def _onset(scene: Scene, speeds: Any, sign: Any, samples: int, throw: bool) -> Onset:
+def _onset(system: System, speeds: Any, sign: Any, samples: int, throw: bool) -> Onset:
     """The first loss of stability, from speeds and the sign of the growth rate there."""
     if known(sign) and known(speeds):
         speeds, sign = np.asarray(speeds), np.asarray(sign)
@@ -153,7 +155,7 @@ def _onset(scene: Scene, speeds: Any, sign: Any, samples: int, throw: bool) -> O
             speeds = eqx.error_if(speeds, wrong, f"{sentence} at the speeds searched.")
     first = rising.argmax()
     low, high = (jnp.asarray(on_host(speeds[i])) for i in (first, first + 1))
-    found = _refine(scene, low, high)
+    found = _refine(system, low, high)
     if throw:
         return found
     none = jnp.any(jnp.stack([wrong for wrong, _ in refusals]))
@@ -181,7 +183,8 @@ def stability_crossings(
             traced, or the rotor turns too slowly for `growth_rate`.
     """
     check_linear(scene, [] if within is None else within)
-    speeds, sign = _scan(scene, _checked(within, samples), samples)
+    system = assemble(scene)
+    speeds, sign = _scan(system, _checked(within, samples), samples)
     if not known(sign):
         raise ValueError(
             "The number of crossings depends on values, so `stability_crossings` cannot run inside "
@@ -195,7 +198,7 @@ def stability_crossings(
         )
     unstable = np.asarray(sign) > 0
     return [
-        (_refine(scene, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
+        (_refine(system, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
         for i in np.flatnonzero(unstable[:-1] != unstable[1:])
     ]
 
@@ -212,9 +215,9 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
 
 
 @compiled_quickly
-def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
+def _scan(system: System, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
     """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
-    system = assemble(jax.lax.stop_gradient(scene))
+    system = jax.lax.stop_gradient(system)
     growth_at = _growth(system)
     low, high = _range(system) if within is None else within
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
@@ -283,8 +286,7 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
 
 
 @compiled_quickly
-def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
-    system = assemble(scene)
+def _refine(system: System, low: Scalar, high: Scalar) -> Onset:
     speed = _crossing(system, low, high)
     values = _roots_at(system, speed)
     whirl = values[_crosses(system, speed, values, low, high)].imag

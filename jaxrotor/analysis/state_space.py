@@ -11,7 +11,7 @@ from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.pencil import ROUNDING, Pencil, isotropic
 from ..equations.stationary_frame import check_known_in_time
-from ..equations.system import assemble, structure
+from ..equations.system import System, assemble, structure
 from ..scene import Scene
 from .films import check_linear
 from .forced import ending_span
@@ -63,7 +63,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:
         scene = ending_span(scene, at)
-    equations, blocks = _equations(scene, into, seen)
+    equations, blocks = _equations(assemble(scene), into, seen)
     check_known_in_time(structure(scene))
     circular = isotropic(blocks)
     values, enter, leave, still, through = _motions(circular, *map(np.asarray, equations))
@@ -86,12 +86,11 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
 
 
 @compiled_quickly
-def _equations(scene: Scene, forces, displacements):
+def _equations(system: System, forces, displacements):
     """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift; and the blocks.
 
     Coordinates are complex for an isotropic rotor, otherwise real `(x, y)`.
     """
-    system = assemble(scene)
     pencil, line = Pencil.of(system), system.line
     columns, rows = jax.vmap(line.column)(forces).T + 0j, jax.vmap(line.row)(displacements) + 0j
     if not isotropic(system.blocks):

@@ -69,24 +69,31 @@ class SpectralLine(AbstractLine):
     def bending_energy(self) -> Float[Array, "n n"]:
         return strain_energy(self, self.kernel.rigidity)
 
+    @eqx.filter_jit
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(self._shapes, at)
 
+    @eqx.filter_jit
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(self._slopes, at)
 
+    @eqx.filter_jit
     def column(self, at: Scalar) -> Float[Array, " n"]:
         return self._collocate(False, lambda kernel, x: kernel(x, at))
 
+    @eqx.filter_jit
     def couple_column(self, at: Scalar) -> Float[Array, " n"]:
         return self._collocate(True, lambda kernel, x: kernel(x, at))
 
+    @eqx.filter_jit
     def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         return self._collocate(False, functools.partial(self._integrate, self._shapes, per_length))
 
+    @eqx.filter_jit
     def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         return self._collocate(True, functools.partial(self._integrate, self._slopes, per_length))
 
+    @eqx.filter_jit
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         return self._collocate(False, functools.partial(self._total, per_length))
 

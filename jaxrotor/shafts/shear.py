@@ -80,14 +80,17 @@ class ShearLine(AbstractLine):
     def couple_column(self, at: Scalar) -> Float[Array, " n"]:
         return self._deflection(self.slope_row(at))
 
+    @eqx.filter_jit
     def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         z = self._at_gauss(0, 0)
         return self._deflection(self._integral(per_length, z, z))
 
+    @eqx.filter_jit
     def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         psi = self._at_gauss(1, 0) / self.ends[-1]
         return self._deflection(self._integral(per_length, psi, psi))
 
+    @eqx.filter_jit
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         unit = jnp.ones((self._widths.size, max(self.degrees) + 1, 1))
         return self._deflection(self._integral(per_length, self._at_gauss(0, 0), unit)[:, 0])
