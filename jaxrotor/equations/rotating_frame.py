@@ -64,13 +64,14 @@ class Transient(eqx.Module):
         rate: Scalar | None,
         begin: Scalar,
         massless: Known | Literal["unknown"] | None = None,
+        system: System | None = None,
     ) -> "Transient":
         """Equations of a scene from the angle `begin` on; `rate` None is near its first frequency.
 
         `massless` is the result of `massless_of`. If it is "unknown" and a nonlinear force acts on a
-        coordinate without mass, the motion is NaN.
+        coordinate without mass, the motion is NaN. `system` are its equations, where they are at hand.
         """
-        system = assemble(scene)
+        system = assemble(scene) if system is None else system
         check_known_in_time(system)
         if system.tabled is not None:
             first = system.blocks_within(system.spin.speed)
@@ -252,7 +253,7 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
     """
     if has_massless(scene, system) is False:
         return None
-    system, coordinates, condition = _massless(scene)
+    system, coordinates, condition = _massless(scene, system)
     if not _all_known(coordinates):
         return "unknown"
     for at, column in nonlinear_columns(system):
@@ -283,7 +284,7 @@ def massless_in_steps(scene: Scene, system: System) -> tuple[Massless | None, st
         return None, None
     if system.blocks.inertia is None:
         return None, "no part of the rotor has mass"
-    system, coordinates, condition = _massless(scene)
+    system, coordinates, condition = _massless(scene, system)
     if not _all_known(coordinates):
         return None, "dampings are traced, so that one may be zero where the rotor has no mass"
     _check_determined(condition)
@@ -334,8 +335,8 @@ def _check_determined(condition: Scalar) -> None:
 
 
 @compiled
-def _massless(scene: Scene) -> tuple[System, MasslessCoordinates, Scalar]:
+def _massless(scene: Scene, system: System | None) -> tuple[System, MasslessCoordinates, Scalar]:
     """Equations, coordinates without mass, and the condition number of the equations for these."""
-    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), "unknown")
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), "unknown", system)
     assert transient.massless is not None
     return transient.system, transient.massless, transient.condition_of_massless()

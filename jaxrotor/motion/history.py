@@ -16,6 +16,7 @@ from ..effects.base import AbstractBodies, AbstractCasing
 from ..equations.kinematics import Kinematics, RotatingState
 from ..equations.rotating_frame import Transient
 from ..equations.start import Balls, Launch
+from ..equations.system import System, assemble
 from ..scene import Scene
 
 
@@ -53,7 +54,8 @@ class TimeHistory(eqx.Module):
         """Positions, velocities and accelerations of all moving parts, in the axes of the shaft."""
         if self.integrated is not None:
             return self.integrated
-        return _instants(self.scene, self.time, self.angle, self.coordinates, self.rates)
+        motion = self.time, self.angle, self.coordinates, self.rates
+        return _instants(self.scene, assemble(self.scene), *motion)
 
     @property
     def imbalance(self) -> Complex[Array, " T"]:
@@ -100,11 +102,17 @@ def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "
 
 @compiled
 def _instants(
-    scene: Scene, times: Array, angles: Array, coordinates: Array, rates: Array
+    scene: Scene,
+    system: System,
+    times: Array,
+    angles: Array,
+    coordinates: Array,
+    rates: Array,
 ) -> Kinematics:
     """Kinematics at the samples of a motion at constant speed."""
     speed, none = scene.spin.speed, jnp.zeros(0)
-    transient = Transient.of(scene, jnp.ones(()), angles[0] - speed * times[0])
+    begin = angles[0] - speed * times[0]
+    transient = Transient.of(scene, jnp.ones(()), begin, system=system)
 
     def instant(time: Scalar, angle: Scalar, q: Array, velocity: Array) -> Kinematics:
         turn = jnp.exp(-1j * angle)

@@ -15,7 +15,7 @@ from ..equations.forces import applied_force, body_force, contact_force, resista
 from ..equations.kinematics import Kinematics
 from ..equations.pencil import Pencil, frame
 from ..equations.rotating_frame import Transient
-from ..equations.system import System, assemble_blocks, assemble_load
+from ..equations.system import System, assemble, assemble_blocks, assemble_load
 from ..scene import Scene
 from ..shafts.cased import ends, row_of
 from ..shafts.influence import Influence
@@ -115,7 +115,7 @@ def reactions(response: TimeHistory) -> Reactions:
     """
     scene = response.scene
     instants = response.instants
-    force, moment, static, static_moment, constraints = _all(scene, instants)
+    force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)
     names = [scene.name_of(effect) for effect in scene.of(Support)]
     names += [f"constraints.{i}" for i in constraints]
     if response.contact_force is not None:
@@ -138,9 +138,9 @@ def reactions(response: TimeHistory) -> Reactions:
 
 
 @compiled
-def _all(scene: Scene, instants: Kinematics):
+def _all(scene: Scene, system: System, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
-    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()))
+    transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), system=system)
     parts = [_support(transient.system, support) for support in scene.of(Support)]
     influence, constraints = scene.shaft.influence(), ()
     if influence is not None:

@@ -19,7 +19,7 @@ from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
 from ..equations.speed_tables import check_tables, has_tables
 from ..equations.start import AbstractStart, Balls, Continued, Launch
-from ..equations.system import assemble
+from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
@@ -100,10 +100,9 @@ def run_up(
     if has_tables(begun):
         check_tables(begun, _first_speeds(begun, times))
     stations = scene.stations(at)
-    system = None
+    system = assemble(begun)
     if solver is None and controller is None and adjoint is None:
-        system = stepped_by_default(begun, times)
-        solver = None if system is None else Exponential(order=4)
+        solver = Exponential(order=4) if stepped_by_default(begun, times, system) else None
     launch = with_balls(scene, launch)
     pilots: tuple[Pilot, ...] = ()
     if isinstance(solver, Exponential):
@@ -114,7 +113,7 @@ def run_up(
         count = None if substeps == "auto" else substeps
         stepping = stepping_of(begun, times, solver, count, system)
         if substeps == "auto":
-            stepping, pilot = _refined(begun, times, launch, stations, stepping, tolerance)
+            stepping, pilot = _refined(begun, system, times, launch, stations, stepping, tolerance)
             pilots = (pilot,)
         elif all(known(leaf) for leaf in jax.tree.leaves((begun, launch))):
             stepping = stepping.with_steps(stepping.steps)
@@ -127,17 +126,17 @@ def run_up(
         options = {"adjoint": adjoint, "max_steps": max_steps, "max_stops": max_stops}
         from_start = known(times) and float(times[0]) == 0
         plan = integration_of(
-            begun, solver, controller, substeps or 1, options, from_start=from_start
+            begun, solver, controller, substeps or 1, options, system, from_start=from_start
         )
     times = jnp.asarray(times, float)
     with waiting(progress, "run-up"):
-        motion = _motion(begun, times, launch, stations, plan)
+        motion = _motion(begun, system, times, launch, stations, plan)
         failed = known(motion.run.good) and not bool(motion.run.good)
     if isinstance(plan, Stepping):
         _check_substeps(motion.run, plan)
     if failed:
         check_tables(begun, motion.run.turning.speed)
-        launch.shaft.state(assemble(begun), stations[0])  # raises if the start is the cause
+        launch.shaft.state(system, stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
             "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
@@ -152,16 +151,19 @@ def integration_of(
     controller: Any,
     substeps: int,
     options: dict[str, Any],
+    system: System | None = None,
     *,
     from_start: bool,
 ) -> Integration:
     """Settings of the integration by a diffrax solver, by default one for the scene.
 
-    `from_start` tells that the first sample is the start, so that no step leads to it.
+    `from_start` tells that the first sample is the start, so that no step leads to it. `system` are the
+    equations of the scene, where they are at hand.
     """
     spin = scene.spin
     drives = isinstance(spin, Drive) and spin.polar is None
-    system = assemble(scene) if drives or not scene.shaft.has_mass else None
+    if system is None and (drives or not scene.shaft.has_mass):
+        system = assemble(scene)
     chosen: Any = checked_solver(default_solver(scene, system) if solver is None else solver)
     controller = controller or controller_for(chosen, scene)
     plan = Integration(
@@ -186,7 +188,13 @@ def integration_of(
 
 
 def _refined(
-    scene: Scene, times: Any, launch: Launch, stations: Array, stepping: Stepping, tolerance: float
+    scene: Scene,
+    system: System,
+    times: Any,
+    launch: Launch,
+    stations: Array,
+    stepping: Stepping,
+    tolerance: float,
 ) -> tuple[Stepping, Pilot]:
     """Settings with as many steps as the motion at the samples needs, and the pilot that found them."""
     if not all(known(leaf) for leaf in jax.tree.leaves((scene, launch))):
@@ -198,7 +206,7 @@ def _refined(
 
     def displacement(substeps: int) -> np.ndarray | None:
         finer = stepping.with_steps(substeps)
-        run = _motion(scene, jnp.asarray(times, float), launch, stations, finer).run
+        run = _motion(scene, system, jnp.asarray(times, float), launch, stations, finer).run
         long = gains_energy(run.touched, run.contact_stiffness_ratio, stepping.solver.order)
         return np.asarray(run.seen.displacement) if bool(run.good) and not long else None
 
@@ -274,10 +282,15 @@ class _Motion(NamedTuple):
 
 @compiled
 def _motion(
-    scene: Scene, times: Array, launch: Launch, stations: Array, plan: Integration | Stepping
+    scene: Scene,
+    system: System,
+    times: Array,
+    launch: Launch,
+    stations: Array,
+    plan: Integration | Stepping,
 ) -> _Motion:
     """Motion of a run in one program; what follows the integration would take longer than it outside."""
-    run = integrate(scene, times, launch, stations, plan)
+    run = integrate(scene, system, times, launch, stations, plan)
     balls: tuple[Balls, ...] = ()
     if run.instants is not None:
         rates = run.instants.bodies_speed - run.turning.speed[:, None]

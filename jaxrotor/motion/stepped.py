@@ -170,17 +170,14 @@ def check_steppable(scene: Scene, solver: Exponential, system: System | None = N
     return system
 
 
-def stepped_by_default(scene: Scene, times: Any) -> System | None:
-    """Equations of a shaft of many coordinates without contact, if exponential steps take them."""
+def stepped_by_default(scene: Scene, times: Any, system: System) -> bool:
+    """Whether a scene is a shaft of many coordinates without contact that exponential steps take."""
     free = scene.spin.given and not scene.of(AbstractContact)
-    if not (free and scene.shaft.has_mass and known(times)):
-        return None
-    system = assemble(scene)
-    if system.n <= RIGID:
-        return None
+    if not (free and scene.shaft.has_mass and known(times)) or system.n <= RIGID:
+        return False
     given = jax.tree.leaves((system.spin, system.blocks.polar))
     takes = unsteppable(system) is None and system.blocks.hysteretic is None
-    return system if takes and all(map(known, given)) else None
+    return takes and all(map(known, given))
 
 
 def unsteppable(system: System) -> str | None:

@@ -121,12 +121,17 @@ class Integrated(NamedTuple):
 
 @compiled
 def integrate(
-    scene: Scene, times: Array, launch: Launch, stations: Array, plan: "Integration | Stepping"
+    scene: Scene,
+    system: System,
+    times: Array,
+    launch: Launch,
+    stations: Array,
+    plan: "Integration | Stepping",
 ) -> Integrated:
     """Kinematics at the times, success, and motion of the stations."""
     if isinstance(plan, Stepping):
-        return _step(scene, times, launch, stations, plan)
-    field = Transient.of(scene, None, launch.angle, plan.massless)
+        return _step(scene, system, times, launch, stations, plan)
+    field = Transient.of(scene, None, launch.angle, plan.massless, system)
     system = field.system
     y = first_state(field, launch, stations[0], free=plan.free)
     part = integrate_part(field, plan, jnp.zeros(()), y, launch.stopped, times)
@@ -180,10 +185,10 @@ def integrate_part(
 
 
 def _step(
-    scene: Scene, times: Array, launch: Launch, stations: Array, plan: Stepping
+    scene: Scene, system: System, times: Array, launch: Launch, stations: Array, plan: Stepping
 ) -> Integrated:
     """A run by exponential steps."""
-    field = Transient.of(scene, None, launch.angle)
+    field = Transient.of(scene, None, launch.angle, system=system)
     system, none = field.system, jnp.zeros(0)
     begin = launch.shaft.state(system, stations[0])
     path = stepped(system, plan, begin, launch.angle)
