@@ -22,20 +22,26 @@ def force_through(
 
         N = (k g0 + d g0') / (1 + k D_0 + d D_v)
 
-    Derivatives are those of the solution, as the last iteration starts from it. Where the iterations do
-    not converge, as for a spring that is very steep beside what yields, the force is not a number.
+    Derivatives are those of the solution. Where the iterations do not converge, as for a spring that is
+    very steep beside what yields, the force is not a number.
     """
 
-    def newton(force: Array) -> Array:
-        place = seen + through @ force
-        gain = jax.jacfwd(law)(place) @ through
-        return force + eliminated(jnp.eye(force.size) - gain, law(place) - force, pivots=True)
+    def missing(force: Array) -> Array:
+        return law(seen + through @ force) - force
 
-    none = jnp.zeros(through.shape[1])
-    near = jax.lax.fori_loop(0, ITERATIONS - 1, lambda _, force: newton(force), none)
-    near = jax.lax.stop_gradient(near)
-    force = newton(near)
-    along_axes = lambda change: jnp.abs(change).reshape(2, 2, -1)  # displacements, then velocities
-    moved, at = along_axes(through @ (force - near)), along_axes(seen + through @ force)
-    good = jnp.all(moved <= CONVERGED * jnp.max(at, axis=(0, 2), keepdims=True))
-    return jnp.where(jax.lax.stop_gradient(good), force, jnp.nan)
+    def solve(missing: Callable, force: Array) -> Array:
+        def newton(_, state):
+            force, _ = state
+            change = -eliminated(jax.jacfwd(missing)(force), missing(force), pivots=True)
+            return force + change, change
+
+        force, change = jax.lax.fori_loop(0, ITERATIONS, newton, (force, jnp.zeros_like(force)))
+        # Displacements and velocities are measured apart.
+        sizes = lambda parts: jnp.max(jnp.abs(parts).reshape(2, 2, -1), axis=(0, 2))
+        good = sizes(through @ change) <= CONVERGED * sizes(seen + through @ force)
+        return jnp.where(jnp.all(good), force, jnp.nan)
+
+    def linear(slope: Callable, value: Array) -> Array:
+        return eliminated(jax.jacfwd(slope)(value), value, pivots=True)
+
+    return jax.lax.custom_root(missing, jnp.zeros(through.shape[1]), solve, linear)
