@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from scipy.optimize import brentq
 
 from .corrector import Corrector, Point, StepError, jacobian_at_own_phase
@@ -47,7 +47,7 @@ def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Bifurca
     found, lost = [], []
     for kind, contact, test in _sign_changes(a, b):
         try:
-            fraction, point = _root(corrector, a, b, test)
+            fraction, point = root_between(corrector, a, b, test)
         except StepError:
             lost.append(kind)
             continue
@@ -68,7 +68,7 @@ def _sign_changes(a: Point, b: Point) -> Iterator[tuple[str, int | None, TestFun
     tests: dict[str, TestFunction] = {
         "fold": lambda point: point.tangent[-1],
         "flip": lambda point: np.prod(1 + point.evaluation.multipliers).real,
-        "neimark-sacker": _pair_products,
+        "neimark-sacker": lambda point: pair_products(point.evaluation.multipliers),
         "branching": lambda point: _determinant(_bordered(point), scale),
     }
     for kind, test in tests.items():
@@ -94,7 +94,9 @@ def _grazing(k: int, count: int) -> TestFunction:
     return test
 
 
-def _root(corrector: Corrector, a: Point, b: Point, test: TestFunction) -> tuple[float, Point]:
+def root_between(
+    corrector: Corrector, a: Point, b: Point, test: TestFunction
+) -> tuple[float, Point]:
     """The root of a test function, in planes across the chord of two points."""
     chord = b.u - a.u
     length = float(np.linalg.norm(chord))
@@ -103,7 +105,7 @@ def _root(corrector: Corrector, a: Point, b: Point, test: TestFunction) -> tuple
     def value(fraction: float) -> float:
         if fraction not in known:
             guess = _interpolated(a, b, length, fraction)
-            known[fraction] = corrector.point(guess, normal, a.phase_condition, normal)
+            known[fraction] = corrector.point(guess, normal, a.anchor, normal)
         return test(known[fraction])
 
     find: Any = brentq
@@ -132,9 +134,8 @@ def _is_genuine(kind: str, point: Point) -> bool:
     return True
 
 
-def _pair_products(point: Point) -> float:
-    """Test function of a Neimark-Sacker point."""
-    multipliers = np.asarray(point.evaluation.multipliers)
+def pair_products(multipliers: Complex[np.ndarray, " r"]) -> float:
+    """Test function of a Neimark-Sacker point: `prod(mu_i mu_j - 1)`."""
     first, second = np.triu_indices(multipliers.size, 1)
     return float(np.prod(multipliers[first] * multipliers[second] - 1).real)
 
