@@ -78,6 +78,11 @@ class ContinuationProblem(eqx.Module):
         places = u[-len(self.parameters) :]
         return tuple(one.value(s) for one, s in zip(self.parameters, places, strict=True))
 
+    def rates(self, u: Float[np.ndarray, " b"]) -> tuple[float, ...]:
+        """`dp/ds` of every parameter."""
+        pairs = zip(self.parameters, self.values(u), strict=True)
+        return tuple(one.rate(float(value)) for one, value in pairs)
+
     def at(self, u: Float[np.ndarray, " b"]) -> str:
         """The values of the parameters, for a message."""
         named = zip(self.parameters, self.values(u), strict=True)
