@@ -119,7 +119,9 @@ class BifurcationCurve(eqx.Module):
         scale = abs(value) or 1.0
         if problem.revolutions is None:
             check_symmetry(problem.scene, path, float(problem.turn), (value, value + 1e-3 * scale))
-        third = ParameterRange(jnp.asarray(value), jnp.asarray(value + scale), path, False)
+        third = ParameterRange(
+            jnp.asarray(value, float), jnp.asarray(value + scale, float), path, False
+        )
         problem = eqx.tree_at(lambda one: one.parameters, problem, (*problem.parameters, third))
         u = np.append(u, 0.0)
         anchor = self.condition.anchor(self.condition.evaluation(problem, u), u)

@@ -39,7 +39,7 @@ class Bifurcation(NamedTuple):
     kind: str
     contact: int | None  # the one that is grazed
     fraction: float  # of the way from the first point to the second
-    point: Point
+    point: Any  # of the branch, or of the curve, that it is on
 
 
 def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Bifurcation], list[str]]:
@@ -95,10 +95,11 @@ def _grazing(k: int, count: int) -> TestFunction:
     return test
 
 
-def root_between(
-    corrector: Corrector, a: Point, b: Point, test: TestFunction
-) -> tuple[float, Point]:
-    """The root of a test function, in planes across the chord of two points."""
+def root_between(corrector: Any, a: Any, b: Any, test: TestFunction) -> tuple[float, Any]:
+    """The root of a test function, in planes across the chord of two points.
+
+    They are of a branch or of a curve, as its corrector gives them.
+    """
     chord = b.u - a.u
     length = float(np.linalg.norm(chord))
     normal, known = chord / length, {0.0: a, 1.0: b}

@@ -39,7 +39,7 @@ KINDS = (
     "grazing-neimark-sacker",
 )
 
-Multipliers = Complex[np.ndarray, " r"]
+Multipliers = Complex[np.ndarray, " _"]
 TestFunction = Callable[[Any], float]  # of a `PointOfCurve`
 
 

@@ -71,7 +71,7 @@ def range_of(scene: Scene, path: str, between: Any, name: str) -> ParameterRange
                 f"{low:g} and {high:g}; give a range that keeps their order."
             )
     decades = low > 0 and high > 10 * low
-    return ParameterRange(jnp.asarray(low), jnp.asarray(high), path, decades)
+    return ParameterRange(jnp.asarray(low, float), jnp.asarray(high, float), path, decades)
 
 
 def own(scene: Scene, path: str) -> float:

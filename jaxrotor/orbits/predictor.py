@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .corrector import Point, StepError
+from .corrector import StepError
 
 
 LEAST = 1e-7  # shortest step, of a state or of the range
@@ -23,13 +23,16 @@ EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shri
 
 
 class Predictor(NamedTuple):
-    """Steps `u_k + h t` that are corrected, checked, and halved until they succeed."""
+    """Steps `u_k + h t` that are corrected, checked, and halved until they succeed.
+
+    Points are those of its corrector: a `Point` of a branch, or one of a curve of bifurcations.
+    """
 
     corrector: Any  # with a method `point`, as `Corrector` has it
     max_step: float
     parameters: int = 1  # the last unknowns, each from 0 to 1
 
-    def next(self, last: Point, h: float) -> tuple[Point, float, bool]:
+    def next(self, last: Any, h: float) -> tuple[Any, float, bool]:
         """The next point, the length of the step to try after it, and whether it ends the range."""
         while True:
             guess = last.u + h * last.tangent
@@ -44,7 +47,7 @@ class Predictor(NamedTuple):
             h *= 1.5 if point.iterations <= EASY else 0.5 if point.iterations >= HARD else 1.0
             return point, min(h, self.max_step * _scale(point)), ended
 
-    def _corrected(self, last: Point, guess: np.ndarray) -> tuple[Point, bool]:
+    def _corrected(self, last: Any, guess: np.ndarray) -> tuple[Any, bool]:
         """The point near a guess, or the end of a range before it."""
         if self._within(guess):
             normal = last.tangent
@@ -58,7 +61,7 @@ class Predictor(NamedTuple):
         places = u[-self.parameters :]
         return bool(np.all((places >= 0) & (places <= 1)))
 
-    def _end(self, last: Point, guess: np.ndarray) -> Point:
+    def _end(self, last: Any, guess: np.ndarray) -> Any:
         """The point at the end of the range that is reached first, before a guess beyond it."""
         places, ahead = guess[-self.parameters :], (guess - last.u)[-self.parameters :]
         bounds = np.clip(places, 0.0, 1.0)
@@ -81,12 +84,12 @@ class Predictor(NamedTuple):
         return point
 
 
-def _scale(point: Point) -> float:
+def _scale(point: Any) -> float:
     """Scale for the length of a step: norm of the state, at least 1."""
     return max(1.0, float(np.linalg.norm(point.u[: point.evaluation.direction.size])))
 
 
-def _check_neighbours(last: Point, point: Point, guess: np.ndarray, h: float, ended: bool) -> None:
+def _check_neighbours(last: Any, point: Any, guess: np.ndarray, h: float, ended: bool) -> None:
     """Raise where the point may be on another branch; short steps may pass a kink."""
     short = h < KINK
     if not short and last.tangent @ point.tangent < SHARP:
