@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.optimize import fsolve
@@ -10,6 +11,7 @@ from systems import one_disc
 from test_continuation import Duffing, along_x
 
 import jaxrotor as jr
+from jaxrotor import plot
 
 
 PLANE = ("spin.speed", "support.cxx")  # along x the damping is that of the disc and `cxx`
@@ -205,7 +207,7 @@ def test_grazing_curve_of_the_impact_oscillator(oscillator):
     assert (curve.side[:, 0] < 0).all()  # less unbalance, no contact
 
 
-# === refusals
+# === refusals and pictures
 
 
 @pytest.mark.slow
@@ -230,3 +232,29 @@ def test_refusals(resonance):
     crossing = dataclasses.replace(fold, kind="branching")
     with pytest.raises(ValueError, match="but is a branching"):
         jr.continue_curve(resonance, crossing, PLANE, SPANS)
+
+
+@pytest.mark.slow
+def test_picture_alone_and_over_a_map(folds):
+    ax = plot.curves(folds)
+    names = ["spin speed [rad/s]", "support cxx [N s/m]"]
+    assert [ax.get_xlabel(), ax.get_ylabel()] == names
+    assert {text.get_text() for text in ax.texts} == {"cusp", "1:1 resonance"}
+    solid = ax.get_lines()[0]
+    assert solid.get_label() == "fold" and solid.get_linestyle() == "-"
+    shown = np.isfinite(solid.get_xdata())
+    assert shown.sum() == folds.stable.sum() + 1  # up to the first point of the other kind
+    np.testing.assert_array_equal(solid.get_ydata()[shown], folds.values[shown, 1])
+    _, over = plt.subplots()  # as a map has them, the other way round
+    over.plot([-0.1, 0.05], [1.0, 1.2])
+    over.set(xlabel=names[1], ylabel=names[0], xlim=(-0.1, 0.05), ylim=(1.0, 1.2))
+    plot.curves([folds, folds], over)
+    assert over.get_xlim() == (-0.1, 0.05) and over.get_ylim() == (1.0, 1.2)
+    np.testing.assert_array_equal(over.get_lines()[1].get_xdata()[shown], folds.values[shown, 1])
+    assert len(over.get_legend().get_texts()) == 1
+    over.set_xlabel("support cyy [N s/m]")
+    with pytest.raises(ValueError, match="`ax` must have the parameters of the curve, spin speed"):
+        plot.curves(folds, over)
+    with pytest.raises(ValueError, match="have the same two parameters, but these have none"):
+        plot.curves([])
+    plt.close("all")
