@@ -41,7 +41,7 @@ Matrix = Float[np.ndarray, "m m"]
 
 
 class Anchor(NamedTuple):
-    """What a point of a curve is computed with: the phase condition and null vectors of a neighbour."""
+    """Phase condition and null vectors of a neighbour, with which a point of a curve is computed."""
 
     phase: PhaseCondition
     right: Float[np.ndarray, "a r"]
@@ -86,7 +86,7 @@ class AbstractCondition(eqx.Module):
 
     @abc.abstractmethod
     def anchor(self, evaluation: Evaluation, u: Unknowns) -> Anchor:
-        """What the first point of a curve is computed with, from its evaluation."""
+        """The anchor of the first point of a curve, from its evaluation."""
 
     @abc.abstractmethod
     def trial(self, problem: ContinuationProblem, u: Unknowns, anchor: Anchor) -> Trial:

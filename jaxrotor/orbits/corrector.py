@@ -33,7 +33,7 @@ class Point(NamedTuple):
 
     @property
     def anchor(self) -> PhaseCondition:
-        """What neighbours are corrected with: the condition that picks this state of its orbit."""
+        """The condition that picks this state of its orbit; neighbours are corrected with it."""
         m = self.evaluation.direction.size
         return PhaseCondition(self.u[:m], self.evaluation.direction)
 

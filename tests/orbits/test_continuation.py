@@ -341,7 +341,7 @@ def test_backward_rub_becomes_a_torus_at_higher_speed(rub):
 
 @pytest.mark.slow
 def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(rub):
-    """Both over a second parameter, at five points against branches of the first."""
+    """Both over a second parameter, against branches of the first."""
     speed = float(rub.scene.spin.speed)
     cases = (
         ("fold", "limiters.friction", (0.05, 0.15), "down", (3e6, 6e6), 2e-3),
@@ -350,9 +350,9 @@ def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(rub):
     for kind, path, between, direction, stiffness, width in cases:
         branch = jr.continue_(rub, path, between, direction=direction, max_step=0.2)
         plane, bounds = (path, "limiters.stiffness"), (between, stiffness)
-        how = {"max_points": 2, "step": 0.05, "max_step": 0.2}
+        how = {"max_points": 1, "step": 0.05, "max_step": 0.2}
         curve = jr.continue_curve(branch, branch.of(kind)[0], plane, bounds, **how)
-        assert len(curve.values) == 5 and np.ptp(curve.values[:, 1]) > 1e5
+        assert len(curve.values) == 3 and np.ptp(curve.values[:, 1]) > 1e5
         assert curve.stable.all()
         for number, (value, _) in enumerate(curve.values):
             near = value - width, value + width
