@@ -14,6 +14,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
+from matplotlib.ticker import EngFormatter  # noqa: E402
 
 import jaxrotor as jr  # noqa: E402
 from jaxrotor import plot  # noqa: E402
@@ -50,6 +51,7 @@ def main():
     ends = jr.sweep(scene, over, start=whirl, settle=150, keep=20, progress=False)
     figure, ax = plt.subplots(figsize=(4.7, 3.7), dpi=200, layout="constrained")
     plot.curves(curve, plot.sweep_map(ends, ax=ax))
+    ax.yaxis.set_major_formatter(EngFormatter())
     figure.savefig(given.out)
 
 

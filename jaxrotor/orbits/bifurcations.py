@@ -191,7 +191,8 @@ def least_clearance(evaluation: Evaluation) -> Float[np.ndarray, " k"]:
 
 def _extrema(evaluation: Evaluation, k: int) -> Float[np.ndarray, " e"]:
     """Extrema of a clearance [m] in order of time, by cubics between samples."""
-    clearance, rate = evaluation.clearance[..., k], evaluation.clearance_rate[..., k]
+    parts = evaluation.clearance, evaluation.clearance_rate
+    clearance, rate = (np.asarray(part[..., k]) for part in parts)
     step = float(evaluation.period) / (len(clearance) - 1)
     return _extrema_of(clearance, step * rate)[0]
 
@@ -226,7 +227,7 @@ def _extrema_of(
 
     Rates are per step; spans are counted image by image.
     """
-    clearance, rate = np.asarray(clearance).T, np.asarray(rate).T
+    clearance, rate = clearance.T, rate.T
     c0, c1 = clearance[:, :-1].ravel(), clearance[:, 1:].ravel()
     r0, r1 = rate[:, :-1].ravel(), rate[:, 1:].ravel()
     numbers = np.flatnonzero((r0 * r1 < 0) | (r0 == 0))

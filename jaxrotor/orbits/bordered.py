@@ -148,7 +148,7 @@ class UnitPair(AbstractCondition):
         return observed(problem, u, problem.any_phase(u), np.zeros((0, 2)))[0]
 
     def anchor(self, evaluation: Evaluation, u: Unknowns) -> Anchor:
-        values = np.asarray(evaluation.multipliers)
+        values: Any = np.asarray(evaluation.multipliers)
         whirling = values[np.abs(values.imag) > 0]
         nearest = whirling[np.argmin(np.abs(np.abs(whirling) - 1))]
         total, product = 2 * nearest.real, abs(nearest) ** 2
@@ -160,7 +160,7 @@ class UnitPair(AbstractCondition):
         matrix = period_map(evaluation)
         if not np.isfinite(matrix).all():
             raise StepError("the motion, or its derivative, did not stay finite")
-        total, product = pair_near(evaluation.multipliers, anchor.angle)
+        total, product = pair_near(np.asarray(evaluation.multipliers), anchor.angle)
         right, left = null_spaces(matrix, total, product)
         across = left.T @ right
         block = np.linalg.solve(across, left.T @ matrix @ right)
@@ -200,7 +200,7 @@ class ZeroClearance(AbstractCondition):
 def condition_of(kind: str, contact: int | None) -> AbstractCondition:
     """The condition of bifurcations of a kind."""
     if kind == "grazing":
-        return ZeroClearance(contact)
+        return ZeroClearance(contact=contact)
     return UnitPair() if kind == "neimark-sacker" else SingularMatrix(kind)
 
 
@@ -209,8 +209,9 @@ def condition_of(kind: str, contact: int | None) -> AbstractCondition:
 
 def period_map(evaluation: Evaluation) -> Matrix:
     """`M - f f'`: along a motion `f` of unknown period the multiplier is 0 instead of 1."""
-    m, along = evaluation.direction.size, evaluation.direction
-    return evaluation.jacobian[:m, :m] + np.eye(m) - np.outer(along, along)
+    along, jacobian = np.asarray(evaluation.direction), np.asarray(evaluation.jacobian)
+    m = along.size
+    return jacobian[:m, :m] + np.eye(m) - np.outer(along, along)
 
 
 def phase_at(evaluation: Evaluation, u: Unknowns) -> PhaseCondition:
@@ -221,10 +222,8 @@ def phase_at(evaluation: Evaluation, u: Unknowns) -> PhaseCondition:
 def pair_near(multipliers: Complex[np.ndarray, " r"], angle: float) -> tuple[float, float]:
     """Sum and product of the two multipliers, a pair or both real, nearest to those at an angle."""
     first, second = np.triu_indices(multipliers.size, 1)
-    total, product = (
-        multipliers[first] + multipliers[second],
-        multipliers[first] * multipliers[second],
-    )
+    total: Any = multipliers[first] + multipliers[second]
+    product: Any = multipliers[first] * multipliers[second]
     real = (np.abs(total.imag) < 1e-9) & (np.abs(product.imag) < 1e-9)
     far = np.where(real, np.abs(total - 2 * np.cos(angle)) + np.abs(product - 1), np.inf)
     nearest = int(np.argmin(far))
