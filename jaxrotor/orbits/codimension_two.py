@@ -165,7 +165,9 @@ def side_of(kind: str, point: PointOfCurve, count: int = 2) -> Float[np.ndarray,
     if kind == "fold":
         across = np.sign(bend(point.trial)) * (anchor.left[:, 0] @ by_place)
     else:
-        across = slope[-count:] - slope[:-count] @ np.linalg.solve(by_state, by_place)
+        across = (
+            slope[-count:] - slope[:-count] @ np.linalg.lstsq(by_state, by_place, rcond=None)[0]
+        )
         if kind == "flip":
             across = -across * np.sign(anchor.left[:, 0] @ anchor.right[:, 0])
         elif kind == "neimark-sacker":

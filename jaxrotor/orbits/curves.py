@@ -124,7 +124,10 @@ class CurveCorrector(NamedTuple):
 
         def evaluate(u: Unknowns) -> Trial:
             nonlocal last
-            trial = self.condition.trial(self.problem, u, last)
+            try:
+                trial = self.condition.trial(self.problem, u, last)
+            except np.linalg.LinAlgError:
+                raise StepError("the equations of the bifurcation became singular") from None
             last = trial.anchor._replace(phase=anchor.phase)
             return trial
 
@@ -144,7 +147,7 @@ def _first_point(corrector: CurveCorrector, first: Unknowns) -> PointOfCurve:
             trial.jacobian_at_own_phase, np.append(np.zeros(first.size - 2), [1.0, 0.0])
         )
         return corrector.point(first, normal, anchor, normal)
-    except StepError as error:
+    except (StepError, np.linalg.LinAlgError) as error:
         raise RuntimeError(
             f"The {condition.kind} cannot be continued in {_named(problem)}: {error}; locate it by "
             "`continue_` with a smaller `tolerance`."

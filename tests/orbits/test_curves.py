@@ -26,25 +26,25 @@ def duffing_disc(constant, **values):
     return one_disc(spring, weight, damper, **values)
 
 
-def at_constant_second(curve, number, width):
-    """Values of the first parameter at bifurcations of a branch near a point of the curve.
-
-    The branch leaves the point and is then followed back through it, from an orbit of its own.
-    """
-    path, value, kind = curve.paths[0], curve.values[number, 0], curve.kind
-    between = value - width, value + width
-    how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
-    orbit = jr.continue_(curve.orbit(int(number)), path, between, **how).orbit(-1)
-    branch = jr.continue_(orbit, path, between, step=2e-2, max_points=8)
-    return [point.value for point in branch.of(kind)]
-
-
 def check_five(curve, width=0.05):
-    """Five points of a curve, against branches of its first parameter."""
+    """Five points of a curve, and what is on its side, against branches of its first parameter.
+
+    Each branch leaves the point and is then followed back through it, from an orbit of its own.
+    """
+    path, kind = curve.paths[0], curve.kind
     for number in np.linspace(1, len(curve.values) - 2, 5).round().astype(int):
-        value = curve.values[number, 0]
-        nearest = min(at_constant_second(curve, number, width), key=lambda one: abs(one - value))
+        value, ahead = curve.values[number, 0], curve.side[number, 0]
+        between = value - width, value + width
+        how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
+        away = jr.continue_(curve.orbit(int(number)), path, between, **how)
+        branch = jr.continue_(away.orbit(-1), path, between, step=2e-2, max_points=8)
+        found = [point.value for point in branch.of(kind)]
+        nearest = min(found, key=lambda one: abs(one - value))
         assert nearest == pytest.approx(value, rel=1e-8, abs=1e-9)
+        if kind == "fold":
+            assert (away.values[-1] > value) == (ahead > 0)
+        elif curve.stable[number]:
+            assert away.stable[-1] == (ahead > 0)
 
 
 # === Duffing
