@@ -58,6 +58,16 @@ PLAIN = {  # fields that are declared without a comment
     "Reactions.scene": SCENE,
     "Bifurcation.kind": 'kind, as "fold" or "flip"',
     "BranchPoint.kind": 'kind, as "fold" or "flip"',
+    "BifurcationCurve.condition": "equation that holds along the curve",
+    "BifurcationCurve.points": "points of codimension two",
+    "BifurcationCurve.problem": "equations of the orbits over both parameters",
+    "BifurcationCurve.radius_max": "largest radius [m] of every orbit, by station",
+    "BifurcationCurve.side": "unit vectors across the curve, in units of the ranges, to where there are "
+    "two orbits (fold), the critical multipliers are inside the unit circle (flip, neimark-sacker), or "
+    "the clearance is positive (grazing)",
+    "BifurcationCurve.unknowns": "unknowns of the problem, one row an orbit",
+    "BifurcationCurve.unlocated": "points after which one of codimension two was not located",
+    "CurvePoint.kind": 'kind, as "cusp" or "1:2 resonance"',
     "Branch.curve": "equations of the orbits along the branch",
     "Branch.max_iterations": "largest number of iterations of the corrector",
     "Branch.radius_max": "largest radius [m] of every orbit, by station",

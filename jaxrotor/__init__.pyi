@@ -129,13 +129,16 @@ from .motion.simulate import (
     simulate as simulate,
 )
 from .orbits import (
+    BifurcationCurve as BifurcationCurve,
     Branch as Branch,
     BranchPoint as BranchPoint,
+    CurvePoint as CurvePoint,
     HarmonicOrbit as HarmonicOrbit,
     Lyapunov as Lyapunov,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
     continue_ as continue_,
+    continue_curve as continue_curve,
     harmonic_balance as harmonic_balance,
     lyapunov as lyapunov,
     periodic as periodic,

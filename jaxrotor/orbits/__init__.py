@@ -1,7 +1,9 @@
 """Orbits: periodic motions through contact, computed directly, with their branches and exponents."""
 
+from .bifurcation_curve import BifurcationCurve as BifurcationCurve, CurvePoint as CurvePoint
 from .branch import Branch as Branch, BranchPoint as BranchPoint
 from .continuation import continue_ as continue_
+from .curves import continue_curve as continue_curve
 from .harmonic import HarmonicOrbit as HarmonicOrbit, harmonic_balance as harmonic_balance
 from .lyapunov import Lyapunov as Lyapunov, lyapunov as lyapunov
 from .orbit import OrbitError as OrbitError, PeriodicOrbit as PeriodicOrbit

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float, Int
 from scipy.optimize import brentq
 
 from .corrector import Corrector, Point, StepError, jacobian_at_own_phase
@@ -39,7 +39,7 @@ class Bifurcation(NamedTuple):
     kind: str
     contact: int | None  # the one that is grazed
     fraction: float  # of the way from the first point to the second
-    point: Point
+    point: Any  # of the branch, or of the curve, that it is on
 
 
 def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Bifurcation], list[str]]:
@@ -47,11 +47,12 @@ def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Bifurca
     found, lost = [], []
     for kind, contact, test in _sign_changes(a, b):
         try:
-            fraction, point = _root(corrector, a, b, test)
+            fraction, point = root_between(corrector, a, b, test)
         except StepError:
             lost.append(kind)
             continue
-        if _is_genuine(kind, point):
+        by_multipliers = kind in ("flip", "neimark-sacker")
+        if not by_multipliers or is_at(kind, point.evaluation.multipliers):
             found.append(Bifurcation(kind, contact, fraction, point))
         elif _stable(a) != _stable(b):  # multipliers jumped, as where contact begins
             lost.append(kind)
@@ -68,7 +69,7 @@ def _sign_changes(a: Point, b: Point) -> Iterator[tuple[str, int | None, TestFun
     tests: dict[str, TestFunction] = {
         "fold": lambda point: point.tangent[-1],
         "flip": lambda point: np.prod(1 + point.evaluation.multipliers).real,
-        "neimark-sacker": _pair_products,
+        "neimark-sacker": lambda point: pair_products(point.evaluation.multipliers),
         "branching": lambda point: _determinant(_bordered(point), scale),
     }
     for kind, test in tests.items():
@@ -94,8 +95,11 @@ def _grazing(k: int, count: int) -> TestFunction:
     return test
 
 
-def _root(corrector: Corrector, a: Point, b: Point, test: TestFunction) -> tuple[float, Point]:
-    """The root of a test function, in planes across the chord of two points."""
+def root_between(corrector: Any, a: Any, b: Any, test: TestFunction) -> tuple[float, Any]:
+    """The root of a test function, in planes across the chord of two points.
+
+    They are of a branch or of a curve, as its corrector gives them.
+    """
     chord = b.u - a.u
     length = float(np.linalg.norm(chord))
     normal, known = chord / length, {0.0: a, 1.0: b}
@@ -103,7 +107,7 @@ def _root(corrector: Corrector, a: Point, b: Point, test: TestFunction) -> tuple
     def value(fraction: float) -> float:
         if fraction not in known:
             guess = _interpolated(a, b, length, fraction)
-            known[fraction] = corrector.point(guess, normal, a.phase_condition, normal)
+            known[fraction] = corrector.point(guess, normal, a.anchor, normal)
         return test(known[fraction])
 
     find: Any = brentq
@@ -114,27 +118,24 @@ def _root(corrector: Corrector, a: Point, b: Point, test: TestFunction) -> tuple
     return fraction, known[fraction]
 
 
-def _interpolated(a: Point, b: Point, length: float, fraction: float) -> np.ndarray:
+def _interpolated(a: Any, b: Any, length: float, fraction: float) -> np.ndarray:
     """Unknowns by the cubic through two points with their tangents."""
     ease = fraction**2 * (3 - 2 * fraction)
     first, last = fraction * (1 - fraction) ** 2, -(fraction**2) * (1 - fraction)
     return a.u + ease * (b.u - a.u) + length * (first * a.tangent + last * b.tangent)
 
 
-def _is_genuine(kind: str, point: Point) -> bool:
+def is_at(kind: str, multipliers: Complex[np.ndarray, " r"]) -> bool:
     """Whether a root is a bifurcation: multipliers may jump, and two real ones have a product of 1."""
-    multipliers: Any = np.asarray(point.evaluation.multipliers)
-    if kind == "flip":
-        return bool(np.abs(multipliers + 1).min() < NEAR)
+    values: Any = np.asarray(multipliers)
     if kind == "neimark-sacker":
-        whirling = multipliers[np.abs(multipliers.imag) > NEAR]
+        whirling = values[np.abs(values.imag) > NEAR]
         return bool(np.abs(np.abs(whirling) - 1).min(initial=1.0) < NEAR)
-    return True
+    return bool(np.abs(values - (1 if kind == "fold" else -1)).min(initial=1.0) < NEAR)
 
 
-def _pair_products(point: Point) -> float:
-    """Test function of a Neimark-Sacker point."""
-    multipliers = np.asarray(point.evaluation.multipliers)
+def pair_products(multipliers: Complex[np.ndarray, " r"]) -> float:
+    """Test function of a Neimark-Sacker point: `prod(mu_i mu_j - 1)`."""
     first, second = np.triu_indices(multipliers.size, 1)
     return float(np.prod(multipliers[first] * multipliers[second] - 1).real)
 
@@ -191,17 +192,51 @@ def least_clearance(evaluation: Evaluation) -> Float[np.ndarray, " k"]:
 def _extrema(evaluation: Evaluation, k: int) -> Float[np.ndarray, " e"]:
     """Extrema of a clearance [m] in order of time, by cubics between samples."""
     parts = evaluation.clearance, evaluation.clearance_rate
-    clearance, rate = (np.asarray(part[..., k]).T for part in parts)
-    h = float(evaluation.period) / (clearance.shape[1] - 1)
+    clearance, rate = (np.asarray(part[..., k]) for part in parts)
+    step = float(evaluation.period) / (len(clearance) - 1)
+    return _extrema_of(clearance, step * rate)[0]
+
+
+def nearest_extremum(
+    clearance: Float[np.ndarray, "T i"],
+    rate: Float[np.ndarray, "T i"],
+    clearance_slope: Float[np.ndarray, "T i b"],
+    rate_slope: Float[np.ndarray, "T i b"],
+) -> tuple[float, Float[np.ndarray, " b"]]:
+    """The extremum of a clearance nearest to zero [m] and its derivatives, from those of the samples.
+
+    Rates are per step. The instant of an extremum may move without changing it, to first order.
+    """
+    values, numbers, at = _extrema_of(clearance, rate)
+    nearest = int(np.argmin(np.abs(values)))
+    image, sample = divmod(int(numbers[nearest]), len(clearance) - 1)
+    u = at[nearest]
+    ends = slice(sample, sample + 2)
+    before, after = clearance_slope[ends, image]
+    rate_before, rate_after = rate_slope[ends, image]
+    ease = u * u * (3 - 2 * u)
+    slope = (1 - ease) * before + ease * after
+    slope += u * (1 - u) ** 2 * rate_before - u * u * (1 - u) * rate_after
+    return float(values[nearest]), slope
+
+
+def _extrema_of(
+    clearance: Float[np.ndarray, "T i"], rate: Float[np.ndarray, "T i"]
+) -> tuple[Float[np.ndarray, " e"], Int[np.ndarray, " e"], Float[np.ndarray, " e"]]:
+    """Extrema of a clearance [m], the number of the span between samples of each, and its place in there.
+
+    Rates are per step; spans are counted image by image.
+    """
+    clearance, rate = clearance.T, rate.T
     c0, c1 = clearance[:, :-1].ravel(), clearance[:, 1:].ravel()
-    r0, r1 = h * rate[:, :-1].ravel(), h * rate[:, 1:].ravel()
-    stationary = (r0 * r1 < 0) | (r0 == 0)
-    if not stationary.any():
-        return c0[:1]
-    c0, c1, r0, r1 = (part[stationary] for part in (c0, c1, r0, r1))
+    r0, r1 = rate[:, :-1].ravel(), rate[:, 1:].ravel()
+    numbers = np.flatnonzero((r0 * r1 < 0) | (r0 == 0))
+    if not numbers.size:
+        return c0[:1], np.zeros(1, int), np.zeros(1)
+    c0, c1, r0, r1 = (part[numbers] for part in (c0, c1, r0, r1))
     square, cube = 3 * (c1 - c0) - 2 * r0 - r1, 2 * (c0 - c1) + r0 + r1
     at = r0 / np.where(r0 == r1, 1.0, r0 - r1)
     for _ in range(4):
         slope, bend = r0 + at * (2 * square + 3 * cube * at), 2 * square + 6 * cube * at
         at = np.clip(at - slope / np.where(bend == 0, np.inf, bend), 0.0, 1.0)
-    return c0 + at * (r0 + at * (square + at * cube))
+    return c0 + at * (r0 + at * (square + at * cube)), numbers, at

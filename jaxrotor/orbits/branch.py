@@ -71,7 +71,7 @@ class Branch(eqx.Module):
     @property
     def path(self) -> str:
         """Path of the parameter."""
-        return self.curve.path
+        return self.curve.parameters[0].path
 
     @property
     def scene(self) -> Scene:
@@ -96,7 +96,7 @@ class Branch(eqx.Module):
     def look(self, where: "int | BranchPoint") -> Evaluation:
         """The residual at a point or a bifurcation, with its Jacobian and samples of the motion."""
         u = self._at(where)
-        return self._corrector.evaluate(u, _any_phase(self.curve, u))
+        return self._corrector.evaluate(u, self.curve.any_phase(u))
 
     def doubled(self, flip: BranchPoint) -> PeriodicOrbit:
         """An orbit of twice the period on the branch that begins at a flip, near it.
@@ -190,7 +190,7 @@ def branch_of(
     problem, evaluations = corrector.problem, [point.evaluation for point in points]
     each = lambda name: np.array([getattr(evaluation, name) for evaluation in evaluations])
     whirl = each("turn") / (each("period") * each("speed"))
-    radius = [_radius(problem, evaluation) for evaluation in evaluations]
+    radius = [problem.radius(evaluation) for evaluation in evaluations]
     unknowns = np.stack([point.u for point in points])
     return Branch(
         values=np.array([_value(problem, u) for u in unknowns]),
@@ -216,7 +216,7 @@ def branch_of(
 
 def _branch_point(problem: ContinuationProblem, after: int, found: Bifurcation) -> BranchPoint:
     evaluation = found.point.evaluation
-    low, high = _radius(problem, evaluation)
+    low, high = problem.radius(evaluation)
     return BranchPoint(
         found.kind,
         _value(problem, found.point.u),
@@ -231,19 +231,7 @@ def _branch_point(problem: ContinuationProblem, after: int, found: Bifurcation) 
 
 
 def _value(problem: ContinuationProblem, u: Unknowns) -> float:
-    return float(problem.value(u[-1]))
-
-
-def _radius(problem: ContinuationProblem, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest radius at the stations [m]."""
-    radius = np.abs(evaluation.samples.displacement[:, : problem.stations.size])
-    return radius.min(axis=0), radius.max(axis=0)
-
-
-def _any_phase(problem: ContinuationProblem, u: Unknowns) -> PhaseCondition:
-    """A phase condition that every state meets, for one that is on its orbit already."""
-    m = u.size - (2 if problem.revolutions is None else 1)
-    return PhaseCondition(u[:m], np.zeros(m))
+    return float(problem.values(u)[0])
 
 
 def _with_twice_the_period(problem: ContinuationProblem) -> ContinuationProblem:

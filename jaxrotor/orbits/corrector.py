@@ -5,7 +5,8 @@
 Source: Allgower, Georg (2003), Introduction to Numerical Continuation Methods, chapters 2, 6.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,8 +32,8 @@ class Point(NamedTuple):
     iterations: int
 
     @property
-    def phase_condition(self) -> PhaseCondition:
-        """The one that picks this state from those of its orbit."""
+    def anchor(self) -> PhaseCondition:
+        """The condition that picks this state of its orbit; neighbours are corrected with it."""
         m = self.evaluation.direction.size
         return PhaseCondition(self.u[:m], self.evaluation.direction)
 
@@ -50,27 +51,43 @@ class Corrector(NamedTuple):
         return jax.tree.map(np.asarray, evaluate(self.problem, jnp.asarray(u), traced))
 
     def point(
-        self, guess: Unknowns, normal: Unknowns, condition: PhaseCondition, forward: Unknowns
+        self, guess: Unknowns, normal: Unknowns, anchor: PhaseCondition, forward: Unknowns
     ) -> Point:
         """The point of the branch in the plane through a guess; its tangent points along `forward`."""
-        u = np.array(guess, float)
-        count, trial = 0, self.evaluate(u, condition)
-        while True:
-            if not (np.isfinite(trial.residual).all() and np.isfinite(trial.jacobian).all()):
-                raise StepError("the motion, or its derivative, did not stay finite")
-            if np.abs(trial.residual).max() < self.tolerance:
-                return Point(u, tangent(trial, forward), trial, count)
-            if count == self.max_iterations:
-                raise StepError(_unfinished(count, trial))
-            matrix = np.vstack([trial.jacobian, normal])
-            try:
-                u = u - np.linalg.solve(matrix, np.append(trial.residual, normal @ (u - guess)))
-            except np.linalg.LinAlgError:
-                raise StepError("the equations of the corrector became singular") from None
-            count, trial = count + 1, self.evaluate(u, condition)
+        evaluate = lambda u: self.evaluate(u, anchor)
+        u, trial, count = newton(evaluate, guess, normal, self.tolerance, self.max_iterations)
+        return Point(u, tangent(jacobian_at_own_phase(trial), forward), trial, count)
 
 
-def _unfinished(iterations: int, trial: Evaluation) -> str:
+def newton(
+    evaluate: Callable[[Unknowns], Any],
+    guess: Unknowns,
+    normal: Unknowns,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Unknowns, Any, int]:
+    """Root of a residual in the plane through a guess, its last trial, and the number of corrections.
+
+    `evaluate` gives a trial with `residual`, `jacobian` and `outcome`.
+    """
+    u = np.array(guess, float)
+    count, trial = 0, evaluate(u)
+    while True:
+        if not (np.isfinite(trial.residual).all() and np.isfinite(trial.jacobian).all()):
+            raise StepError("the motion, or its derivative, did not stay finite")
+        if np.abs(trial.residual).max() < tolerance:
+            return u, trial, count
+        if count == max_iterations:
+            raise StepError(_unfinished(count, trial))
+        matrix = np.vstack([trial.jacobian, normal])
+        try:
+            u = u - np.linalg.solve(matrix, np.append(trial.residual, normal @ (u - guess)))
+        except np.linalg.LinAlgError:
+            raise StepError("the equations of the corrector became singular") from None
+        count, trial = count + 1, evaluate(u)
+
+
+def _unfinished(iterations: int, trial: Any) -> str:
     """Why Newton's method did not converge."""
     left = np.abs(trial.residual).max()
     reason = f"after {iterations} iterations the residual was still {left:.1e} of the state"
@@ -82,9 +99,8 @@ def _unfinished(iterations: int, trial: Evaluation) -> str:
     return reason
 
 
-def tangent(evaluation: Evaluation, forward: Unknowns) -> Unknowns:
+def tangent(jacobian: Float[np.ndarray, "a b"], forward: Unknowns) -> Unknowns:
     """Unit tangent of the branch along `forward`, its states moving across the motion."""
-    jacobian = jacobian_at_own_phase(evaluation)
     if not np.isfinite(jacobian).all():
         raise StepError("the motion came to rest")
     along = np.linalg.svd(jacobian)[2][-1]

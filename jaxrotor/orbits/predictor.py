@@ -7,11 +7,11 @@
 Source: Allgower, Georg (2003), Introduction to Numerical Continuation Methods, chapters 2, 6.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .corrector import Corrector, Point, StepError
+from .corrector import StepError
 
 
 LEAST = 1e-7  # shortest step, of a state or of the range
@@ -23,12 +23,16 @@ EASY, HARD = 2, 5  # iterations of the corrector after which steps grow, or shri
 
 
 class Predictor(NamedTuple):
-    """Steps `u_k + h t` that are corrected, checked, and halved until they succeed."""
+    """Steps `u_k + h t` that are corrected, checked, and halved until they succeed.
 
-    corrector: Corrector
+    Points are those of its corrector: a `Point` of a branch, or one of a curve of bifurcations.
+    """
+
+    corrector: Any  # with a method `point`, as `Corrector` has it
     max_step: float
+    parameters: int = 1  # the last unknowns, each from 0 to 1
 
-    def next(self, last: Point, h: float) -> tuple[Point, float, bool]:
+    def next(self, last: Any, h: float) -> tuple[Any, float, bool]:
         """The next point, the length of the step to try after it, and whether it ends the range."""
         while True:
             guess = last.u + h * last.tangent
@@ -43,33 +47,49 @@ class Predictor(NamedTuple):
             h *= 1.5 if point.iterations <= EASY else 0.5 if point.iterations >= HARD else 1.0
             return point, min(h, self.max_step * _scale(point)), ended
 
-    def _corrected(self, last: Point, guess: np.ndarray) -> tuple[Point, bool]:
-        """The point near a guess, or the end of the range before it."""
-        if 0 <= guess[-1] <= 1:
+    def _corrected(self, last: Any, guess: np.ndarray) -> tuple[Any, bool]:
+        """The point near a guess, or the end of a range before it."""
+        if self._within(guess):
             normal = last.tangent
-            point = self.corrector.point(guess, normal, last.phase_condition, normal)
-            if 0 <= point.u[-1] <= 1:
+            point = self.corrector.point(guess, normal, last.anchor, normal)
+            if self._within(point.u):
                 return point, False
             guess = point.u
         return self._end(last, guess), True
 
-    def _end(self, last: Point, guess: np.ndarray) -> Point:
-        """The point at the end of the range, before a guess beyond it."""
-        bound = 1.0 if guess[-1] > 1 else 0.0
-        ahead = guess[-1] - last.u[-1]
-        fraction = (bound - last.u[-1]) / ahead if ahead else 1.0
-        normal = np.append(np.zeros(guess.size - 1), 1.0)
-        at = last.u + fraction * (guess - last.u)
-        at[-1] = bound
-        return self.corrector.point(at, normal, last.phase_condition, last.tangent)
+    def _within(self, u: np.ndarray) -> bool:
+        places = u[-self.parameters :]
+        return bool(np.all((places >= 0) & (places <= 1)))
+
+    def _end(self, last: Any, guess: np.ndarray) -> Any:
+        """The point at the end of the range that is reached first, before a guess beyond it."""
+        places, ahead = guess[-self.parameters :], (guess - last.u)[-self.parameters :]
+        bounds = np.clip(places, 0.0, 1.0)
+        left = bounds - last.u[-self.parameters :]
+        fractions = np.where(
+            bounds == places,
+            np.inf,
+            np.divide(left, ahead, out=np.ones_like(left), where=ahead != 0),
+        )
+        first = int(np.argmin(fractions))
+        normal = np.zeros(guess.size)
+        number = guess.size - self.parameters + first
+        normal[number] = 1.0
+        at = last.u + fractions[first] * (guess - last.u)
+        at[number] = bounds[first]
+        point = self.corrector.point(at, normal, last.anchor, last.tangent)
+        point.u[number] = bounds[first]  # to rounding
+        if not self._within(point.u):
+            raise StepError("another parameter leaves its range before")
+        return point
 
 
-def _scale(point: Point) -> float:
+def _scale(point: Any) -> float:
     """Scale for the length of a step: norm of the state, at least 1."""
     return max(1.0, float(np.linalg.norm(point.u[: point.evaluation.direction.size])))
 
 
-def _check_neighbours(last: Point, point: Point, guess: np.ndarray, h: float, ended: bool) -> None:
+def _check_neighbours(last: Any, point: Any, guess: np.ndarray, h: float, ended: bool) -> None:
     """Raise where the point may be on another branch; short steps may pass a kink."""
     short = h < KINK
     if not short and last.tangent @ point.tangent < SHARP:

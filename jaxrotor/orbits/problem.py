@@ -1,12 +1,13 @@
-"""Problem: the periodic motions of a scene as one of its parameters changes.
+"""Problem: the periodic motions of a scene as one or more of its parameters change.
 
-    residual(x, s) = 0,   x of `Shooting`,   s from 0 to 1 along the range of the parameter
+    residual(x, s) = 0,   x of `Shooting`,   s from 0 to 1 along the range of each parameter
 
 One compiled program evaluates everything about a trial, whatever the values.
 """
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import diffrax as dfx
@@ -14,13 +15,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, Complex, Float
 
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.rub import AbstractRub
-from ..equations.speed_tables import check_tables
 from ..equations.start import Continued
 from ..equations.system import System, assemble, port_groups
 from ..motion.base import Plan
@@ -30,6 +30,7 @@ from ..shafts.cased import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit, winding_angle
+from .parameter_range import ParameterRange, own, range_of
 from .shooting import OrbitSamples, Shooting, differentiable, without_unbalance
 from .symmetry import SAME, symmetry_defects, symmetry_order
 
@@ -59,7 +60,7 @@ class Evaluation(NamedTuple):
 
 
 class ContinuationProblem(eqx.Module):
-    """`residual(x, s) = 0` for a scene, one of its parameters, and what counts as a period."""
+    """`residual(x, s) = 0` for a scene, `p` of its parameters, and what counts as a period."""
 
     scene: Scene
     stations: Float[Array, " s"]
@@ -67,31 +68,31 @@ class ContinuationProblem(eqx.Module):
     size: Scalar  # [m], the unit of the states
     span: Scalar  # [rad], see `Shooting`
     turn: Scalar  # [rad]
-    low: Scalar  # range of the parameter
-    high: Scalar
-    path: str = eqx.field(static=True)
+    parameters: tuple[ParameterRange, ...]
     revolutions: int | None = eqx.field(static=True)  # None: the period is unknown
     order: int = eqx.field(static=True)  # of the rotations that leave the scene as it is
     images: int = eqx.field(static=True)  # periods after which the motion closes
-    decades: bool = eqx.field(static=True)  # whether s runs along the logarithm
 
-    def value(self, s: ArrayLike) -> Array:
-        """Value of the parameter at `s`."""
-        s = jnp.asarray(s)
-        if self.decades:
-            return self.low * (self.high / self.low) ** s
-        return self.low + (self.high - self.low) * s
+    def values(self, u: Array | np.ndarray) -> tuple[Array, ...]:
+        """Values of the parameters at unknowns `u = (x, s)`."""
+        places = u[-len(self.parameters) :]
+        return tuple(one.value(s) for one, s in zip(self.parameters, places, strict=True))
 
-    def place(self, value: float) -> float:
-        """The `s` of a value."""
-        low, high = float(self.low), float(self.high)
-        if self.decades:
-            return math.log(value / low) / math.log(high / low)
-        return (value - low) / (high - low)
+    def rates(self, u: Float[np.ndarray, " b"]) -> tuple[float, ...]:
+        """`dp/ds` of every parameter."""
+        pairs = zip(self.parameters, self.values(u), strict=True)
+        return tuple(one.rate(float(value)) for one, value in pairs)
 
-    def system(self, s: ArrayLike) -> System:
-        """The equations of motion at `s`."""
-        system = assemble(self.scene.put({self.path: self.value(s)}), self.plan.together)
+    def at(self, u: Float[np.ndarray, " b"]) -> str:
+        """The values of the parameters, for a message."""
+        named = zip(self.parameters, self.values(u), strict=True)
+        return ", ".join(f"{one.path} = {float(value):.9g}" for one, value in named)
+
+    def system(self, s: Float[Array, " p"]) -> System:
+        """The equations of motion at places `s`."""
+        paths = [one.path for one in self.parameters]
+        scene = self.scene.put(dict(zip(paths, self.values(s), strict=True)))
+        system = assemble(scene, self.plan.together)
         if self.revolutions is None:
             system = without_unbalance(system)
         return system
@@ -110,7 +111,8 @@ class ContinuationProblem(eqx.Module):
         self, u: Float[np.ndarray, " b"], evaluation: Evaluation, iterations: int = 0
     ) -> PeriodicOrbit:
         """The orbit of unknowns `u = (x, s)`, from their evaluation."""
-        scene = self.scene.replace({self.path: float(self.value(u[-1]))})
+        values = zip(self.parameters, self.values(u), strict=True)
+        scene = self.scene.replace({one.path: float(value) for one, value in values})
         q, velocity = self.state(u, evaluation)
         samples, stations = evaluation.samples, self.stations.size
         times, force = samples.displacement.shape[0], samples.contact_force
@@ -148,29 +150,68 @@ class ContinuationProblem(eqx.Module):
         q, rates = np.split(real + 1j * imag, 2)
         return q, abs(float(evaluation.speed)) * rates
 
+    def radius(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+        """Smallest and largest radius at the stations [m]."""
+        radius = np.abs(evaluation.samples.displacement[:, : self.stations.size])
+        return radius.min(axis=0), radius.max(axis=0)
+
+    def any_phase(self, u: Float[np.ndarray, " b"]) -> PhaseCondition:
+        """A phase condition that every state meets, for one that is on its orbit already."""
+        m = u.size - len(self.parameters) - (1 if self.revolutions is None else 0)
+        return PhaseCondition(u[:m], np.zeros(m))
+
+
+def with_slopes(
+    problem: ContinuationProblem,
+    u: Float[Array, " b"],
+    condition: PhaseCondition,
+    observed: Callable[[Shooting, Array], tuple[Any, Any]],
+) -> tuple[Any, Any, Any, Shooting]:
+    """Values `observed(shooting, x)[0]`, their derivatives by `u`, what else it gave, and the shooting.
+
+    The derivatives have one more axis, the last.
+    """
+    count = len(problem.parameters)
+    x, s = u[:-count], u[-count:]
+    # Only what the parameters change is differentiated through assembly, and once.
+    split = lambda s: eqx.partition(problem.system(s), eqx.is_inexact_array)
+    constant = split(s)[1]
+    changed = lambda along: jax.jvp(lambda s: split(s)[0], (s,), (along,))
+    system, change = jax.vmap(changed, out_axes=(None, 0))(jnp.eye(count))
+
+    def of(x, system):
+        return observed(problem.shooting(eqx.combine(system, constant), condition), x)
+
+    def push(along):
+        moved = jax.tree.map(lambda leaf: jnp.tensordot(along[-count:], leaf, 1), change)
+        return jax.jvp(of, (x, system), (along[:-count], moved), has_aux=True)
+
+    values, slopes, more = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(u.size))
+    return values, slopes, more, problem.shooting(eqx.combine(system, constant), condition)
+
 
 def _evaluate(
     problem: ContinuationProblem, u: Float[Array, " b"], condition: PhaseCondition
 ) -> Evaluation:
-    x, s = u[:-1], u[-1]
-    # Only what the parameter changes is differentiated through assembly, and once.
-    split = lambda s: eqx.partition(problem.system(s), eqx.is_inexact_array)
-    constant = split(s)[1]
-    system, change = jax.jvp(lambda s: split(s)[0], (s,), (jnp.ones_like(s),))
+    residual = lambda shooting, x: shooting.residual(x)
+    found, jacobian, motion, shooting = with_slopes(problem, u, condition, residual)
+    return evaluation_of(problem, shooting, u, found, jacobian, motion)
 
-    def residual_of(x, system):
-        return problem.shooting(eqx.combine(system, constant), condition).residual(x)
 
-    def push(along):
-        moved = jax.tree.map(lambda leaf: along[-1] * leaf, change)
-        return jax.jvp(residual_of, (x, system), (along[:-1], moved), has_aux=True)
-
-    residual, jacobian, motion = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(u.size))
+def evaluation_of(
+    problem: ContinuationProblem,
+    shooting: Shooting,
+    u: Float[Array, " b"],
+    residual: Float[Array, " a"],
+    jacobian: Float[Array, "a b"],
+    motion: tuple[OrbitSamples, Outcome],
+) -> Evaluation:
+    """All that is told of a trial, from its residual, the Jacobian and the motion."""
     revolutions, outcome = motion
-    shooting = problem.shooting(eqx.combine(system, constant), condition)
+    x = u[: -len(problem.parameters)]
     autonomous = problem.revolutions is None
-    direction = shooting.direction(x) if autonomous else jnp.zeros_like(condition.reference)
-    multipliers, trivial = shooting.multipliers(x, jacobian[:, :-1])
+    direction = shooting.direction(x) if autonomous else jnp.zeros_like(shooting.guess)
+    multipliers, trivial = shooting.multipliers(x, jacobian[:, : x.size])
     samples = jax.tree.map(joined, revolutions)
     period = shooting.revolutions * shooting.length(x) / shooting.rate
     return Evaluation(
@@ -180,7 +221,7 @@ def _evaluate(
         multipliers,
         trivial,
         samples,
-        *_clearances(problem, shooting.system, samples),
+        *clearances(problem, shooting.system, samples),
         period,
         winding_angle(samples.displacement[:, 0], problem.turn),
         shooting.system.spin.speed,
@@ -191,7 +232,7 @@ def _evaluate(
 evaluate = eqx.filter_jit(_evaluate, **QUICKLY)
 
 
-def _clearances(
+def clearances(
     problem: ContinuationProblem, system: System, samples: OrbitSamples
 ) -> tuple[Array, Array]:
     """Clearances of every contact along every image of the orbit, and their rates."""
@@ -207,13 +248,19 @@ def _clearances(
     return jax.vmap(jax.vmap(rate))(z, v)
 
 
-# === from an orbit and a range
+# === from an orbit and ranges
 
 
 def problem_of(
-    orbit: PeriodicOrbit, path: str, between: Sequence[float], solver: Exponential | None
+    orbit: PeriodicOrbit,
+    ranges: Mapping[str, Sequence[float]],
+    solver: Exponential | None,
+    name: str = "between",
 ) -> tuple[ContinuationProblem, np.ndarray]:
-    """The problem of an orbit, and its unknowns; raise where it cannot be continued."""
+    """The problem of an orbit with parameters in ranges, and its unknowns; raise where there is none.
+
+    `name` is the argument that has the ranges.
+    """
     if not isinstance(orbit, PeriodicOrbit):
         raise ValueError(
             f"`orbit` must be a result of `jaxrotor.periodic`, but is a {type(orbit).__name__}."
@@ -229,14 +276,15 @@ def problem_of(
                 f"`{orbit.scene.name_of(contact)}` stands on the casing {contact.on!r}, but branches "
                 "look for grazing of contacts that stand on the ground; call `periodic` value by value."
             )
-    scene = with_shared_nodes(orbit.scene, [path])
-    low, high = _range(scene, path, between)
+    scene = with_shared_nodes(orbit.scene, list(ranges))
+    parameters = tuple(range_of(scene, path, between, name) for path, between in ranges.items())
     together = port_groups(scene)
     system = assemble(scene, together)
     given = Exponential(4, located=True) if solver is None else solver
     chosen = differentiable(given, system)
+    corners = itertools.product(*[(*between, own(scene, path)) for path, between in ranges.items()])
     basis = {
-        _basis(scene.replace({path: value}), chosen) for value in (*between, _own(scene, path))
+        _basis(scene.replace(dict(zip(ranges, corner, strict=True))), chosen) for corner in corners
     }
     modal = "modal" if basis == {"modal"} else "dense"
     chosen = Exponential(chosen.order, modal, chosen.located)
@@ -245,7 +293,11 @@ def problem_of(
     rate = abs(float(scene.spin.speed))
     autonomous = orbit.revolutions is None
     turn = orbit.turn if autonomous else jnp.zeros(())
-    images = _images(scene, path, float(turn), between) if autonomous else 1
+    images = 1
+    if autonomous:
+        images = _images(float(turn))
+        for path, between in ranges.items():
+            check_symmetry(scene, path, float(turn), between)
     q, velocity = orbit.start.q, np.asarray(orbit.start.velocity)
     if scene.resolution != orbit.scene.resolution:
         lines = orbit.scene.line(), scene.line()
@@ -260,55 +312,14 @@ def problem_of(
         size=jnp.asarray(size, float),
         span=jnp.asarray(rate * orbit.period if autonomous else 2 * math.pi, float),
         turn=jnp.asarray(turn),
-        low=jnp.asarray(low, float),
-        high=jnp.asarray(high, float),
-        path=path,
+        parameters=parameters,
         revolutions=orbit.revolutions,
         order=symmetry_order(scene, system) if autonomous else 1,
         images=images,
-        decades=low > 0 and high > 10 * low,
     )
     x = np.concatenate([state.real, state.imag]) / size
-    s = problem.place(_own(scene, path))
-    return problem, np.concatenate([x, [1.0] if autonomous else [], [s]])
-
-
-def _own(scene: Scene, path: str) -> float:
-    """The scene's own value of a parameter."""
-    values = np.ravel(scene.get(path))
-    if values.size == 0 or np.ptp(values) > SAME * np.abs(values).max():
-        raise ValueError(
-            f"`{path}` has several values, {', '.join(f'{v:g}' for v in values)}; name one of them, as in "
-            "`limiters.0.stiffness`."
-        )
-    return float(values[0])
-
-
-def _range(scene: Scene, path: str, between: Any) -> tuple[float, float]:
-    """The range of a parameter; raise unless both ends make a scene of the same layout."""
-    own = _own(scene, path)
-    try:
-        low, high = (float(value) for value in between)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if not (math.isfinite(high - low) and low < high):
-        raise ValueError(f"`between` must be two numbers, low and high, but is {between!r}.")
-    if not low <= own <= high:
-        raise ValueError(
-            f"`between` must hold the orbit's own `{path}`, {own:g}, but is {low:g} to {high:g}."
-        )
-    if path == "spin.speed" and low * high <= 0:
-        raise ValueError(f"`between` must keep the sense of rotation, but is {low:g} to {high:g}.")
-    if path == "spin.speed":
-        check_tables(scene, (low, high))
-    for value in (low, high):
-        other = scene.replace({path: value})
-        if other.spans != scene.spans or port_groups(other) != port_groups(scene):
-            raise ValueError(
-                f"`{path}` moves a station past another, or separates stops at the same station, between "
-                f"{low:g} and {high:g}; give a range that keeps their order."
-            )
-    return low, high
+    s = [one.place(own(scene, one.path)) for one in parameters]
+    return problem, np.concatenate([x, [1.0] if autonomous else [], s])
 
 
 def _basis(scene: Scene, solver: Exponential) -> str:
@@ -317,8 +328,16 @@ def _basis(scene: Scene, solver: Exponential) -> str:
     return chosen.basis
 
 
-def _images(scene: Scene, path: str, turn: float, between: Sequence[float]) -> int:
-    """Periods after which an autonomous orbit closes; raise where the parameter breaks its symmetry."""
+def _images(turn: float) -> int:
+    """Periods after which an autonomous orbit closes."""
+    count = 1
+    while abs(math.remainder(count * turn, 2 * math.pi)) > 1e-9 and count < 360:
+        count += 1
+    return count
+
+
+def check_symmetry(scene: Scene, path: str, turn: float, between: Sequence[float]) -> None:
+    """Raise where a parameter breaks the symmetry by which an autonomous orbit returns turned."""
     for value in between:
         other = scene.replace({path: value})
         system = assemble(other, port_groups(scene))
@@ -328,7 +347,3 @@ def _images(scene: Scene, path: str, turn: float, between: Sequence[float]) -> i
                 f"`{path}` breaks the symmetry that an orbit without unbalance depends on; compute the "
                 "orbit by `periodic` with `turn=0`, or in a scene with unbalance."
             )
-    count = 1
-    while abs(math.remainder(count * turn, 2 * math.pi)) > 1e-9 and count < 360:
-        count += 1
-    return count

@@ -9,6 +9,7 @@ from .bifurcation import bifurcation as bifurcation
 from .branch import branch as branch
 from .campbell import campbell as campbell
 from .clickable import write_page as write_page
+from .curves import curves as curves
 from .envelope import envelope as envelope
 from .error_map import error_map as error_map
 from .escapes import escapes as escapes

@@ -73,7 +73,7 @@ def branch(
             )
     ax.set_xlabel(name)
     ax.set_ylabel(label)
-    if result.curve.decades:
+    if result.curve.parameters[0].decades:
         ax.set_xscale("log")
     page.legend(ax, columns=2)
     page.assumption(ax, result.scene)

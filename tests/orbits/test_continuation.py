@@ -340,6 +340,30 @@ def test_backward_rub_becomes_a_torus_at_higher_speed(rub):
 
 
 @pytest.mark.slow
+def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(rub):
+    """Both over a second parameter, against branches of the first."""
+    speed = float(rub.scene.spin.speed)
+    cases = (
+        ("fold", "limiters.friction", (0.05, 0.15), "down", (3e6, 6e6), 2e-3),
+        ("neimark-sacker", "spin.speed", (speed, 1350.0), "up", (3e6, 6e6), 4.0),
+    )
+    for kind, path, between, direction, stiffness, width in cases:
+        branch = jr.continue_(rub, path, between, direction=direction, max_step=0.2)
+        plane, bounds = (path, "limiters.stiffness"), (between, stiffness)
+        how = {"max_points": 1, "step": 0.05, "max_step": 0.2}
+        curve = jr.continue_curve(branch, branch.of(kind)[0], plane, bounds, **how)
+        assert len(curve.values) == 3 and np.ptp(curve.values[:, 1]) > 1e5
+        assert curve.stable.all()
+        for number, (value, _) in enumerate(curve.values):
+            near = value - width, value + width
+            how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
+            orbit = jr.continue_(curve.orbit(number), path, near, **how).orbit(-1)
+            points = jr.continue_(orbit, path, near, step=2e-2, max_points=6).of(kind)
+            nearest = min((point.value for point in points), key=lambda one: abs(one - value))
+            assert nearest == pytest.approx(value, rel=1e-8)
+
+
+@pytest.mark.slow
 def test_locked_rub_is_left_for_a_torus_on_both_sides():
     """At half the speed between two eccentricities; there a pair of multipliers leaves, by scipy too."""
     scene = limiter_rotor(nodes=4, eps=0.8e-3 / LENGTH)
