@@ -252,6 +252,7 @@ offset = "10 um"                   # of the centre of the bush from the axis
 angle = "270 deg"                  # of that offset
 blend = "0.1 1/s"                  # smooths the film where it does not move
 cavitated = true                   # false: the full film, which bears negative pressure
+modes = 2                          # of the pressure along a film of finite length; 0: short
 on = "pedestal"
 """
         + PEDESTAL
@@ -268,6 +269,7 @@ offset = "10 um"
 angle = "270 deg"
 blend = "0.1 1/s"
 cavitated = true                   # false: the full film of a sealed damper under pressure
+modes = 0
 on = "pedestal"
 """
         + PEDESTAL
