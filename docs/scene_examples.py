@@ -174,6 +174,17 @@ cyy = [1e5, 9e4, 8e4]
 hold = true                        # constant beyond the ends; false: no values there
 """,
         """\
+[[support]]                        # a seal: tables over the frequency of whirl
+at = "0.1 m"
+frequencies = ["0 rad/s", "200 rad/s", "600 rad/s"]
+kxx = ["1e6 N/m", "1.1e6 N/m", "1.4e6 N/m"]
+kyy = ["1e6 N/m", "1.1e6 N/m", "1.4e6 N/m"]
+kxy = [2e5, 2e5, 2e5]
+kyx = [-2e5, -2e5, -2e5]
+cxx = "2e3 N s/m"
+cyy = "2e3 N s/m"
+""",
+        """\
 [[support]]                        # by means and axes
 at = "0.1 m"
 stiffness = "20 MN/m"

@@ -17,10 +17,11 @@ from ..core.quantities import Scalar, known, on_host
 from ..core.sign_change import sign_change
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..equations.speed_tables import speed_range
-from ..equations.system import System, assemble
+from ..equations.system import System
 from ..scene import Scene
 from .films import check_linear
 from .floquet import exponents
+from .whirl_tables import OverWhirl
 
 
 EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
@@ -66,10 +67,10 @@ def growth_rate(scene: Scene) -> Scalar:
 
 @compiled_quickly
 def _growth_rate(scene: Scene, steps: int) -> Scalar:
-    return growth_of(assemble(scene), steps)[0]
+    return growth_of(OverWhirl.of(scene), steps)[0]
 
 
-def growth_of(system: System, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
+def growth_of(system: System | OverWhirl, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
     """Largest growth rate [1/s] with rounding set to zero, and as computed."""
     values = exponents(system, steps)
     return _beyond_rounding(values, _first(system)), _largest(values)
@@ -214,7 +215,7 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
 @compiled_quickly
 def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
     """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
-    system = assemble(jax.lax.stop_gradient(scene))
+    system = OverWhirl.of(jax.lax.stop_gradient(scene))
     growth_at = _growth(system)
     low, high = _range(system) if within is None else within
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
@@ -238,7 +239,7 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     return speeds[order], jnp.sign(growth)[order]
 
 
-def _range(system: System) -> tuple[Scalar, Scalar]:
+def _range(system: System | OverWhirl) -> tuple[Scalar, Scalar]:
     """Speeds that are searched by default."""
     span = None if system.tabled is None else speed_range(system.tabled)
     if span is None:
@@ -246,7 +247,7 @@ def _range(system: System) -> tuple[Scalar, Scalar]:
     return jnp.where(span[1] > 0, larger(span[0], 0.0), span[0]), span[1]
 
 
-def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
+def _bent(system: System | OverWhirl, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     """Speeds in a range at which the shaft can stand bent in its own axes; `high` fills up.
 
     `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there. Solved as an eigenvalue problem, without a
@@ -284,7 +285,7 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
 
 @compiled_quickly
 def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
-    system = assemble(scene)
+    system = OverWhirl.of(scene)
     speed = _crossing(system, low, high)
     values = _roots_at(system, speed)
     whirl = values[_crosses(system, speed, values, low, high)].imag
@@ -293,7 +294,9 @@ def _refine(scene: Scene, low: Scalar, high: Scalar) -> Onset:
     return Onset(speed, whirl if isotropic(system.blocks) else jnp.abs(whirl))
 
 
-def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Scalar) -> Array:
+def _crosses(
+    system: System | OverWhirl, speed: Scalar, values: Array, low: Scalar, high: Scalar
+) -> Array:
     """Index of the root that crosses: the one that grows on the unstable side, if several are marginal."""
     way = jnp.where(_growth(system)(high) > 0, 1e-3, -1e-3)  # towards the unstable side
     beyond = _roots_at(system, speed + way * (high - low))
@@ -305,7 +308,7 @@ def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Sc
 
 
 @eqx.filter_custom_jvp
-def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
+def _crossing(system: System | OverWhirl, low: Scalar, high: Scalar) -> Scalar:
     """Speed between `low` and `high` where stability changes."""
     ends = jax.lax.map(_growth(system), low + jnp.asarray(EDGES) * (high - low))
     lost, marginal = ends[-1] > 0, undamped_side(ends)
@@ -342,7 +345,7 @@ def _synchronous(values: Array, speed: Scalar) -> Array:
     return jnp.any(is_rounding(values.imag - speed, speed))
 
 
-def _first(system: System) -> Scalar:
+def _first(system: System | OverWhirl) -> Scalar:
     """Scale [rad/s] of the order of the first natural frequency."""
     return Pencil.mean(system.at_rest).rate
 
@@ -357,11 +360,11 @@ def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
     return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 
-def _growth(system: System) -> Callable[[Scalar], Scalar]:
+def _growth(system: System | OverWhirl) -> Callable[[Scalar], Scalar]:
     """The function from a speed [rad/s] to the largest growth rate [1/s]."""
     first = _first(system)
     return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
 
 
-def _roots_at(system: System, speed: Scalar) -> Array:
+def _roots_at(system: System | OverWhirl, speed: Scalar) -> Array:
     return exponents(system.at_speed(speed))
