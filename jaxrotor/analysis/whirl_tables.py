@@ -24,6 +24,7 @@ from ..scene import Scene
 
 
 INTERVALS = 128  # of whirl frequency, in which crossings are sought
+MORE = 16  # crossings for which there is a place, beyond the number of eigenvalues
 POLISHING = 3  # steps of Newton's method
 SAME = 1e-6  # relative difference of a frequency and that of its coefficients, at a crossing
 
@@ -102,7 +103,10 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     least = 1e-9 * jnp.max(jnp.where(jnp.isfinite(every), jnp.abs(every), 0.0))
     every = jnp.where(jnp.abs(every) > least, every, jnp.inf)
     every = every[jnp.argsort(jnp.abs(every))][: found[0].size]
-    roots = jax.lax.map(lambda root: _polished(scene, held, root), every)
+    polished = lambda root: jax.lax.cond(
+        jnp.isfinite(root), lambda root: _polished(scene, held, root), lambda root: root, root
+    )
+    roots = jax.lax.map(polished, every)
     if circular:
         return roots
     twin = jnp.isfinite(roots) & ~is_rounding(roots.imag, roots)
@@ -122,7 +126,7 @@ def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c
     at_grid = jax.lax.map(above, grid)
     changes: Bool[Array, "i m"] = (at_grid[:-1] > 0) != (at_grid[1:] > 0)
     count = at_grid.shape[1]
-    order = jnp.argsort(~changes.ravel())[:count]
+    order = jnp.argsort(~changes.ravel())[: count + MORE]
 
     def one(place: Array) -> Complex[Array, ""]:
         k, j = place // count, place % count
@@ -130,10 +134,13 @@ def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c
         w = sign_change(lambda w: above(w)[j], grid[k], grid[k + 1], first, last, last > 0)
         roots = values(jnp.abs(w))
         root = roots[jnp.argmin(jnp.abs(roots.imag - w))]
-        good = changes[k, j] & (jnp.abs(root.imag - w) <= SAME * jnp.abs(w))
-        return jnp.where(good, root, jnp.inf)
+        return jnp.where(jnp.abs(root.imag - w) <= SAME * jnp.abs(w), root, jnp.inf)
 
-    return jax.lax.map(one, order)
+    def either(place: Array) -> Complex[Array, ""]:
+        none = lambda place: jnp.inf + 0j * place
+        return jax.lax.cond(changes.ravel()[place], one, none, place)
+
+    return jax.lax.map(either, order)
 
 
 def _polished(scene: Scene, held: Scene, root: Complex[Array, ""]) -> Complex[Array, ""]:
@@ -141,8 +148,7 @@ def _polished(scene: Scene, held: Scene, root: Complex[Array, ""]) -> Complex[Ar
 
     The last step alone has derivatives by the scene.
     """
-    there = jnp.isfinite(root)
-    at = jnp.stack([jnp.where(there, root.real, 1.0), jnp.where(there, root.imag, 0.0)])
+    at = jnp.stack([root.real, root.imag])
 
     def step(scene: Scene, at: Float[Array, "2"]) -> Float[Array, "2"]:
         u, _, v = jnp.linalg.svd(_pencil(held, jnp.abs(at[1])).at(at[0] + 1j * at[1]))
@@ -157,4 +163,4 @@ def _polished(scene: Scene, held: Scene, root: Complex[Array, ""]) -> Complex[Ar
 
     at = jax.lax.fori_loop(0, POLISHING, lambda _, at: step(held, at), at)
     at = step(scene, jax.lax.stop_gradient(at))
-    return jnp.where(there, at[0] + 1j * at[1], jnp.inf)
+    return at[0] + 1j * at[1]
