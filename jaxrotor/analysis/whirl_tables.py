@@ -73,6 +73,7 @@ class OverWhirl(eqx.Module):
         return OverWhirl(self.scene.at_speed(speed), self.system.at_speed(speed))
 
 
+@eqx.filter_jit  # traced once a program
 def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     """All roots whose frequency is within the tables, unordered; infinite ones fill up.
 
