@@ -314,7 +314,7 @@ def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Com
     s = np.geomspace(1.0, NEAREST if law.film.modes == 0 else NEAREST_FINITE, 400)
     e = np.sqrt((1 - s) * (1 + s))
     zero = np.zeros_like(e)
-    still = np.stack([e, zero], axis=1), np.stack([zero, -e / 2], axis=1)  # at a speed of 1
+    still = jnp.stack([e, zero], axis=1), jnp.stack([zero, -e / 2], axis=1)  # at a speed of 1
     along, across = jax.vmap(law.resistance)(*still).T
     capacity = law.scale * jnp.abs(speed)
     share = jnp.abs(load) / jnp.where(capacity > 0, capacity, 1.0)  # a film at rest has no load

@@ -219,7 +219,8 @@ def _scan(scene: Scene, within, samples: int) -> tuple[Float[Array, " w"], Float
     growth_at = _growth(system)
     low, high = _range(system) if within is None else within
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
-    if frame(system.blocks) == "rotating" and system.tabled is None:
+    turning = frame(system.blocks) == "rotating"
+    if isinstance(system, System) and turning and system.tabled is None:
         bent = _bent(system, low, high)
         between = (bent[1:] + bent[:-1]) / 2
         speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
@@ -247,7 +248,7 @@ def _range(system: System | OverWhirl) -> tuple[Scalar, Scalar]:
     return jnp.where(span[1] > 0, larger(span[0], 0.0), span[0]), span[1]
 
 
-def _bent(system: System | OverWhirl, low: Scalar, high: Scalar) -> Float[Array, " b"]:
+def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     """Speeds in a range at which the shaft can stand bent in its own axes; `high` fills up.
 
     `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there. Solved as an eigenvalue problem, without a

@@ -17,7 +17,14 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..core.quantities import Scalar, with_values
 from ..core.sign_change import sign_change
 from ..effects.base import AbstractOverSpeed
-from ..equations.pencil import Pencil, eigenvalues, is_rounding, isotropic
+from ..equations.pencil import (
+    Pencil,
+    eigenvalues,
+    frame,
+    is_rounding,
+    isotropic,
+    unequal_parts,
+)
 from ..equations.speed_tables import has_whirl_tables, whirl_range
 from ..equations.system import System, assemble
 from ..scene import Scene
@@ -60,7 +67,7 @@ class OverWhirl(eqx.Module):
         """The equations of a scene, as a `System` where nothing depends on the frequency of whirl."""
         if not has_whirl_tables(scene):
             return assemble(scene)
-        return cls(scene, assemble(at_whirl(scene, whirl_range(scene)[0])))
+        return cls(scene, _at_lowest(scene))
 
     def __getattr__(self, name: str) -> Any:
         """Axes, spin and scales, which are those of the `System`."""
@@ -83,7 +90,7 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     """
     held = jax.lax.stop_gradient(scene)
     low, high, beyond = whirl_range(held)
-    circular = isotropic(assemble(at_whirl(held, low)).blocks)
+    circular = isotropic(_at_lowest(held).blocks)
 
     def values(frequency: Scalar) -> Complex[Array, " m"]:
         found = eigenvalues(_pencil(held, frequency))
@@ -112,6 +119,18 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
         return roots
     twin = jnp.isfinite(roots) & ~is_rounding(roots.imag, roots)
     return jnp.concatenate([roots, jnp.where(twin, roots.conj(), jnp.inf)])
+
+
+def _at_lowest(scene: Scene) -> System:
+    """The equations at the lowest frequency; raise where their axes turn, in which it is another one."""
+    system = assemble(at_whirl(scene, whirl_range(scene)[0]))
+    if frame(system.blocks) != "fixed":
+        raise ValueError(
+            "Coefficients over the frequency of whirl are for axes that stand still, but unequal axes of "
+            f"{unequal_parts(system, 'rotating')} turn with the shaft; give numbers at one frequency, "
+            "`support.at_whirl(frequency)`."
+        )
+    return system
 
 
 def _pencil(scene: Scene, frequency: Scalar) -> Pencil:

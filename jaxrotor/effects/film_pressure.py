@@ -50,7 +50,7 @@ def film_integrals(
     b2 = (jnp.pi * (jnp.arange(modes) + 0.5)) ** 2
     shape = _Shape.of(zeta[0] + 1j * zeta[1], jnp.sqrt(s2))
     values = _modes(shape, b2 / slenderness**2, 6 / b2**2)
-    film = _Film(shape, values, _transform() @ values, 1 - jnp.sum(6 / b2**2))
+    film = _Film(shape, values, jnp.asarray(_transform()) @ values, 1 - jnp.sum(6 / b2**2))
     moves = w[0] ** 2 + w[1] ** 2 > 0
     speed = jnp.sqrt(jnp.where(moves, w[0] ** 2 + w[1] ** 2, 1.0))
     unit = jnp.where(moves, w / speed, jnp.array([1.0, 0.0]))

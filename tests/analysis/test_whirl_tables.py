@@ -152,6 +152,11 @@ def test_what_is_refused():
         ValueError, match="Coefficients of support are tables over the frequency of whirl"
     ):
         jr.simulate(scene, 1)
+    turning = jr.Support(0.5, 1e5, anisotropy=0.1, rotating=True)
+    with pytest.raises(
+        ValueError, match="are for axes that stand still, but unequal axes of support"
+    ):
+        jr.roots(rotor(seal(), turning))
     with pytest.raises(ValueError, match="a table is over one of the two; leave out the other"):
         seal(speeds=NODES)
     with pytest.raises(ValueError, match="at each of the 2 `frequencies"):
