@@ -174,6 +174,17 @@ cyy = [1e5, 9e4, 8e4]
 hold = true                        # constant beyond the ends; false: no values there
 """,
         """\
+[[support]]                        # a seal: tables over the frequency of whirl
+at = "0.1 m"
+frequencies = ["0 rad/s", "200 rad/s", "600 rad/s"]
+kxx = ["1e6 N/m", "1.1e6 N/m", "1.4e6 N/m"]
+kyy = ["1e6 N/m", "1.1e6 N/m", "1.4e6 N/m"]
+kxy = [2e5, 2e5, 2e5]
+kyx = [-2e5, -2e5, -2e5]
+cxx = "2e3 N s/m"
+cyy = "2e3 N s/m"
+""",
+        """\
 [[support]]                        # by means and axes
 at = "0.1 m"
 stiffness = "20 MN/m"
@@ -252,6 +263,7 @@ offset = "10 um"                   # of the centre of the bush from the axis
 angle = "270 deg"                  # of that offset
 blend = "0.1 1/s"                  # smooths the film where it does not move
 cavitated = true                   # false: the full film, which bears negative pressure
+modes = 2                          # of the pressure along a film of finite length; 0: short
 on = "pedestal"
 """
         + PEDESTAL
@@ -268,6 +280,7 @@ offset = "10 um"
 angle = "270 deg"
 blend = "0.1 1/s"
 cavitated = true                   # false: the full film of a sealed damper under pressure
+modes = 0
 on = "pedestal"
 """
         + PEDESTAL

@@ -12,7 +12,7 @@ from jaxtyping import Array, Complex, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..equations.pencil import Frame, frame, is_rounding, isotropic
-from ..equations.system import System, assemble
+from ..equations.system import System
 from ..scene import Scene
 from .films import check_linear
 from .modal import (
@@ -23,6 +23,7 @@ from .modal import (
     sense_of_whirl,
     slowest_first,
 )
+from .whirl_tables import OverWhirl, whirl_roots
 
 
 CHOICE = 0.2  # largest error of a sure match, relative to that of the next best match
@@ -132,7 +133,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
         raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
     check_linear(scene, speeds)
-    system = assemble(scene)
+    system = OverWhirl.of(scene)
     blocks = system.blocks
     if not all(map(known, jax.tree.leaves(system))):
         raise ValueError(
@@ -141,7 +142,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
         )
 
     energy = None
-    if frame(blocks) == "fixed" and not isotropic(blocks):
+    if isinstance(system, System) and frame(blocks) == "fixed" and not isotropic(blocks):
         energy = _kinetic_energy(scene, system)
 
     def sample(speed):
@@ -222,15 +223,20 @@ def _kinetic_energy(scene: Scene, system: System) -> Float[Array, "n n"]:
 
 
 @compiled_quickly
-def _values_and_slopes(system: System, energy: Array | None, speed: Scalar, count: int):
+def _values_and_slopes(system: System | OverWhirl, energy: Array | None, speed: Scalar, count: int):
     """The slowest roots, somewhat more than `count` (pairs), their derivatives, and senses of whirl.
 
     The senses are zero unless the matrix of the kinetic energy is given.
     """
     number = 4 * count + 8
-    values, slopes, vectors = moving_roots(system, speed, number)
+    if isinstance(system, OverWhirl):
+        own = lambda speed: whirl_roots(system.scene.at_speed(speed))
+        values, slopes = jax.jvp(own, (speed,), (jnp.ones_like(speed),))
+        vectors = None
+    else:
+        values, slopes, vectors = moving_roots(system, speed, number)
     senses = jnp.zeros(values.size)
-    if energy is not None:
+    if energy is not None and vectors is not None:
         shares = energy_shares(energy, vectors.reshape(-1, 2, system.n))
         senses = sense_of_whirl(values, speed) * (shares[:, 0] - shares[:, 1])
     # Massless coordinates have infinite roots; they are placed beyond all others.

@@ -18,6 +18,7 @@ from ..scene import Scene
 from .films import check_linear
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 from .synchronous import crossings, families, filled, synchronous_of
+from .whirl_tables import synchronous
 
 
 class CriticalSpeeds(eqx.Module):
@@ -114,6 +115,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
+    scene = synchronous(scene)
     check_linear(scene, [])
     found = _synchronous(scene, assemble(scene), count, points)
     if not known(found.speeds):

@@ -23,6 +23,7 @@ from ..shafts.cased import ends
 
 
 NEAREST = 1e-4  # root of 1 - eccentricity^2 up to which a film is sought to bear its load
+NEAREST_FINITE = 0.1  # likewise of a film of finite length
 STIFF = 1e6  # springs that hold journals in place, over the stiffness of their films
 MOST = 60  # steps of Newton's method
 
@@ -309,22 +310,16 @@ def _of_each(function: Callable, parts: tuple, *more: Array) -> Any:
 
 
 def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
-    """Position in the bush [m] that bears a load, to some digits, by Ocvirk's closed form.
-
-    `W = k0 |Omega| e sqrt(16 e^2 + pi^2 s^2) / (4 s^4)` at `tan attitude = pi s / (4 e)`, `s^2 = 1 - e^2`;
-    of a full film `W = pi k0 |Omega| e / (2 s^3)`, across the load.
-    """
-    s = np.geomspace(1.0, NEAREST, 400)
+    """Position in the bush [m] that bears a load, to some digits, among many along one direction."""
+    s = np.geomspace(1.0, NEAREST if law.film.modes == 0 else NEAREST_FINITE, 400)
     e = np.sqrt((1 - s) * (1 + s))
-    if law.film.cavitated:
-        borne = e * np.sqrt(16 * e**2 + (np.pi * s) ** 2) / (4 * s**4)
-    else:
-        borne = np.pi * e / (2 * s**3)
+    zero = np.zeros_like(e)
+    still = jnp.stack([e, zero], axis=1), jnp.stack([zero, -e / 2], axis=1)  # at a speed of 1
+    along, across = jax.vmap(law.resistance)(*still).T
     capacity = law.scale * jnp.abs(speed)
     share = jnp.abs(load) / jnp.where(capacity > 0, capacity, 1.0)  # a film at rest has no load
-    eccentricity = jnp.interp(share, borne, e)
-    along = 4 * eccentricity * law.film.cavitated
-    attitude = jnp.arctan2(jnp.pi * jnp.sqrt(1 - eccentricity**2), along)
+    eccentricity = jnp.interp(share, jnp.hypot(along, across), e)
+    attitude = jnp.interp(eccentricity, e, jnp.arctan2(-across, along))
     direction = load / jnp.where(load == 0, 1.0, jnp.abs(load))
     place = law.film.clearance * eccentricity * direction
     return place * jnp.exp(1j * jnp.sign(speed) * attitude)

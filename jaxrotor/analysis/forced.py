@@ -18,6 +18,7 @@ from ..scene import Scene
 from ..shafts.cased import row_of
 from ..shafts.line import AbstractLine
 from .films import check_linear
+from .whirl_tables import synchronous
 
 
 CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
@@ -136,6 +137,7 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9) with Pi = eps N^2 exp(i N tau).
     """
+    scene = synchronous(scene)
     check_linear(scene, speeds)
     speeds, places = _cases(scene, speeds, at)
     forward, backward, mirrored, _ = _respond(scene, speeds, speeds, places, _of_unbalance)

@@ -13,10 +13,10 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
 from ..core.compiled import compiled
-from ..equations.system import assemble
 from ..scene import Scene, with_shared_nodes
 from .films import check_linear
 from .stability import EDGES, STEPS, growth_of, undamped_side
+from .whirl_tables import OverWhirl
 
 
 CHUNK = 64  # points per call of the compiled program
@@ -164,7 +164,9 @@ def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.nda
 def _growth_of_chunk(
     scene: Scene, paths: tuple[str, ...], steps: int, *values: Array
 ) -> Float[Array, "2 k"]:
-    one = lambda point: growth_of(assemble(scene.put(dict(zip(paths, point, strict=True)))), steps)
+    one = lambda point: growth_of(
+        OverWhirl.of(scene.put(dict(zip(paths, point, strict=True)))), steps
+    )
     return jnp.stack(jax.lax.map(one, tuple(map(jnp.asarray, values))))
 
 

@@ -23,10 +23,12 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
+from ..equations.speed_tables import has_whirl_tables
 from ..equations.system import System, assemble, assemble_blocks
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from .films import check_linear
+from .whirl_tables import whirl_roots
 
 
 KINDS = ("forward", "backward", "mixed")  # kinds of whirl
@@ -145,7 +147,8 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     They belong to `x + i y`: a positive imaginary part is forward whirl, a negative real part stable. A
     rotor with unequal axes has conjugate pairs instead, in the fixed frame or, where only the shaft
     (or what turns with it) is unequal, in the axes of the shaft. Contact is left out: the straight
-    rotor touches nothing.
+    rotor touches nothing. With coefficients over the frequency of whirl each root has those at its own
+    `|Im lambda|`; their number may then be another, and all are sought, see docs/concepts/speed-tables.md.
 
     Args:
         scene: the rotor.
@@ -164,11 +167,17 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     eq. (2); Klochkov, eqs. (4)-(7).
     """
     check_linear(scene)
-    values = _roots(assemble(scene), count)
+    values = _whirl_roots(scene) if has_whirl_tables(scene) else _roots(assemble(scene), count)
     if known(values):
         found = np.asarray(values)
         return jnp.asarray(found[np.isfinite(found)][:count])
     return values[:count]
+
+
+@compiled_quickly
+def _whirl_roots(scene: Scene) -> Complex[Array, " m"]:
+    values = whirl_roots(scene)
+    return values[slowest_first(values)]
 
 
 @compiled_quickly

@@ -17,10 +17,11 @@ from ..core.quantities import Scalar, known, on_host
 from ..core.sign_change import sign_change
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..equations.speed_tables import speed_range
-from ..equations.system import System, assemble
+from ..equations.system import System
 from ..scene import Scene
 from .films import check_linear
 from .floquet import exponents
+from .whirl_tables import OverWhirl
 
 
 EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
@@ -57,7 +58,7 @@ def growth_rate(scene: Scene) -> Scalar:
         ValueError: tables of coefficients have no values at the speed of the scene.
     """
     check_linear(scene)
-    system = assemble(scene)
+    system = OverWhirl.of(scene)
     growth = _growth_rate(system, STEPS[0])
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
@@ -66,11 +67,11 @@ def growth_rate(scene: Scene) -> Scalar:
 
 
 @compiled_quickly
-def _growth_rate(system: System, steps: int) -> Scalar:
+def _growth_rate(system: System | OverWhirl, steps: int) -> Scalar:
     return growth_of(system, steps)[0]
 
 
-def growth_of(system: System, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
+def growth_of(system: System | OverWhirl, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
     """Largest growth rate [1/s] with rounding set to zero, and as computed."""
     values = exponents(system, steps)
     return _beyond_rounding(values, _first(system)), _largest(values)
@@ -126,13 +127,13 @@ def onset_speed(
     """
     check_linear(scene, [] if within is None else within)
     with waiting(progress, "onset of instability"):
-        system = assemble(scene)
+        system = OverWhirl.of(scene)
         speeds, sign = _scan(system, _checked(within, samples), samples)
         found = _onset(system, speeds, sign, samples, throw)
         return jax.block_until_ready(found) if known(found.speed) else found
 
 
-def _onset(system: System, speeds: Any, sign: Any, samples: int, throw: bool) -> Onset:
+def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, throw: bool) -> Onset:
     """The first loss of stability, from speeds and the sign of the growth rate there."""
     if known(sign) and known(speeds):
         speeds, sign = np.asarray(speeds), np.asarray(sign)
@@ -183,7 +184,7 @@ def stability_crossings(
             traced, or the rotor turns too slowly for `growth_rate`.
     """
     check_linear(scene, [] if within is None else within)
-    system = assemble(scene)
+    system = OverWhirl.of(scene)
     speeds, sign = _scan(system, _checked(within, samples), samples)
     if not known(sign):
         raise ValueError(
@@ -215,13 +216,16 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
 
 
 @compiled_quickly
-def _scan(system: System, within, samples: int) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
+def _scan(
+    system: System | OverWhirl, within, samples: int
+) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
     """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
     system = jax.lax.stop_gradient(system)
     growth_at = _growth(system)
     low, high = _range(system) if within is None else within
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
-    if frame(system.blocks) == "rotating" and system.tabled is None:
+    turning = frame(system.blocks) == "rotating"
+    if isinstance(system, System) and turning and system.tabled is None:
         bent = _bent(system, low, high)
         between = (bent[1:] + bent[:-1]) / 2
         speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
@@ -241,7 +245,7 @@ def _scan(system: System, within, samples: int) -> tuple[Float[Array, " w"], Flo
     return speeds[order], jnp.sign(growth)[order]
 
 
-def _range(system: System) -> tuple[Scalar, Scalar]:
+def _range(system: System | OverWhirl) -> tuple[Scalar, Scalar]:
     """Speeds that are searched by default."""
     span = None if system.tabled is None else speed_range(system.tabled)
     if span is None:
@@ -286,7 +290,7 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
 
 
 @compiled_quickly
-def _refine(system: System, low: Scalar, high: Scalar) -> Onset:
+def _refine(system: System | OverWhirl, low: Scalar, high: Scalar) -> Onset:
     speed = _crossing(system, low, high)
     values = _roots_at(system, speed)
     whirl = values[_crosses(system, speed, values, low, high)].imag
@@ -295,7 +299,9 @@ def _refine(system: System, low: Scalar, high: Scalar) -> Onset:
     return Onset(speed, whirl if isotropic(system.blocks) else jnp.abs(whirl))
 
 
-def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Scalar) -> Array:
+def _crosses(
+    system: System | OverWhirl, speed: Scalar, values: Array, low: Scalar, high: Scalar
+) -> Array:
     """Index of the root that crosses: the one that grows on the unstable side, if several are marginal."""
     way = jnp.where(_growth(system)(high) > 0, 1e-3, -1e-3)  # towards the unstable side
     beyond = _roots_at(system, speed + way * (high - low))
@@ -307,7 +313,7 @@ def _crosses(system: System, speed: Scalar, values: Array, low: Scalar, high: Sc
 
 
 @eqx.filter_custom_jvp
-def _crossing(system: System, low: Scalar, high: Scalar) -> Scalar:
+def _crossing(system: System | OverWhirl, low: Scalar, high: Scalar) -> Scalar:
     """Speed between `low` and `high` where stability changes."""
     ends = jax.lax.map(_growth(system), low + jnp.asarray(EDGES) * (high - low))
     lost, marginal = ends[-1] > 0, undamped_side(ends)
@@ -344,7 +350,7 @@ def _synchronous(values: Array, speed: Scalar) -> Array:
     return jnp.any(is_rounding(values.imag - speed, speed))
 
 
-def _first(system: System) -> Scalar:
+def _first(system: System | OverWhirl) -> Scalar:
     """Scale [rad/s] of the order of the first natural frequency."""
     return Pencil.mean(system.at_rest).rate
 
@@ -359,11 +365,11 @@ def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
     return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 
-def _growth(system: System) -> Callable[[Scalar], Scalar]:
+def _growth(system: System | OverWhirl) -> Callable[[Scalar], Scalar]:
     """The function from a speed [rad/s] to the largest growth rate [1/s]."""
     first = _first(system)
     return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
 
 
-def _roots_at(system: System, speed: Scalar) -> Array:
+def _roots_at(system: System | OverWhirl, speed: Scalar) -> Array:
     return exponents(system.at_speed(speed))

@@ -42,17 +42,25 @@ class AbstractLinear(AbstractEffect):
 
 
 class AbstractOverSpeed(AbstractLinear):
-    """Linear effect whose coefficients may be tables over the speed of rotation.
+    """Linear effect whose coefficients may be tables over the speed of rotation or over whirl.
 
-    The equations at a speed contain `at_speed(speed).blocks(line)`.
+    The equations at a speed contain `at_speed(speed).blocks(line)`, those of a motion that whirls
+    `at_whirl(frequency).blocks(line)`.
     """
 
     speeds: eqx.AbstractVar[Series | None]  # nodes of the tables [rad/s]; None: there are none
+    frequencies: eqx.AbstractVar[
+        Series | None
+    ]  # nodes of tables over the frequency of whirl [rad/s]
     hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
 
     @abc.abstractmethod
     def at_speed(self, speed: ArrayLike) -> AbstractLinear:
         """The effect with its coefficients at a speed [rad/s] in place of tables."""
+
+    @abc.abstractmethod
+    def at_whirl(self, frequency: ArrayLike) -> AbstractLinear:
+        """The effect with its coefficients at a frequency of whirl [rad/s] in place of tables."""
 
 
 class AbstractDamping(AbstractEffect):

@@ -1,4 +1,4 @@
-"""Film: forces of a short oil film between a journal and its bush."""
+"""Film: forces of an oil film between a journal and its bush."""
 
 from typing import ClassVar
 
@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from ..core.quantities import Scalar
 from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
+from .film_pressure import centred_share, film_integrals
 
 
 SERIES = 0.1  # below this `t - arctan t` is summed as a series
@@ -24,6 +25,7 @@ class AbstractFilm(AbstractContact):
     offset: eqx.AbstractVar[Scalar]  # of the centre of the bush from the axis [m]
     blend: eqx.AbstractVar[Scalar | None]  # delta [1/s]
     cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
+    modes: eqx.AbstractVar[int]  # modes of the pressure along the film; 0: the short film
 
     def law(self) -> "FilmLaw":
         """Law of the film, with the centre of its bush computed once."""
@@ -32,12 +34,13 @@ class AbstractFilm(AbstractContact):
 
 
 class FilmLaw(AbstractSmoothLaw):
-    """`F = -k0 |w| Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi`.
+    """`F = -k0 |w| Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi` of a short film.
 
     The integral goes over the half circle around `u = w / |w|` that is under pressure, `zeta = z / c`,
-    `w = zeta. - i Omega zeta / 2`, `a = Re(zeta u*)`, `b = Im(zeta u*)`, `k0 = mu R L^3 / c^2`. At the
-    wall and beyond the force is NaN. It is continuous: its derivative alone jumps, where the film does not
-    move, so there are no branches.
+    `w = zeta. - i Omega zeta / 2`, `a = Re(zeta u*)`, `b = Im(zeta u*)`, `k0 = mu R L^3 / c^2`. A film of
+    finite length has `F = -k0 Int p e^(i phi) dphi`, see `film_integrals`. At the wall and beyond the
+    force is NaN. It is continuous: its derivative alone jumps, where the film does not move, so there are
+    no branches.
     """
 
     steep: ClassVar[bool] = True
@@ -52,6 +55,11 @@ class FilmLaw(AbstractSmoothLaw):
         film = self.film
         return film.viscosity * film.radius * film.length**3 / film.clearance**2
 
+    @property
+    def slenderness(self) -> Scalar:
+        """Length over diameter."""
+        return self.film.length / (2 * self.film.radius)
+
     def eccentricity(self, displacement: Plane) -> Plane:
         """`zeta`, displacement of the journal in the bush over the clearance."""
         return (displacement - jnp.stack([self.x, self.y])) / self.film.clearance
@@ -60,13 +68,34 @@ class FilmLaw(AbstractSmoothLaw):
         zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance
         if self.film.turning:
             rate = rate - speed / 2 * jnp.stack([-zeta[1], zeta[0]])
+        return -self.scale * self.resistance(zeta, rate)
+
+    def resistance(self, zeta: Plane, w: Plane) -> Plane:
+        """`-F / k0` [1/s]; NaN at the wall and beyond."""
         square = zeta[0] ** 2 + zeta[1] ** 2
         inside = square < 1
         s2 = jnp.where(inside, 1 - square, 1.0)
-        force = (
-            _half(zeta, rate, s2, self.film.blend) if self.film.cavitated else _full(zeta, rate, s2)
-        )
-        return jnp.where(inside, -self.scale * force, jnp.nan)
+        if self.film.modes:
+            force = self._finite(jnp.where(inside, zeta, 0.0), w, s2)
+        elif self.film.cavitated:
+            force = _half(zeta, w, s2, self.film.blend)
+        else:
+            force = _full(zeta, w, s2)
+        return jnp.where(inside, force, jnp.nan)
+
+    def _finite(self, zeta: Plane, w: Plane, s2: Scalar) -> Plane:
+        """`I(w) / 2 + |w|^2 (I_half(u) - I(u) / 2) / rho`, where the half film is under pressure."""
+        film = self.film
+        whole, half = film_integrals(zeta, w, s2, self.slenderness, film.modes)
+        if not film.cavitated:
+            return whole
+        square = w[0] ** 2 + w[1] ** 2
+        moves = square > 0
+        smooth = 0.0 if film.blend is None else film.blend**2
+        speed = jnp.sqrt(jnp.where(moves, square, 1.0))
+        rho = jnp.sqrt(jnp.where(moves, square + smooth, 1.0))
+        even = half - whole / speed / 2
+        return whole / 2 + jnp.where(moves, square / rho, 0.0) * even
 
     def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         """`T = -2 pi mu R^3 L Omega / (c s) - Im(z* F) / 2` with Couette shear all round.
@@ -84,8 +113,10 @@ class FilmLaw(AbstractSmoothLaw):
         return -shear * speed / s - film.clearance * (x * force[1] - y * force[0]) / 2
 
     def hardness(self) -> Hardness:
-        """Damping of the centred journal, `pi k0 / (2 c)`, twice that of a full film; no stiffness."""
+        """Damping of the centred journal: a short half film has `pi k0 / (2 c)`. There is no stiffness."""
         damping = jnp.pi * self.scale / self.film.clearance
+        if self.film.modes:
+            damping = damping * centred_share(self.slenderness)
         zero = jnp.zeros_like(damping)
         return Hardness(zero, damping / 2 if self.film.cavitated else damping, jnp.zeros(2), zero)
 

@@ -1,15 +1,16 @@
-"""Journal bearing: a plain cylindrical bearing with a short oil film."""
+"""Journal bearing: a plain cylindrical bearing with an oil film."""
 
 from typing import ClassVar
 
 import equinox as eqx
 
+from ..core.checks import check_counts
 from ..core.quantities import Scalar, nonnegative, positive, real
 from .film import AbstractFilm
 
 
 class JournalBearing(AbstractFilm):
-    """Plain bearing with a short oil film, `p > 0` on the half circle towards which the film moves.
+    """Plain bearing with an oil film, `p > 0` on the half circle towards which the film moves.
 
         zeta = z / c,   w = zeta. - i Omega zeta / 2,   u = w / |w|,   k0 = mu R L^3 / c^2
         F = -k0 |w| Int_{-pi/2}^{pi/2} cos(phi) u e^(i phi) / (1 - Re(zeta* u e^(i phi)))^3 dphi
@@ -22,12 +23,20 @@ class JournalBearing(AbstractFilm):
 
     The force is exact at any eccentricity below 1, in the centre and at rest; it has no bound near the
     wall, and is NaN at the wall. Its derivative jumps where `w = 0` off the centre; `blend` [1/s] smooths
-    this, with a relative error of the order `blend^2 / |w|^2`, and still dissipates. The short film (p
-    quadratic along the bearing) bears too much where it is long: at L/D = 1/2 and eccentricity 0.6 by
-    about a third, at L/D = 1 several times as much.
+    this, with a relative error of the order `blend^2 / |w|^2`, and still dissipates.
+
+    This is the short film, whose oil flows along the bearing only. It bears too much where it is long: at
+    L/D = 1/2 and eccentricity 0.6 by about a third, at L/D = 1 several times as much. With `modes`, 1 or
+    more, it is a film of finite length: Reynolds' equation is separated by cosines along the bearing, and
+    for so many of them the oil flows round the journal, too,
+
+        (H^3 P')' - (b / Lambda)^2 H^3 P = 6 g / (b Lambda)^2,   b = (j - 1/2) pi,   Lambda = L / D
+
+    with `H = 1 - Re(zeta* e^(i phi))` and `g = -Re(w* e^(i phi))`. Two modes have the load within 0.4 % of
+    a film in two dimensions up to an eccentricity of 0.9 at L/D = 1, one of them within 5 %.
 
     Linear analyses need coefficients about a static position, see `jaxrotor.linearized`.
-    Source: Ocvirk (1952); Capone (1991); Friswell et al. (2010).
+    Source: Ocvirk (1952); Capone (1991); Friswell et al. (2010); modes: Reynolds' equation, separated.
     """
 
     kind: ClassVar[str] = "journal_bearing"
@@ -44,3 +53,7 @@ class JournalBearing(AbstractFilm):
     blend: Scalar | None = positive("blend [1/s]", default=None)
     cavitated: bool = eqx.field(default=True, static=True)  # half of the film is under pressure
     on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
+    modes: int = eqx.field(default=0, static=True)  # of the pressure along the film; 0: short
+
+    def __check_init__(self):
+        check_counts(0, modes=self.modes)

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import equinox as eqx
 
+from ..core.checks import check_counts
 from ..core.quantities import Scalar, nonnegative, positive, real
 from .film import AbstractFilm
 
@@ -18,7 +19,8 @@ class SqueezeFilm(AbstractFilm):
     a `Support` beside it is the cage. On a circular orbit of relative radius `e` about the centre at the
     rate w, with `s^2 = 1 - e^2`, the film has the stiffness `2 k0 w e / (c s^4)` and the damping
     `pi k0 / (2 c s^3)`; a full film (`cavitated=False`) has no stiffness and twice the damping.
-    `viscosity`, `clearance`, `offset`, `angle` and `blend` are those of a `JournalBearing`.
+    `viscosity`, `clearance`, `offset`, `angle`, `blend` and `modes` are those of a `JournalBearing`; with
+    `modes` its ends are open and its length is finite.
     Source: Friswell et al. (2010), Dynamics of Rotating Machines; Booker (1965).
     """
 
@@ -36,3 +38,7 @@ class SqueezeFilm(AbstractFilm):
     blend: Scalar | None = positive("blend [1/s]", default=None)
     cavitated: bool = eqx.field(default=True, static=True)  # half of the film is under pressure
     on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
+    modes: int = eqx.field(default=0, static=True)  # of the pressure along the film; 0: short
+
+    def __check_init__(self):
+        check_counts(0, modes=self.modes)

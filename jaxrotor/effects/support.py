@@ -59,7 +59,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     of a film. Between the nodes it is the shape-preserving cubic of each table (PCHIP), with a continuous
     first derivative. Every analysis takes the coefficients at its speeds. A speed outside the nodes is
     refused, or NaN where it is traced; with `hold=True` coefficients are constant there. Tables belong to
-    a support that does not turn.
+    a support that does not turn. With `frequencies` in place of `speeds` they are over the frequency of
+    whirl, as of a seal: each root has the coefficients at its own `|Im lambda|`.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
@@ -92,6 +93,9 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     cyx: Tabled = real("cyx [N s/m]", default=None, table=True)
     cyy: Tabled = real("cyy [N s/m]", default=None, table=True)
     speeds: Series = series("speeds [rad/s]", ascending=True, default=None)
+    frequencies: Series = series(
+        "frequencies [rad/s]", ascending=True, nonnegative=True, default=None
+    )
     hold: bool = eqx.field(
         default=False, static=True
     )  # whether tables are constant beyond the ends
@@ -128,7 +132,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         for letter, unit in (("k", "N/m"), ("c", "N s/m")):
             along = [getattr(self, letter + axes) for axes in ("xx", "yy")]
             total = sum(value for value in along if value is not None)
-            if known(total):
+            if known(total) and self.frequencies is None:  # dynamic stiffness has either sign
                 total = np.min(total)
                 label = f"{letter}xx + {letter}yy [{unit}]"
                 check(total, label, lambda x: x >= 0, "must not be negative")
@@ -159,30 +163,38 @@ class Support(AbstractUnequal, AbstractOverSpeed):
             )
 
     def _check_tables(self) -> None:
-        """Raise unless every table has a value at each of the speeds, and these have a table."""
+        """Raise unless every table has a value at each of the nodes, and these have a table."""
         tables = self._tables
-        if self.speeds is None:
+        given = {"speeds": self.speeds, "frequencies": self.frequencies}
+        given = {name: nodes for name, nodes in given.items() if nodes is not None}
+        if len(given) == 2:
+            raise ValueError(
+                "`speeds [rad/s]` and `frequencies [rad/s]` are both given, but a table is over one of "
+                "the two; leave out the other."
+            )
+        if not given:
             for name, table in tables.items():
                 raise ValueError(
                     f"`{name}` is a table of {table.size} numbers; give their `speeds [rad/s]`, or one "
                     "number."
                 )
             return
+        ((name_of_nodes, nodes),) = given.items()
         if not tables:
             raise ValueError(
-                "`speeds [rad/s]` are the nodes of tables, but no coefficient is a table; give kxx, .. "
-                "or cyy as a list, or leave out `speeds`."
+                f"`{name_of_nodes} [rad/s]` are the nodes of tables, but no coefficient is a table; give "
+                f"kxx, .. or cyy as a list, or leave out `{name_of_nodes}`."
             )
         for name, table in tables.items():
-            if table.size != self.speeds.size:
+            if table.size != nodes.size:
                 raise ValueError(
-                    f"`{name}` must have a value at each of the {self.speeds.size} `speeds [rad/s]`, but "
-                    f"has {table.size}."
+                    f"`{name}` must have a value at each of the {nodes.size} `{name_of_nodes} [rad/s]`, "
+                    f"but has {table.size}."
                 )
         if self.rotating:
             raise ValueError(
-                "Tables over `speeds [rad/s]` are for a support that does not turn; leave out `rotating`, "
-                "or give numbers."
+                f"Tables over `{name_of_nodes} [rad/s]` are for a support that does not turn; leave out "
+                "`rotating`, or give numbers."
             )
 
     @property
@@ -192,15 +204,20 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         return {name: value for name, value in own.items() if is_table(value)}
 
     def at_speed(self, speed: ArrayLike) -> "Support":
+        return self if self.speeds is None else self._at(speed, self.speeds)
+
+    def at_whirl(self, frequency: ArrayLike) -> "Support":
+        return self if self.frequencies is None else self._at(frequency, self.frequencies)
+
+    def _at(self, place: ArrayLike, nodes: Array) -> "Support":
+        """The support with its coefficients at a place of the tables."""
         tables = self._tables
-        if not tables:
-            return self
-        speed, speeds = jnp.asarray(speed, float), jnp.asarray(self.speeds)
+        place, nodes = jnp.asarray(place, float), jnp.asarray(nodes)
         if self.hold:
-            speed = bounded(speed, speeds[0], speeds[-1])
-        found = pchip(speed, speeds, jnp.stack(list(tables.values())))
+            place = bounded(place, nodes[0], nodes[-1])
+        found = pchip(place, nodes, jnp.stack(list(tables.values())))
         numbers: dict[str, Any] = dict(zip(tables, found, strict=True))
-        return with_values(self, speeds=None, **numbers)
+        return with_values(self, speeds=None, frequencies=None, **numbers)
 
     def refreshed(self) -> "Support":
         """Copy whose `vanishing` parts are derived from its current values."""

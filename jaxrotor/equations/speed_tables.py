@@ -1,4 +1,4 @@
-"""Speed tables: coefficients of a scene that are given over its speed of rotation."""
+"""Speed tables: coefficients of a scene that are given over its speed of rotation, or over whirl."""
 
 from typing import Any
 
@@ -16,8 +16,33 @@ def has_tables(scene: Scene) -> bool:
     return any(effect.speeds is not None for effect in scene.of(AbstractOverSpeed))
 
 
+def has_whirl_tables(scene: Scene) -> bool:
+    """Whether coefficients of a scene are tables over the frequency of whirl."""
+    return any(effect.frequencies is not None for effect in scene.of(AbstractOverSpeed))
+
+
+def whirl_range(scene: Scene) -> tuple[Scalar, Scalar, bool]:
+    """Frequencies [rad/s] between which roots are sought, and whether there are roots above, too.
+
+    Where all tables over whirl are held, these are zero and the highest node.
+    """
+    tables = [one for one in scene.of(AbstractOverSpeed) if one.frequencies is not None]
+    ends = [(one.frequencies[0], one.frequencies[-1]) for one in tables if not one.hold]
+    if not ends:
+        return jnp.zeros(()), jnp.max(jnp.stack([one.frequencies[-1] for one in tables])), True
+    lows, highs = (jnp.stack(side) for side in zip(*ends, strict=True))
+    return jnp.max(lows), jnp.min(highs), False
+
+
 def at_own_speed(scene: Scene, part: Any) -> Any:
     """A part of a scene with its coefficients at the speed of the scene at t = 0."""
+    if isinstance(part, AbstractOverSpeed) and part.frequencies is not None:
+        raise ValueError(
+            f"Coefficients of {scene.name_of(part)} are tables over the frequency of whirl, which only a "
+            "harmonic motion has; take `roots`, `growth_rate`, `onset_speed`, `stability_crossings`, "
+            "`campbell`, `critical_speeds` or `unbalance_response`, or the numbers at one frequency, "
+            "`support.at_whirl(frequency)`."
+        )
     if isinstance(part, AbstractOverSpeed) and part.speeds is not None:
         return part.at_speed(scene.spin.speed)
     return part

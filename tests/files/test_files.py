@@ -272,7 +272,11 @@ def test_shipped_lists_names_and_titles():
 
 
 ANOTHER_WAY = {  # fields of the second way to give a part, which the scene below leaves out
-    Support: [*(k + axes for k in "kc" for axes in ("xx", "xy", "yx", "yy")), "speeds"],
+    Support: [
+        *(k + axes for k in "kc" for axes in ("xx", "xy", "yx", "yy")),
+        "speeds",
+        "frequencies",
+    ],
     Unbalance: ["moment"],
 }
 

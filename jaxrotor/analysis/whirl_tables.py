@@ -1,0 +1,188 @@
+"""Coefficients over the frequency of whirl, as of seals: a nonlinear eigenvalue problem for the roots.
+
+    det( lambda^2 M + lambda (C(w) - i Omega G) + K(w) - i Omega H ) = 0,   w = |Im lambda|
+
+At a given w the roots are eigenvalues `lambda_j(w)`, and those of the rotor are the crossings
+`|Im lambda_j(w)| = w`. They are sought on a grid of w, so none is left to the chance of a start.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+
+from ..core.compiled import compiled_quickly
+from ..core.quantities import Scalar, with_values
+from ..core.sign_change import sign_change
+from ..effects.base import AbstractOverSpeed
+from ..equations.pencil import (
+    Pencil,
+    eigenvalues,
+    frame,
+    is_rounding,
+    isotropic,
+    unequal_parts,
+)
+from ..equations.speed_tables import has_whirl_tables, whirl_range
+from ..equations.system import System, assemble
+from ..scene import Scene
+
+
+INTERVALS = 128  # of whirl frequency, in which crossings are sought
+MORE = 16  # crossings for which there is a place, beyond the number of eigenvalues
+POLISHING = 3  # steps of Newton's method
+SAME = 1e-6  # relative difference of a frequency and that of its coefficients, at a crossing
+
+
+def at_whirl(scene: Scene, frequency: ArrayLike) -> Scene:
+    """The scene with the coefficients of its supports at one frequency of whirl [rad/s]."""
+    return _changed(scene, lambda support: support.at_whirl(frequency))
+
+
+def synchronous(scene: Scene) -> Scene:
+    """The scene with tables over whirl as tables over speed: they are the same in synchronous whirl."""
+    swap = lambda support: with_values(support, speeds=support.frequencies, frequencies=None)
+    return _changed(scene, swap)
+
+
+def _changed(scene: Scene, change: Callable) -> Scene:
+    """The scene with those of its supports changed that have tables over whirl."""
+    if not has_whirl_tables(scene):
+        return scene
+    tabled = lambda one: isinstance(one, AbstractOverSpeed) and one.frequencies is not None
+    effects = tuple(change(one) if tabled(one) else one for one in scene.effects)
+    return with_values(scene, effects=effects)  # whose stations may be traced
+
+
+class OverWhirl(eqx.Module):
+    """A rotor whose roots have coefficients each of its own frequency, in the place of a `System`."""
+
+    scene: Scene
+    system: System  # with the coefficients at the lowest frequency of the tables
+
+    @classmethod
+    def of(cls, scene: Scene) -> "OverWhirl | System":
+        """The equations of a scene, as a `System` where nothing depends on the frequency of whirl."""
+        if not has_whirl_tables(scene):
+            return assemble(scene)
+        return cls(scene, _at_lowest(scene))
+
+    def __getattr__(self, name: str) -> Any:
+        """Axes, spin and scales, which are those of the `System`."""
+        if name in ("blocks", "tabled", "spin", "at_rest", "n"):
+            return getattr(self.system, name)
+        raise AttributeError(name)
+
+    def at_speed(self, speed: Scalar) -> "OverWhirl":
+        """The same rotor at another speed."""
+        return OverWhirl(self.scene.at_speed(speed), self.system.at_speed(speed))
+
+
+@eqx.filter_jit  # traced once a program
+def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
+    """All roots whose frequency is within the tables, unordered; infinite ones fill up.
+
+    Beyond tables that are held their coefficients are constant, and roots there are among these. Two
+    crossings of one branch within an interval of the grid are missed. Differentiable, by a last step of
+    Newton's method.
+    """
+    held = jax.lax.stop_gradient(scene)
+    low, high, beyond = whirl_range(held)
+    circular = isotropic(_at_lowest(held).blocks)
+
+    def values(frequency: Scalar) -> Complex[Array, " m"]:
+        found = eigenvalues(_pencil(held, frequency))
+        return jnp.where(jnp.isfinite(found), found, 0.0)  # a root at zero is left out below
+
+    grid = jnp.linspace(low, high, INTERVALS + 1)
+    found = [_crossings(values, grid)]
+    if circular:
+        found.append(_crossings(values, -grid[::-1]))
+    ends = [(low, lambda roots: (low == 0) & is_rounding(roots.imag, roots))]
+    if beyond:
+        ends.append((high, lambda roots: jnp.abs(roots.imag) > high))
+    for end, belongs in ends:
+        roots = values(end)
+        chosen = belongs(roots) & (circular | (roots.imag >= 0))
+        found.append(jnp.where(chosen, roots, jnp.inf))
+    every = jnp.concatenate(found)
+    least = 1e-9 * jnp.max(jnp.where(jnp.isfinite(every), jnp.abs(every), 0.0))
+    every = jnp.where(jnp.abs(every) > least, every, jnp.inf)
+    every = every[jnp.argsort(jnp.abs(every))][: found[0].size]
+    polished = lambda root: jax.lax.cond(
+        jnp.isfinite(root), lambda root: _polished(scene, held, root), lambda root: root, root
+    )
+    roots = jax.lax.map(polished, every)
+    if circular:
+        return roots
+    twin = jnp.isfinite(roots) & ~is_rounding(roots.imag, roots)
+    return jnp.concatenate([roots, jnp.where(twin, roots.conj(), jnp.inf)])
+
+
+@compiled_quickly
+def _at_lowest(scene: Scene) -> System:
+    """The equations at the lowest frequency; raise where their axes turn, in which it is another one."""
+    system = assemble(at_whirl(scene, whirl_range(scene)[0]))
+    if frame(system.blocks) != "fixed":
+        raise ValueError(
+            "Coefficients over the frequency of whirl are for axes that stand still, but unequal axes of "
+            f"{unequal_parts(system, 'rotating')} turn with the shaft; give numbers at one frequency, "
+            "`support.at_whirl(frequency)`."
+        )
+    return system
+
+
+def _pencil(scene: Scene, frequency: Scalar) -> Pencil:
+    return Pencil.of(assemble(at_whirl(scene, frequency))).along_axes
+
+
+def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c"]:
+    """Roots `lambda_j(|w|)` with `Im lambda_j = w` on a grid of w; infinite ones fill up."""
+
+    def above(w: Scalar) -> Float[Array, " m"]:
+        return jnp.sort(values(jnp.abs(w)).imag) - w
+
+    at_grid = jax.lax.map(above, grid)
+    changes: Bool[Array, "i m"] = (at_grid[:-1] > 0) != (at_grid[1:] > 0)
+    count = at_grid.shape[1]
+    order = jnp.argsort(~changes.ravel())[: count + MORE]
+
+    def one(place: Array) -> Complex[Array, ""]:
+        k, j = place // count, place % count
+        first, last = at_grid[k, j], at_grid[k + 1, j]
+        w = sign_change(lambda w: above(w)[j], grid[k], grid[k + 1], first, last, last > 0)
+        roots = values(jnp.abs(w))
+        root = roots[jnp.argmin(jnp.abs(roots.imag - w))]
+        return jnp.where(jnp.abs(root.imag - w) <= SAME * jnp.abs(w), root, jnp.inf)
+
+    def either(place: Array) -> Complex[Array, ""]:
+        none = lambda place: jnp.inf + 0j * place
+        return jax.lax.cond(changes.ravel()[place], one, none, place)
+
+    return jax.lax.map(either, order)
+
+
+def _polished(scene: Scene, held: Scene, root: Complex[Array, ""]) -> Complex[Array, ""]:
+    """The root by Newton's method for `y P(lambda, |Im lambda|) x = 0`, with null vectors of each step.
+
+    The last step alone has derivatives by the scene.
+    """
+    at = jnp.stack([root.real, root.imag])
+
+    def step(scene: Scene, at: Float[Array, "2"]) -> Float[Array, "2"]:
+        u, _, v = jnp.linalg.svd(_pencil(held, jnp.abs(at[1])).at(at[0] + 1j * at[1]))
+        left, right = u[:, -1].conj(), v[-1].conj()
+
+        def residual(scene: Scene, at: Float[Array, "2"]) -> Float[Array, "2"]:
+            value = left @ _pencil(scene, jnp.abs(at[1])).at(at[0] + 1j * at[1]) @ right
+            return jnp.stack([value.real, value.imag])
+
+        slope = jax.jacfwd(lambda at: residual(held, at))(at)
+        return at - jnp.linalg.solve(slope, residual(scene, at))
+
+    at = jax.lax.fori_loop(0, POLISHING, lambda _, at: step(held, at), at)
+    at = step(scene, jax.lax.stop_gradient(at))
+    return at[0] + 1j * at[1]
