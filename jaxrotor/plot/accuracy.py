@@ -73,6 +73,10 @@ def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None
         ax.invert_xaxis()
     ax.set_xlabel(_AXES[axis])
     _finish(dataset, ax, columns=2)
+    if axis != "tolerance":  # every count is named as a plain number
+        counts = np.unique(np.concatenate([line[axis].values for _, line in found]))
+        ax.set_xticks(counts, labels=[f"{count:g}" for count in counts])
+        ax.set_xticks([], minor=True)
     return ax
 
 

@@ -131,6 +131,7 @@ def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
             above: Any = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
             above["fontsize"] = page.TEXT - 1
             ax.annotate(f"AF {amplification:.3g}", (speed, factor * amplitude), **above)
+            ax.update_datalim([(speed, factor * amplitude)])  # a peak between two speeds is higher
     ax.margins(y=0.12)  # for the texts
 
 
