@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from ..analysis import CriticalSpeeds, ResponsePeaks
 from ..analysis.peaks import HALF_POWER
@@ -163,9 +163,13 @@ def _draw(
     lower.plot(x, _phase(motion), color=colour, linewidth=1.2, label=name)
     upper.set_ylabel(f"amplitude [{unit}]")
     lower.set_ylabel("phase [deg]")
-    lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
     for ax in (upper, lower):
         ax.margins(x=0)
+    spread = np.ptp(lower.get_ylim())
+    if spread > 180:  # whole quarters of a turn
+        lower.yaxis.set_major_locator(MultipleLocator(90 * np.ceil(spread / 630)))
+    else:
+        lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
 
 
 def _phase(motion: Complex[np.ndarray, " w"]) -> Float[np.ndarray, " w"]:
