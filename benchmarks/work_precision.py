@@ -233,9 +233,11 @@ def show(name: str, study: xr.Dataset, out: Console) -> None:
 
 
 def draw(studies: dict[str, xr.Dataset], figure: Path) -> None:
+    names = [str(name) for study in studies.values() for name in study["method"].values]
+
     def panels(axes):
         for (name, study), ax in zip(studies.items(), np.atleast_1d(axes), strict=True):
-            plot.work_precision(study, ax)
+            plot.work_precision(study, ax, methods=names)  # one style a method in all panels
             ax.tick_params(labelbottom=True)
             ax.annotate(name, (0.99, 0.98), xycoords="axes fraction", ha="right", va="top")
 

@@ -30,6 +30,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 def pytest_addoption(parser):
     parser.addoption("--all", action="store_true", help="run the slow tests, too")
     parser.addoption("--hard-table", metavar="FILE", help="write the table of hard cases there")
+    parser.addoption("--pictures", action="store_true", help="draw pictures of pages anew")
     parser.addoption(
         "--durations-table", metavar="FILE", help="write what files of tests cost there"
     )

@@ -3,34 +3,48 @@
 Blocks of a page run in order: `python` in one namespace, lines `jaxrotor ..` of `sh` as commands, and
 `toml` with a title is written to the file of that name. A block `text` is what the block before it
 prints, where `..` stands for anything. A comment `<!-- not run: reason -->` leaves the next block out.
+A picture right behind a block is the figure that the block draws: `--pictures` draws them anew.
 """
 
 import contextlib
+import inspect
 import io
 import re
 import shlex
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
+from jaxrotor import plot as plots
 from jaxrotor.cli import app
 
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(
     r"(?P<left><!-- not run: [^>]+ -->\n)?^```(?P<language>python|sh|toml|text)"
-    r'(?: title="(?P<title>[^"]+)")?\n(?P<code>.*?)^```$',
+    r'(?: title="(?P<title>[^"]+)")?\n(?P<code>.*?)^```$'
+    r"(?:\n\n!\[[^\]]*\]\((?P<picture>[^)]+)\))?",
     re.M | re.S,
 )
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 QUICK = ("docs/tutorials/effect.md",)
-PAGES = ["README.md", *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/[gt]*/*.md"))]
+GALLERY = "docs/gallery.md"
+PAGES = [
+    *("README.md", GALLERY),
+    *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/[gt]*/*.md")),
+]
+CODE = "Description"  # key of a picture's file: the code that drew it
 
 
 @pytest.fixture(autouse=True)
 def place(tmp_path, monkeypatch, rendered):
     monkeypatch.chdir(tmp_path)
+
+
+NAMES = [name for name in dir(plots) if inspect.isfunction(getattr(plots, name))]
 
 
 def blocks(page: str) -> list[re.Match]:
@@ -84,7 +98,7 @@ def last_digit(number: str) -> float:
 @pytest.mark.parametrize(
     "page", [pytest.param(page, marks=[pytest.mark.slow] * (page not in QUICK)) for page in PAGES]
 )
-def test_code_of_a_page_runs(page):
+def test_code_of_a_page_runs(page, pytestconfig):
     names, last = {"__name__": "page"}, None
     for block in blocks(page):
         if block["left"]:
@@ -93,8 +107,42 @@ def test_code_of_a_page_runs(page):
             Path(block["title"]).write_text(block["code"], "utf-8")
         elif block["language"] in ("python", "sh"):
             last = printed(block, names)
+            if block["picture"]:
+                place = (ROOT / page).parent / block["picture"]
+                draw(place if pytestconfig.getoption("pictures") else io.BytesIO(), block["code"])
         elif block["language"] == "text" and last is not None:
             check_printed(block["code"], last)
+
+
+def draw(file, code: str) -> None:
+    """Write the one figure that a block has drawn, with its code, and close it."""
+    (number,) = plt.get_fignums()
+    plt.figure(number).savefig(file, format="png", dpi=110, metadata={CODE: code})
+    plt.close(number)
+
+
+PICTURES = [
+    (page, block["picture"], block["code"])
+    for page in PAGES
+    for block in blocks(page)
+    if block["picture"] and not block["left"]
+]
+
+
+@pytest.mark.parametrize(("page", "picture", "code"), PICTURES, ids=[one[1] for one in PICTURES])
+def test_a_picture_is_drawn_by_its_code(page, picture, code):
+    """`pytest -m slow tests/test_docs.py --pictures` draws it."""
+    with Image.open((ROOT / page).parent / picture) as drawn:
+        assert drawn.text[CODE] == code
+
+
+def test_every_plot_has_a_picture_in_the_gallery():
+    returned = {name: inspect.signature(getattr(plots, name)).return_annotation for name in NAMES}
+    drawing = {name for name, result in returned.items() if "Axes" in str(result)}
+    shown = {Path(picture).stem: code for page, picture, code in PICTURES if page == GALLERY}
+    assert set(shown) == drawing
+    for name, code in shown.items():
+        assert f"plot.{name}(" in code
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -13,6 +13,7 @@ from ..motion.history import TimeHistory
 from ..motion.run_up import run_up as run
 from ..results.dataset import dataset
 from ..results.provenance import assumed
+from ..solvers import Exponential
 from . import answer
 from .options import (
     SAMPLES,
@@ -30,6 +31,7 @@ from .options import (
     SceneName,
     Settings,
     Times,
+    count_or_auto,
     instants,
     moving_station,
     optional,
@@ -38,6 +40,7 @@ from .options import (
     typed_unit,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
+from .solver import NAMED, Solver, chosen
 
 
 _FILES = ("run-up.zarr", "run-up.png", "passage.png", "speed.png", "balls.png", "film.gif")
@@ -55,6 +58,20 @@ def run_up(
     start_rate: Rate = None,
     start_angle: Angle = None,
     at: At = None,
+    solver: Annotated[
+        Solver | None,
+        typer.Option(
+            help=f"{NAMED} [default: exponential4 of a flexible shaft without contact, dopri8 of another "
+            "shaft, else kvaerno5]"
+        ),
+    ] = None,
+    substeps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COUNT",
+            help='Steps from sample to sample of an exponential solver, or "auto": chosen by a pilot run.',
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for run-up.zarr and pictures."),
@@ -72,6 +89,7 @@ def run_up(
 
     jaxrotor run-up turbine-run-up --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
+    jaxrotor run-up fan.toml --duration 4s --solver exponential2 --substeps 16
     """
     rotor, table = scene_of(scene, settings, row, layout), study(scene)
     instant = instants(rotor, duration, samples, times)
@@ -80,8 +98,16 @@ def run_up(
         raise ValueError("--film needs a folder to write into; add --out.")
     station, moves = optional(at, "m", "--at"), moving_station(rotor)
     station = moves if station is None else station
+    steps: dict[str, Any] = {"solver": chosen(solver)}
+    if substeps is not None:
+        steps["substeps"] = count_or_auto(substeps, "--substeps")
+        if not isinstance(steps["solver"], Exponential):
+            raise ValueError(
+                f"--substeps {substeps} needs an exponential solver; add --solver exponential2, or leave "
+                "it out."
+            )
     with draft_or_none(out, _FILES, overwrite) as folder:
-        motion = run(rotor, instant, start=start, at=station)
+        motion = run(rotor, instant, start=start, at=station, **steps)
         if folder is not None:
             write_dataset(dataset(motion), folder / "run-up.zarr")
             _draw(motion, folder, film, moves is not None, typed_unit(*settings or ()))

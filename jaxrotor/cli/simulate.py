@@ -1,10 +1,8 @@
 """Command `simulate`: one motion in time."""
 
-import enum
 from pathlib import Path
 from typing import Annotated, Any
 
-import diffrax as dfx
 import numpy as np
 import typer
 
@@ -12,7 +10,6 @@ from ..files.toml import study
 from ..motion.history import TimeHistory
 from ..motion.simulate import simulate as run
 from ..results.dataset import dataset
-from ..solvers import Exponential
 from ..spins import ConstantSpeed
 from . import answer
 from .options import (
@@ -41,41 +38,11 @@ from .options import (
     start_with,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
+from .solver import NAMED, Solver, chosen
 
 
 REVOLUTIONS = 100  # by default
 _FILES = ("response.zarr", "orbit.png", "history.png")
-
-
-class Solver(enum.StrEnum):
-    """Names of solvers: those of this package, and those of diffrax in lower case."""
-
-    exponential2 = "exponential2"
-    exponential4 = "exponential4"
-    kvaerno3 = "kvaerno3"
-    kvaerno4 = "kvaerno4"
-    kvaerno5 = "kvaerno5"
-    kencarp3 = "kencarp3"
-    kencarp4 = "kencarp4"
-    kencarp5 = "kencarp5"
-    tsit5 = "tsit5"
-    dopri5 = "dopri5"
-    dopri8 = "dopri8"
-
-
-_SOLVERS = {
-    Solver.exponential2: lambda: Exponential(2),
-    Solver.exponential4: lambda: Exponential(4),
-    Solver.kvaerno3: dfx.Kvaerno3,
-    Solver.kvaerno4: dfx.Kvaerno4,
-    Solver.kvaerno5: dfx.Kvaerno5,
-    Solver.kencarp3: dfx.KenCarp3,
-    Solver.kencarp4: dfx.KenCarp4,
-    Solver.kencarp5: dfx.KenCarp5,
-    Solver.tsit5: dfx.Tsit5,
-    Solver.dopri5: dfx.Dopri5,
-    Solver.dopri8: dfx.Dopri8,
-}
 
 
 def simulate(
@@ -95,10 +62,7 @@ def simulate(
     tolerance: Tolerance = 1e-3,
     solver: Annotated[
         Solver | None,
-        typer.Option(
-            help="Exponential of order 2 or 4, or a diffrax solver. [default: exponential2 where it can "
-            "be taken]"
-        ),
+        typer.Option(help=f"{NAMED} [default: exponential2 where it can be taken]"),
     ] = None,
     start_radius: Radius = None,
     start_rate: Rate = None,
@@ -125,7 +89,7 @@ def simulate(
     rotor, table = scene_with(scene, settings), study(scene)
     moves = moving_station(rotor)
     options: dict[str, Any] = {
-        "solver": None if solver is None else _SOLVERS[solver](),
+        "solver": chosen(solver),
         "start": start_with(table, start_radius, start_rate, start_angle),
         "nodes": count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar
+from ..core.tables import notebook_table
 from ..scene import Scene
 from .bounds import own_value
 
@@ -35,6 +36,14 @@ class Uncertainty(eqx.Module):
         scale = jnp.stack(list(self.deviations.values()))
         off = (given - jnp.stack(list(self.values.values()))) / scale
         return off @ jnp.linalg.solve(self.covariance / jnp.outer(scale, scale), off)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (path, float(value), float(self.deviations[path]))
+            for path, value in self.values.items()
+        ]
+        heads = ("parameter", "value, SI", "standard deviation, SI")
+        return notebook_table("Fitted parameters", heads, rows)
 
     def __str__(self) -> str:
         return "\n".join(

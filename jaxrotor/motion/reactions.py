@@ -10,6 +10,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.compiled import compiled
 from ..core.quantities import known
+from ..core.tables import notebook_table
 from ..effects import AbstractContact, Support
 from ..equations.forces import applied_force, body_force, contact_force, resistance
 from ..equations.kinematics import Kinematics
@@ -39,6 +40,18 @@ class Reactions(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
     scene: Scene
     solver: str = eqx.field(static=True)  # by which the motion was computed
+
+    def _repr_html_(self) -> str:
+        sizes = np.abs(np.asarray(self.force))
+        rest = np.abs(np.asarray(self.static)).tolist()
+        last = sizes.argmax(axis=0).tolist()
+        rows = [
+            (self.scene.where(name), sizes[k, i], float(self.time[k]), still)
+            for i, (name, k, still) in enumerate(zip(self.names, last, rest, strict=True))
+        ]
+        heads = ("reaction", "largest [N]", "at time [s]", "at rest [N]")
+        samples = f"Reactions at {self.time.size} samples, motion by {self.solver}"
+        return notebook_table(samples, heads, rows)
 
     @property
     def rotating(self) -> Complex[Array, "T k"]:

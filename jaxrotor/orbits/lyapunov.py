@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 from ..core.checks import check_counts
 from ..core.outcome import Outcome
 from ..core.progress import progress as bar, segments
+from ..core.tables import notebook_table
 from ..equations.start import AbstractStart, AtRest, Continued
 from ..equations.system import assemble, port_groups
 from ..motion.base import Plan
@@ -46,6 +47,10 @@ class Lyapunov(eqx.Module):
         """Mean growth from the first revolution to each later one [1/s]."""
         growth = np.asarray(self.growth)
         return np.cumsum(growth, axis=0) / np.arange(1, len(growth) + 1)[:, None]
+
+    def _repr_html_(self) -> str:
+        pairs = zip(np.asarray(self.exponents), np.asarray(self.error), strict=True)
+        return notebook_table(str(self), ("exponent [1/s]", "standard error [1/s]"), list(pairs))
 
     def __str__(self) -> str:
         pairs = zip(np.asarray(self.exponents), np.asarray(self.error), strict=True)

@@ -1,5 +1,6 @@
 """Accuracy: error against run time, steps or nodes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ _MARKERS = "osD^vPX<>"
 _FLOOR = 3.0  # an order is fitted to errors above so many times the error of the reference
 
 
-def work_precision(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
+def work_precision(
+    dataset: xr.Dataset, ax: Axes | None = None, *, methods: Sequence[str] = ()
+) -> Axes:
     """Relative error against run time, one line per method, its settings loose to tight.
 
     Settings that failed are left out and counted in the figure. The dashed line is the uncertainty of
@@ -28,12 +31,14 @@ def work_precision(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     Args:
         dataset: result of `jaxrotor.accuracy`.
         ax: Axes to draw in; a new figure if None.
+        methods: names of the methods of several studies, so that each has one style in all pictures; by
+            default those of this study.
 
     Returns:
         The Axes, relative error [1] over run time [s].
     """
     ax = page.single(ax, 150, 105)
-    for style, line in _lines(dataset):
+    for style, line in _lines(dataset, methods):
         ax.plot(line["run_time"].values, _errors(line), label=line["method"].values[0], **style)
     ax.set_xlabel(f"time of a run{_lanes(dataset)} [s]")
     _finish(dataset, ax)
@@ -73,6 +78,10 @@ def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None
         ax.invert_xaxis()
     ax.set_xlabel(_AXES[axis])
     _finish(dataset, ax, columns=2)
+    if axis != "tolerance":  # every count is named as a plain number
+        counts = np.unique(np.concatenate([line[axis].values for _, line in found]))
+        ax.set_xticks(counts, labels=[f"{count:g}" for count in counts])
+        ax.set_xticks([], minor=True)
     return ax
 
 
@@ -84,11 +93,15 @@ def slope(x: Float[np.ndarray, " N"], error: np.ndarray, floor: float | int) -> 
     return float(np.polyfit(np.log(x[use]), np.log(error[use]), 1)[0])
 
 
-def _lines(dataset: xr.Dataset) -> list[tuple[dict[str, Any], xr.Dataset]]:
-    """Line style and runs of every method."""
-    names = list(dict.fromkeys(dataset["method"].values.tolist()))
+def _lines(
+    dataset: xr.Dataset, methods: Sequence[str] = ()
+) -> list[tuple[dict[str, Any], xr.Dataset]]:
+    """Line style and runs of every method; styles follow the order of `methods`, then of the runs."""
+    own = dict.fromkeys(dataset["method"].values.tolist())
     found = []
-    for number, name in enumerate(names):
+    for number, name in enumerate(dict.fromkeys((*methods, *own))):
+        if name not in own:
+            continue
         cycle = number // len(colours.CYCLE)
         style = {
             "color": colours.CYCLE[number % len(colours.CYCLE)],

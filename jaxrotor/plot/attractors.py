@@ -46,8 +46,10 @@ def attractors(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
     name = words(about["features"][0])
-    for shade, mean in zip(shades, about["means"], strict=True):
-        ax.fill([], [], color=shade, label=f"{name} {mean[0]:.3g}")
+    means = [mean[0] for mean in about["means"]]
+    rounding = 1e-4 * max(map(abs, means), default=0.0)  # digits below are those of a short run
+    for shade, mean in zip(shades, means, strict=True):
+        ax.fill([], [], color=shade, label=f"{name} {mean if abs(mean) > rounding else 0.0:.3g}")
     if (number < 0).any():
         ax.fill([], [], facecolor="white", edgecolor=colours.GREY, label="failed")
     page.legend(ax, columns=3)

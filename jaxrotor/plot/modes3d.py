@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 
 from ..analysis import Modes
 from . import colours, labels, page
+from .mode_shapes import single
+from .units import length_unit
 
 
 _PHASE = np.linspace(0.0, 2 * np.pi * 11 / 12, 67)  # eleven twelfths of an orbit
@@ -40,13 +42,13 @@ def modes3d(
         ValueError: there is no such mode, or `axes` are not as many 3-D Axes.
     """
     values: Any = np.asarray(modes.values)
-    stations = np.asarray(modes.stations)
+    lengths, unit = length_unit("m")
+    stations = lengths * np.asarray(modes.stations)
     order = np.argsort(stations)
     shapes = np.asarray(modes.shapes)
     counters = np.zeros_like(shapes) if modes.counter is None else np.asarray(modes.counter)
     senses, seen = np.asarray(modes.senses), np.asarray(modes.fixed_values)
-    single = np.full(values.shape, modes.counter is None) | (values.imag >= 0)
-    chosen = np.flatnonzero(single)[:4].tolist() if numbers is None else list(numbers)
+    chosen = np.flatnonzero(single(modes))[:4].tolist() if numbers is None else list(numbers)
     outside = [number for number in chosen if not -values.size <= number < values.size]
     if outside or not chosen:
         raise ValueError(
@@ -62,7 +64,7 @@ def modes3d(
         ax.set_title(title, fontsize=page.TEXT, y=1.05, pad=0.0)
     axis = " of the shaft" if modes.frame == "rotating" else ""
     for ax in drawn:
-        ax.set(xlabel="position [m]", ylabel=f"x{axis} [1]", zlabel=f"y{axis} [1]")
+        ax.set(xlabel=f"position [{unit}]", ylabel=f"x{axis} [1]", zlabel=f"y{axis} [1]")
     return drawn
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from ..analysis import CriticalSpeeds, ResponsePeaks
 from ..analysis.peaks import HALF_POWER
@@ -131,6 +131,7 @@ def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
             above: Any = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
             above["fontsize"] = page.TEXT - 1
             ax.annotate(f"AF {amplification:.3g}", (speed, factor * amplitude), **above)
+            ax.update_datalim([(speed, factor * amplitude)])  # a peak between two speeds is higher
     ax.margins(y=0.12)  # for the texts
 
 
@@ -162,9 +163,13 @@ def _draw(
     lower.plot(x, _phase(motion), color=colour, linewidth=1.2, label=name)
     upper.set_ylabel(f"amplitude [{unit}]")
     lower.set_ylabel("phase [deg]")
-    lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
     for ax in (upper, lower):
         ax.margins(x=0)
+    spread = np.ptp(lower.get_ylim())
+    if spread > 180:  # whole quarters of a turn
+        lower.yaxis.set_major_locator(MultipleLocator(90 * np.ceil(spread / 630)))
+    else:
+        lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
 
 
 def _phase(motion: Complex[np.ndarray, " w"]) -> Float[np.ndarray, " w"]:

@@ -12,6 +12,7 @@ from matplotlib.transforms import offset_copy
 
 from ..core.outcome import STATUS, failed
 from ..core.tables import RPM
+from ..files.toml import loads
 from . import colours, page
 from .labels import coordinate, parameter, swept, words
 from .units import speed_unit
@@ -19,6 +20,7 @@ from .units import speed_unit
 
 LOST = "no result"
 _MOST = 8  # classes that a variable with whole numbers may have; more have a colour bar
+_FAR = 0.1  # of the length of the shaft: a lane that went farther has run away
 _DECADES = 3  # positive values that span more are drawn on a logarithmic scale
 _RAISED = 26.0  # pt: the legend above an axis in rpm
 _KINDS = {  # name -> colour, in the order of the legend
@@ -31,6 +33,7 @@ _KINDS = {  # name -> colour, in the order of the legend
     "backward whirl": colours.BACKWARD,
     "undefined": colours.UNDEFINED,
     "steps too long": colours.DARK,
+    "ran away": colours.MAGENTA,
     LOST: "white",
 }
 
@@ -48,6 +51,8 @@ def sweep_map(
 
     * "no result": its `status` says that it failed; hatched;
     * "steps too long": contact was too stiff for the step, so more steps are needed;
+    * "ran away": `radius_max` exceeds a tenth of the shaft's length, where small deflections, which all
+      equations assume, no longer hold;
     * "no contact": no limiter was under load in the kept revolutions (`duty` of all is 0);
     * "rub, forward whirl", "rub, backward whirl": the orbit turns about the centre with or against the
       spin, by the sign of its `winding`, or of its precession `index` where there is no winding;
@@ -189,6 +194,8 @@ def _kinds(
         LOST: failed(status),
         "steps too long": status == STATUS.index("steps_too_long_for_a_stop"),
     }
+    if "radius_max" in dataset and "scene" in dataset.attrs:
+        conditions["ran away"] = _numbers(dataset, dims, "radius_max") > _FAR * _length(dataset)
     rub = "rub" if "duty" in dataset else ""
     if rub:
         conditions["no contact"] = _numbers(dataset, dims, "duty") == 0
@@ -200,6 +207,13 @@ def _kinds(
     names = list(_KINDS)
     numbers = [names.index(kind) for kind in conditions]
     return np.select(list(conditions.values()), numbers, names.index(rub)), list(_KINDS.items())
+
+
+def _length(dataset: xr.Dataset) -> float:
+    """Length of the shaft [m]; of several that are swept the largest."""
+    if "shaft.length" in dataset.coords:
+        return float(dataset["shaft.length"].max())
+    return float(loads(dataset.attrs["scene"]).shaft.length)
 
 
 def coloured_kinds(

@@ -743,6 +743,24 @@ def test_run_up(place):
     assert "exists already" in refused(*run)
 
 
+@pytest.mark.slow
+def test_run_up_by_a_chosen_solver(place):
+    """Released within a stop, a disc on a spring strikes it again: solvers of both kinds agree."""
+    shaft = jr.MasslessShaft(0.4, 0.2, 5e3)
+    stop = jr.Limiter(0.2, 0.0, 5e-4, 2e4)
+    spin = jr.SpeedProfile.ramp(10.0, 20.0, 0.1)
+    jr.save(jr.Scene(shaft, jr.Disc(0.2, 2.0), stop, spin=spin), "stop.toml")
+    run = ["run-up", "stop.toml", "--start-radius", "1mm"]
+    run += ["--samples", "41", "--out"]
+    answered(*run, "by-steps", "--solver", "exponential2", "--substeps", "32")
+    answered(*run, "adaptive", "--solver", "dopri8")
+    one, other = (
+        xr.open_zarr(f"{name}/run-up.zarr").displacement.values for name in ("by-steps", "adaptive")
+    )
+    assert 0 < np.abs(one - other).max() < 1e-4 * np.abs(other).max()
+    assert "add --solver exponential2" in refused(*run, "not", "--substeps", "8")
+
+
 def test_run_up_of_what_cannot_move(place):
     text = call("run-up", ramp(), "--times", "0, 10ms, 0.02").stdout
     assert "cannot move; use `jaxrotor reactions`" in text and "10 to 14 rad/s" in text

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from shown import shown
 
 import jaxrotor as jr
 
@@ -28,6 +29,10 @@ def test_of_a_straight_line():
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
     assert float(found.noise) == pytest.approx(sigma, rel=1e-14)
     assert float(found.deviations["disc.mass"]) == pytest.approx(expected[1, 1] ** 0.5, rel=1e-12)
+    rows = {path: float(deviation) for path, _, deviation in shown(found)[2]}
+    assert rows == pytest.approx(
+        dict(zip(PATHS, np.sqrt(np.diag(expected)), strict=True)), rel=1e-5
+    )
     given = jr.uncertainty(line, SCENE, PATHS, noise=0.1)
     np.testing.assert_allclose(given.covariance, expected * (0.1 / sigma) ** 2, rtol=1e-12)
     off = np.array([0.2, -0.1])

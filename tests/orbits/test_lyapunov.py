@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from shown import shown
 from systems import LENGTH, TIME, limiter_rotor, one_disc
 
 import jaxrotor as jr
@@ -103,6 +104,7 @@ def test_forward_bouncing_is_chaos():
 def test_picture():
     """Exponents `-c / 2 m` of a damped disc, and the means of noise in their place."""
     found = jr.lyapunov(one_disc(), revolutions=100, settle=20, count=2, steps_per_revolution=16)
+    assert [float(rate) for rate, _ in shown(found)[2]] == pytest.approx([-0.05, -0.05], abs=1e-5)
     growth = np.random.default_rng(0).normal([0.5, -2.0], 1.0, (400, 2))
     noisy = dataclasses.replace(
         found, exponents=np.array([0.5, -2.0]), error=np.array([0.05, 0.05]), growth=growth

@@ -5,6 +5,7 @@ import dataclasses
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import xarray as xr
 from drawn import check_axes, lines
 from matplotlib.colors import LogNorm, to_hex
 
@@ -267,3 +268,23 @@ def test_stability_chart_where_the_approximation_is_right():
     ax = plot.stability_chart(charted(lambda x, y: 1 - x + 0 * y))
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names == ["boundary of stability", "$a_{11} = 0$"]
+
+
+def studied(*names):
+    """A study of methods, each with one run."""
+    columns = {name: ("run", np.full(len(names), 1e-3)) for name in ("run_time", "relative_error")}
+    columns |= {"status": ("run", np.zeros(len(names), np.int8))}
+    columns |= {"value": ("run", np.ones(len(names)), {"long_name": "whirl rate"})}
+    coords = {"method": ("run", list(names))}
+    return xr.Dataset(columns, coords, {"reference": 1.0, "reference_uncertainty": 0.0, "lanes": 1})
+
+
+def test_a_method_has_one_style_in_the_pictures_of_several_studies():
+    names = ("Tsit5", "Dopri8", "Kvaerno3")
+    drawn = [lines(plot.work_precision(studied(*own), methods=names)) for own in (names, names[1:])]
+    for name in names[1:]:
+        one, other = (found[name] for found in drawn)
+        assert one.get_color() == other.get_color() and one.get_marker() == other.get_marker()
+    assert set(drawn[1]) == set(names[1:])
+    alone = lines(plot.work_precision(studied(*names[1:])))  # styles begin anew
+    assert alone["Dopri8"].get_color() == drawn[0]["Tsit5"].get_color()

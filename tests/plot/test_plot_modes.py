@@ -51,6 +51,17 @@ def test_mode_shapes_are_normalised_and_in_phase():
     assert ax.get_xlabel() == "position along the shaft [m]"
 
 
+def test_mode_shapes_draw_one_of_each_conjugate_pair():
+    shapes = [[0, 1.0, 2.0]] * 2
+    stations = np.linspace(0.0, 0.4, 3)
+    pair = motions([-1 + 50j, -1 - 50j], shapes, np.zeros((2, 3)), stations=stations)
+    with plot.units(length="mm"):
+        ax = plot.mode_shapes(pair)
+    (line,) = [line for line in ax.lines if line.get_marker() == "."]
+    np.testing.assert_allclose(line.get_xdata(), [0.0, 200.0, 400.0])
+    assert ax.get_xlabel() == "position along the shaft [mm]"
+
+
 def test_onset_draws_speed_and_frequency():
     speed, frequency = plot.onset([0.01, 0.02], [300.0, 200.0], [70.0, np.nan])
     np.testing.assert_allclose(speed.lines[0].get_data(), [[0.01, 0.02], [300.0, 200.0]])

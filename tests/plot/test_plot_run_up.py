@@ -10,6 +10,7 @@ from drawn import check_axes, legend, lines
 from matplotlib.animation import FFMpegWriter
 from matplotlib.colors import to_hex
 from PIL import Image
+from shown import shown
 
 import jaxrotor as jr
 from jaxrotor import plot
@@ -166,6 +167,14 @@ def test_reactions_have_units(pressed, factor, moment, size, label):
     ax = plot.reactions(large, moment=moment)
     np.testing.assert_allclose(ax.lines[0].get_ydata(), size)
     assert ax.get_ylabel() == label
+
+
+def test_reactions_are_a_table_in_a_notebook(pressed):
+    sentence, heads, rows = shown(pressed)
+    assert sentence.startswith("Reactions at") and heads[0] == "reaction"
+    found = {name: [float(one) for one in (largest, rest)] for name, largest, _, rest in rows}
+    assert found[SUPPORT] == pytest.approx([3.0, 0.0], abs=1e-9)
+    assert found[PIVOT] == pytest.approx([4.0, 4.0], abs=1e-9)
 
 
 def test_reaction_vectors_at_an_instant(pressed):

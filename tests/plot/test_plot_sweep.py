@@ -364,6 +364,16 @@ def test_map_has_a_colour_for_every_kind(kinds):
     np.testing.assert_array_equal(other, ax.collections[0].get_array().T)
 
 
+def test_map_tells_what_has_run_away(kinds):
+    """Beyond a tenth of the shaft's 0.7 m, whatever its whirl; a lane without a result has none."""
+    far = put(kinds, radius_max=np.array([[0.01, 0.0701], [0.0699, 0.5], [0.1, np.inf]]))
+    ax = plot.sweep_map(far)
+    below, above = colours_of(ax)
+    assert above[:2] == [colours.MAGENTA] * 2 and above[2] == "#FFFFFF"
+    assert below[1:] == [colours.BACKWARD, colours.DARK]
+    assert "ran away" in legend(ax)
+
+
 def test_map_takes_the_direction_from_winding_if_it_can(kinds):
     """A passage near the centre makes the index large, and its sign that of rounding."""
     other = put(kinds, index=-19.0 * kinds["index"].values)
