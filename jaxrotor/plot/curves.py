@@ -69,14 +69,20 @@ def curves(result: Any, ax: Axes | None = None) -> Axes:
         ax.set_xlim(limits[0])
         ax.set_ylim(limits[1])
     else:
-        ranges = first.problem.parameters
         ax.set_xlabel(scales[across][1])
         ax.set_ylabel(scales[up][1])
-        ax.set_xscale("log" if ranges[across].decades else "linear")
-        ax.set_yscale("log" if ranges[up].decades else "linear")
+        ax.set_xscale(_scale(every, across))
+        ax.set_yscale(_scale(every, up))
     page.legend(ax, columns=2)
     page.assumption(ax, first.scene)
     return ax
+
+
+def _scale(every: list, which: int) -> str:
+    """The scale of an axis: logarithmic where the range is, and the curves span a decade of it."""
+    values = np.concatenate([curve.values[:, which] for curve in every])
+    decades = every[0].problem.parameters[which].decades
+    return "log" if decades and values.max() > 10 * values.min() else "linear"
 
 
 def _order(ax: Axes, names: list[str], drawn_before: bool) -> tuple[int, int]:

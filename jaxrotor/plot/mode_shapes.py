@@ -1,5 +1,7 @@
 """Mode shapes along the shaft."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Complex
 from matplotlib.axes import Axes
@@ -63,7 +65,7 @@ def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
 
 def single(modes: Modes) -> Bool[np.ndarray, " m"]:
     """Mask of the modes without the second of each conjugate pair."""
-    values = np.asarray(modes.values)
+    values: Any = np.asarray(modes.values)
     return np.full(values.shape, modes.counter is None) | (values.imag >= 0)
 
 
