@@ -58,7 +58,21 @@ ADDED = {  # what each rung adds to those before
     "3 limiters": STOPS[1:],
     "12 limiters": tuple(_stop(0.1 + 0.7 * k) for k in range(9)),
     "limiter at mid-span": (_stop(0.5, END / 2),),
+    "rub ring": (jr.AnnularStator(END, 0.008, 1e7, friction=0.1, rim_radius=0.1),),
+    "bearing over speed": (
+        jr.Support(END / 3, kxx=[1e5, 2e5], kyy=[2e5, 3e5], speeds=[0.0, 1000.0]),
+    ),
+    "casing": (
+        jr.Casing("frame", 50.0),
+        jr.Support(END / 2, 1e5, on="frame"),
+        jr.Support(stiffness=1e8, damping=1e3, of="frame"),
+    ),
+    "oil film": (
+        jr.JournalBearing(END / 4, radius=0.02, length=0.02, clearance=1e-4, viscosity=0.01),
+    ),
 }
+BESIDE = {"casing", "support"}  # they hold each other, so they are taken away together
+SPUN = "limiter at mid-span"  # the rung whose rotor is taken at a speed that varies
 RUN_UP = {  # the same at a speed that varies
     "varying speed": (),
     "5 balls": (jr.BallBalancer(END, 0.01, 0.06, 3.5, in_use=5.0, places=5),),
@@ -73,6 +87,7 @@ def rungs() -> dict[str, jr.Scene]:
     for name, more in ADDED.items():
         effects += more
         found[name] = jr.Scene(GIVEN.shaft, *effects, spin=GIVEN.spin)
+    effects = found[SPUN].effects
     varying = jr.SpeedProfile(jnp.array([0.0, 10.0]), jnp.array([100.0, 662.0]))
     for name, more in RUN_UP.items():
         effects += more
@@ -91,7 +106,7 @@ def stripped(name: str) -> jr.Scene | None:
     effects = {id(effect) for one in above for effect in (ADDED | RUN_UP)[one]}
     kinds = {e.kind for e in scene.effects if id(e) in effects}
     kept = {e.kind for e in scene.effects if id(e) not in effects}
-    for kind in kinds - kept:
+    for kind in kinds - kept - BESIDE:
         scene = scene.without(kind)
     rest = [e for e in scene.effects if id(e) not in effects]  # some limiters of many
     return (
