@@ -14,7 +14,7 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from .films import check_linear
 from .modal import natural_roots
-from .whirl_tables import OverWhirl, whirl_roots
+from .whirl_tables import OverWhirl, grows_beyond, whirl_roots
 
 
 STAGES = 7
@@ -70,14 +70,15 @@ def floquet_multipliers(scene: Scene, steps: int = 32) -> Complex[Array, " m"]:
 
 
 def exponents(system: System | OverWhirl, steps: int = 32) -> Complex[Array, " m"]:
-    """`lambda` of every motion, -inf for coordinates without mass.
+    """`lambda` of every motion, -inf for coordinates without mass; NaN where `grows_beyond` a table.
 
     They are the roots or, where coefficients are periodic, `log(mu) / T` with imaginary parts between
     `-|Omega|` and `|Omega|` (a multiplier determines a frequency modulo twice the speed).
     """
     if isinstance(system, OverWhirl):
         values = whirl_roots(system.scene)
-        return jnp.where(jnp.isfinite(values), values, -jnp.inf)
+        values = jnp.where(jnp.isfinite(values), values, -jnp.inf)
+        return jnp.where(grows_beyond(jax.lax.stop_gradient(system.scene)), jnp.nan, values)
     if frame(system.blocks) != "periodic":
         values = natural_roots(system)
         return jnp.where(jnp.isfinite(values), values, -jnp.inf)

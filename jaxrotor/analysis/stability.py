@@ -30,6 +30,11 @@ STEPS = (
     128,
     512,
 )  # steps per half revolution; the smallest that resolves the first mode is used
+TOO_SLOW = "The lowest speeds are too low for Floquet multipliers"
+BEYOND = (
+    "A whirl beyond the tables over its frequency may be unstable, as it is with the coefficients at "
+    "their end (give wider tables, or `hold=True`)"
+)
 TURNS = 8  # number of turning points of the growth rate refined between samples
 
 
@@ -52,14 +57,18 @@ def growth_rate(scene: Scene) -> Scalar:
 
     Returns:
         Growth rate [1/s], zero where it is within rounding. Differentiable. NaN where the speed is too
-        low for the steps: below 1/30 of the first natural frequency where traced, else below 1/490.
+        low for the steps: below 1/30 of the first natural frequency where traced, else below 1/490; and,
+        where traced, if a whirl beyond tables over its frequency may grow.
 
     Raises:
-        ValueError: tables of coefficients have no values at the speed of the scene.
+        ValueError: tables of coefficients have no values at the speed of the scene, or a whirl beyond
+            tables over its frequency grows with the coefficients at their end.
     """
     check_linear(scene)
     system = OverWhirl.of(scene)
     growth = _growth_rate(system, STEPS[0])
+    if isinstance(system, OverWhirl) and known(growth) and np.isnan(growth):
+        raise ValueError(f"{BEYOND}.")
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
             growth = _growth_rate(system, steps)
@@ -140,7 +149,7 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = (sign[: samples // 4] == 0).all() & ~rising.any()
     refusals = [
-        ((sign != sign).any(), "The lowest speeds are too low for Floquet multipliers"),
+        ((sign != sign).any(), BEYOND if isinstance(system, OverWhirl) else TOO_SLOW),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~rising.any(), "The rotor never loses its stability"),
@@ -193,6 +202,10 @@ def stability_crossings(
         )
     unknown = jnp.isnan(sign)
     if jnp.any(unknown):
+        if isinstance(system, OverWhirl):
+            raise ValueError(
+                f"{BEYOND} at {speeds[unknown][0]:g} rad/s; search other speeds by `within`."
+            )
         raise ValueError(
             "Floquet multipliers do not resolve the first mode at speeds as low as "
             f"{speeds[unknown][0]:g} rad/s; begin `within` at a higher speed."

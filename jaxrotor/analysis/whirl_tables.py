@@ -32,7 +32,7 @@ from ..scene import Scene
 
 
 INTERVALS = 128  # of whirl frequency, in which crossings are sought
-MORE = 16  # crossings for which there is a place, beyond the number of eigenvalues
+MORE = 16  # places for crossings beyond the number of eigenvalues
 POLISHING = 3  # steps of Newton's method
 SAME = 1e-6  # relative difference of a frequency and that of its coefficients, at a crossing
 
@@ -58,7 +58,7 @@ def _changed(scene: Scene, change: Callable) -> Scene:
 
 
 class OverWhirl(eqx.Module):
-    """A rotor whose roots have coefficients each of its own frequency, in the place of a `System`."""
+    """Equations of a rotor whose coefficients depend on the frequency of whirl, in place of a `System`."""
 
     scene: Scene
     system: System  # with the coefficients at the lowest frequency of the tables
@@ -83,11 +83,12 @@ class OverWhirl(eqx.Module):
 
 @eqx.filter_jit  # traced once a program
 def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
-    """All roots whose frequency is within the tables, unordered; infinite ones fill up.
+    """All roots whose frequency is within the tables, unordered; unused places are infinite.
 
-    Beyond tables that are held their coefficients are constant, and roots there are among these. Two
-    crossings of one branch within an interval of the grid are missed. Differentiable, by a last step of
-    Newton's method.
+    Beyond tables that are held their coefficients are constant, and roots there are among these; beyond
+    others roots are not found. Two crossings of one branch within an interval of the grid are missed, and
+    the fastest of more than `MORE` crossings beyond the number of eigenvalues. Differentiable, by a last
+    step of Newton's method.
     """
     held = jax.lax.stop_gradient(scene)
     low, high, beyond = whirl_range(held)
@@ -122,9 +123,24 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     return jnp.concatenate([roots, jnp.where(twin, roots.conj(), jnp.inf)])
 
 
+def grows_beyond(scene: Scene) -> Bool[Array, ""]:
+    """Whether a whirl beyond tables that are not held grows with the coefficients at their end.
+
+    Its own coefficients are not known, so neither is whether the rotor is stable.
+    """
+    low, high, held = whirl_range(scene)
+    if held:
+        return jnp.zeros((), bool)
+    slow, fast = (eigenvalues(_pencil(scene, end)) for end in (low, high))
+    roots = jnp.concatenate([slow, fast])
+    beyond = jnp.concatenate([jnp.abs(slow.imag) < low, jnp.abs(fast.imag) > high])
+    roots = jnp.where(beyond & jnp.isfinite(roots), roots, -1.0)
+    return jnp.any((roots.real > 0) & ~is_rounding(roots.real, jnp.abs(roots)))
+
+
 @compiled_quickly
 def _at_lowest(scene: Scene) -> System:
-    """The equations at the lowest frequency; raise where their axes turn, in which it is another one."""
+    """The equations at the lowest frequency; raise where axes turn, in which a whirl has another one."""
     system = assemble(at_whirl(scene, whirl_range(scene)[0]))
     if frame(system.blocks) != "fixed":
         raise ValueError(
@@ -140,7 +156,7 @@ def _pencil(scene: Scene, frequency: Scalar) -> Pencil:
 
 
 def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c"]:
-    """Roots `lambda_j(|w|)` with `Im lambda_j = w` on a grid of w; infinite ones fill up."""
+    """Roots `lambda_j(|w|)` with `Im lambda_j = w` on a grid of w; unused places are infinite."""
 
     def above(w: Scalar) -> Float[Array, " m"]:
         return jnp.sort(values(jnp.abs(w)).imag) - w

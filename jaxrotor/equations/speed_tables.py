@@ -40,8 +40,8 @@ def at_own_speed(scene: Scene, part: Any) -> Any:
         raise ValueError(
             f"Coefficients of {scene.name_of(part)} are tables over the frequency of whirl, which only a "
             "harmonic motion has; take `roots`, `growth_rate`, `onset_speed`, `stability_crossings`, "
-            "`campbell`, `critical_speeds` or `unbalance_response`, or the numbers at one frequency, "
-            "`support.at_whirl(frequency)`."
+            "`stability_map`, `campbell`, `critical_speeds` or `unbalance_response`, or the numbers at "
+            "one frequency, `support.at_whirl(frequency)`."
         )
     if isinstance(part, AbstractOverSpeed) and part.speeds is not None:
         return part.at_speed(scene.spin.speed)
@@ -59,7 +59,12 @@ def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
 
 
 def check_no_tables(scene: Scene, what: str) -> None:
-    """Raise if coefficients of a scene are tables over the speed; `what` needs numbers."""
+    """Raise if coefficients of a scene are tables; `what` needs numbers."""
+    if has_whirl_tables(scene):
+        raise ValueError(
+            f"{what} is for constant coefficients, but supports have tables over the frequency of whirl; "
+            "give their numbers at one frequency, `support.at_whirl(frequency)`."
+        )
     if has_tables(scene):
         raise ValueError(
             f"{what} is for constant coefficients, but supports have tables over the speed; give their "

@@ -112,9 +112,7 @@ class CurveCorrector(NamedTuple):
     condition: AbstractCondition
     tolerance: float
     max_iterations: int
-    polish: bool = (
-        False  # whether the derivatives of the last trial are to be those at its null vectors
-    )
+    polish: bool = False  # whether a point found is evaluated once more, with its own null vectors
 
     def point(
         self, guess: Unknowns, normal: Unknowns, anchor: Anchor, forward: Unknowns

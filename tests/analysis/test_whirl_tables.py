@@ -136,6 +136,34 @@ def test_onset_of_a_pad():
 
 
 @pytest.mark.slow
+def test_a_whirl_beyond_the_tables_is_not_called_stable():
+    """`m s^2 + c s + k - i k' = 0` is unstable at 707 rad/s, within the first tables, above the others."""
+    stiffness, cross = 1e6, 2e5
+
+    def scene(ends):
+        table = {
+            "kxx": stiffness,
+            "kyy": stiffness,
+            "kxy": cross,
+            "kyx": -cross,
+            "cxx": 1.0,
+            "cyy": 1.0,
+        }
+        support = jr.Support(
+            0.5, frequencies=ends, **{name: [value] * 2 for name, value in table.items()}
+        )
+        shaft = jr.MasslessShaft(1.0, 0.5, 1.0)
+        return jr.Scene(shaft, jr.Disc(0.5, 2.0), support, spin=jr.ConstantSpeed(300.0))
+
+    expected = np.roots([2.0, 1.0, stiffness + 1.0 - 1j * cross]).real.max()
+    assert float(jr.growth_rate(scene([600.0, 900.0]))) == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(ValueError, match="beyond the tables over its frequency may be unstable"):
+        jr.growth_rate(scene([300.0, 600.0]))
+    with pytest.raises(ValueError, match="beyond the tables .* from 50 to 500 rad/s; search other"):
+        jr.onset_speed(scene([300.0, 600.0]), (50.0, 500.0), 8)
+
+
+@pytest.mark.slow
 def test_onset_speed():
     """`Omega = w (1 + c / c_i)`, `w` at the coefficients of its own: damping that turns with the shaft."""
     turning = jr.Support(0.5, 0.0, 500.0, rotating=True)
