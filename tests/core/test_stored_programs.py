@@ -26,6 +26,11 @@ from jaxrotor.core.stored_programs import StoredPrograms, surroundings
 SCENE = jr.load("limiter-rotor").with_nodes(3)
 
 
+def asked(scene=SCENE):
+    """Arguments of the program that the tests store."""
+    return scene, jr.assemble(scene), 4, 11
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Folder of stored programs, kept for one test."""
@@ -204,9 +209,9 @@ def test_sources_are_compared_by_content(tmp_path):
 
 def test_loaded_program_gives_the_same_bits_without_tracing(folder):
     function = _modes.__wrapped__
-    expected = eqx.filter_jit(function, **QUICKLY)(SCENE, 4, 11)
-    built = StoredPrograms(function, function, QUICKLY).find((SCENE, 4, 11), {})()
-    loaded = StoredPrograms(function, refuses, QUICKLY).find((SCENE, 4, 11), {})()
+    expected = eqx.filter_jit(function, **QUICKLY)(*asked())
+    built = StoredPrograms(function, function, QUICKLY).find(asked(), {})()
+    loaded = StoredPrograms(function, refuses, QUICKLY).find(asked(), {})()
     for found in (built, loaded):
         assert jax.tree.structure(found) == jax.tree.structure(expected)
         assert type(found) is type(expected) and found.frame == expected.frame
@@ -215,10 +220,10 @@ def test_loaded_program_gives_the_same_bits_without_tracing(folder):
             assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
     other = SCENE.replace({"spin.speed": 11.0})  # the same program with other values
     assert not np.array_equal(
-        StoredPrograms(function, refuses, QUICKLY).find((other, 4, 11), {})().values,
+        StoredPrograms(function, refuses, QUICKLY).find(asked(other), {})().values,
         expected.values,
     )
-    assert len([*folder.iterdir()]) == 1
+    assert len([*folder.iterdir()]) == 2  # and the program that assembles
 
 
 @of_jaxrotor
@@ -328,9 +333,9 @@ def test_a_folder_that_cannot_be_written_does_no_harm(tmp_path, folder):
 
 
 def test_shapes_are_remembered(folder):
-    expected = eqx.filter_eval_shape(_modes.__wrapped__, SCENE, 4, 11)
-    compute = lambda: eqx.filter_eval_shape(_modes.__wrapped__, SCENE, 4, 11)
+    expected = eqx.filter_eval_shape(_modes.__wrapped__, *asked())
+    compute = lambda: eqx.filter_eval_shape(_modes.__wrapped__, *asked())
     for one, _ in itertools.product((compute, refuses), range(2)):
-        found = StoredPrograms(_modes.__wrapped__, refuses, QUICKLY).shapes(one, (SCENE, 4, 11), {})
+        found = StoredPrograms(_modes.__wrapped__, refuses, QUICKLY).shapes(one, asked(), {})
         assert jax.tree.structure(found) == jax.tree.structure(expected)
         assert jax.tree.leaves(found) == jax.tree.leaves(expected)
