@@ -63,12 +63,13 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:
         scene = ending_span(scene, at)
-    equations, blocks = _equations(assemble(scene), into, seen)
-    check_known_in_time(structure(scene))
-    circular = isotropic(blocks)
+    system = assemble(scene)
+    check_known_in_time(system)
+    equations = _equations(system, into, seen)
+    circular = isotropic(system.blocks)
     values, enter, leave, still, through = _motions(circular, *map(np.asarray, equations))
     if circular:
-        values: Any = np.asarray(less_rounding(jnp.asarray(values), blocks))
+        values: Any = np.asarray(less_rounding(jnp.asarray(values), system.blocks))
     order = np.asarray(slowest_first(jnp.asarray(values)))
     every = order[circular | (values[order].imag >= 0)]
     once = every[:modes]
@@ -87,7 +88,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
 
 @compiled_quickly
 def _equations(system: System, forces, displacements):
-    """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift; and the blocks.
+    """`(A - shift)^-1` of the state, `P(shift)^-1 columns`, rows and the shift.
 
     Coordinates are complex for an isotropic rotor, otherwise real `(x, y)`.
     """
@@ -102,7 +103,7 @@ def _equations(system: System, forces, displacements):
         rows = jnp.einsum("sn,ab->sabn", rows, plane).reshape(-1, 2 * system.n)
     shift = pencil.rate
     response = jnp.linalg.solve(pencil.at(jnp.asarray(shift + 0j)), columns)
-    return (pencil.inverse(shift), response, rows, shift), system.blocks
+    return pencil.inverse(shift), response, rows, shift
 
 
 def _motions(circular: bool, inverse: Any, response: Any, rows: Any, shift: Any) -> tuple:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ..core.tables import notebook_table
 from ..scene import Scene
-from .bifurcations import Bifurcation
+from .bifurcations import Bifurcation, of_kind
 from .bordered import AbstractCondition
 from .codimension_two import KINDS, PointOfCurve, other_multipliers, side_of
 from .corrector import Unknowns
@@ -81,9 +81,7 @@ class BifurcationCurve(eqx.Module):
 
     def of(self, kind: str) -> tuple[CurvePoint, ...]:
         """The points of codimension two of a kind, such as "cusp" or "1:2 resonance"."""
-        if kind not in KINDS:
-            raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, but is {kind!r}.")
-        return tuple(point for point in self.points if point.kind == kind)
+        return of_kind(self.points, kind, KINDS)
 
     def orbit(self, where: int | CurvePoint) -> PeriodicOrbit:
         """The orbit at a point of the curve, by its number, or at one of codimension two."""
@@ -182,10 +180,7 @@ def curve_of(
     evaluations: Any = [point.evaluation for point in points]
     each = lambda name: np.array([getattr(evaluation, name) for evaluation in evaluations])
     kind, radius = condition.kind, [problem.radius(evaluation) for evaluation in evaluations]
-    others = [
-        other_multipliers(kind, evaluation.multipliers, point.anchor.angle)
-        for evaluation, point in zip(evaluations, points, strict=True)
-    ]
+    others = [other_multipliers(kind, point) for point in points]
     located = [
         CurvePoint(
             one.kind,

@@ -42,6 +42,13 @@ class Bifurcation(NamedTuple):
     point: Any  # of the branch, or of the curve, that it is on
 
 
+def of_kind(points: tuple, kind: str, kinds: tuple[str, ...]) -> tuple:
+    """The points of a kind, which must be one of some `kinds`."""
+    if kind not in kinds:
+        raise ValueError(f"`kind` must be one of {', '.join(kinds)}, but is {kind!r}.")
+    return tuple(point for point in points if point.kind == kind)
+
+
 def bifurcations(corrector: Corrector, a: Point, b: Point) -> tuple[list[Bifurcation], list[str]]:
     """Bifurcations between two neighbours, in order, and the kinds that could not be located."""
     found, lost = [], []

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ..core.tables import notebook_table
 from ..scene import Scene
-from .bifurcations import KINDS, Bifurcation, least_clearance
+from .bifurcations import KINDS, Bifurcation, least_clearance, of_kind
 from .corrector import Corrector, Point, StepError, Unknowns
 from .orbit import PeriodicOrbit
 from .problem import ContinuationProblem, Evaluation, PhaseCondition
@@ -85,9 +85,7 @@ class Branch(eqx.Module):
 
     def of(self, kind: str) -> tuple[BranchPoint, ...]:
         """The bifurcations of a kind."""
-        if kind not in KINDS:
-            raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, but is {kind!r}.")
-        return tuple(point for point in self.points if point.kind == kind)
+        return of_kind(self.points, kind, KINDS)
 
     def orbit(self, where: "int | BranchPoint") -> PeriodicOrbit:
         """The orbit at a point of the branch, by its number, or at a bifurcation."""

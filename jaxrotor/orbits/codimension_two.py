@@ -73,7 +73,7 @@ def points_between(
         except StepError:
             lost.append(name)
             continue
-        if second is None or is_at(second, _others(kind, point)):
+        if second is None or is_at(second, other_multipliers(kind, point)):
             found.append(Bifurcation(name, None, fraction, point))
         else:  # multipliers jumped, as where contact begins
             lost.append(name)
@@ -83,7 +83,7 @@ def points_between(
 def _tests(kind: str) -> dict[str, tuple[TestFunction, str | None]]:
     """Test functions along a curve of a kind; with the kind of the second bifurcation, if it is one."""
     all_ = lambda point: np.asarray(point.evaluation.multipliers)
-    others = lambda point: _others(kind, point)
+    others = lambda point: other_multipliers(kind, point)
     crossing = {
         "fold": lambda point: float(np.prod(1 - others(point)).real),
         "flip": lambda point: float(np.prod(1 + others(point)).real),
@@ -131,12 +131,9 @@ def _characteristic_slope(multipliers: Multipliers, value: float) -> float:
     return float(sum(np.prod(np.delete(off, i)) for i in range(off.size)).real)
 
 
-def _others(kind: str, point: PointOfCurve) -> Multipliers:
-    return other_multipliers(kind, np.asarray(point.evaluation.multipliers), point.anchor.angle)
-
-
-def other_multipliers(kind: str, multipliers: Multipliers, angle: float) -> Multipliers:
+def other_multipliers(kind: str, point: PointOfCurve) -> Multipliers:
     """The multipliers without those on the unit circle by which a curve of a kind is defined."""
+    multipliers, angle = np.asarray(point.evaluation.multipliers), point.anchor.angle
     if kind == "grazing":
         return multipliers
     if kind == "neimark-sacker":
