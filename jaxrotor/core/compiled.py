@@ -43,6 +43,11 @@ class Compiled:
         program = self._stored.find(args, kwargs)
         return self._alone(*args, **kwargs) if program is None else program()
 
+    def compile(self, *args: Any, **kwargs: Any) -> None:
+        """Compile the program of a direct call with these arguments, or load it, without running it."""
+        if self._stored.find(args, kwargs) is None:
+            self._alone.lower(*args, **kwargs).compile()
+
     def shapes(self, *args: Any, **kwargs: Any) -> Any:
         """The output with a `jax.ShapeDtypeStruct` in place of every array, without compilation."""
         compute = lambda: eqx.filter_eval_shape(self._inside, *args, **kwargs)

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 
 from .checks import check_counts
+from .compiled import Compiled
 
 
 def cores(workers: int | None) -> int:
@@ -92,15 +93,22 @@ class Threads:
 
 
 def first_alone(call: Callable) -> Callable:
-    """`call`, whose first run holds a lock, so that a program is compiled once for all threads."""
+    """`call`, of which the first thread compiles the program, while others wait for it.
+
+    A compiled function is compiled without running it, so that chunks run side by side from the first on.
+    Any other function runs alone the first time.
+    """
     lock, known = threading.Lock(), threading.Event()
 
     def run(*args: Any) -> Any:
-        if known.is_set():
-            return call(*args)
-        with lock:
-            out = call(*args)
-            known.set()
-            return out
+        if not known.is_set():
+            with lock:
+                if not known.is_set():
+                    compiling = isinstance(call, Compiled)
+                    out = call.compile(*args) if compiling else call(*args)
+                    known.set()
+                    if not compiling:
+                        return out
+        return call(*args)
 
     return run
