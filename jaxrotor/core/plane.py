@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -10,6 +11,11 @@ def plane(z: Any, axis: int = 0) -> Any:
     """`x` and `y` of complex numbers, stacked along a new `axis`; an array of numpy remains one."""
     stack = np.stack if isinstance(z, np.ndarray) else jnp.stack
     return stack([z.real, z.imag], axis=axis)
+
+
+def direction(angle: Any) -> Any:
+    """`exp(i angle)` of real angles, without the exponential of zero that `jnp.exp` computes beside it."""
+    return jax.lax.complex(jnp.cos(angle), jnp.sin(angle))
 
 
 def square(z: Any) -> Any:

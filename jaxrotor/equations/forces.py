@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core.blocks import Blocks, Load
-from ..core.plane import plane
+from ..core.plane import direction, plane
 from ..core.quantities import Scalar
 from .kinematics import Kinematics
 from .system import Port, Race, System
@@ -18,7 +18,7 @@ def resistance(blocks: Blocks, now: Kinematics) -> Array:
     Its rows are those of the blocks: equations of motion, or work on virtual displacements.
     """
     speed, r, v = now.turning.speed, now.r, now.velocity
-    back = jnp.conj(now.turn) ** 2  # conj(q) exp(-i theta) = conj(r) exp(-2 i theta)
+    back = now.back**2  # conj(q) exp(-i theta) = conj(r) exp(-2 i theta)
     parts = [
         (blocks.damping, v),
         (blocks.gyroscopic, -1j * speed * v),
@@ -39,7 +39,7 @@ def applied_force(load: Load, now: Kinematics) -> Array:
     """`constant exp(-i theta) + (Omega^2 - i Omega.) unbalance`."""
     force = jnp.zeros(())
     if load.constant is not None:
-        force = force + load.constant / now.turn
+        force = force + load.constant * now.back
     unbalance = load.unbalance_force(now.turning.speed, now.turning.acceleration)
     return force if unbalance is None else force + unbalance
 
@@ -53,7 +53,7 @@ def contact_force(system: System, now: Kinematics, column: Callable[[Port], Arra
     displacement, velocity = port_motion(system, now)
     for i, port in enumerate(system.ports):
         both = port.forces(displacement[i], velocity[i], now.turning.speed).sum(0)
-        force = force + column(port) * (both[0] + 1j * both[1]) / now.turn
+        force = force + column(port) * (both[0] + 1j * both[1]) * now.back
     return force
 
 
@@ -84,7 +84,7 @@ def body_force(system: System, now: Kinematics, column: Callable[[Race], Array])
     force = jnp.zeros(())
     for race, part in races_of(system):
         whirl = 1j * now.bodies_acceleration[part] - now.bodies_speed[part] ** 2
-        whirl = race.bodies.masses * whirl * jnp.exp(1j * now.bodies[part])
+        whirl = race.bodies.masses * whirl * direction(now.bodies[part])
         force = force - column(race) * race.bodies.race_radius * jnp.sum(whirl)
     return force
 
@@ -102,9 +102,9 @@ def body_accelerations(
         for between in system.between:
             force = force + between.between(psi, rate, bodies)
         if gravity is not None:
-            acceleration = acceleration - gravity / now.turn
+            acceleration = acceleration - gravity * now.back
         push = force / jnp.where(bodies.masses > 0, bodies.masses, 1.0)
-        push = push - jnp.imag(jnp.exp(-1j * psi) * acceleration)
+        push = push - jnp.imag(jnp.conj(direction(psi)) * acceleration)
         lag = (bodies.rolling - 1) * spin
         found.append((push / bodies.race_radius + lag) / bodies.rolling)
     return jnp.concatenate(found)

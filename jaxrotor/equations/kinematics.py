@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..core.plane import direction
 from ..spins.base import Turning
 
 
@@ -42,4 +43,9 @@ class Kinematics(NamedTuple):
     @property
     def turn(self) -> Complex[Array, ""]:
         """`exp(i theta)`."""
-        return jnp.exp(1j * self.turning.angle)
+        return direction(self.turning.angle)
+
+    @property
+    def back(self) -> Complex[Array, ""]:
+        """`exp(-i theta)`, by which a vector in fixed axes is given in those of the shaft."""
+        return jnp.conj(self.turn)

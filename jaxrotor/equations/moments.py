@@ -61,7 +61,7 @@ class MomentBalance(eqx.Module):
             torque = torque - jnp.imag(jnp.vdot(self.galerkin.unbalance, now.absolute))
             gravity = system.load.gravity
             if gravity is not None and whole is not None:
-                pull = jnp.conj(whole[0]) * gravity / now.turn
+                pull = jnp.conj(whole[0]) * gravity * now.back
                 torque = torque + pull.imag
         for race, part in races_of(system):
             bodies = race.bodies

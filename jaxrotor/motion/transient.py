@@ -1,5 +1,6 @@
 """Integration in time at a speed that varies, also of a drive that comes to rest."""
 
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, cast
 
 import diffrax as dfx
@@ -7,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Complex, Float
 
 from ..core.compiled import compiled
@@ -64,8 +66,24 @@ class Integration(eqx.Module):
     from_start: bool = eqx.field(static=True)  # whether fixed steps begin with the first sample
     massless: Known | Literal["unknown"] | None = eqx.field(static=True)  # see `massless_of`
 
-    def solve(self, field: Transient, begin: Scalar, y: RotatingState, times: Array, event=None):
-        """States at `times`, whether the solver succeeded, and time and state at the end."""
+    def solve(
+        self,
+        field: Transient,
+        begin: Scalar,
+        y: RotatingState,
+        times: Array,
+        margin: Callable[[Scalar, RotatingState], Scalar] | None = None,
+    ):
+        """States at `times`, whether the solver succeeded, and time and state at the end.
+
+        The run ends earlier where the `margin` of an instant falls to zero.
+        """
+        # One array: of several, the sums over the stages of a step take half as long again.
+        start, state_of = ravel_pytree(y)
+        event = None
+        if margin is not None:
+            at = lambda t, y, args, **_: margin(t, state_of(y))
+            event = dfx.Event(at, optx.Newton(1e-12, 1e-12), direction=False)
         controller, max_steps = self.controller, self.max_steps
         if controller is None:
             grid = times if self.from_start else jnp.append(begin, times)
@@ -75,12 +93,12 @@ class Integration(eqx.Module):
         last = dfx.SubSaveAt(t1=True)
         solution = dfx.diffeqsolve(
             # A closure, since diffrax warns of complex leaves in a vector field.
-            dfx.ODETerm(lambda t, y, args: field(cast(Any, t), y)),
+            dfx.ODETerm(lambda t, y, args: ravel_pytree(field(cast(Any, t), state_of(y)))[0]),
             self.solver,
             begin,
             larger(times[-1], begin),
             None,
-            y,
+            start,
             saveat=dfx.SaveAt(subs=[dfx.SubSaveAt(ts=times), last]),
             stepsize_controller=controller,
             adjoint=self.adjoint,
@@ -92,7 +110,7 @@ class Integration(eqx.Module):
         good = (solution.result == dfx.RESULTS.successful) | (
             solution.result == dfx.RESULTS.event_occurred
         )
-        return path, good, ended[-1], jax.tree.map(lambda leaf: leaf[-1], end)
+        return jax.vmap(state_of)(path), good, ended[-1], state_of(end[-1])
 
 
 class StationMotion(NamedTuple):
@@ -263,7 +281,7 @@ def _run_to_rest(
     def stage(at: _Stage, _) -> tuple[_Stage, None]:
         rotates = jnp.asarray(at.sense != 0)
 
-        def margin(t, y, args, **_):
+        def margin(t: Scalar, y: RotatingState) -> Scalar:
             held = loosened(t, y)[1] if spin.feedback and spin.coulomb is not None else 1.0
             left = jnp.where(rotates, at.sense * y.speed[0], jnp.where(at.stays, 1.0, held))
             return jnp.where(t <= at.time, 1.0, left)
@@ -273,7 +291,7 @@ def _run_to_rest(
             at.time,
             at.y,
             larger(times, at.time),
-            dfx.Event(margin, optx.Newton(1e-12, 1e-12), direction=False),
+            margin,
         )
         ended = last < times[-1]  # the stage, before the run
         halts = ended & rotates
