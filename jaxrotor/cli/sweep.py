@@ -71,6 +71,13 @@ class Order(enum.StrEnum):
     fourth = "4"
 
 
+class Precision(enum.StrEnum):
+    """Precisions in which lanes are stepped."""
+
+    single = "float32"
+    double = "float64"
+
+
 Over = Annotated[
     list[str] | None,
     typer.Option(
@@ -109,6 +116,13 @@ ErrorSample = Annotated[
 OrderOf = Annotated[
     Order | None,
     typer.Option(help="Order of the exponential integrator. [default: 2 where it can be taken]"),
+]
+PrecisionOf = Annotated[
+    Precision | None,
+    typer.Option(
+        help="Precision of the steps; with float32 a few lanes are run again in float64, as by "
+        "--error-sample. [default: float64]",
+    ),
 ]
 Spectrum = Annotated[
     bool,
@@ -154,6 +168,7 @@ def sweep(
     tolerance: Tolerance = 1e-3,
     error_sample: ErrorSample = 0,
     order: OrderOf = None,
+    precision: PrecisionOf = None,
     start_radius: Radius = None,
     start_rate: Rate = None,
     start_angle: Angle = None,
@@ -206,6 +221,7 @@ def sweep(
         "nodes": count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,
         "error_sample": error_sample,
+        "precision": None if precision is None else precision.value,
     }
     if out is None:
         out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep")

@@ -31,7 +31,7 @@ class Compiled:
         functools.update_wrapper(self, function)
         self.__qualname__ = function.__qualname__
         self._inside = eqx.filter_jit(function)
-        self._alone = eqx.filter_jit(function, **options) if options else self._inside
+        self._alone: Any = eqx.filter_jit(function, **options) if options else self._inside
         self._stored = StoredPrograms(function, self._inside, options)
 
     def __reduce__(self) -> str:

@@ -104,11 +104,12 @@ def first_alone(call: Callable) -> Callable:
         if not known.is_set():
             with lock:
                 if not known.is_set():
-                    compiling = isinstance(call, Compiled)
-                    out = call.compile(*args) if compiling else call(*args)
-                    known.set()
-                    if not compiling:
+                    if not isinstance(call, Compiled):
+                        out = call(*args)
+                        known.set()
                         return out
+                    call.compile(*args)
+                    known.set()
         return call(*args)
 
     return run

@@ -37,7 +37,8 @@ class Tableau(eqx.Module):
 
     def phases(self, theta: ArrayLike) -> Float[Array, "... c 2"]:
         """Cosine and sine of the angles at the distinct times of steps from `theta` on."""
-        return phase_at(jnp.asarray(theta)[..., None] + jnp.asarray(self.times, jnp.result_type(self.h)) * self.h)
+        times = jnp.asarray(self.times, jnp.result_type(self.h))
+        return phase_at(jnp.asarray(theta)[..., None] + times * self.h)
 
     def free_readings(
         self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"], reading: Reading

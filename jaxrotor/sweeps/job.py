@@ -237,7 +237,7 @@ def identity(context: Context) -> dict[str, Any]:
         "observe": as_json(context.observe),
         "controller": as_json(plan.controller) if plan.controller else "default",
         "max_steps": plan.max_steps,
-        "precision": str(jnp.zeros(()).dtype),
+        "precision": "float32" if context.in_single else str(jnp.zeros(()).dtype),
         **assumed(context.scene),
         "versions": versions(),
     }

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 from ..core.compiled import compiled, compiled_quickly
 from ..core.outcome import Outcome
 from ..core.parallel import first_alone
+from ..core.precision import double, single
 from ..core.progress import segments
 from ..equations.constant_frame import linear_matrix
 from ..equations.lent import with_lent_films
@@ -46,6 +47,7 @@ class Context(eqx.Module):
     settle: int = eqx.field(static=True)  # revolutions, or windows along times
     keep: int = eqx.field(static=True)
     pace: Stepping | IntegratedPace | None = None  # None: exponential steps of whole revolutions
+    in_single: bool = eqx.field(static=True, default=False)  # whether steps are of single precision
 
     @property
     def interval(self) -> float | None:
@@ -162,9 +164,12 @@ def _prepare(context: Context, points: np.ndarray, begin: Any):
     """Marches of the lanes, as leaves that all share and leaves of each; states; stiffness ratios.
 
     Lanes are prepared one after the other, each in the same way whatever the size of its chunk.
-    A leaf is shared if its values are equal in all lanes.
+    A leaf is shared if its values are equal in all lanes. Steps of single precision have coefficients
+    that were computed in double precision.
     """
     march, y, ratio = _marches(context, points, begin)
+    if context.in_single:
+        march, y = single((march, y))
     arrays, constant = eqx.partition(march, eqx.is_array)
     equal = jax.tree.map(lambda leaf: bool((leaf == leaf[:1]).all()), arrays)
     shared = jax.tree.map(
@@ -311,7 +316,7 @@ def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
     def lane(own: AbstractMarch, y, carry):
         def update(state, samples):
             number, carries = state
-            turn = Turn.of(samples, number, count)
+            turn = Turn.of(double(samples), number, count)
             pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
             return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
 

@@ -199,11 +199,12 @@ def _stepping(
 
 
 def finer(context: Context) -> Context:
-    """The context with twice the steps, and all coordinates in place of a few shapes.
+    """The context with twice the steps, in all coordinates and in the precision of jax.
 
     A solver that chooses its steps gets a tenth of its tolerance.
     """
     plan, pace = context.plan, context.pace
+    context = dataclasses.replace(context, in_single=False)
     if isinstance(plan.solver, Exponential):
         every = dataclasses.replace(plan.solver, shapes=None)
         plan = eqx.tree_at(lambda plan: plan.solver, plan, every)

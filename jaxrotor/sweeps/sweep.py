@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import diffrax as dfx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -73,6 +74,7 @@ def sweep(
     cluster: Any | None = None,
     progress: bool | None = None,
     max_steps: int | None = None,
+    precision: str | None = None,
 ) -> xr.Dataset:
     """Motion over a grid of parameters, observed for `keep` revolutions after `settle` others.
 
@@ -121,6 +123,9 @@ def sweep(
         progress: whether to show a progress bar; by default on a terminal.
         max_steps: steps an adaptive solver may take, by default 4096 a revolution, or 100 000 a window
             along `times`.
+        precision: "float32" or "float64", in which lanes are stepped, by default that of jax. With
+            "float32" equations, the coefficients of the steps and observables stay in float64, and
+            `error_sample`, then by default `PILOT_LANES`, runs lanes again in float64.
 
     Returns:
         Dataset over the swept paths, or over the name of paths that vary together, which are coordinates
@@ -170,12 +175,10 @@ def sweep(
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = _checked_observables(observe, scene, steps, along is not None)
+    in_single = _in_single(precision, solver, pace)
+    stepped = solver, controller, dfx.ForwardMode(), max_steps, steps
     plan = Plan(
-        solver,
-        controller,
-        dfx.ForwardMode(),
-        max_steps,
-        steps,
+        *stepped,
         slopes=False,
         coordinates=False,
         contacts=any(one.needs_contact for one in observe),
@@ -184,11 +187,12 @@ def sweep(
         massless=massless,
     )
     lanes = scene, start, tuple(columns), plan, station, period
-    job = Job(Context(*lanes, observe, settle, keep, pace), axes, carry, Stages.fresh())
+    job = Job(Context(*lanes, observe, settle, keep, pace, in_single), axes, carry, Stages.fresh())
     attributes = identity(job.context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
         place = _place(store, job, attributes, lanes_per_chunk, running.count)
-        return _run(job, place, error_sample, lanes_per_chunk, running, progress)
+        sample = error_sample or PILOT_LANES * in_single
+        return _run(job, place, sample, lanes_per_chunk, running, progress)
 
 
 # === before the run
@@ -241,6 +245,25 @@ def _checked_observables(
             raise ValueError(f"`{type(one).__name__}` observes balls, but the scene has none.")
         one.check(steps, contacts)
     return observe
+
+
+def _in_single(precision: str | None, solver: Any, pace: Any) -> bool:
+    """Whether lanes are stepped in single precision by jax in double precision; raises unless they can."""
+    own = jnp.zeros(()).dtype.name
+    if precision not in (None, "float32", "float64"):
+        raise ValueError(f'`precision` must be "float32" or "float64", but is {precision!r}.')
+    if precision in (None, own):
+        return False
+    if own == "float32":
+        raise ValueError(
+            '`precision` is "float64", but jax computes in float32; set jax_enable_x64 first.'
+        )
+    if pace is not None or not isinstance(solver, Exponential) or solver.located:
+        raise ValueError(
+            '`precision` "float32" is for whole revolutions by Exponential() that is not `located`; leave '
+            "it out."
+        )
+    return True
 
 
 def _station(scene: Scene, at: Any) -> jax.Array:

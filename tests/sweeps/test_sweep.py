@@ -54,6 +54,38 @@ def test_too_many_lanes_are_refused():
         )
 
 
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"precision": "half"}, '"float32" or "float64", but is \'half\''),
+        ({"solver": jr.Exponential(4, located=True)}, "not `located`"),
+        ({"times": np.linspace(0, 0.1, 65), "steps_per_revolution": 64}, "whole revolutions"),
+        ({"solver": dfx.Tsit5()}, r"whole revolutions by Exponential\(\)"),
+    ],
+)
+def test_refusals_of_precision(given, words):
+    scene = jr.load("limiter-rotor").with_nodes(2)
+    with pytest.raises(ValueError, match=words):
+        jr.sweep(scene, {"limiters.gap": [7e-3]}, **{"precision": "float32", **given})
+
+
+@pytest.mark.slow
+def test_lanes_in_single_precision_tell_their_error():
+    """The whirl rate of the rub, beside that in double precision by as many steps and by twice as many."""
+    over = {"start.rate": [-441.0, -430.0]}
+    how = {"start": jr.Whirl(12e-3, -441.0), "settle": 200, "keep": 60, "steps_per_revolution": 64}
+    how |= {"solver": jr.Exponential(4), "observe": [jr.observe.Precession()]}
+    scene = jr.load("limiter-rotor").with_nodes(4)
+    single = jr.sweep(scene, over, precision="float32", **how)
+    double = jr.sweep(scene, over, **how)
+    assert (single.attrs["precision"], double.attrs["precision"]) == ("float32", "float64")
+    off = np.abs(single["whirl_rate"].values - double["whirl_rate"].values).max()
+    assert 0 < off < 1e-5
+    finer = jr.sweep(scene, over, **{**how, "steps_per_revolution": 128})
+    error = np.abs(single["whirl_rate"].values - finer["whirl_rate"].values).max()
+    assert single["whirl_rate"].attrs["error"] == pytest.approx(error, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "over",
