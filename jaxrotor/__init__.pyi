@@ -170,6 +170,7 @@ from .spins.riccati import (
 from .sweeps import observe as observe
 from .sweeps.attractors import attractors as attractors
 from .sweeps.basins import basins as basins
+from .sweeps.classify import classify as classify
 from .sweeps.escapes import escapes as escapes
 from .sweeps.hysteresis import hysteresis as hysteresis
 from .sweeps.sweep import sweep as sweep

@@ -23,12 +23,12 @@ def bifurcation(
 ) -> tuple[Axes, Axes]:
     """Local extrema of the x displacement, and the precession index below, over one parameter.
 
-    Colours are those of the attractors if the data set has them (`jaxrotor.attractors`). Otherwise they
-    mark forward whirl (index > 0), backward whirl (< 0) and undefined whirl (NaN: at rest in the
-    centre; 0: no net whirl). Several starts are drawn over each other, as are the branches up and down,
-    which have different markers in the lower Axes. Lines are at the clearance of the stops, the gap
-    on the side of x to which each faces, if the data set keeps its scene. A value without any point is
-    shaded, with the status of its lanes.
+    Colours are those of the kinds of motion if the data set has them (`jaxrotor.classify`), or of the
+    attractors (`jaxrotor.attractors`). Otherwise they mark forward whirl (index > 0), backward whirl (< 0)
+    and undefined whirl (NaN: at rest in the centre; 0: no net whirl). Several starts are drawn over each
+    other, as are the branches up and down, which have different markers in the lower Axes. Lines are at
+    the clearance of the stops, the gap on the side of x to which each faces, if the data set keeps its
+    scene. A value without any point is shaded, with the status of its lanes.
 
     Args:
         dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and
@@ -143,10 +143,21 @@ def _reason(code: int) -> str:
 def coloured_groups(
     dataset: xr.Dataset, lanes: tuple[str, ...]
 ) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and lanes of each attractor, or of each direction of whirl where none are known."""
+    """Name, colour and lanes of each kind of motion, or attractor, or direction of whirl, as is known."""
+    if "motion" in dataset:
+        return _motions(dataset["motion"].transpose(*lanes))
     if "attractor" in dataset:
         return _attractors(dataset["attractor"].transpose(*lanes))
     return _directions(dataset["index"].transpose(*lanes).values.ravel())
+
+
+def _motions(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:
+    """Name, colour and lanes of each kind of motion that occurs."""
+    found = numbers.values.ravel()
+    names = numbers.attrs["flag_meanings"].split()
+    shades = [colours.MOTIONS.get(name, colours.GREY) for name in names]
+    rows = zip(map(words, names), shades, (found == k for k in range(len(names))), strict=True)
+    return [row for row in rows if row[2].any()]
 
 
 def _attractors(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:

@@ -13,6 +13,14 @@ GREY = "#888888"
 DARK = "#333333"
 
 FORWARD, BACKWARD, UNDEFINED = BLUE, RED, GREY
+MOTIONS = {  # kinds of motion, see `jaxrotor.classify`
+    "periodic": BLUE,
+    "quasi_periodic": TEAL,
+    "chaotic": RED,
+    "transient": ORANGE,
+    "undecided": GREY,
+    "failed": "white",
+}
 CYCLE = (BLUE, ORANGE, TEAL, RED, MAGENTA, DARK)
 
 RAMP = LinearSegmentedColormap.from_list(

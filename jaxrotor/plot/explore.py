@@ -13,7 +13,7 @@ from ..core.outcome import STATUS
 from ..files.toml import loads
 from ..motion.history import TimeHistory
 from ..motion.simulate import simulate
-from ..results.provenance import start_and_solver
+from ..results.provenance import check_repeatable, start_and_solver
 from ..sweeps.axes import at_point
 from . import colours, page
 from .bifurcation import bifurcation
@@ -187,20 +187,11 @@ def explore(dataset: xr.Dataset, **run: Any) -> Explorer:
 
 def check_lanes(dataset: xr.Dataset) -> None:
     """Raise unless each lane of a data set can be run alone."""
-    if "scene" not in dataset.attrs or "status" not in dataset:
-        raise ValueError(
-            "Only a data set of `sweep` can be explored: this one has no scene or status."
-        )
-    if "keep" not in dataset.attrs:
-        raise ValueError(
-            "The lanes of this sweep are motions along times, which have no orbit to explore; draw it by "
-            "`plot.envelope` or `plot.sweep_map`."
-        )
-    if "branch" in dataset.dims or "branch" in dataset.coords:
-        raise ValueError(
-            "In a sweep with `carry` a lane depends on all lanes before it, so it cannot be run alone; "
-            "explore a sweep without."
-        )
+    check_repeatable(
+        dataset,
+        "explored",
+        "have no orbit to explore; draw it by `plot.envelope` or `plot.sweep_map`.",
+    )
 
 
 def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:

@@ -170,12 +170,16 @@ def _classes(
         about = dataset[name].attrs
         feature = words(about["features"][0])
         names = [f"{feature} {about['means'][int(value)][0]:.3g}" for value in present]
-    elif name == "status":
-        names = [words(STATUS[int(value)]) for value in present]
+    elif "flag_meanings" in dataset[name].attrs:
+        meanings = dataset[name].attrs["flag_meanings"].split()
+        names = [words(meanings[int(value)]) for value in present]
     else:
         names = [f"{words(name)} {value:g}" for value in present]
     codes = np.where(lost, len(present), np.searchsorted(present, values))
     shades = [*colours.shades(len(present)), "white"] if len(present) else ["white"]
+    if name == "motion":
+        motions = list(colours.MOTIONS.values())
+        shades = [*(motions[int(value)] for value in present), "white"]
     return codes, list(zip([*names, LOST], shades, strict=True))
 
 

@@ -55,6 +55,24 @@ def as_json(setting: Any) -> str:
     return json.dumps(_plain(setting), allow_nan=False)
 
 
+def check_repeatable(dataset: Any, done: str, along_times: str) -> None:
+    """Raise unless lanes of a data set can be run again, each alone.
+
+    Messages tell what is to be `done` with them, and what to do with motions `along_times`.
+    """
+    if "scene" not in dataset.attrs or "status" not in dataset:
+        raise ValueError(
+            f"Only a data set of `sweep` can be {done}: this one has no scene or status."
+        )
+    if "keep" not in dataset.attrs:
+        raise ValueError(f"The lanes of this sweep are motions along times, which {along_times}")
+    if "branch" in dataset.dims or "branch" in dataset.coords:
+        raise ValueError(
+            "In a sweep with `carry` a lane depends on all lanes before it, so it cannot be run alone; "
+            "take a sweep without."
+        )
+
+
 def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Any]:
     """Start and solver of a sweep, from the attributes of its data set.
 

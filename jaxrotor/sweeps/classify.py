@@ -1,0 +1,321 @@
+"""Classify: the kind of motion in which every lane of a sweep ends, claimed where it can be shown."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax as dfx
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Float, Int
+from scipy import stats
+
+from ..core.attributes import about, flags
+from ..core.checks import check_counts
+from ..core.outcome import failed
+from ..core.parallel import Threads, cores
+from ..core.progress import progress as bar
+from ..equations.system import assemble
+from ..files.toml import loads
+from ..motion.base import Plan
+from ..motion.revolutions import check_constant, revolution_rate
+from ..orbits.lyapunov import BLOCKS, mean_and_error
+from ..orbits.shooting import differentiable
+from ..results.provenance import check_repeatable, start_and_solver
+from ..scene import Scene
+from ..solvers.exponential import Exponential
+from .axes import shared_ports
+from .followed import Followed, follow, polish, returns
+from .lanes import Context, Stages
+
+
+MOTIONS = ("periodic", "quasi_periodic", "chaotic", "transient", "undecided", "failed")
+PERIODIC, QUASI_PERIODIC, CHAOTIC, TRANSIENT, UNDECIDED, FAILED = range(len(MOTIONS))
+NEAR = 1e-3  # of the state: a motion that returns at least as near may be periodic
+CLOSED = 1e-8  # of the state: what an orbit may miss after its period
+FAR = 0.2  # of the state: an orbit that attracts a motion from further away is another motion
+TRIES = 3  # periods of a lane for which an orbit is sought
+REGULAR = 1e-5  # change of weighted averages from one half of a regular run to the other
+STILL = 2e-3  # growth in a revolution that counts as none, of a regular motion
+GROWN = 10.0  # logarithm of the growth of a disturbance in half of a run that no regular motion has
+CONFIDENCE = 0.95  # of the bounds of an exponent
+
+
+def classify(
+    dataset: xr.Dataset,
+    revolutions: int = 1000,
+    *,
+    longest: int = 8,
+    steps_per_revolution: int = 64,
+    solver: Exponential | None = None,
+    confirm: bool = True,
+    lanes_per_chunk: int = 128,
+    workers: int | None = None,
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Kind of motion of every lane of a sweep: periodic, quasi-periodic, chaotic, transient or undecided.
+
+        periodic         F^p(y) = y by Newton's method, near the lane, all |multipliers| < 1
+        quasi-periodic   the rotation number converges, the largest exponent is zero
+        chaotic          a disturbance grows e^10 times in either half, averages do not converge
+
+    Every lane is run again to the end of its sweep, and then followed for `revolutions` from there, by
+    steps that know the derivative of contact. A motion is "transient" where it is on its way to a
+    periodic orbit, or where it was chaotic in the first half of the run alone. What none of these can be
+    shown for is "undecided", and so is a lane whose kind is another with twice the steps, from which the
+    numbers are.
+    Chaos may end after the run: `jaxrotor.escapes` tells how long it lasts.
+
+    Args:
+        dataset: sweep by `Exponential` at constant speed, without `carry`; only its settings are used.
+        revolutions: that are followed, 200 or more.
+        longest: period that is sought [revolutions].
+        steps_per_revolution: of the steps that follow.
+        solver: of these, by default `Exponential(4, located=True)`; sharp stops take located steps.
+        confirm: whether lanes are followed again with twice the steps.
+        lanes_per_chunk: lanes run as one program.
+        workers: chunks run at once, by default one a core.
+        progress: whether to show a progress bar; by default on a terminal.
+
+    Returns:
+        The data set with `motion`, the kind; `orbit_period` [revolutions] and `multiplier`, the largest
+        modulus, of periodic lanes; `rotation`, turns about the centre in a revolution, and
+        `rotation_error` of regular ones; `exponent` [1/s] with `exponent_low` and `exponent_high`, bounds
+        of 95 %, of all. Its attribute `withdrawn` is the number of claims that twice the steps
+        contradicted. Not differentiable.
+
+    Raises:
+        ValueError: if the data set cannot be run again, or an argument is out of its range.
+
+    Source: rotation numbers by weighted averages: Das, Saiki, Sander, Yorke (2017), Nonlinearity 30, 4111;
+    as a test of chaos: Sander, Meiss (2020), Physica D 411, 132569.
+    """
+    check_counts(
+        revolutions=revolutions, longest=longest, steps_per_revolution=steps_per_revolution
+    )
+    if revolutions < 20 * BLOCKS:
+        raise ValueError(
+            f"`revolutions` must be at least {20 * BLOCKS} to tell motions apart, but is {revolutions}."
+        )
+    check_repeatable(dataset, "classified", "have no revolutions to classify.")
+    solver = Exponential(4, located=True) if solver is None else solver
+    first, points = _context(dataset)
+    context = _following(first, solver, steps_per_revolution)
+    size = min(lanes_per_chunk, len(points))
+    chunks = [np.arange(i, min(i + size, len(points))) for i in range(0, len(points), size)]
+    run = functools.partial(
+        _chunk, first, context, Stages.fresh(), size, points, revolutions, longest, confirm
+    )
+    total = len(points) * (1 + confirm) * revolutions
+    with bar(progress, total, f"{len(points)} lanes", "lane-revolutions") as tick:
+        parts = Threads(cores(workers)).each(run, chunks, tick)
+    found = Claims(*map(np.concatenate, zip(*(part[0] for part in parts), strict=True)))
+    lost = failed(dataset["status"].values).ravel()
+    found = found._replace(motion=np.where(lost, FAILED, found.motion))
+    return _dataset(dataset, found, sum(part[1] for part in parts))
+
+
+class Claims(NamedTuple):
+    """Claims about lanes, each (lanes,)."""
+
+    motion: Int[np.ndarray, " l"]  # number in `MOTIONS`
+    period: Int[np.ndarray, " l"]  # revolutions, 0 where it is not periodic
+    multiplier: Float[np.ndarray, " l"]  # largest modulus
+    rotation: Float[np.ndarray, " l"]
+    rotation_error: Float[np.ndarray, " l"]
+    exponent: Float[np.ndarray, " l"]  # a revolution
+    error: Float[np.ndarray, " l"]  # standard error of it
+
+
+# === before the run
+
+
+def _context(dataset: xr.Dataset) -> tuple[Context, Float[np.ndarray, "l p"]]:
+    """Settings of the lanes of a data set, without observables, and the values of each."""
+    attributes, status = dataset.attrs, dataset["status"]
+    scene, (start, solver) = loads(attributes["scene"]), start_and_solver(attributes)
+    check_constant(scene, "`classify`")
+    coords = [str(name) for name in status.coords if "." in str(name)]
+    columns = {path: status[path].broadcast_like(status).values.ravel() for path in coords}
+    period = attributes["period"]
+    period = period if isinstance(period, float) else None
+    steps = int(attributes["steps_per_revolution"])
+    plan = _plan(scene, columns, solver, steps)
+    settle = int(attributes["settle"]) + int(attributes["keep"])
+    lanes = scene, start, tuple(columns), plan, jnp.asarray(float(attributes["station"])), period
+    return Context(*lanes, (), settle, 0), np.column_stack(list(columns.values()))
+
+
+def _plan(scene: Scene, columns: dict[str, np.ndarray], solver: Exponential, steps: int) -> Plan:
+    together = shared_ports(scene, {path: np.unique(values) for path, values in columns.items()})
+    return Plan(
+        solver,
+        None,
+        dfx.ForwardMode(),
+        steps,
+        steps,
+        slopes=False,
+        coordinates=False,
+        contacts=False,
+        together=together,
+        batch=True,
+    )
+
+
+def _following(context: Context, solver: Exponential, steps: int) -> Context:
+    """The context with steps whose derivatives include changes of contact."""
+    solver = differentiable(solver, assemble(context.scene))
+    plan = dataclasses.replace(
+        context.plan, solver=solver, steps=steps, max_steps=steps, batch=False
+    )
+    return dataclasses.replace(context, plan=plan)
+
+
+# === the run
+
+
+def _chunk(
+    first: Context,
+    context: Context,
+    stages: Stages,
+    size: int,
+    points: Float[np.ndarray, "l p"],
+    revolutions: int,
+    longest: int,
+    confirm: bool,
+    lanes: Int[np.ndarray, " c"],
+    tick: Callable[[int], None],
+) -> tuple[Claims, int]:
+    """Claims of some lanes, and how many claims were withdrawn."""
+    padded = points[np.append(lanes, np.repeat(lanes[-1:], size - len(lanes)))]
+    shared, own, y, _ = stages.prepare(first, padded, None)
+    y, _ = stages.skip(shared, own, y, jnp.asarray(first.settle))
+    begin: Any = tuple(map(np.asarray, stages.decode(shared, own, y)))
+
+    def claimed(steps: int, begin: Any) -> tuple[Claims, Any]:
+        """Claims by so many steps from a state, and the state at the end of the run."""
+        plan = dataclasses.replace(context.plan, steps=steps, max_steps=steps)
+        shared, own, y, _ = stages.prepare(dataclasses.replace(context, plan=plan), padded, begin)
+        followed = follow(shared, own, y, revolutions)
+        tick(len(lanes) * revolutions)
+        end = tuple(map(np.asarray, stages.decode(shared, own, followed.y)))
+        return _claims(followed, shared, own, longest), end
+
+    found, end = claimed(context.plan.steps, begin)
+    withdrawn = np.zeros(size, bool)
+    if confirm:
+        claims, _ = claimed(2 * context.plan.steps, end)
+        withdrawn = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC, CHAOTIC))
+        withdrawn &= (claims.motion != found.motion) | (claims.period != found.period)
+        kept = np.where(withdrawn, UNDECIDED, found.motion)
+        found = claims._replace(motion=kept)  # the numbers are those of the finer run
+    count = len(lanes)
+    return Claims(*(leaf[:count] for leaf in found)), int(withdrawn[:count].sum())
+
+
+def _claims(followed: Followed, shared: Any, own: Any, longest: int) -> Claims:
+    """Claims about lanes that were followed."""
+    growth, turned, squares = map(np.asarray, followed[2:])
+    exponent, error = mean_and_error(growth.T)
+    rotation, change = _average(turned)
+    size, more = _average(squares)
+    smooth = (change < REGULAR) & (more < REGULAR * size)
+    half = growth.shape[1] // 2
+    early, late = growth[:, :half].sum(axis=1), growth[:, -half:].sum(axis=1)
+    regular = smooth & (np.abs(exponent) < STILL)
+    motion = np.full(len(growth), UNDECIDED)
+    motion[(early > GROWN) & (late < GROWN)] = TRANSIENT
+    motion[~smooth & (early > GROWN) & (late > GROWN)] = CHAOTIC
+    motion[regular] = QUASI_PERIODIC
+    period, multiplier = np.zeros(len(growth), int), np.full(len(growth), np.nan)
+    distances = np.asarray(returns(shared, own, followed.y, longest))  # (lanes, longest)
+    attracted = (late < 0) | regular
+    for attempt in range(TRIES):
+        tried = np.where(attracted & (period == 0), _candidate(distances, attempt), 0)
+        for p in np.unique(tried[tried > 0]):
+            these = tried == p
+            miss, shift, largest = map(np.asarray, polish(shared, own, followed.y, jnp.asarray(p)))
+            closed = these & (miss < CLOSED) & (largest < 1)
+            here = closed & (shift < NEAR)
+            motion[here], period[here], multiplier[here] = PERIODIC, p, largest[here]
+            motion[closed & ~here & (shift < FAR) & ~regular] = TRANSIENT
+    motion = np.where(np.asarray(followed.good), motion, FAILED)
+    for k in np.flatnonzero(motion == PERIODIC):  # of the orbit, not of what led there
+        last, before = turned[k, -period[k] :].mean(), turned[k, -2 * period[k] : -period[k]].mean()
+        rotation[k], change[k] = last, abs(last - before)
+        exponent[k], error[k] = np.log(multiplier[k]) / period[k], 0.0
+    return Claims(motion, period, multiplier, rotation, change, exponent, error)
+
+
+def _candidate(distances: Float[np.ndarray, "l p"], attempt: int) -> Int[np.ndarray, " l"]:
+    """Period of which an orbit is sought next: of near returns the shortest, else of the nearest return.
+
+    0 where there are no more.
+    """
+    near = distances < NEAR
+    order = (
+        np.argsort(~near, axis=1, kind="stable")[:, attempt] if attempt < near.shape[1] else None
+    )
+    if order is None:
+        return np.zeros(len(near), int)
+    chosen = np.take_along_axis(near, order[:, None], 1)[:, 0]
+    found = np.where(chosen, order + 1, 0)
+    if attempt == 0:
+        found = np.where(near.any(axis=1), found, np.argmin(distances, axis=1) + 1)
+    return found
+
+
+def _quantile() -> float:
+    """Standard errors of the mean of blocks to the bounds."""
+    return float(stats.t.ppf((1 + CONFIDENCE) / 2, BLOCKS - 1))
+
+
+def _average(values: Float[np.ndarray, "l R"]) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted averages over revolutions, and their change from the first half to the second."""
+    mean = lambda part: part @ _weights(part.shape[1])
+    half = values.shape[1] // 2
+    return mean(values), np.abs(mean(values[:, :half]) - mean(values[:, -half:]))
+
+
+def _weights(length: int) -> Float[np.ndarray, " R"]:
+    """Weights of sum 1 in proportion to `exp(-1 / (t (1 - t)))`."""
+    t = (np.arange(length) + 0.5) / length
+    weight = np.exp(-1 / (t * (1 - t)))
+    return weight / weight.sum()
+
+
+# === data
+
+
+def _dataset(dataset: xr.Dataset, found: Claims, withdrawn: int) -> xr.Dataset:
+    """The data set with the claims of all lanes."""
+    status = dataset["status"]
+    scene = loads(dataset.attrs["scene"])
+    of = lambda values, attrs: (status.dims, np.reshape(values, status.shape), attrs)
+    if "spin.speed" in status.coords:
+        speeds = np.abs(status["spin.speed"].broadcast_like(status).values.ravel())
+        rate = np.where(speeds > 0, speeds, np.nan)
+    else:
+        period = dataset.attrs["period"]
+        rate = float(revolution_rate(scene, period if isinstance(period, float) else None))
+    each = rate / (2 * np.pi)  # revolutions a second
+    half = _quantile() * found.error
+    regular = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC))
+    periodic = found.motion == PERIODIC
+    shown = np.where(found.motion == FAILED, np.nan, 1.0) * each
+    only = lambda chosen, values: np.where(chosen, values, np.nan)
+    turns, growth = "turns about the centre in a revolution", "largest Lyapunov exponent"
+    return dataset.assign(
+        motion=of(found.motion.astype(np.int8), flags("kind of motion", MOTIONS)),
+        orbit_period=of(np.where(periodic, found.period, 0), about("1", "revolutions in a period")),
+        multiplier=of(
+            only(periodic, found.multiplier), about("1", "largest modulus of a multiplier")
+        ),
+        rotation=of(only(regular, found.rotation), about("1", turns)),
+        rotation_error=of(only(regular, found.rotation_error), about("1", f"change of {turns}")),
+        exponent=of(shown * found.exponent, about("1/s", growth)),
+        exponent_low=of(shown * (found.exponent - half), about("1/s", f"{growth}, lower bound")),
+        exponent_high=of(shown * (found.exponent + half), about("1/s", f"{growth}, upper bound")),
+    ).assign_attrs(withdrawn=withdrawn)

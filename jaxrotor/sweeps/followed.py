@@ -1,0 +1,117 @@
+"""Followed: lanes with a disturbance each, the returns of their motions, and orbits near them."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core.compiled import compiled
+from ..core.outcome import Outcome
+from ..core.plane import square
+from ..motion.base import AbstractMarch
+
+
+NEWTON = 5  # iterations
+LEAST = 1e-9  # displacement of all coordinates that counts as none [m]
+
+
+class Followed(NamedTuple):
+    """Lanes after some revolutions, and what was seen in each of them."""
+
+    y: Float[Array, "l m"]
+    good: Bool[Array, " l"]
+    growth: Float[Array, "l R"]  # logarithm of the growth of a disturbance
+    turned: Float[Array, "l R"]  # turns about the centre, along the spin
+    square: Float[Array, "l R"]  # mean square of the radius [m^2]
+
+
+@compiled
+def follow(
+    shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], revolutions: int
+) -> Followed:
+    """States of lanes after some revolutions, with the growth of a disturbance of each."""
+    first = jax.random.normal(jax.random.key(0), y.shape[1:], y.dtype)
+
+    def lane(own, y):
+        march = eqx.combine(own, shared)
+
+        def advance(y):
+            end, window, ok = march.observe(y)
+            return end, (window.displacement[:, 0], window.sense, ok)
+
+        def one(carry, _):
+            y, moving, good = carry
+            y, moved, (z, sense, ok) = jax.jvp(advance, (y,), (moving,), has_aux=True)
+            size = jnp.linalg.norm(moved)
+            turns = sense * jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1]))) / (2 * jnp.pi)
+            mean = jnp.mean(square(z[1:]))
+            return (y, moved / size, good & ok), (jnp.log(size), turns, mean)
+
+        begin = y, first / jnp.linalg.norm(first), Outcome.good()
+        (y, _, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
+        return Followed(y, jnp.asarray(good.ok), *seen)
+
+    return jax.vmap(lane)(own, y)
+
+
+@compiled
+def returns(
+    shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], longest: int
+) -> Float[Array, "l p"]:
+    """Distance of lanes from their state after 1, 2, .. revolutions, over `size_of` the state."""
+
+    def lane(own, y):
+        march = eqx.combine(own, shared)
+
+        def one(now, _):
+            now, _ = march.skip(now, 1)
+            return now, jnp.linalg.norm(now - y) / size_of(march, y)
+
+        return jax.lax.scan(one, y, None, length=longest)[1]
+
+    return jax.vmap(lane)(own, y)
+
+
+@compiled
+def polish(
+    shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], period: Int[Array, ""]
+) -> tuple[Float[Array, " l"], Float[Array, " l"], Float[Array, " l"]]:
+    """Orbits near lanes by Newton's method: what they miss, how far they are, their largest multiplier.
+
+    `F^p(y) = y` after `period` revolutions; all are over `size_of` the state but the multiplier.
+    """
+
+    def lane(own, y):
+        march = eqx.combine(own, shared)
+        after = lambda y: march.skip(y, period)[0]
+
+        def both(x):
+            push = lambda tangent: jax.jvp(after, (x,), (tangent,))
+            end, columns = jax.vmap(push, out_axes=(None, 1))(jnp.eye(x.size))
+            return end - x, columns
+
+        def step(_, carry):
+            x, change, *_ = carry
+            x = x + change
+            miss, jacobian = both(x)
+            return x, jnp.linalg.solve(jnp.eye(x.size) - jacobian, miss), miss, jacobian
+
+        begin = y, 0 * y, y, jnp.zeros((y.size, y.size))
+        x, _, miss, jacobian = jax.lax.fori_loop(0, NEWTON + 1, step, begin)
+        size = size_of(march, y)
+        return jnp.linalg.norm(miss) / size, jnp.linalg.norm(x - y) / size, jacobian
+
+    miss, shift, jacobian = jax.vmap(lane)(own, y)
+    finite = jnp.isfinite(jacobian).all(axis=(1, 2), keepdims=True)
+    multipliers = jnp.linalg.eigvals(jnp.where(finite, jacobian, 2.0))
+    return miss, shift, jnp.abs(multipliers).max(axis=1)
+
+
+def size_of(march: AbstractMarch, y: Float[Array, " m"]) -> Float[Array, ""]:
+    """Size of a state of the march, which may be its difference from a steady motion."""
+    q, velocity = march.decode(y)
+    rest, apart = march.encode(0 * q, 0 * velocity), march.encode(0 * q + LEAST, 0 * velocity)
+    sizes = jnp.stack([jnp.linalg.norm(one) for one in (y, rest, apart - rest)])
+    return jnp.max(sizes)

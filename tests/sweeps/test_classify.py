@@ -1,0 +1,163 @@
+"""Classify: against Duffing's equation by a Runge-Kutta method, and motions known in closed form."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from systems import one_disc
+
+import jaxrotor as jr
+from jaxrotor.sweeps.classify import MOTIONS
+
+
+TURN = 2 * np.pi
+DAMPING, STIFFNESS, SPEED = 0.1, 0.1, 1.0
+
+
+def kinds(dataset) -> list[str]:
+    return [MOTIONS[number] for number in dataset["motion"].values]
+
+
+# === Duffing: x.. + c x. + k x + x^3 = e Omega^2 cos(Omega t)
+
+
+def runge_kutta(e: np.ndarray, revolutions: int, steps: int = 256):
+    """States at every revolution, and growth of a disturbance in it, after 200 that are not kept."""
+    y = np.stack([0 * e, 0 * e, 0 * e + 1, 0 * e])  # x, v and a disturbance of both
+    h, seen, growth = TURN / SPEED / steps, [], []
+
+    def rates(t, y):
+        x, v, a, b = y
+        force = e * SPEED**2 * np.cos(SPEED * t)
+        slope = STIFFNESS + 3 * x**2
+        accelerations = force - STIFFNESS * x - x**3 - DAMPING * v, -slope * a - DAMPING * b
+        return np.stack([v, accelerations[0], b, accelerations[1]])
+
+    for revolution in range(200 + revolutions):
+        for k in range(steps):
+            t = k * h
+            one = rates(t, y)
+            two = rates(t + h / 2, y + h / 2 * one)
+            three = rates(t + h / 2, y + h / 2 * two)
+            four = rates(t + h, y + h * three)
+            y = y + h / 6 * (one + 2 * two + 2 * three + four)
+        size = np.hypot(y[2], y[3])
+        y[2:] /= size
+        if revolution >= 200:
+            seen.append(y[:2].copy())
+            growth.append(np.log(size))
+    return np.array(seen), np.array(growth)
+
+
+def period_of(states: np.ndarray, longest: int = 8) -> int:
+    """Revolutions after which the last states return, 0 if they do not."""
+    for p in range(1, longest + 1):
+        if (
+            np.abs(states[-1 : -1 - longest : -1] - states[-1 - p : -1 - p - longest : -1]).max()
+            < 1e-6
+        ):
+            return p
+    return 0
+
+
+def multiplier(e: float, start: np.ndarray, period: int) -> float:
+    """Largest modulus of a multiplier of an orbit, along x or, of a linear oscillator, across."""
+
+    def field(t, y):
+        slope = STIFFNESS + 3 * y[0] ** 2
+        x, v = (
+            y[1],
+            e * SPEED**2 * np.cos(SPEED * t) - STIFFNESS * y[0] - y[0] ** 3 - DAMPING * y[1],
+        )
+        return [x, v, y[3], -slope * y[2] - DAMPING * y[3], y[5], -slope * y[4] - DAMPING * y[5]]
+
+    how = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12}
+    y = solve_ivp(field, (0.0, period * TURN / SPEED), [*start, 1, 0, 0, 1], **how).y[:, -1]
+    along = np.abs(np.linalg.eigvals(y[2:].reshape(2, 2))).max()
+    return max(along, np.exp(-DAMPING / 2 * period * TURN / SPEED))
+
+
+@pytest.mark.slow
+def test_duffing():
+    """All lanes are what a Runge-Kutta run shows, or undecided; multipliers are those of DOP853."""
+    e = np.linspace(0.5, 13.5, 27)
+    scene = one_disc(
+        jr.CubicSpring(0.5, 0.0, 1.0), damping=DAMPING, stiffness=STIFFNESS, speed=SPEED
+    )
+    steps = {"steps_per_revolution": 64, "solver": jr.Exponential(4), "progress": False}
+    swept = jr.sweep(
+        scene,
+        {"unbalance.eccentricity": e},
+        settle=200,
+        keep=1,
+        observe=[jr.observe.Radius()],
+        **steps,
+    )
+    found = jr.classify(swept, 400, **steps)
+    states, growth = runge_kutta(e, 400)
+    exponents = growth.mean(axis=0)
+    periods = np.array([period_of(states[..., lane]) for lane in range(e.size)])
+    expected = np.where(periods > 0, "periodic", np.where(exponents > 0.02, "chaotic", "unclear"))
+    claimed = np.array(kinds(found))
+    shown = claimed != "undecided"
+    assert (claimed[shown] == expected[shown]).all(), list(zip(e, claimed, expected, strict=True))
+    assert shown.sum() >= 24 and set(claimed[shown]) == {"periodic", "chaotic"}
+    periodic = np.flatnonzero(claimed == "periodic")
+    np.testing.assert_array_equal(found["orbit_period"].values[periodic], periods[periodic])
+    for lane in periodic[::3]:
+        exact = multiplier(e[lane], states[-1, :, lane], periods[lane])
+        assert found["multiplier"].values[lane] == pytest.approx(exact, rel=1e-4)
+    chaotic = claimed == "chaotic"
+    low, high = found["exponent_low"].values, found["exponent_high"].values
+    apart = np.abs(found["exponent"].values - exponents / TURN * SPEED)
+    assert (apart < high - low)[chaotic].all() and (low > 0)[chaotic].all()
+
+
+# === closed forms
+
+
+def whirling(damping: float) -> jr.Scene:
+    """A disc of unit mass and stiffness at a speed of sqrt 2, with an unbalance of 0.05."""
+    return one_disc(damping=damping, stiffness=1.0, speed=np.sqrt(2.0))
+
+
+def test_free_and_forced_whirl():
+    """Undamped, the free whirl lasts: natural frequency over speed turns a revolution. Damped, it ends."""
+    how = {"observe": [jr.observe.Radius()], "steps_per_revolution": 16, "progress": False}
+    start = jr.Whirl(0.5, 1.0)
+    for damping, kind in ((0.0, "quasi_periodic"), (0.4, "periodic")):
+        scene = whirling(damping)
+        swept = jr.sweep(scene, {"start.radius": [0.4, 0.5]}, start=start, settle=50, keep=1, **how)
+        found = jr.classify(swept, 400, steps_per_revolution=16, confirm=False, progress=False)
+        assert kinds(found) == [kind, kind]
+        if kind == "periodic":
+            assert (found["orbit_period"].values == 1).all()
+            exact = np.exp(-damping / 2 * TURN / np.sqrt(2.0))
+            assert found["multiplier"].values == pytest.approx(exact, rel=1e-6)
+            assert found["rotation"].values == pytest.approx(1.0, abs=1e-9)
+            assert found["exponent"].values == pytest.approx(-damping / 2, rel=1e-6)
+        else:
+            assert np.isnan(found["multiplier"]).all()
+            assert found["rotation"].values == pytest.approx(1 / np.sqrt(2.0), abs=1e-7)
+            assert (found["rotation_error"].values < 1e-5).all()
+
+
+# === refusals
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (
+            {"revolutions": 100},
+            "`revolutions` must be at least 200 to tell motions apart, but is 100",
+        ),
+        ({"longest": 0}, "`longest` must be a whole number of at least 1, but is 0"),
+        ({"solver": jr.Exponential(4)}, "sharp stops take located steps"),
+    ],
+)
+def test_refusals(changed, words):
+    scene = jr.load("limiter-rotor").with_nodes(2)
+    how = {"settle": 1, "keep": 1, "steps_per_revolution": 16, "observe": [jr.observe.Radius()]}
+    swept = jr.sweep(scene, {"start.radius": [1e-3]}, start=jr.Whirl(1e-3), progress=False, **how)
+    with pytest.raises(ValueError, match=words):
+        jr.classify(swept, **changed)
