@@ -8,10 +8,12 @@ from matplotlib.colors import LogNorm, to_hex
 
 import jaxrotor as jr
 from jaxrotor import plot
+from jaxrotor.core.attributes import flags
 from jaxrotor.core.outcome import STATUS
 from jaxrotor.files.toml import dumps
 from jaxrotor.plot import colours, page
 from jaxrotor.results.provenance import BRANCHES
+from jaxrotor.sweeps.classify import MOTIONS
 
 
 pytestmark = pytest.mark.usefixtures("rendered")
@@ -416,6 +418,14 @@ def test_map_of_classes(kinds):
     assert legend(ax) == ["index 0.5", "index -0.25", "no result"]
     blue, orange = colours.CYCLE[:2]
     assert colours_of(ax) == [[blue, orange, blue], [orange, orange, "#FFFFFF"]]
+    motions = flags("kind of motion", MOTIONS)
+    claimed = kinds.assign(
+        motion=(kinds["status"].dims, np.array([[0, 2], [2, 4], [0, 1]]), motions)
+    )
+    ax = plot.sweep_map(claimed, "motion")
+    assert legend(ax) == ["periodic", "chaotic", "undecided", "no result"]
+    shades = [colours.MOTIONS[name] for name in ("periodic", "chaotic", "undecided")]
+    assert colours_of(ax)[0][:2] == [shades[0], shades[1]] and colours_of(ax)[1][1] == shades[2]
     counted = kinds.assign(missed=(kinds["status"].dims, np.array([[0, 3], [0, 3], [7, 0]])))
     assert legend(plot.sweep_map(counted, "missed")) == [
         "missed 0",
