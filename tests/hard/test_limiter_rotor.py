@@ -104,7 +104,7 @@ def test_several_stops_at_once(count):
     stiffness = 3 * 2.1e11 * np.pi * 0.02**4 / 64 / LENGTH**3
     mass = 7850 * np.pi * 0.02**2 / 4 * LENGTH
     weight = -9.80665j * (2.4661502330679883 + 3 / 8 * mass)
-    assert stiffness * z[-1] == pytest.approx(weight + stop_force(scene, z[-1], 0j), rel=1e-7)
+    assert stiffness * z[-1] == pytest.approx(weight + stop_force(scene)(z[-1], 0j), rel=1e-7)
 
 
 @pytest.mark.hard("1.3 grazing")
