@@ -520,9 +520,9 @@ def test_a_failing_lane_is_flagged_and_kept():
     """A growing rotor without stops overflows in its lane alone."""
     ds = jr.sweep(
         LINEAR.replace({"unbalance.eccentricity": 1e-4}),
-        {"spin.speed": [5 / UNIT, 2000 / UNIT]},
+        {"spin.speed": [5 / UNIT, 450 / UNIT]},
         start=jr.Whirl(1e-3),
-        settle=200_000,
+        settle=1000,
         keep=2,
         steps_per_revolution=32,
     )
