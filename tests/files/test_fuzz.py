@@ -28,7 +28,7 @@ from jaxrotor.files.units import quantity
 
 
 PROGRAM: Any = get_command(app)
-COUNT = int(os.environ.get("JAXROTOR_FUZZ", "1000"))
+COUNT = int(os.environ.get("JAXROTOR_FUZZ", "500"))
 SHIPPED = [file.read_text("utf-8") for file in _shipped().values()]
 LONGEST = 3100  # limit of the characters of a message
 
