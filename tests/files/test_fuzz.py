@@ -1,6 +1,6 @@
 """Fuzzing of scene files: each gives a scene or an error message of one sentence.
 
-`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; the default is 1000,
+`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; the default is 500,
 others in every run.
 """
 
