@@ -109,15 +109,16 @@ def test_code_of_a_page_runs(page, pytestconfig):
             last = printed(block, names)
             if block["picture"]:
                 place = (ROOT / page).parent / block["picture"]
-                draw(place if pytestconfig.getoption("pictures") else io.BytesIO(), block["code"])
+                anew = pytestconfig.getoption("pictures")
+                draw(place if anew else io.BytesIO(), block["code"], 110 if anew else 30)
         elif block["language"] == "text" and last is not None:
             check_printed(block["code"], last)
 
 
-def draw(file, code: str) -> None:
+def draw(file, code: str, dpi: int) -> None:
     """Write the one figure that a block has drawn, with its code, and close it."""
     (number,) = plt.get_fignums()
-    plt.figure(number).savefig(file, format="png", dpi=110, metadata={CODE: code})
+    plt.figure(number).savefig(file, format="png", dpi=dpi, metadata={CODE: code})
     plt.close(number)
 
 

@@ -1,5 +1,7 @@
 """Law of a ring against its formula, energy, and motions in it against closed forms and SciPy."""
 
+import types
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -34,7 +36,7 @@ def laws(ring: jr.AnnularStator, z, v, speed) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(force) @ [1, 1j], np.asarray(torque)
 
 
-def written(one: jr.AnnularStator, z, v, speed):
+def written(one: jr.AnnularStator | types.SimpleNamespace, z, v, speed):
     """Force and torque by equations (1)-(4) of the sheet."""
     r = z - float(one.offset) * np.exp(1j * float(one.angle))
     rho = np.abs(r)
@@ -226,7 +228,12 @@ LOCATED = jr.Exponential(4, located=True)
 
 def by_scipy(scene, z, v, times, damping):
     """Path by SciPy, of the unbalance and the written law; restarted where contact begins or ends."""
-    (one,) = scene.of(jr.AnnularStator)
+    (ring,) = scene.of(jr.AnnularStator)
+    names = ("offset", "angle", "gap", "stiffness", "damping", "rim_radius", "slip", "friction")
+    values = {name: getattr(ring, name) for name in names}
+    one = types.SimpleNamespace(
+        **{name: value if value is None else float(value) for name, value in values.items()}
+    )
     loads = [(float(u.mass) * float(u.eccentricity)) for u in scene.of(jr.Unbalance)]
     speed = float(scene.spin.speed)
 

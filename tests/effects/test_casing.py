@@ -262,8 +262,9 @@ def extrapolated(answer):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [0.0, 600.0])
-def test_flexible_shaft_on_one_frame(speed):
+def test_flexible_shaft_on_one_frame():
+    speed = 600.0
+
     def slowest(_, mass, gyroscopic, stiffness):
         found = scipy.linalg.eigvals(state_matrix(mass, speed * gyroscopic, stiffness))
         found = found[found.imag > 1.0]

@@ -500,7 +500,7 @@ def test_lanes_and_derivatives_with_a_part_without_mass():
 
     def late(x):
         changed = scene.replace(dict(zip(paths, values + x * way, strict=True)))
-        motion = jr.simulate(changed, 1, **run, solver=jr.Exponential(4, located=True))
+        motion = jr.simulate(changed, 1, **run, solver=jr.Exponential(2, located=True))
         return 1e6 * motion.displacement[-1, 0].real
 
     both = lambda x: jax.jvp(late, (x,), (1.0,))  # one program has the values, too

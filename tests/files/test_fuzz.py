@@ -1,6 +1,6 @@
 """Fuzzing of scene files: each gives a scene or an error message of one sentence.
 
-`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; the default is 1000,
+`JAXROTOR_FUZZ=100000 pytest -n 0 tests/files/test_fuzz.py` tries as many files; the default is 500,
 others in every run.
 """
 
@@ -28,7 +28,7 @@ from jaxrotor.files.units import quantity
 
 
 PROGRAM: Any = get_command(app)
-COUNT = int(os.environ.get("JAXROTOR_FUZZ", "1000"))
+COUNT = int(os.environ.get("JAXROTOR_FUZZ", "500"))
 SHIPPED = [file.read_text("utf-8") for file in _shipped().values()]
 LONGEST = 3100  # limit of the characters of a message
 

@@ -1,5 +1,7 @@
 """The simplest rotor, a disc on a massless shaft, and what SciPy makes of any rotor in its stops."""
 
+import cmath
+
 import jax.numpy as jnp
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -27,27 +29,38 @@ def path(response: jr.Response) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(response.displacement[:, 0]), np.asarray(response.velocity[:, 0])
 
 
-def stop_force(scene: jr.Scene, z, v):
-    """Force of all stops of a scene on the shaft, from the written law."""
-    speed, total = float(scene.spin.speed), 0j
+def stop_force(scene: jr.Scene):
+    """Force of all stops of a scene on the shaft by displacement and velocity, from the written law."""
+    speed, stops = float(scene.spin.speed), []
     for one in scene.of(jr.Limiter):
-        out = np.exp(1j * float(one.angle))
-        local, rate = z / out, v / out
-        depth = local.real - float(one.gap)
-        normal = float(one.stiffness) * depth + float(one.damping) * rate.real
-        normal = np.where((depth > 0) & (normal > 0), normal, 0.0)
-        u = speed * float(one.rim_radius) + rate.imag
-        if one.slip is None:
-            direction = np.sign(u)
-        else:
-            u = np.clip(u / float(one.slip), -1, 1)
-            direction = u * (15 - 10 * u**2 + 3 * u**4) / 8
-        total = total - normal * (1 + 1j * float(one.friction) * direction) * out
-    return total
+        names = ("gap", "stiffness", "damping", "friction", "rim_radius")
+        slip = None if one.slip is None else float(one.slip)
+        numbers = [float(getattr(one, name)) for name in names]
+        stops.append((cmath.exp(1j * float(one.angle)), slip, *numbers))
+
+    def force(z, v):
+        total = 0j
+        for out, slip, gap, stiffness, damping, friction, rim_radius in stops:
+            local, rate = z / out, v / out
+            depth = local.real - gap
+            normal = stiffness * depth + damping * rate.real
+            if depth <= 0 or normal <= 0:
+                continue
+            u = speed * rim_radius + rate.imag
+            if slip is None:
+                direction = np.sign(u)
+            else:
+                u = min(max(u / slip, -1.0), 1.0)
+                direction = u * (15 - 10 * u**2 + 3 * u**4) / 8
+            total -= normal * (1 + 1j * friction * direction) * out
+        return total
+
+    return force
 
 
-def by_scipy(scene: jr.Scene, q, v, times, force=stop_force, method="DOP853", tol=1e-11):
+def by_scipy(scene: jr.Scene, q, v, times, force=None, method="DOP853", tol=1e-11):
     """Displacement at the stops' station: SciPy on the library's linear blocks and a written law."""
+    force = force or stop_force(scene)
     system = assemble(scene)
     b, n, speed = system.blocks, system.n, float(scene.spin.speed)
     inverse = np.linalg.inv(b.inertia)
@@ -61,7 +74,7 @@ def by_scipy(scene: jr.Scene, q, v, times, force=stop_force, method="DOP853", to
     def rate(t, y):
         q, v = y[: 2 * n].view(complex), y[2 * n :].view(complex)
         a = -(low @ q) - high @ v + still + speed**2 * shaken * np.exp(1j * speed * t)
-        a = a + column * force(scene, row @ q, row @ v)
+        a = a + column * force(complex(row @ q), complex(row @ v))
         return np.concatenate([v, a]).view(float)
 
     begin = np.concatenate([np.asarray(q), np.asarray(v)]).astype(complex).view(float)

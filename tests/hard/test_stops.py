@@ -246,7 +246,7 @@ def test_many_stops_become_a_ring(record_property):
     """Stiffness, friction and gap of a ring, shared among 8 and 64 flat stops: of second order."""
     gap, stiffness, friction = 0.2, 400.0, 0.2
     speed, q, v = 2.0, [0.15 + 0.05j], [0.3 + 0.45j]
-    turn = lambda scene, z, v: _ring(complex(z), gap, stiffness, friction)
+    turn = lambda z, v: _ring(z, gap, stiffness, friction)
     errors, counts = [], (8, 64)
     for count in counts:
         angles = 0.1 + 2 * np.pi * np.arange(count) / count

@@ -146,8 +146,9 @@ def final(scene, start, revolutions, steps, **options):
     return function, values
 
 
-@pytest.mark.parametrize("rule", ["spectral", pytest.param("trapezoid", marks=pytest.mark.slow)])
-def test_free_trajectory_by_every_parameter(rule):
+def test_free_trajectory_by_every_parameter():
+    """Of a shaft by spectral nodes; of one by the trapezoidal rule with contact, below."""
+    rule = "spectral"
     acting = {"gravity": True, "contact": False, "out_of_true": ASKEW}
     scene = limiter_rotor(eps=1e-3, phase=0.3, **acting, **RULES[rule])
     function, values = final(scene, (0.004, -3.0, 0.2), 2, 32)

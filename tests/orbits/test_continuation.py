@@ -295,6 +295,19 @@ def rub():
     return jr.periodic(scene, settled, steps_per_revolution=128)
 
 
+@pytest.fixture(scope="module")
+def slipping(rub):
+    """Its branch as friction falls."""
+    return jr.continue_(rub, "limiters.friction", (0.05, 0.15), direction="down")
+
+
+@pytest.fixture(scope="module")
+def faster(rub):
+    """Its branch as the rotor turns faster."""
+    speed = float(rub.scene.spin.speed)
+    return jr.continue_(rub, "spin.speed", (speed, 1350.0), direction="up")
+
+
 def direct(orbit):
     """Multipliers of an orbit by scipy from event to event, after a check that it closes."""
     speed = float(orbit.scene.spin.speed)
@@ -308,9 +321,9 @@ def direct(orbit):
 
 
 @pytest.mark.slow
-def test_backward_rub_ends_at_a_fold(rub):
+def test_backward_rub_ends_at_a_fold(rub, slipping):
     """Continued in friction it turns back before friction is zero; `periodic` finds an orbit of it too."""
-    branch = jr.continue_(rub, "limiters.friction", (0.05, 0.15), direction="down")
+    branch = slipping
     (fold,) = branch.of("fold")
     assert abs(fold.multipliers[0] - 1) < 1e-5
     near = np.sort(np.abs(direct(branch.orbit(fold)) - 1))
@@ -328,10 +341,9 @@ def test_backward_rub_ends_at_a_fold(rub):
 
 
 @pytest.mark.slow
-def test_backward_rub_becomes_a_torus_at_higher_speed(rub):
+def test_backward_rub_becomes_a_torus_at_higher_speed(faster):
     """A pair of multipliers leaves the unit circle, by scipy too; before and after it they do not."""
-    speed = float(rub.scene.spin.speed)
-    branch = jr.continue_(rub, "spin.speed", (speed, 1350.0))
+    branch = faster
     (point,) = branch.points
     assert point.kind == "neimark-sacker"
     pair = np.exp(1j * point.angle)
@@ -340,21 +352,21 @@ def test_backward_rub_becomes_a_torus_at_higher_speed(rub):
 
 
 @pytest.mark.slow
-def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(rub):
+def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(slipping, faster):
     """Both over a second parameter, against branches of the first."""
-    speed = float(rub.scene.spin.speed)
+    speed = float(faster.values[0])
     cases = (
-        ("fold", "limiters.friction", (0.05, 0.15), "down", (3e6, 6e6), 2e-3),
-        ("neimark-sacker", "spin.speed", (speed, 1350.0), "up", (3e6, 6e6), 4.0),
+        ("fold", slipping, "limiters.friction", (0.05, 0.15), 2e-3),
+        ("neimark-sacker", faster, "spin.speed", (speed, 1350.0), 4.0),
     )
-    for kind, path, between, direction, stiffness, width in cases:
-        branch = jr.continue_(rub, path, between, direction=direction, max_step=0.2)
-        plane, bounds = (path, "limiters.stiffness"), (between, stiffness)
+    for kind, branch, path, between, width in cases:
+        plane, bounds = (path, "limiters.stiffness"), (between, (3e6, 6e6))
         how = {"max_points": 1, "step": 0.05, "max_step": 0.2}
         curve = jr.continue_curve(branch, branch.of(kind)[0], plane, bounds, **how)
         assert len(curve.values) == 3 and np.ptp(curve.values[:, 1]) > 1e5
         assert curve.stable.all()
-        for number, (value, _) in enumerate(curve.values):
+        for number in (0, 2):  # between them is the point of the branch
+            value = curve.values[number, 0]
             near = value - width, value + width
             how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
             orbit = jr.continue_(curve.orbit(number), path, near, **how).orbit(-1)

@@ -131,8 +131,8 @@ def test_every_setting_tells_a_sweep_from_another(tmp_path):
     """The same sweep is asked for with one setting changed at a time, some in the last digit."""
     scene = jr.load("limiter-rotor").with_nodes(3)
     scene = scene.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
-    solver, steps = dfx.Kvaerno5(), dfx.PIDController(rtol=1e-6, atol=1e-9)
-    how = HOW | {"start": jr.Whirl(1.2345678901234567e-3), "period": 0.1, "lanes_per_chunk": 1}
+    solver, steps = dfx.Tsit5(), dfx.PIDController(rtol=1e-6, atol=1e-9)
+    how = HOW | {"start": jr.Whirl(1.2345678901234567e-3), "period": 1e-3, "lanes_per_chunk": 1}
     how |= {"observe": [jr.observe.Extrema(3)], "solver": solver, "controller": steps, "at": 0.7}
     how |= {"settle": 0, "keep": 1}
     ask = lambda scene=scene, **more: jr.sweep(
@@ -154,7 +154,7 @@ def test_every_setting_tells_a_sweep_from_another(tmp_path):
         "keep": [2],
         "observe": [[jr.observe.Section()], [jr.observe.Extrema(4)], jr.observe.everything(True)],
         "steps_per_revolution": [33],
-        "solver": [dfx.Kvaerno5(scan_kind="bounded"), dfx.Kvaerno3(), jr.Exponential(4)],
+        "solver": [dfx.Tsit5(scan_kind="bounded"), dfx.Kvaerno3(), jr.Exponential(4)],
         "controller": [
             dfx.PIDController(rtol=np.nextafter(1e-6, 1), atol=1e-9),
             dfx.PIDController(rtol=1e-6, atol=np.nextafter(1e-9, 1)),
@@ -162,7 +162,7 @@ def test_every_setting_tells_a_sweep_from_another(tmp_path):
             None,
         ],
         "at": [0.69],
-        "period": [0.1 * (1 + 1e-15)],
+        "period": [1e-3 * (1 + 1e-15)],
         "max_steps": [4095],
         "nodes": [5],
     }
@@ -263,7 +263,7 @@ def test_other_folders_are_refused(tmp_path):
 
 # It loads the library once, and forks a process for every store that it is told; no program of jax
 # has run before.
-MOST_KILLS = 4
+MOST_KILLS = 2
 SCRIPT = (
     f"{garbage.CODE}\n"
     + """
@@ -327,7 +327,7 @@ def test_killed_at_random_moments(tmp_path):
             np.testing.assert_array_equal(
                 found["section"].where(computed), expected["section"].where(computed)
             )
-        assert status == 0 and kills >= 3
+        assert status == 0 and kills == MOST_KILLS
         process.stdin.close()
     for path in (tmp_path / "whole.zarr").rglob("*"):
         if path.is_file():

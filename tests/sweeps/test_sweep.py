@@ -125,17 +125,16 @@ def test_sweep_is_a_loop_of_simulations(over):
 def test_chunks_and_workers_do_not_change_results():
     over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 5)}
     whole = jr.sweep(ROTOR, over, start=RUB, workers=1, **SHORT)
-    for options in ({"lanes_per_chunk": 2, "workers": 1}, {"lanes_per_chunk": 2, "workers": 2}):
-        parts = jr.sweep(ROTOR, over, start=RUB, **options, **SHORT)
-        for name in whole:
-            np.testing.assert_allclose(parts[name], whole[name], rtol=1e-10, atol=1e-14)
+    parts = jr.sweep(ROTOR, over, start=RUB, lanes_per_chunk=2, workers=2, **SHORT)
+    for name in whole:
+        np.testing.assert_allclose(parts[name], whole[name], rtol=1e-10, atol=1e-14)
 
 
 @pytest.mark.slow
 def test_adaptive_solver_in_a_sweep():
-    over = {"unbalance.eccentricity": [1e-4, 5e-4]}
-    ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Kvaerno5(), **SHORT)
-    fine = jr.sweep(ROTOR, over, start=RUB, **(SHORT | {"steps_per_revolution": 4096}))
+    over, few = {"unbalance.eccentricity": [1e-4, 5e-4]}, ROTOR.with_nodes(3)
+    ds = jr.sweep(few, over, start=RUB, solver=dfx.Kvaerno5(), **SHORT)
+    fine = jr.sweep(few, over, start=RUB, **(SHORT | {"steps_per_revolution": 4096}))
     assert ds.status.values.tolist() == [0, 0]
     np.testing.assert_allclose(ds.section, fine.section, atol=2e-6)
     np.testing.assert_allclose(ds.winding, fine.winding, atol=2e-4)
@@ -145,7 +144,7 @@ def test_adaptive_solver_in_a_sweep():
 @pytest.mark.slow
 def test_a_solver_that_gives_up_is_one_of_the_reasons():
     over = {"unbalance.eccentricity": [1e-4]}
-    ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Kvaerno5(), max_steps=2, **SHORT)
+    ds = jr.sweep(ROTOR, over, start=RUB, solver=dfx.Tsit5(), max_steps=2, **SHORT)
     assert ds.status.attrs["flag_meanings"].split()[ds.status.item()] == "solver_gave_up"
 
 

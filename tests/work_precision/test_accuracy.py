@@ -235,12 +235,3 @@ def test_sweep_carries_an_error_estimate(rub):
     assert any("twice the steps" in text.get_text() for text in lower.texts)
     matplotlib.pyplot.close(upper.figure)
     assert isinstance(found, xr.Dataset) and "index_error" not in finer
-
-
-@pytest.mark.slow
-def test_sweep_takes_auto_steps():
-    scene = SCENE.without("limiters")
-    over = {"unbalance.eccentricity": [1e-4, 2e-4]}
-    found = jr.sweep(scene, over, steps_per_revolution="auto", settle=2, keep=2, progress=False)
-    assert found.attrs["steps_per_revolution"] == 128  # exact by any number; the first confirmed
-    assert found.attrs["chosen"].startswith("128 steps a revolution")
