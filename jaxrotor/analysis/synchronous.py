@@ -84,11 +84,12 @@ def crossings(system: System) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
         ends = values[k, j], values[k + 1, j]
         root = sign_change(lambda speed: above(speed)[j], first, last, *ends, ends[1] > 0)
         root = jax.lax.stop_gradient(root)
-        same = jnp.abs(above(root)[j]) < SAME  # else a whirl begins or ends there
+        # One evaluation has the value, its slope and, as `system` is that of `held`, the derivative.
         one = jnp.ones_like(root)
-        slope = jax.jvp(lambda speed: whirls(held, speed)[j] - speed, (root,), (one,))[1]
-        value = whirls(system, root)[j]
-        moved = (value - jax.lax.stop_gradient(value)) / jax.lax.stop_gradient(slope)
+        value, slope = jax.jvp(lambda speed: whirls(system, speed)[j], (root,), (one,))
+        now, slope = jax.lax.stop_gradient((value, slope - 1))
+        same = jnp.abs(now - root) < SAME * (now + root)  # else a whirl begins or ends there
+        moved = (value - now) / slope
         return jnp.where(same, root - moved, jnp.inf)
 
     def one(case):
