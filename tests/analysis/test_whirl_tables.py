@@ -208,7 +208,7 @@ def test_maps_over_tables_of_whirl_are_those_of_a_dense_scan():
 
 @pytest.mark.slow
 def test_onset_of_a_pad():
-    """Sheet 8, (16): the onset of a pad with inertia by its dynamic stiffness over whirl is exact."""
+    """Sheet 8, (16): a pad with inertia is exact over whirl, and wrong if reduced at the speed."""
     onset, c, k, k1, d1, inertia = 3018.46148, 200.0, 8e5, 3e6, 2500.0, 0.4
     q = 2500.0 * onset
     exact = np.roots(  # of (m l^2 + c l + k)(J l^2 + H) + H J l^2, H = k1 - i q + d1 l
@@ -219,22 +219,23 @@ def test_onset_of_a_pad():
     )
     growing = exact[np.argmax(exact.real)]
     assert abs(growing.real) < 1e-4
-    nodes = np.union1d(np.linspace(0.0, 4000.0, 401), [growing.imag])
 
-    def dynamic(q):
-        h = k1 - 1j * q + d1 * 1j * nodes
-        return k + 1j * c * nodes - h * inertia * nodes**2 / (h - inertia * nodes**2)
+    def coefficients(w, q):
+        """Real coefficients of `Z(i w)`, with drives `q` and `-q` of both directions of whirl."""
+        h = np.array([[1.0], [-1.0]]) * -1j * q + k1 + d1 * 1j * w
+        ahead, back = k + 1j * c * w - h * inertia * w**2 / (h - inertia * w**2)
+        along, across = (ahead + back) / 2, 1j * (ahead - back) / 2
+        found = {"kxx": along.real, "kyy": along.real, "kxy": across.real, "kyx": -across.real}
+        losses = {"cxx": along.imag, "cyy": along.imag, "cxy": across.imag, "cyx": -across.imag}
+        return found | {name: loss / w for name, loss in losses.items()}
 
-    along, across = (dynamic(q) + dynamic(-q)) / 2, 1j * (dynamic(q) - dynamic(-q)) / 2
-    rate = np.where(nodes > 0, nodes, 1.0)
-    numbers = {"kxx": along.real, "kyy": along.real, "kxy": across.real, "kyx": -across.real}
-    losses = {"cxx": along.imag, "cyy": along.imag, "cxy": across.imag, "cyx": -across.imag}
-    numbers |= {
-        name: np.append(loss[1], loss[1:]) / np.append(rate[1], rate[1:])
-        for name, loss in losses.items()
-    }
+    nodes = np.union1d(np.linspace(10.0, 4000.0, 400), [growing.imag])
+    numbers = coefficients(nodes, q)
     roots = np.asarray(jr.roots(rotor(jr.Support(0.5, frequencies=nodes, **numbers), speed=onset)))
     assert np.min(np.abs(roots - growing)) < 1e-3
+    nodes = np.union1d(np.linspace(500.0, 1300.0, 161), [1279.16685])
+    reduced = rotor(jr.Support(0.5, speeds=nodes, **coefficients(nodes, 2500.0 * nodes)))
+    assert float(jr.onset_speed(reduced, samples=16).speed) == pytest.approx(1279.16685, rel=1e-7)
 
 
 @pytest.mark.slow
