@@ -13,9 +13,10 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
 from ..core.compiled import compiled
+from ..equations.speed_tables import has_whirl_tables
 from ..scene import Scene, with_shared_nodes
 from .films import check_linear
-from .stability import EDGES, STEPS, growth_of, undamped_side
+from .stability import EDGES, STEPS, growth_of, undamped_side, why_unknown
 from .whirl_tables import OverWhirl
 
 
@@ -111,22 +112,21 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
     values = _axis(scene, path, values)
     evaluate = functools.partial(_growth, scene, (path,))
     growth = evaluate(values)[0]
-    _refuse_unknown(path, values, growth)
+    _refuse_unknown(scene, path, values, growth)
     unstable = growth > 0
     below = np.flatnonzero(unstable[:-1] != unstable[1:])
     if not below.size:
         return Boundary(np.zeros(0), np.zeros(0, bool))
     found = _crossing(evaluate, values[None, below], values[None, below + 1])
-    _refuse_unknown(path, values[below], found[0])
+    _refuse_unknown(scene, path, values[below], found[0])
     return Boundary(found[0], unstable[below + 1])
 
 
-def _refuse_unknown(path: str, values: np.ndarray, found: np.ndarray) -> None:
+def _refuse_unknown(scene: Scene, path: str, values: np.ndarray, found: np.ndarray) -> None:
     if np.isnan(found).any():
         raise ValueError(
-            f"Floquet multipliers do not resolve the first mode from `{path}` = "
-            f"{values[np.isnan(found)][0]:g} on, where the rotor turns too slowly; leave such values "
-            "out."
+            f"{why_unknown(has_whirl_tables(scene))} at `{path}` = {values[np.isnan(found)][0]:g}; leave "
+            "such values out."
         )
 
 
@@ -150,7 +150,7 @@ def _growth(scene: Scene, paths: tuple[str, ...], *values: np.ndarray) -> np.nda
     """
     points = np.stack(values)  # (parameters, k)
     found = np.full((2, points.shape[1]), np.nan)
-    for steps in STEPS:
+    for steps in STEPS[:1] if has_whirl_tables(scene) else STEPS:
         (left,) = np.nonzero(np.isnan(found[0]))
         size = CHUNK * STEPS[0] // steps
         for chunk in (left[k : k + size] for k in range(0, left.size, size)):

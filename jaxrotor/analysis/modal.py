@@ -23,12 +23,11 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
-from ..equations.speed_tables import has_whirl_tables
 from ..equations.system import System, assemble, assemble_blocks
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from .films import check_linear
-from .whirl_tables import whirl_roots
+from .whirl_tables import OverWhirl, whirl_roots
 
 
 KINDS = ("forward", "backward", "mixed")  # kinds of whirl
@@ -167,7 +166,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     eq. (2); Klochkov, eqs. (4)-(7).
     """
     check_linear(scene)
-    values = _whirl_roots(scene) if has_whirl_tables(scene) else _roots(assemble(scene), count)
+    values = _roots(OverWhirl.of(scene), count)
     if known(values):
         found = np.asarray(values)
         return jnp.asarray(found[np.isfinite(found)][:count])
@@ -175,14 +174,9 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
 
 
 @compiled_quickly
-def _whirl_roots(scene: Scene) -> Complex[Array, " m"]:
-    values = whirl_roots(scene)
-    return values[slowest_first(values)]
-
-
-@compiled_quickly
-def _roots(system: System, count: int | None) -> Complex[Array, " m"]:
-    values = natural_roots(system, count)
+def _roots(system: System | OverWhirl, count: int | None) -> Complex[Array, " m"]:
+    whirls = isinstance(system, OverWhirl)
+    values = whirl_roots(system.scene) if whirls else natural_roots(system, count)
     return values[slowest_first(values)]
 
 

@@ -68,11 +68,16 @@ def growth_rate(scene: Scene) -> Scalar:
     system = OverWhirl.of(scene)
     growth = _growth_rate(system, STEPS[0])
     if isinstance(system, OverWhirl) and known(growth) and np.isnan(growth):
-        raise ValueError(f"{BEYOND}.")
+        raise ValueError(f"{why_unknown(isinstance(system, OverWhirl))}.")
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
             growth = _growth_rate(system, steps)
     return growth
+
+
+def why_unknown(over_whirl: bool) -> str:
+    """Beginning of a sentence that says why a growth rate is NaN, with or without tables over whirl."""
+    return BEYOND if over_whirl else TOO_SLOW
 
 
 @compiled_quickly
@@ -149,7 +154,7 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     rising = (sign[:-1] <= 0) & (sign[1:] > 0)
     marginal = (sign[: samples // 4] == 0).all() & ~rising.any()
     refusals = [
-        ((sign != sign).any(), BEYOND if isinstance(system, OverWhirl) else TOO_SLOW),
+        ((sign != sign).any(), why_unknown(isinstance(system, OverWhirl))),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
         (~rising.any(), "The rotor never loses its stability"),
@@ -202,13 +207,9 @@ def stability_crossings(
         )
     unknown = jnp.isnan(sign)
     if jnp.any(unknown):
-        if isinstance(system, OverWhirl):
-            raise ValueError(
-                f"{BEYOND} at {speeds[unknown][0]:g} rad/s; search other speeds by `within`."
-            )
+        reason = why_unknown(isinstance(system, OverWhirl))
         raise ValueError(
-            "Floquet multipliers do not resolve the first mode at speeds as low as "
-            f"{speeds[unknown][0]:g} rad/s; begin `within` at a higher speed."
+            f"{reason} at {speeds[unknown][0]:g} rad/s; search other speeds by `within`."
         )
     unstable = np.asarray(sign) > 0
     return [

@@ -105,8 +105,9 @@ def _searched(system: System, whirls: Callable) -> Float[Array, " w"]:
     span = speed_range(system.tabled)
     if span is not None:
         return jnp.linspace(larger(span[0], 0.0), span[1], SAMPLES + 1)
-    tables = [one.speeds for one in system.tabled.of(AbstractOverSpeed) if one.speeds is not None]
-    top = larger(jnp.max(jnp.stack([nodes[-1] for nodes in tables])), 0.0)
+    tables = system.tabled.of(AbstractOverSpeed)
+    tops = [nodes[-1] for one in tables for nodes in one.nodes_over_speed]
+    top = larger(jnp.max(jnp.stack(tops)), 0.0)
     beyond = whirls(system, top)  # beyond all tables they are constant
     fastest = jnp.max(jnp.where(jnp.isfinite(beyond), beyond, 0.0))
     return jnp.append(jnp.linspace(0.0, top, SAMPLES + 1), 1.01 * larger(fastest, top))

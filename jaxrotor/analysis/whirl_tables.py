@@ -7,14 +7,15 @@ At a given w the roots are eigenvalues `lambda_j(w)`, and those of the rotor are
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
+from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
+from ..core.extremes import bounded
 from ..core.quantities import Scalar, with_values
 from ..core.sign_change import sign_change
 from ..effects.base import AbstractOverSpeed
@@ -26,9 +27,10 @@ from ..equations.pencil import (
     isotropic,
     unequal_parts,
 )
-from ..equations.speed_tables import has_whirl_tables, whirl_range
+from ..equations.speed_tables import has_tables, has_whirl_tables, speed_range, whirl_range
 from ..equations.system import System, assemble
 from ..scene import Scene
+from ..spins import AbstractSpin
 
 
 INTERVALS = 128  # of whirl frequency, in which crossings are sought
@@ -37,22 +39,26 @@ POLISHING = 3  # steps of Newton's method
 SAME = 1e-6  # relative difference of a frequency and that of its coefficients, at a crossing
 
 
-def at_whirl(scene: Scene, frequency: ArrayLike) -> Scene:
+def synchronous(scene: Scene) -> Scene:
+    """The scene with tables over whirl read at the speed: that is the frequency of synchronous whirl."""
+    return _changed(scene, lambda support: with_values(support, synchronous=True))
+
+
+def _at_whirl(scene: Scene, frequency: ArrayLike) -> Scene:
     """The scene with the coefficients of its supports at one frequency of whirl [rad/s]."""
     return _changed(scene, lambda support: support.at_whirl(frequency))
 
 
-def synchronous(scene: Scene) -> Scene:
-    """The scene with tables over whirl as tables over speed: they are the same in synchronous whirl."""
-    swap = lambda support: with_values(support, speeds=support.frequencies, frequencies=None)
-    return _changed(scene, swap)
+def _at_speed(scene: Scene, speed: ArrayLike) -> Scene:
+    """The scene with tables over speed and whirl as tables over whirl at one speed [rad/s]."""
+    return _changed(scene, lambda support: support.at_speed(speed))
 
 
 def _changed(scene: Scene, change: Callable) -> Scene:
     """The scene with those of its supports changed that have tables over whirl."""
     if not has_whirl_tables(scene):
         return scene
-    tabled = lambda one: isinstance(one, AbstractOverSpeed) and one.frequencies is not None
+    tabled = lambda one: isinstance(one, AbstractOverSpeed) and one.nodes_over_whirl is not None
     effects = tuple(change(one) if tabled(one) else one for one in scene.effects)
     return with_values(scene, effects=effects)  # whose stations may be traced
 
@@ -61,7 +67,7 @@ class OverWhirl(eqx.Module):
     """Equations of a rotor whose coefficients depend on the frequency of whirl, in place of a `System`."""
 
     scene: Scene
-    system: System  # with the coefficients at the lowest frequency of the tables
+    system: System  # with the coefficients at a place within the tables, see `_at_lowest`
 
     @classmethod
     def of(cls, scene: Scene) -> "OverWhirl | System":
@@ -70,11 +76,30 @@ class OverWhirl(eqx.Module):
             return assemble(scene)
         return cls(scene, _at_lowest(scene))
 
-    def __getattr__(self, name: str) -> Any:
-        """Axes, spin and scales, which are those of the `System`."""
-        if name in ("blocks", "tabled", "spin", "at_rest", "n"):
-            return getattr(self.system, name)
-        raise AttributeError(name)
+    @property
+    def blocks(self) -> Blocks:
+        """Blocks of the same structure as those at any frequency."""
+        return self.system.blocks
+
+    @property
+    def spin(self) -> AbstractSpin:
+        """The law of rotation."""
+        return self.system.spin
+
+    @property
+    def n(self) -> int:
+        """Number of complex coordinates."""
+        return self.system.n
+
+    @property
+    def at_rest(self) -> System:
+        """A rotor at rest of the same scale."""
+        return self.system.at_rest
+
+    @property
+    def tabled(self) -> Scene | None:
+        """The scene, where coefficients depend on the speed, too."""
+        return self.scene if has_tables(self.scene) else None
 
     def at_speed(self, speed: Scalar) -> "OverWhirl":
         """The same rotor at another speed."""
@@ -90,6 +115,7 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     the fastest of more than `MORE` crossings beyond the number of eigenvalues. Differentiable, by a last
     step of Newton's method.
     """
+    scene = _at_speed(scene, scene.spin.speed)
     held = jax.lax.stop_gradient(scene)
     low, high, beyond = whirl_range(held)
     circular = isotropic(_at_lowest(held).blocks)
@@ -128,6 +154,7 @@ def grows_beyond(scene: Scene) -> Bool[Array, ""]:
 
     Its own coefficients are not known, so neither is whether the rotor is stable.
     """
+    scene = _at_speed(scene, scene.spin.speed)
     low, high, held = whirl_range(scene)
     if held:
         return jnp.zeros((), bool)
@@ -140,8 +167,13 @@ def grows_beyond(scene: Scene) -> Bool[Array, ""]:
 
 @compiled_quickly
 def _at_lowest(scene: Scene) -> System:
-    """The equations at the lowest frequency; raise where axes turn, in which a whirl has another one."""
-    system = assemble(at_whirl(scene, whirl_range(scene)[0]))
+    """The equations at the lowest frequency; raise where axes turn, in which a whirl has another one.
+
+    Tables over speed, too, are read at the speed of the scene or at the nearer end of the tables.
+    """
+    span, speed = speed_range(scene), scene.spin.speed
+    within = _at_speed(scene, speed if span is None else bounded(speed, *span))
+    system = assemble(_at_whirl(within, whirl_range(scene)[0]))
     if frame(system.blocks) != "fixed":
         raise ValueError(
             "Coefficients over the frequency of whirl are for axes that stand still, but unequal axes of "
@@ -152,7 +184,7 @@ def _at_lowest(scene: Scene) -> System:
 
 
 def _pencil(scene: Scene, frequency: Scalar) -> Pencil:
-    return Pencil.of(assemble(at_whirl(scene, frequency))).along_axes
+    return Pencil.of(assemble(_at_whirl(scene, frequency))).along_axes
 
 
 def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c"]:

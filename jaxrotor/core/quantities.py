@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # a field accepts a plain number and stores an array
 else:
     Scalar = Float[Array, ""]
     Series = Float[Array, "_"]
-    Tabled = Scalar | Series
+    Tabled = Scalar | Series | Float[Array, "_ _"]
 
 COUNTED = {1: "one", 2: "two"}  # words of the smallest counts of a list
 _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
@@ -117,7 +117,9 @@ def _quantity(
         if value is None and default is None:
             return None
         if table and is_table(value):
-            return _check_series(value, label, ascending=False, nonnegative=False, least=2)
+            return _check_series(
+                value, label, ascending=False, nonnegative=False, least=2, rows=True
+            )
         return checked(value, label)
 
     options = {} if default is dataclasses.MISSING else {"default": default}
@@ -158,9 +160,12 @@ def _check_shape(array: Array | np.ndarray, label: str) -> None:
         )
 
 
-def _check_series(value: Any, label: str, ascending: bool, nonnegative: bool, least: int) -> Array:
-    """`value` as a one-dimensional array; raises as `check` does."""
+def _check_series(
+    value: Any, label: str, ascending: bool, nonnegative: bool, least: int, rows: bool = False
+) -> Array:
+    """`value` as an array, one-dimensional or, if allowed, of `rows`; raises as `check` does."""
     wanted = f"`{label}` must be a list of {COUNTED[least]} or more finite numbers"
+    wanted += " or of rows of as many each" * rows
     traced = not all(map(known, value if isinstance(value, list | tuple) else [value]))
     try:
         if isinstance(value, str | bool) or value is None:
@@ -168,7 +173,7 @@ def _check_series(value: Any, label: str, ascending: bool, nonnegative: bool, le
         array = jnp.asarray(value, float) if traced else np.asarray(value, float)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{wanted}, but is {value!r}.") from None
-    if array.ndim != 1 or array.size < least:
+    if array.ndim not in (1, 1 + rows) or min(array.shape) < least:
         raise ValueError(f"{wanted}, but has shape {array.shape}.")
     order = f"`{label}` must be ascending, each above the one before"
     falls = array[1:] <= array[:-1]

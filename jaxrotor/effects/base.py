@@ -45,7 +45,7 @@ class AbstractOverSpeed(AbstractLinear):
     """Linear effect whose coefficients may be tables over the speed of rotation or over whirl.
 
     The equations at a speed contain `at_speed(speed).blocks(line)`, those of a motion that whirls
-    `at_whirl(frequency).blocks(line)`.
+    `at_speed(speed).at_whirl(frequency).blocks(line)`.
     """
 
     speeds: eqx.AbstractVar[Series | None]  # nodes of the tables [rad/s]; None: there are none
@@ -53,14 +53,26 @@ class AbstractOverSpeed(AbstractLinear):
         Series | None
     ]  # nodes of tables over the frequency of whirl [rad/s]
     hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
+    synchronous: eqx.AbstractVar[bool]  # whether a whirl has the frequency of rotation
+
+    @property
+    def nodes_over_speed(self) -> tuple[Series, ...]:
+        """Nodes [rad/s] of all tables that are read at the speed of rotation."""
+        read = (self.speeds, self.frequencies if self.synchronous else None)
+        return tuple(nodes for nodes in read if nodes is not None)
+
+    @property
+    def nodes_over_whirl(self) -> Series | None:
+        """Nodes [rad/s] of tables that are read at a frequency of whirl; None: there are none."""
+        return None if self.synchronous else self.frequencies
 
     @abc.abstractmethod
     def at_speed(self, speed: ArrayLike) -> AbstractLinear:
-        """The effect with its coefficients at a speed [rad/s] in place of tables."""
+        """The effect with its coefficients at a speed [rad/s] in place of tables over it."""
 
     @abc.abstractmethod
     def at_whirl(self, frequency: ArrayLike) -> AbstractLinear:
-        """The effect with its coefficients at a frequency of whirl [rad/s] in place of tables."""
+        """The effect with its coefficients at a frequency of whirl [rad/s] in place of tables over it."""
 
 
 class AbstractDamping(AbstractEffect):

@@ -60,7 +60,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     first derivative. Every analysis takes the coefficients at its speeds. A speed outside the nodes is
     refused, or NaN where it is traced; with `hold=True` coefficients are constant there. Tables belong to
     a support that does not turn. With `frequencies` in place of `speeds` they are over the frequency of
-    whirl, as of a seal: each root has the coefficients at its own `|Im lambda|`.
+    whirl, as of a seal: each root has the coefficients at its own `|Im lambda|`. With both, each table
+    has a row for every speed and a column for every frequency; it is read at the speed first.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
@@ -105,6 +106,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
     of: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the shaft
     vanishing: tuple[str, ...] = eqx.field(init=False, static=True)  # parts known to be zero
+    synchronous: bool = eqx.field(default=False, init=False, static=True)  # whirls as it rotates
 
     def __post_init__(self):
         for name, letter in _LETTERS.items():
@@ -167,34 +169,43 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         tables = self._tables
         given = {"speeds": self.speeds, "frequencies": self.frequencies}
         given = {name: nodes for name, nodes in given.items() if nodes is not None}
-        if len(given) == 2:
-            raise ValueError(
-                "`speeds [rad/s]` and `frequencies [rad/s]` are both given, but a table is over one of "
-                "the two; leave out the other."
-            )
         if not given:
             for name, table in tables.items():
+                if table.ndim == 1:
+                    raise ValueError(
+                        f"`{name}` is a table of {table.size} numbers; give their `speeds [rad/s]`, or "
+                        "one number."
+                    )
                 raise ValueError(
-                    f"`{name}` is a table of {table.size} numbers; give their `speeds [rad/s]`, or one "
-                    "number."
+                    f"`{name}` is a table of {table.shape[0]} by {table.shape[1]} numbers; give their "
+                    "`speeds [rad/s]` and `frequencies [rad/s]`, or one number; a matrix [[xx, xy], [yx, "
+                    "yy]] is `stiffness` or `damping`."
                 )
             return
-        ((name_of_nodes, nodes),) = given.items()
+        named = " and ".join(f"`{name} [rad/s]`" for name in given)
         if not tables:
             raise ValueError(
-                f"`{name_of_nodes} [rad/s]` are the nodes of tables, but no coefficient is a table; give "
-                f"kxx, .. or cyy as a list, or leave out `{name_of_nodes}`."
+                f"{named} are the nodes of tables, but no coefficient is a table; give kxx, .. or cyy as "
+                "a list, or leave them out."
             )
+        shape = tuple(nodes.size for nodes in given.values())
         for name, table in tables.items():
-            if table.size != nodes.size:
+            if table.shape == shape:
+                continue
+            if len(given) == 2:
                 raise ValueError(
-                    f"`{name}` must have a value at each of the {nodes.size} `{name_of_nodes} [rad/s]`, "
-                    f"but has {table.size}."
+                    f"`{name}` must have {shape[0]} rows, one for each of the `speeds [rad/s]`, of "
+                    f"{shape[1]} values, one for each of the `frequencies [rad/s]`, or be one number, but "
+                    f"has shape {table.shape}."
                 )
+            has = table.size if table.ndim == 1 else f"shape {table.shape}"
+            raise ValueError(
+                f"`{name}` must have a value at each of the {shape[0]} {named}, but has {has}."
+            )
         if self.rotating:
             raise ValueError(
-                f"Tables over `{name_of_nodes} [rad/s]` are for a support that does not turn; leave out "
-                "`rotating`, or give numbers."
+                f"Tables over {named} are for a support that does not turn; leave out `rotating`, or give "
+                "numbers."
             )
 
     @property
@@ -204,20 +215,23 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         return {name: value for name, value in own.items() if is_table(value)}
 
     def at_speed(self, speed: ArrayLike) -> "Support":
-        return self if self.speeds is None else self._at(speed, self.speeds)
+        there = self if self.speeds is None else self._at(speed, "speeds")
+        return there.at_whirl(speed) if self.synchronous else there
 
     def at_whirl(self, frequency: ArrayLike) -> "Support":
-        return self if self.frequencies is None else self._at(frequency, self.frequencies)
+        return self if self.frequencies is None else self._at(frequency, "frequencies")
 
-    def _at(self, place: ArrayLike, nodes: Array) -> "Support":
-        """The support with its coefficients at a place of the tables."""
+    def _at(self, place: ArrayLike, over: str) -> "Support":
+        """The support with its coefficients at a place of the tables over "speeds" or "frequencies"."""
         tables = self._tables
-        place, nodes = jnp.asarray(place, float), jnp.asarray(nodes)
+        place, nodes = jnp.asarray(place, float), jnp.asarray(getattr(self, over))
         if self.hold:
             place = bounded(place, nodes[0], nodes[-1])
-        found = pchip(place, nodes, jnp.stack(list(tables.values())))
+        axis = 0 if over == "speeds" else -1
+        values = jnp.stack([jnp.moveaxis(table, axis, -1) for table in tables.values()])
+        found = pchip(place, nodes, values.reshape(-1, nodes.size)).reshape(values.shape[:-1])
         numbers: dict[str, Any] = dict(zip(tables, found, strict=True))
-        return with_values(self, speeds=None, frequencies=None, **numbers)
+        return with_values(self, **{over: None}, **numbers)
 
     def refreshed(self) -> "Support":
         """Copy whose `vanishing` parts are derived from its current values."""

@@ -13,12 +13,12 @@ from ..scene import Scene
 
 def has_tables(scene: Scene) -> bool:
     """Whether coefficients of a scene are tables over the speed of rotation."""
-    return any(effect.speeds is not None for effect in scene.of(AbstractOverSpeed))
+    return any(effect.nodes_over_speed for effect in scene.of(AbstractOverSpeed))
 
 
 def has_whirl_tables(scene: Scene) -> bool:
     """Whether coefficients of a scene are tables over the frequency of whirl."""
-    return any(effect.frequencies is not None for effect in scene.of(AbstractOverSpeed))
+    return any(effect.nodes_over_whirl is not None for effect in scene.of(AbstractOverSpeed))
 
 
 def whirl_range(scene: Scene) -> tuple[Scalar, Scalar, bool]:
@@ -26,32 +26,33 @@ def whirl_range(scene: Scene) -> tuple[Scalar, Scalar, bool]:
 
     Where all tables over whirl are held, these are zero and the highest node.
     """
-    tables = [one for one in scene.of(AbstractOverSpeed) if one.frequencies is not None]
-    ends = [(one.frequencies[0], one.frequencies[-1]) for one in tables if not one.hold]
+    every = [(one.nodes_over_whirl, one.hold) for one in scene.of(AbstractOverSpeed)]
+    tables = [(nodes, hold) for nodes, hold in every if nodes is not None]
+    ends = [(nodes[0], nodes[-1]) for nodes, hold in tables if not hold]
     if not ends:
-        return jnp.zeros(()), jnp.max(jnp.stack([one.frequencies[-1] for one in tables])), True
+        return jnp.zeros(()), jnp.max(jnp.stack([nodes[-1] for nodes, _ in tables])), True
     lows, highs = (jnp.stack(side) for side in zip(*ends, strict=True))
     return jnp.max(lows), jnp.min(highs), False
 
 
 def at_own_speed(scene: Scene, part: Any) -> Any:
     """A part of a scene with its coefficients at the speed of the scene at t = 0."""
-    if isinstance(part, AbstractOverSpeed) and part.frequencies is not None:
+    if isinstance(part, AbstractOverSpeed) and part.nodes_over_whirl is not None:
         raise ValueError(
             f"Coefficients of {scene.name_of(part)} are tables over the frequency of whirl, which only a "
             "harmonic motion has; take `roots`, `growth_rate`, `onset_speed`, `stability_crossings`, "
             "`stability_map`, `campbell`, `critical_speeds` or `unbalance_response`, or the numbers at "
             "one frequency, `support.at_whirl(frequency)`."
         )
-    if isinstance(part, AbstractOverSpeed) and part.speeds is not None:
+    if isinstance(part, AbstractOverSpeed) and part.nodes_over_speed:
         return part.at_speed(scene.spin.speed)
     return part
 
 
 def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
     """Speeds [rad/s] between which all tables of a scene have values; None where there is no limit."""
-    tables = [one.speeds for one in scene.of(AbstractOverSpeed) if not one.hold]
-    ends = [(nodes[0], nodes[-1]) for nodes in tables if nodes is not None]
+    tables = [one.nodes_over_speed for one in scene.of(AbstractOverSpeed) if not one.hold]
+    ends = [(nodes[0], nodes[-1]) for own in tables for nodes in own]
     if not ends:
         return None
     lows, highs = (jnp.stack(side) for side in zip(*ends, strict=True))

@@ -158,9 +158,8 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
             least = COUNTED[least_count(field)]
             refuse(path, f"must be a list of {least} or more numbers, but is {show(value)}.")
         return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
-    plain = isinstance(value, list) and not any(isinstance(one, list) for one in value)
-    if unit is not None and takes_table(field) and plain:
-        return [quantity(one, unit, f"{path}.{i}") for i, one in enumerate(value)]
+    if unit is not None and takes_table(field) and isinstance(value, list):
+        return _table_of(value, unit, path)
     if unit is not None and takes_matrix(field) and isinstance(value, list):
         return _matrix(value, unit, path)
     if unit is not None and isinstance(value, list):
@@ -189,6 +188,16 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
         )
         refuse(path, f"must be {wanted}, but is {show(value)}.")
     return value
+
+
+def _table_of(value: list, unit: str, path: str) -> list:
+    """Quantities of a list, or of a list of rows."""
+    return [
+        _table_of(one, unit, f"{path}.{i}")
+        if isinstance(one, list)
+        else quantity(one, unit, f"{path}.{i}")
+        for i, one in enumerate(value)
+    ]
 
 
 def choices_of(kind: Any) -> tuple[list[str], list[type]]:

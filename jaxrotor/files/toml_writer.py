@@ -53,7 +53,7 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
             tables = [_written(one, f"{here}.{i}") for i, one in enumerate(value)]
             nested[field.name] = tomlkit.item(tables) if tables else []
         elif unit is not None and value is not None:
-            many = is_series(field) or (takes_table(field) and is_table(value))
+            many = is_series(field) or (takes_table(field) and is_table(value) and np.ndim(value))
             item = tomlkit.item(_plain(value, here, many))
             table[field.name] = item if unit == "1" else item.comment(unit)
         elif isinstance(value, bool | int | str):
@@ -64,8 +64,8 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
     return table
 
 
-def _plain(value: Any, path: str, many: bool) -> float | list[float]:
-    """A known number, or if `many` a list of them."""
+def _plain(value: Any, path: str, many: int) -> float | list:
+    """A known number, or a list of as `many` dimensions."""
     try:
         numbers = np.asarray(value, float)
         plain = numbers.ndim == many and bool(np.isfinite(numbers).all())

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
 
 import jaxrotor as jr
 
@@ -14,7 +15,7 @@ WHIRL = np.sqrt((STILL - LOSS**2 / 4 / MASS) / (MASS - RISE))  # of the damped m
 CRITICAL = np.sqrt(STILL / (MASS - RISE))
 NODES = np.union1d(np.linspace(0.0, 2000.0, 21), [WHIRL, CRITICAL])
 KXX = STILL + RISE * NODES**2
-PATHS = ("supports.0.kxx", "supports.0.kyy")
+AXES = ("xx", "xy", "yx", "yy")
 
 
 def rotor(*supports, speed=1000.0, mass=MASS, others=()):
@@ -32,6 +33,25 @@ def seal(damping=LOSS, **values):
 def sorted_roots(values):
     values = np.asarray(values)
     return values[np.lexsort((values.real.round(6), values.imag.round(6)))]
+
+
+def scanned(at, top, mass=MASS):
+    """Roots with `|Im lambda| = w` above zero, by a dense scan of w, and `at(w)` coefficients by name."""
+    grid = np.linspace(0.0, top, 30_001)
+    found = at(grid)
+    matrices = np.zeros((grid.size, 4, 4))
+    matrices[:, :2, 2:] = np.eye(2)
+    for j, letter in enumerate("kc"):
+        own = np.stack([found.get(letter + axes, 0 * grid) for axes in AXES], axis=-1)
+        matrices[:, 2:, 2 * j : 2 * j + 2] = -own.reshape(-1, 2, 2) / mass
+    every = np.linalg.eigvals(matrices)
+    every = np.take_along_axis(every, np.argsort(every.imag, axis=1), axis=1)
+    apart = every.imag - grid[:, None]
+    roots = []
+    for k, j in np.argwhere((apart[:-1] > 0) != (apart[1:] > 0)):
+        share = apart[k, j] / (apart[k, j] - apart[k + 1, j])
+        roots.append(every[k, j] + share * (every[k + 1, j] - every[k, j]))
+    return np.array([root for root in roots if root.imag > 1e-3])
 
 
 @pytest.mark.slow
@@ -74,25 +94,7 @@ def test_roots_are_those_of_a_dense_scan():
         "cyy": [90.0, 80.0, 60.0, 60.0, 50.0, 40.0, 30.0],
     }
     tables = {name: PchipInterpolator(nodes, values) for name, values in own.items()}
-
-    def eigenvalues(w):
-        at = {name: float(table(w)) for name, table in tables.items()}
-        stiff = np.array([[at["kxx"], at["kxy"]], [at["kyx"], at["kyy"]]])
-        damp = np.diag([at["cxx"], at["cyy"]])
-        lower = np.concatenate([-stiff, -damp], axis=1) / MASS
-        values = np.linalg.eigvals(np.concatenate([np.eye(4)[2:], lower]))
-        return values[np.argsort(values.imag)]
-
-    grid = np.linspace(0.0, 1500.0, 30_001)
-    every = np.stack([eigenvalues(w) for w in grid])
-    apart = every.imag - grid[:, None]
-    known = []
-    for k, j in np.argwhere(
-        (apart[:-1] > 0) & (apart[1:] <= 0) | (apart[:-1] < 0) & (apart[1:] > 0)
-    ):
-        share = apart[k, j] / (apart[k, j] - apart[k + 1, j])
-        known.append(every[k, j] + share * (every[k + 1, j] - every[k, j]))
-    known = np.array([root for root in known if root.imag > 1e-3])
+    known = scanned(lambda w: {name: table(w) for name, table in tables.items()}, 1500.0)
     assert known.size == 4  # of constant coefficients there are two
     known = sorted_roots(np.concatenate([known, known.conj()]))
     scene = rotor(jr.Support(0.5, frequencies=nodes, hold=True, **own))
@@ -104,9 +106,109 @@ def test_roots_are_those_of_a_dense_scan():
         np.testing.assert_allclose(sorted_roots(row), found[4:], rtol=1e-9)
 
 
+SPEEDS = np.array([0.0, 200.0, 500.0, 900.0, 1500.0])
+WHIRLS = np.array([0.0, 300.0, 450.0, 600.0, 800.0, 1200.0])
+
+
+def surfaces():
+    """Tables with a row for every speed and a column for every frequency."""
+    w, f = SPEEDS[:, None], WHIRLS
+    return {
+        "kxx": 6e5 + 60.0 * f + 0.05 * f**2 + 40.0 * w,
+        "kyy": 7e5 + 0.1 * f**2 - 30.0 * w + 0.01 * w * f,
+        "kxy": (100.0 - 0.03 * f) * w,
+        "kyx": -(120.0 - 0.02 * f) * w,
+        "cxx": 90.0 + 0.02 * f - 0.01 * w,
+        "cyy": 80.0 + 0.00002 * w * f,
+    }
+
+
+def at_speed(speed, **changed):
+    """Coefficients at a speed as functions of the frequency, by SciPy."""
+    own = {
+        name: PchipInterpolator(WHIRLS, PchipInterpolator(SPEEDS, table)(speed))
+        for name, table in (surfaces() | changed).items()
+    }
+    return lambda w: {name: table(w) for name, table in own.items()}
+
+
+def growth(speed, mass=MASS):
+    return scanned(at_speed(speed), 1200.0, mass).real.max()
+
+
+def film(speed=350.0, **changed):
+    tables = surfaces() | changed
+    return rotor(jr.Support(0.5, speeds=SPEEDS, frequencies=WHIRLS, **tables), speed=speed)
+
+
+@pytest.mark.slow
+def test_tables_over_speed_and_whirl_are_those_of_a_dense_scan():
+    """Roots, growth and its derivative by one entry, and a Campbell diagram, between the nodes."""
+    scene = film()
+    known = scanned(at_speed(350.0), 1200.0)
+    known = sorted_roots(np.concatenate([known, known.conj()]))
+    np.testing.assert_allclose(sorted_roots(jr.roots(scene)), known, rtol=1e-7)
+    assert float(jr.growth_rate(scene)) == pytest.approx(known.real.max(), rel=1e-6)
+
+    def rate(entry):
+        return jr.growth_rate(film(kyx=jnp.asarray(surfaces()["kyx"]).at[2, 3].add(entry)))
+
+    _, slope = jax.jvp(rate, (jnp.zeros(()),), (jnp.ones(()),))
+    assert float(slope) == pytest.approx(float(rate(5.0) - rate(-5.0)) / 10, rel=1e-6)
+    assert abs(float(slope)) > 1e-6
+    for speed, row in zip(
+        (350.0, 700.0), jr.campbell(scene, [350.0, 700.0], 2).values, strict=True
+    ):
+        own = scanned(at_speed(speed), 1200.0)
+        np.testing.assert_allclose(sorted_roots(row), sorted_roots(own), rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_synchronous_whirl_reads_both_tables_at_the_speed():
+    """`det( K(Omega, Omega) - Omega^2 M ) = 0`, and the unbalance response."""
+    weak = dict.fromkeys(("kxy", "kyx"), 0.1 * surfaces()["kxy"])
+
+    def matrices(speed):
+        at = at_speed(speed, **weak)(speed)
+        both = [[at.get(a + axes, 0.0) for axes in AXES] for a in "kc"]
+        return np.reshape(both, (2, 2, 2))
+
+    def excess(speed):
+        return np.linalg.det(matrices(speed)[0] - MASS * speed**2 * np.eye(2))
+
+    grid = np.linspace(50.0, 1150.0, 111)
+    signs = np.sign([excess(speed) for speed in grid])
+    known = [brentq(excess, *grid[k : k + 2]) for k in np.flatnonzero(np.diff(signs))]
+    assert len(known) == 2
+    scene = film(**weak)
+    np.testing.assert_allclose(jr.critical_speeds(scene).speeds, known, rtol=1e-9)
+    loaded = scene.of_parts(*scene.effects, jr.Unbalance(0.5, MASS, 1e-4))
+    speeds = np.array([300.0, 800.0])
+    response = jr.unbalance_response(loaded, speeds)
+    for speed, ahead, behind in zip(speeds, response.forward, response.backward, strict=True):
+        stiff, loss = matrices(speed)
+        force = MASS * 1e-4 * speed**2 * np.array([1.0, -1j])  # of exp(i Omega t)
+        x, y = np.linalg.solve(stiff - MASS * speed**2 * np.eye(2) + 1j * speed * loss, force)
+        # z = x + i y, each the real part of its amplitude times exp(i Omega t)
+        assert complex(ahead[0]) == pytest.approx((x + 1j * y) / 2, rel=1e-8)
+        assert complex(behind[0]) == pytest.approx(np.conj(x - 1j * y) / 2, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_maps_over_tables_of_whirl_are_those_of_a_dense_scan():
+    """Growth at every point, and zero along the boundary."""
+    over = {"spin.speed": [200.0, 600.0, 1000.0, 1400.0], "disc.mass": [1.8, 2.1, 2.4]}
+    found = jr.stability_map(film(), over)
+    known = [[growth(speed, mass) for mass in found.y] for speed in found.x]
+    np.testing.assert_allclose(found.growth, known, rtol=1e-5, atol=1e-6)
+    (curve,) = found.boundaries
+    assert len(curve) >= 3
+    assert max(abs(growth(speed, mass)) for speed, mass in curve) < 1e-5
+
+
 @pytest.mark.slow
 def test_onset_of_a_pad():
-    """Sheet 8, (16): the onset of a pad with inertia by its dynamic stiffness over whirl is exact."""
+    """Sheet 8, (16): a pad with inertia is exact over whirl, and wrong if reduced at the speed."""
     onset, c, k, k1, d1, inertia = 3018.46148, 200.0, 8e5, 3e6, 2500.0, 0.4
     q = 2500.0 * onset
     exact = np.roots(  # of (m l^2 + c l + k)(J l^2 + H) + H J l^2, H = k1 - i q + d1 l
@@ -117,22 +219,23 @@ def test_onset_of_a_pad():
     )
     growing = exact[np.argmax(exact.real)]
     assert abs(growing.real) < 1e-4
-    nodes = np.union1d(np.linspace(0.0, 4000.0, 401), [growing.imag])
 
-    def dynamic(q):
-        h = k1 - 1j * q + d1 * 1j * nodes
-        return k + 1j * c * nodes - h * inertia * nodes**2 / (h - inertia * nodes**2)
+    def coefficients(w, q):
+        """Real coefficients of `Z(i w)`, with drives `q` and `-q` of both directions of whirl."""
+        h = np.array([[1.0], [-1.0]]) * -1j * q + k1 + d1 * 1j * w
+        ahead, back = k + 1j * c * w - h * inertia * w**2 / (h - inertia * w**2)
+        along, across = (ahead + back) / 2, 1j * (ahead - back) / 2
+        found = {"kxx": along.real, "kyy": along.real, "kxy": across.real, "kyx": -across.real}
+        losses = {"cxx": along.imag, "cyy": along.imag, "cxy": across.imag, "cyx": -across.imag}
+        return found | {name: loss / w for name, loss in losses.items()}
 
-    along, across = (dynamic(q) + dynamic(-q)) / 2, 1j * (dynamic(q) - dynamic(-q)) / 2
-    rate = np.where(nodes > 0, nodes, 1.0)
-    numbers = {"kxx": along.real, "kyy": along.real, "kxy": across.real, "kyx": -across.real}
-    losses = {"cxx": along.imag, "cyy": along.imag, "cxy": across.imag, "cyx": -across.imag}
-    numbers |= {
-        name: np.append(loss[1], loss[1:]) / np.append(rate[1], rate[1:])
-        for name, loss in losses.items()
-    }
+    nodes = np.union1d(np.linspace(10.0, 4000.0, 400), [growing.imag])
+    numbers = coefficients(nodes, q)
     roots = np.asarray(jr.roots(rotor(jr.Support(0.5, frequencies=nodes, **numbers), speed=onset)))
     assert np.min(np.abs(roots - growing)) < 1e-3
+    nodes = np.union1d(np.linspace(500.0, 1300.0, 161), [1279.16685])
+    reduced = rotor(jr.Support(0.5, speeds=nodes, **coefficients(nodes, 2500.0 * nodes)))
+    assert float(jr.onset_speed(reduced, samples=16).speed) == pytest.approx(1279.16685, rel=1e-7)
 
 
 @pytest.mark.slow
@@ -161,6 +264,8 @@ def test_a_whirl_beyond_the_tables_is_not_called_stable():
         jr.growth_rate(scene([300.0, 600.0]))
     with pytest.raises(ValueError, match="beyond the tables .* from 50 to 500 rad/s; search other"):
         jr.onset_speed(scene([300.0, 600.0]), (50.0, 500.0), 8)
+    with pytest.raises(ValueError, match="may be unstable, .* at `disc.mass` = 2; leave such"):
+        jr.stability_boundary(scene([300.0, 600.0]), "disc.mass", [2.0, 2.1])
 
 
 @pytest.mark.slow
@@ -185,7 +290,9 @@ def test_what_is_refused():
         ValueError, match="are for axes that stand still, but unequal axes of support"
     ):
         jr.roots(rotor(seal(), turning))
-    with pytest.raises(ValueError, match="a table is over one of the two; leave out the other"):
-        seal(speeds=NODES)
+    with pytest.raises(
+        ValueError, match=r"must have 2 rows, .* of 23 values, .* has shape \(23,\)"
+    ):
+        seal(speeds=[100.0, 200.0])
     with pytest.raises(ValueError, match="at each of the 2 `frequencies"):
         seal(frequencies=[0.0, 1.0])

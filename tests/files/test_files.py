@@ -598,8 +598,8 @@ def test_bearings_in_the_form_of_their_reports():
         (
             'kxx = "80 MN/m"',
             "kxx = [[8e7, 1e7], [-2e7, 4e7]]",
-            "supports.0.kxx must be one number in N/m, but is the list [[80000000.0, 10000000.0], "
-            "[-20000000.0, 40000000.0]]; write one, or stiffness = [[xx, xy], [yx, yy]] in its place.",
+            "supports.0: `kxx` is a table of 2 by 2 numbers; give their `speeds [rad/s]` and `frequencies "
+            "[rad/s]`, or one number; a matrix [[xx, xy], [yx, yy]] is `stiffness` or `damping`.",
         ),
         ('kxx = "80 MN/m"\n', "", "supports.0: A support needs a stiffness; give `kxx [N/m]`"),
         (

@@ -148,26 +148,43 @@ def test_tables_of_ross_3(changed):
     assert not notes
 
 
-def test_tables_over_speed_and_whirl_frequency_are_taken_at_synchronous_whirl(changed):
-    """`k = a + b Omega + c w` is linear, so PCHIP of two frequencies is exact: `a + (b + c) Omega`."""
+def test_tables_over_speed_and_whirl_frequency(changed):
     speeds, whirls = np.array([100.0, 400.0, 900.0]), np.array([0.0, 1000.0])
     table = 1e7 + 2e4 * speeds[:, None] - 5e3 * whirls
     both = {"speed": speeds.tolist(), "frequency": whirls.tolist()}
     scene, notes = changed(third(**both, kxx=table.tolist(), cxx=[[1e3, 1e3]] * 3))
     rear = scene.of(jr.Support)[1]
-    assert rear.kxx.tolist() == pytest.approx((1e7 + 1.5e4 * speeds).tolist(), rel=1e-12)
-    assert float(rear.cxx) == 1e3
-    assert notes == (
-        "coefficients over speed and whirl frequency are those of synchronous whirl: rear",
-    )
+    assert rear.speeds.tolist() == speeds.tolist() and rear.frequencies.tolist() == whirls.tolist()
+    assert rear.kxx.tolist() == rear.kyy.tolist() == table.tolist()
+    assert float(rear.cxx) == 1e3 and rear.hold and not notes
+    still = np.broadcast_to(table[0], table.shape)  # the same at every speed
+    rear = changed(third(**both, kxx=still.tolist(), cxx=[1e3]))[0].of(jr.Support)[1]
+    assert rear.speeds is None and rear.kxx.tolist() == table[0].tolist()
 
 
 def test_table_over_whirl_frequency_alone(changed):
     scene, notes = changed(third(frequency=[0.0, 800.0], kxx=[1e7, 2e7], cxx=[1e3]))
-    assert scene.of(jr.Support)[1].speeds.tolist() == [0, 800]
-    assert notes == (
-        "coefficients that depend on whirl frequency are taken as those over speed: rear",
-    )
+    rear = scene.of(jr.Support)[1]
+    assert rear.speeds is None and rear.frequencies.tolist() == [0, 800]
+    assert rear.kxx.tolist() == [1e7, 2e7] and not notes
+
+
+def test_tables_over_whirl_frequency_in_series(changed):
+    """At synchronous whirl `k = a + b Omega + c w` is `a + (b + c) Omega`; `1/k = 1/k1 + 1/k2`."""
+    speeds, whirls = np.array([100.0, 400.0, 900.0]), np.array([0.0, 1000.0])
+    table = 1e7 + 2e4 * speeds[:, None] - 5e3 * whirls
+
+    def link(document):
+        on_support({"kxx": [1e8], "cxx": [0.0]})(document)
+        document["ross_version"] = "3.0.0"
+        own = {"speed": speeds.tolist(), "frequency": whirls.tolist(), "kxx": table.tolist()}
+        document[FRONT].update(own, kyy=table.tolist(), cxx=[0.0], cyy=[0.0], kxy=[0.0], kyx=[0.0])
+
+    scene, notes = changed(link)
+    front, own = scene.of(jr.Support)[0], 1e7 + 1.5e4 * speeds
+    at = [float(front.at_speed(speed).kxx) for speed in speeds]
+    assert at == pytest.approx((own * 1e8 / (own + 1e8)).tolist(), rel=1e-12)
+    assert "coefficients over whirl frequency are those of synchronous whirl: front" in notes
 
 
 def test_negative_speed_is_refused():

@@ -1,5 +1,6 @@
 """Discs, casings and supports from the elements of ROSS on the shaft and beside it."""
 
+import functools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -98,7 +99,7 @@ def supports(
                 )
             other = coefficients(below, speed, notes)
             now = [each.at(np.array([speed])) for each in (own, other)]
-            own = _series(element, own, other)
+            own = _series(element, own, other, notes)
             notes.add(
                 "bearing and its support are taken as one, in series, with the damping of slow motions "
                 "(omega C << K of either)",
@@ -115,20 +116,25 @@ def supports(
             yield _made(element, Support, **ends, **own.of_support)
 
 
-def _series(element: Element, one: Coefficients, other: Coefficients) -> Coefficients:
+def _series(element: Element, one: Coefficients, other: Coefficients, notes: Notes) -> Coefficients:
     """Coefficients of two in series: `Z = (Z1^-1 + Z2^-1)^-1`, `Z = K + s C`, to order s.
 
-    Of tables they are computed at the speeds of both, where these have a range in common.
+    Of tables they are computed at the nodes of all, where these have a range in common. Those over the
+    frequency of whirl are taken at synchronous whirl.
     """
-    speeds = one.speeds if other.speeds is None else other.speeds
-    if one.speeds is not None and other.speeds is not None:
-        low, high = (end(one.speeds[k], other.speeds[k]) for k, end in ((0, max), (-1, min)))
+    every = one.speeds, one.frequencies, other.speeds, other.frequencies
+    given = [nodes for nodes in every if nodes is not None]
+    if one.frequencies is not None or other.frequencies is not None:
+        notes.add("coefficients over whirl frequency are those of synchronous whirl", element)
+    speeds = None
+    if given:
+        low, high = max(nodes[0] for nodes in given), min(nodes[-1] for nodes in given)
         if low >= high:
             refuse(
                 element.path, "and its support must have tables with a range of speeds in common."
             )
-        both = np.union1d(one.speeds, other.speeds)
-        speeds = both[(both >= low) & (both <= high)]
+        every = functools.reduce(np.union1d, given)
+        speeds = every[(every >= low) & (every <= high)]
     parts = [each.at(np.zeros(1) if speeds is None else speeds) for each in (one, other)]
     try:
         soft = [np.linalg.inv(stiffness) for stiffness, _ in parts]
@@ -136,7 +142,8 @@ def _series(element: Element, one: Coefficients, other: Coefficients) -> Coeffic
     except np.linalg.LinAlgError:
         refuse(element.path, "and its support must have stiffness along both axes.")
     loss = sum(a @ c @ a for a, (_, c) in zip(soft, parts, strict=True))
-    return Coefficients(speeds, stiffness, stiffness @ loss @ stiffness)
+    damping = stiffness @ loss @ stiffness
+    return Coefficients(speeds, None, stiffness[:, None], damping[:, None])
 
 
 def _made(element: Element, build: Any, *values: Any, **named: Any) -> Any:

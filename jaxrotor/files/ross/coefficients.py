@@ -1,4 +1,4 @@
-"""Coefficients of bearings and seals of ROSS, numbers or tables over the speed of rotation.
+"""Coefficients of bearings and seals of ROSS, numbers or tables over the speed and the whirl frequency.
 
 Files of ROSS 2 call the speeds of a table `frequency`, those of ROSS 3 `speed`; there `frequency` is that
 of the whirl, and a table over both has a row for every speed.
@@ -17,33 +17,42 @@ _UNITS = {"k": "N/m", "c": "N s/m", "m": "kg"}
 
 
 class Coefficients(NamedTuple):
-    """Matrices [[xx, xy], [yx, yy]] at `w` speeds, or one of each that holds at all."""
+    """Matrices [[xx, xy], [yx, yy]] at `w` speeds by `f` frequencies of whirl, one where none is given."""
 
-    speeds: np.ndarray | None  # (w,) [rad/s]
-    stiffness: np.ndarray  # (w, 2, 2) [N/m]
-    damping: np.ndarray  # (w, 2, 2) [N s/m]
+    speeds: np.ndarray | None  # (w,) [rad/s]; None: the same at every speed
+    frequencies: np.ndarray | None  # (f,) [rad/s]; None: the same at every frequency
+    stiffness: np.ndarray  # (w, f, 2, 2) [N/m]
+    damping: np.ndarray  # (w, f, 2, 2) [N s/m]
 
     def at(self, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and damping at speeds (v,), beyond the ends as there."""
-        matrices = self.stiffness, self.damping
-        if self.speeds is None:
-            both = [np.broadcast_to(one, (speeds.size, 2, 2)) for one in matrices]
-        else:
-            within = np.clip(speeds, self.speeds[0], self.speeds[-1])
-            both = [_interpolated(self.speeds, one, within) for one in matrices]
-        return both[0], both[1]
+        """Stiffness and damping (v, 2, 2) of synchronous whirl at speeds (v,), as at the ends beyond."""
+        stiffness, damping = (
+            np.stack([self._synchronous(one, speed) for speed in speeds])
+            for one in (self.stiffness, self.damping)
+        )
+        return stiffness, damping
+
+    def _synchronous(self, matrices: np.ndarray, speed: float) -> np.ndarray:
+        for nodes in (self.speeds, self.frequencies):
+            if nodes is None:
+                matrices = matrices[0]
+            else:
+                matrices = _interpolated(nodes, matrices, np.clip(speed, nodes[0], nodes[-1]))
+        return matrices
 
     @property
     def of_support(self) -> dict[str, Any]:
-        """Arguments of a support: a coefficient that is the same at every speed is a number."""
+        """Arguments of a support: a coefficient that is the same everywhere is a number."""
         found: dict[str, Any] = {}
+        given = {"speeds": self.speeds, "frequencies": self.frequencies}
+        shape = [nodes.size for nodes in given.values() if nodes is not None]
         for letter, matrix in zip("kc", (self.stiffness, self.damping), strict=True):
             if letter == "c" and not matrix.any():
                 continue
             for axes, values in zip(_AXES, matrix.reshape(-1, 4).T, strict=True):
-                found[letter + axes] = values if np.ptp(values) else values[0]
+                found[letter + axes] = values.reshape(shape) if np.ptp(values) else values[0]
         if any(np.ndim(value) for value in found.values()):
-            found |= {"speeds": self.speeds, "hold": True}
+            found |= given | {"hold": True}
         return found
 
 
@@ -64,21 +73,21 @@ def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
     if any(found[key].any() for key in axial):
         notes.add("axial stiffness and damping are left out", element)
     own = {key: values for key, values in found.items() if key in planar and key[0] != "m"}
-    speeds = None
-    if any(values.size > 1 for values in own.values()):
-        speeds, own = _over_speed(element, own, notes)
-    both = [np.stack(np.broadcast_arrays(*(own[l + a] for a in _AXES)), axis=1) for l in "kc"]
-    stiffness, damping = (one.reshape(-1, 2, 2) for one in np.broadcast_arrays(*both))
-    if speeds is None or not (np.ptp(stiffness, axis=0).any() or np.ptp(damping, axis=0).any()):
-        return Coefficients(None, stiffness[:1], damping[:1])
-    if not speeds[0] <= speed <= speeds[-1]:
+    nodes = _nodes_of(element, own)
+    every = np.stack(np.broadcast_arrays(*own.values()))
+    for axis, name in enumerate(("speed", "frequency"), 1):
+        if nodes[name] is not None and not np.ptp(every, axis=axis).any():
+            nodes[name], every = None, np.take(every, [0], axis)
+    matrices = np.moveaxis(every, 0, -1).reshape(*every.shape[1:], 2, 2, 2)
+    speeds = nodes["speed"]
+    if speeds is not None and not speeds[0] <= speed <= speeds[-1]:
         ends = f"{speeds[0]:g} to {speeds[-1]:g} rad/s"
         notes.add(f"coefficients for {ends} are taken at the nearer end", element)
-    if element.version < 3:
+    if speeds is not None and element.version < 3:
         notes.add(
             "coefficients that depend on speed are interpolated by PCHIP, as by ROSS 3", element
         )
-    return Coefficients(speeds, stiffness, damping)
+    return Coefficients(speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1])
 
 
 def _numbers(element: Element, key: str, unit: str) -> np.ndarray:
@@ -95,37 +104,30 @@ def _numbers(element: Element, key: str, unit: str) -> np.ndarray:
     return np.array([[quantity(one, unit, path) for one in row] for row in rows])
 
 
-def _over_speed(
-    element: Element, own: dict[str, np.ndarray], notes: Notes
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Speeds of a table, and every coefficient at these, or the number that holds at all."""
-    key = "frequency"
-    if element.version >= 3 and element.table.get("speed") is not None:
-        key = "speed"
-    wide = any(values.ndim > 1 for values in own.values())
+def _nodes_of(element: Element, own: dict[str, np.ndarray]) -> dict[str, np.ndarray | None]:
+    """Nodes of tables over "speed" and "frequency" of whirl; coefficients become arrays (w, f)."""
+    nodes: dict[str, np.ndarray | None] = {"speed": None, "frequency": None}
     rows = max(len(values) for values in own.values())
-    speeds = _nodes(element, key, rows)
+    if rows > 1 or any(values.ndim > 1 for values in own.values()):
+        key = "frequency"
+        if element.version >= 3 and element.table.get("speed") is not None:
+            key = "speed"
+        columns = {values.shape[1] for values in own.values() if values.ndim > 1}
+        if columns and (key != "speed" or len(columns) > 1):
+            refuse(element.path, "must have tables over `speed` and `frequency` of one shape.")
+        nodes["frequency" if element.version >= 3 and key == "frequency" else "speed"] = _nodes(
+            element, key, rows
+        )
+        if columns:
+            nodes["frequency"] = _nodes(element, "frequency", columns.pop())
+    along = -1 if nodes["speed"] is None and nodes["frequency"] is not None else 0
     for name, values in own.items():
         if values.size > 1 and len(values) != rows:
             wanted = f"must be a list of {rows} numbers, as many as other coefficients have"
             refuse(f"{element.path}.{name}", f"{wanted}, but has {len(values)}.")
-    if key == "frequency" and element.version >= 3:
-        notes.add(
-            "coefficients that depend on whirl frequency are taken as those over speed", element
-        )
-    if not wide:
-        return speeds, own
-    columns = {values.shape[1] for values in own.values() if values.ndim > 1}
-    if key != "speed" or len(columns) > 1:
-        refuse(element.path, "must have tables over `speed` and `frequency` of one shape.")
-    whirl = _nodes(element, "frequency", columns.pop())
-    notes.add("coefficients over speed and whirl frequency are those of synchronous whirl", element)
-    at = np.clip(speeds, whirl[0], whirl[-1])
-    for name, values in own.items():
-        if values.ndim > 1:
-            rows_of = zip(values, at, strict=True)
-            own[name] = np.array([_interpolated(whirl, row, one) for row, one in rows_of])
-    return speeds, own
+        if values.ndim == 1:
+            own[name] = values[None] if along else values[:, None]
+    return nodes
 
 
 def _nodes(element: Element, key: str, count: int) -> np.ndarray:

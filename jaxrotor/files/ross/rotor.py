@@ -25,10 +25,10 @@ def from_ross(
 
     Shaft elements become one `FlexibleShaft` without constraints, with their shear and rotary inertia,
     and with a `Step` where the section changes. Disks, and point masses on the shaft, become `Disc`.
-    Bearings and seals become `Support` with all eight coefficients, numbers or tables over the speed,
-    constant beyond their ends. Between the nodes of a table ROSS 3 interpolates as `Support` does, ROSS 2
-    by splines. Tables over the whirl frequency too are taken at synchronous whirl. A tapered element
-    becomes up to four uniform ones, and layers of sleeves become one ring.
+    Bearings and seals become `Support` with all eight coefficients, numbers or tables over the speed, the
+    whirl frequency or both, constant beyond their ends. Between the nodes of a table over speed ROSS 3
+    interpolates as `Support` does, ROSS 2 by splines. A tapered element becomes up to four uniform ones,
+    and layers of sleeves become one ring.
 
     A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
     holds. Without a mass there both become one `Support` in series, `K^-1 = K1^-1 + K2^-1`,
