@@ -13,6 +13,7 @@ from ..core.attributes import about
 from ..equations.pencil import is_rounding
 from ..scene import Scene
 from . import answer
+from .axis_units import axis_units
 from .options import (
     MOST,
     AsJson,
@@ -27,7 +28,6 @@ from .options import (
     rpm,
     scene_with,
     speeds_between,
-    typed_unit,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -68,7 +68,9 @@ def campbell(
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
             drawn = {"mirrored": mirrored, "orders": (1, 2) if twice else (1,)}
-            _draw(result, rotor, drawn, folder, typed_unit(high, low))
+            _draw(
+                result, rotor, drawn, folder, axis_units(scene, rotor, high, low, *settings or ())
+            )
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
@@ -177,7 +179,9 @@ def _undamped(rotor: Scene) -> CriticalSpeeds | None:
         return None
 
 
-def _draw(result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, unit: str) -> None:
+def _draw(
+    result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, units: dict[str, Any]
+) -> None:
     from .. import plot
 
     about = {"critical": _undamped(rotor), "operating": operating_speed(rotor)} | chosen
@@ -185,4 +189,4 @@ def _draw(result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, 
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)
 
-    draw(folder / "campbell.png", both, 170, 120, rows=2, speed=unit)
+    draw(folder / "campbell.png", both, 170, 120, rows=2, units=units)

@@ -23,6 +23,7 @@ from ..effects import AbstractContact
 from ..files.units import quantity
 from ..scene import Scene
 from . import answer
+from .axis_units import axis_units
 from .options import (
     AsJson,
     At,
@@ -38,7 +39,6 @@ from .options import (
     rpm,
     scene_with,
     speeds_between,
-    typed_unit,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -102,7 +102,8 @@ def response(
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
             shown_with = {"growth": growth, "operating": range_}
-            _draw(found, whole, shown_with, folder, typed_unit(high, low, operating))
+            typed = axis_units(scene, whole, high, low, operating, *settings or ())
+            _draw(found, whole, shown_with, folder, typed)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
@@ -236,7 +237,7 @@ def _variables(
 
 
 def _draw(
-    found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, unit: str
+    found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, units: dict[str, Any]
 ) -> None:
     from .. import plot
     from ..plot.clearance import BEYOND, amplitudes
@@ -249,4 +250,4 @@ def _draw(
     def both(axes: Any) -> None:
         plot.response(found.response, axes, **about)
 
-    draw(folder / "response.png", both, 170, 110, rows=2, speed=unit)
+    draw(folder / "response.png", both, 170, 110, rows=2, units=units)

@@ -15,6 +15,7 @@ from ..results.dataset import dataset
 from ..results.provenance import assumed
 from ..solvers import Exponential
 from . import answer
+from .axis_units import axis_units
 from .options import (
     SAMPLES,
     STILL,
@@ -37,7 +38,6 @@ from .options import (
     optional,
     scene_of,
     start_with,
-    typed_unit,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
 from .solver import NAMED, Solver, chosen
@@ -110,7 +110,8 @@ def run_up(
         motion = run(rotor, instant, start=start, at=station, **steps)
         if folder is not None:
             write_dataset(dataset(motion), folder / "run-up.zarr")
-            _draw(motion, folder, film, moves is not None, typed_unit(*settings or ()))
+            typed = axis_units(scene, rotor, *settings or (), start_radius)
+            _draw(motion, folder, film, moves is not None, typed)
     summary = _summary(motion, moves is not None)
     answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
@@ -142,10 +143,12 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _draw(motion: TimeHistory, folder: Path, film: bool, moves: bool, unit: str) -> None:
+def _draw(
+    motion: TimeHistory, folder: Path, film: bool, moves: bool, units: dict[str, Any]
+) -> None:
     from .. import plot
 
-    paint = partial(draw, speed=unit)
+    paint = partial(draw, units=units)
     if moves:
         paint(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
         if np.ptp(np.asarray(motion.speed)) > 0:

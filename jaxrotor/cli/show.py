@@ -103,7 +103,7 @@ def show(
         ("forward, at speed", f"{_text(forward)} rad/s"),
         ("backward, at speed", f"{_text(backward)} rad/s"),
         *_critical_rows(critical, no_critical),
-        ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why),
+        ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why.partition(";")[0]),
         *answer.written(written),
     ]
     answer.print_table(summary)

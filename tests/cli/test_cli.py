@@ -20,7 +20,6 @@ import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.cli import app, main
 from jaxrotor.cli.answer import _plain
-from jaxrotor.cli.options import typed_unit
 
 
 LENGTH, TIME, SPEED = 0.7, 0.022646559709295068, 662.3522597934992  # l, T*, N = 15
@@ -295,21 +294,6 @@ def test_response(place, monkeypatch):
     assert "too close" in text and "90 to 99 rad/s" in text
     assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
     assert re.search(r"station\W+0\.3 m", text)
-
-
-@pytest.mark.parametrize(
-    "texts, unit",
-    [
-        (["9000 rpm"], "rpm"),
-        (["3krpm:4krpm"], "krpm"),
-        ([None, "5 Hz"], "Hz"),
-        (["900", None, "8rpm"], "rpm"),
-        (["500 rad/s", "8rpm"], "rad/s"),
-        (["900"], "rad/s"),
-    ],
-)
-def test_pictures_are_in_the_unit_that_was_typed(texts, unit):
-    assert typed_unit(*texts) == unit
 
 
 def test_response_is_at_the_contact_that_is_left_out(place):
