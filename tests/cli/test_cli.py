@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import jaxrotor as jr
 from jaxrotor import plot
-from jaxrotor.cli import app, main
+from jaxrotor.cli import app, main, run_up
 from jaxrotor.cli.answer import _plain
 
 
@@ -750,6 +750,14 @@ def test_run_up_of_what_cannot_move(place):
     assert "cannot move; use `jaxrotor reactions`" in text and "10 to 14 rad/s" in text
     call("run-up", "ramp.toml", "--times", "0, 10ms, 0.02", "--out", "run", "--film")
     assert sorted(os.listdir("run")) == ["run-up.zarr", "speed.png"]
+
+
+@pytest.mark.parametrize("samples, noted", [(21, True), (161, False)])
+def test_a_run_of_few_samples_is_noted(capsys, samples, noted):
+    """Ten revolutions by two samples each, and by the sixteen that the note asks for."""
+    run_up._note_few_samples(np.linspace(0.0, 20 * np.pi, samples))
+    told = capsys.readouterr().err
+    assert ("only 2 samples" in told and "take 161 samples" in told) if noted else not told
 
 
 @pytest.mark.slow
