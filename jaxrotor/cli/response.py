@@ -170,7 +170,7 @@ def _margins(found: ResponsePeaks, operating: tuple[float, float] | None) -> lis
 
 def _print_margins(rows: list[dict[str, Any]], unit: str) -> None:
     """Table of amplification factors and margins, as standards ask for it, with speeds in `unit`."""
-    text = lambda value, digits=6, factor=1: (
+    text = lambda value, digits=6, factor=1.0: (
         "-" if value is None else f"{factor * value:.{digits}g}"
     )
     heads = [f"peak [{unit}]", "half power", "to", "AF"]
