@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -45,6 +46,35 @@ def test_the_recipe_requires_what_the_package_does():
 def test_the_pythons_named_are_allowed():
     named = re.findall(r":: Python :: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
     assert named and all(one in SpecifierSet(PROJECT["requires-python"]) for one in named)
+
+
+@pytest.mark.parametrize("repository", [None, "https://example.org/rotors/jaxrotor"])
+def test_the_long_description_needs_no_checkout(tmp_path, repository):
+    """In the metadata of a build, every link is to an address, and leads where the README's does."""
+    pytest.importorskip("hatchling", reason="needs jaxrotor[test]")
+    from hatchling.metadata.core import ProjectMetadata
+    from hatchling.plugin.manager import PluginManager
+
+    for name in ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py"):
+        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / "jaxrotor").mkdir()
+    if repository is not None:
+        text = (tmp_path / "pyproject.toml").read_text("utf-8")
+        named = f'[project.urls]\nRepository = "{repository}/"\n\n[project.scripts]'
+        (tmp_path / "pyproject.toml").write_text(text.replace("[project.scripts]", named), "utf-8")
+    core = ProjectMetadata(str(tmp_path), PluginManager()).core
+    found = re.findall(r"(!?)\[[^]]*\]\(([^)]*)\)", core.readme)
+    own = re.findall(r"(!?)\[[^]]*\]\(([^)]*)\)", (ROOT / "README.md").read_text("utf-8"))
+    assert core.readme_content_type == "text/markdown" and len(own) > 20
+    want = []
+    for mark, path in own:
+        if path.startswith("https://"):
+            want.append((mark, path))
+        elif repository is not None:
+            want.append((mark, f"{repository}/{'raw' if mark else 'blob'}/HEAD/{path}"))
+            assert (ROOT / path).exists(), path
+    assert found == want
+    assert "<!--" not in core.readme and "pip install jaxrotor &&" in core.readme
 
 
 @pytest.mark.parametrize("name", ["bug", "proposal"])

@@ -11,8 +11,10 @@ from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critic
 from ..analysis.modal import KINDS, kind_of_whirl
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
+from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer
+from .axis_units import axis_units
 from .options import (
     MOST,
     AsJson,
@@ -27,7 +29,6 @@ from .options import (
     rpm,
     scene_with,
     speeds_between,
-    typed_unit,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -62,13 +63,14 @@ def campbell(
     """
     rotor = scene_with(scene, settings)
     speeds = speeds_between(rotor, low, high, points)
+    units = axis_units(scene, rotor, high, low, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
         result = branches_of(rotor, speeds, count)
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
             write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
             drawn = {"mirrored": mirrored, "orders": (1, 2) if twice else (1,)}
-            _draw(result, rotor, drawn, folder, typed_unit(high, low))
+            _draw(result, rotor, drawn, folder, units)
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     directions = ["whirl"] * len(frequency)
@@ -87,13 +89,15 @@ def campbell(
         answer.print_json({"scene": scene, **found, "written": written_to(out, _FILES)})
         return
     shown = [0, (points - 1) // 2, points - 1]
-    heads = ("branch", *(f"at {speeds[k]:.5g} rad/s" for k in shown), "growth up to [1/s]")
+    unit = units["speed"]
+    turns = SPEEDS[unit]
+    heads = ("branch", *(f"at {turns * speeds[k]:.5g} {unit}" for k in shown), "growth up to [1/s]")
     rows = [
-        (direction, *(f"{abs(f):.6g}" for f in line[shown]), f"{largest:.4g}")
+        (direction, *(f"{turns * abs(f):.6g}" for f in line[shown]), f"{largest:.4g}")
         for direction, line, largest in zip(directions, frequency, growth.max(axis=1), strict=True)
     ]
     where = " in the axes of the shaft" if result.frame == "rotating" else ""
-    typer.echo(f"Whirl frequencies{where} [rad/s]")
+    typer.echo(f"Whirl frequencies{where} [{unit}]")
     answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
     answer.print_table(answer.written(written_to(out, _FILES)))
 
@@ -177,7 +181,9 @@ def _undamped(rotor: Scene) -> CriticalSpeeds | None:
         return None
 
 
-def _draw(result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, unit: str) -> None:
+def _draw(
+    result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, units: dict[str, Any]
+) -> None:
     from .. import plot
 
     about = {"critical": _undamped(rotor), "operating": operating_speed(rotor)} | chosen
@@ -185,4 +191,4 @@ def _draw(result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, 
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)
 
-    draw(folder / "campbell.png", both, 170, 120, rows=2, speed=unit)
+    draw(folder / "campbell.png", both, 170, 120, rows=2, units=units)

@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from .axis_units import units_of
 from .export import Store, opened, stores
 from .options import Overwrite
 from .output import draft
@@ -52,25 +53,30 @@ def explore(
         from ..plot.clickable import MOTIONS, write_page
 
         most = MOTIONS if motions is None else motions
-        with draft(html.parent, [html.name], overwrite) as folder:
-            write_page(folder / html.name, opened(stores(data)), motions=most)
+        lanes = opened(stores(data))
+        with draft(html.parent, [html.name], overwrite) as folder, units_of(lanes.attrs):
+            write_page(folder / html.name, lanes, motions=most)
         typer.echo(f"Written: {html}.")
         return
     if motions is not None:
         raise ValueError("--motions is for a page; add --html FILE, or leave it out.")
     from ..plot.explore import explore as window
 
-    explorer = window(opened(stores(data)))
-    if at is not None:
-        if not np.isfinite(at):
-            raise ValueError(f"--at must be a number on the axis of the diagram, but is {at:g}.")
-        explorer.show(explorer.near(explorer.lower, at, 0.0))
-    if out is None:
-        explorer.wait()
-        return
-    with draft(out.parent, [out.name], overwrite) as folder:
-        try:
-            explorer.figure.savefig(folder / out.name, dpi=150)
-        except ValueError as error:
-            raise ValueError(f"--out {out}: {error}.") from None
+    lanes = opened(stores(data))
+    with units_of(lanes.attrs):
+        explorer = window(lanes)
+        if at is not None:
+            if not np.isfinite(at):
+                raise ValueError(
+                    f"--at must be a number on the axis of the diagram, but is {at:g}."
+                )
+            explorer.show(explorer.near(explorer.lower, at, 0.0))
+        if out is None:
+            explorer.wait()
+            return
+        with draft(out.parent, [out.name], overwrite) as folder:
+            try:
+                explorer.figure.savefig(folder / out.name, dpi=150)
+            except ValueError as error:
+                raise ValueError(f"--out {out}: {error}.") from None
     typer.echo(f"Written: {out}.")

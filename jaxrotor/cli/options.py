@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -233,15 +232,6 @@ def operating_speed(scene: Scene) -> float | None:
     """The speed [rad/s] at which a rotor operates, None of one that is at rest or runs up or down."""
     constant = isinstance(scene.spin, ConstantSpeed)
     return abs(float(scene.spin.speed)) or None if constant else None
-
-
-def typed_unit(*texts: str | None) -> str:
-    """Unit of speed to draw in: that of the first option that has one."""
-    for text in texts:
-        match = re.search(r"(krpm|rpm|hz|rad/s)\s*(:|$)", text or "", re.IGNORECASE)
-        if match is not None:
-            return match[1].lower().replace("hz", "Hz")
-    return "rad/s"
 
 
 def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:

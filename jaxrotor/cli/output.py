@@ -4,7 +4,7 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -108,18 +108,18 @@ def draw(
     width: float | int,
     height: float | int,
     rows: int = 1,
-    speed: str = "rad/s",
+    units: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a picture [mm] of `plot(axes)`, without a window; report on stderr if it cannot be drawn.
 
-    Speeds are drawn in the unit `speed`.
+    Speeds and lengths are drawn in `units`, see `axis_units`.
 
     An error would discard the data, which are already written.
     """
-    from ..plot import units, write
+    from ..plot import units as drawn_in, write
 
     try:
-        with units(speed=speed):
+        with drawn_in(**units or {}):
             write(path, plot, width, height, rows)
     except ValueError as error:
         typer.echo(f"{path.name} was not drawn: {error}", err=True)

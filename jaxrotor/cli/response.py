@@ -21,8 +21,10 @@ from ..core.attributes import about
 from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact
 from ..files.units import quantity
+from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer
+from .axis_units import axis_units
 from .options import (
     AsJson,
     At,
@@ -38,7 +40,6 @@ from .options import (
     rpm,
     scene_with,
     speeds_between,
-    typed_unit,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -83,6 +84,7 @@ def response(
     for kind in contacts:
         rotor = rotor.without(kind)
     speeds, range_ = speeds_between(rotor, low, high, points), _operating(rotor, operating)
+    units = axis_units(scene, whole, high, low, operating, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
         found = response_peaks(rotor, speeds, station)
         result, whirls = found.response, found.critical
@@ -102,7 +104,7 @@ def response(
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr")
             shown_with = {"growth": growth, "operating": range_}
-            _draw(found, whole, shown_with, folder, typed_unit(high, low, operating))
+            _draw(found, whole, shown_with, folder, units)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
@@ -117,14 +119,14 @@ def response(
     heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]", "growth [1/s]")
     if rows:
         answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    _print_margins(_margins(found, range_))
+    unit = units["speed"]
+    _print_margins(_margins(found, range_), unit)
     notes = [("station", f"{result.stations[0]:g} m")]
     notes += [("without", ", ".join(contacts))] if contacts else []
     notes += [("peak", "none between these speeds")] if not found.speeds.size else []
     if range_ is not None:
-        notes.append(
-            ("operating", " to ".join(f"{one:g}" for one in sorted(set(range_))) + " rad/s")
-        )
+        ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in sorted(set(range_)))
+        notes.append(("operating", f"{ends} {unit}"))
     if unstable:
         notes.append(
             ("unstable", f"at {100 * unstable:.3g} % of the speeds, where no response is attained")
@@ -166,19 +168,20 @@ def _margins(found: ResponsePeaks, operating: tuple[float, float] | None) -> lis
     return [dict(zip(columns, map(known, row), strict=True)) for row in rows]
 
 
-def _print_margins(rows: list[dict[str, Any]]) -> None:
-    """Table of amplification factors and margins, as standards ask for it."""
-    text = lambda value, digits=6, factor=1: (
+def _print_margins(rows: list[dict[str, Any]], unit: str) -> None:
+    """Table of amplification factors and margins, as standards ask for it, with speeds in `unit`."""
+    text = lambda value, digits=6, factor=1.0: (
         "-" if value is None else f"{factor * value:.{digits}g}"
     )
-    heads = ["peak [rad/s]", "half power", "to", "AF"]
+    heads = [f"peak [{unit}]", "half power", "to", "AF"]
     lines = []
     for one in rows:
         sharp = one["lower"] is not None and one["lower"] == one["upper"]  # no damping
         factor = "infinite" if sharp else text(one["amplification"], 4)
         if factor == "-" and one["amplification_at_most"] is not None:
             factor = f"at most {one['amplification_at_most']:.4g}"
-        lines.append([text(one["speed"]), text(one["lower"]), text(one["upper"]), factor])
+        ends = (text(one[name], 6, SPEEDS[unit]) for name in ("speed", "lower", "upper"))
+        lines.append([*ends, factor])
         if "margin" in one:
             lines[-1] += [text(one[name], 3, 100) for name in ("margin", "required")]
             lines[-1].append(_verdict(one))
@@ -236,7 +239,7 @@ def _variables(
 
 
 def _draw(
-    found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, unit: str
+    found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, units: dict[str, Any]
 ) -> None:
     from .. import plot
     from ..plot.clearance import BEYOND, amplitudes
@@ -249,4 +252,4 @@ def _draw(
     def both(axes: Any) -> None:
         plot.response(found.response, axes, **about)
 
-    draw(folder / "response.png", both, 170, 110, rows=2, speed=unit)
+    draw(folder / "response.png", both, 170, 110, rows=2, units=units)

@@ -1,5 +1,6 @@
 """Command `run-up`: motion while the speed changes."""
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +16,7 @@ from ..results.dataset import dataset
 from ..results.provenance import assumed
 from ..solvers import Exponential
 from . import answer
+from .axis_units import axis_units
 from .options import (
     SAMPLES,
     STILL,
@@ -37,13 +39,13 @@ from .options import (
     optional,
     scene_of,
     start_with,
-    typed_unit,
 )
 from .output import draft_or_none, draw, write_dataset, written_to
 from .solver import NAMED, Solver, chosen
 
 
 _FILES = ("run-up.zarr", "run-up.png", "passage.png", "speed.png", "balls.png", "film.gif")
+_FEWEST = 8  # samples of a revolution in a picture
 
 
 def run_up(
@@ -110,7 +112,9 @@ def run_up(
         motion = run(rotor, instant, start=start, at=station, **steps)
         if folder is not None:
             write_dataset(dataset(motion), folder / "run-up.zarr")
-            _draw(motion, folder, film, moves is not None, typed_unit(*settings or ()))
+            _note_few_samples(np.asarray(motion.angle))
+            typed = axis_units(scene, rotor, *settings or (), start_radius)
+            _draw(motion, folder, film, moves is not None, typed)
     summary = _summary(motion, moves is not None)
     answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
@@ -142,10 +146,12 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _draw(motion: TimeHistory, folder: Path, film: bool, moves: bool, unit: str) -> None:
+def _draw(
+    motion: TimeHistory, folder: Path, film: bool, moves: bool, units: dict[str, Any]
+) -> None:
     from .. import plot
 
-    paint = partial(draw, speed=unit)
+    paint = partial(draw, units=units)
     if moves:
         paint(folder / "run-up.png", lambda axes: plot.run_up(motion, axes=axes), 170, 100, rows=2)
         if np.ptp(np.asarray(motion.speed)) > 0:
@@ -155,6 +161,18 @@ def _draw(motion: TimeHistory, folder: Path, film: bool, moves: bool, unit: str)
         paint(folder / "balls.png", lambda axes: plot.balls(motion, axes), 170, 110, rows=2)
     if film and (moves or motion.balls):
         plot.animate(motion, folder / "film.gif")
+
+
+def _note_few_samples(angle: np.ndarray) -> None:
+    """Print a note on stderr if pictures show patterns that are not in the motion."""
+    turns = float(np.max(np.abs(np.diff(angle)))) / (2 * np.pi)
+    if turns * _FEWEST > 1:
+        needed = math.ceil(round(2 * _FEWEST * turns * (len(angle) - 1), 6)) + 1
+        typer.echo(
+            f"Note: the fastest revolution has only {1 / turns:.2g} samples, so pictures show patterns "
+            f"that are not in the motion; take {needed} samples.",
+            err=True,
+        )
 
 
 def _summary(motion: TimeHistory, moves: bool) -> dict[str, Any]:

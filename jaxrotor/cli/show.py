@@ -70,6 +70,7 @@ def show(
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
+    why = why.partition(";")[0]  # its advice is for Python
     if as_json:
         table = {path: {"value": value, "unit": unit} for path, (value, unit) in parameters.items()}
         whirl = {"standstill": still, "forward": forward, "backward": backward}

@@ -12,6 +12,7 @@ from ..motion.simulate import simulate as run
 from ..results.dataset import dataset
 from ..spins import ConstantSpeed
 from . import answer
+from .axis_units import axis_units
 from .options import (
     MOST,
     SAMPLES,
@@ -107,7 +108,8 @@ def simulate(
         response = run(rotor, **options)
         if folder is not None:
             write_dataset(dataset(response), folder / "response.zarr")
-            _draw(response, folder)
+            typed = axis_units(scene, rotor, *settings or (), start_radius)
+            _draw(response, folder, typed)
     summary = _summary(response)
     answer.note_large(float(summary["radius_max"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
@@ -129,7 +131,7 @@ def simulate(
     answer.print_table(rows)
 
 
-def _draw(response: TimeHistory, folder: Path) -> None:
+def _draw(response: TimeHistory, folder: Path, units: dict[str, Any]) -> None:
     from .. import plot
 
     def history(axes):
@@ -140,8 +142,8 @@ def _draw(response: TimeHistory, folder: Path) -> None:
         plot.whirl_history(response, ax=axes[1])
         axes[0].set_xlabel("")
 
-    draw(folder / "orbit.png", lambda ax: plot.orbit(response, ax=ax), 85, 85)
-    draw(folder / "history.png", history, 170, 110, rows=2)
+    draw(folder / "orbit.png", lambda ax: plot.orbit(response, ax=ax), 85, 85, units=units)
+    draw(folder / "history.png", history, 170, 110, rows=2, units=units)
 
 
 def _summary(response: TimeHistory) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from ..analysis import StabilityMap, stability_boundary, stability_map
 from ..core.attributes import about
 from ..scene import Scene
 from . import answer
-from .options import AsJson, Out, Overwrite, SceneName, Settings, scene_with, swept_axes, typed_unit
+from .axis_units import axis_units
+from .options import AsJson, Out, Overwrite, SceneName, Settings, scene_with, swept_axes
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
@@ -50,7 +51,7 @@ def stability(
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor stability map", rotor)
             write_dataset(data, folder / "stability.zarr")
-            _draw(result, folder, typed_unit(*over, *settings or ()))
+            _draw(result, folder, axis_units(scene, rotor, *over, *settings or ()))
     unknown = np.isnan(result.growth)
     unstable, unsure = float(np.mean(result.growth > 0)), float(np.mean(unknown))
     largest = float(np.max(result.growth, initial=-np.inf, where=~unknown))
@@ -105,7 +106,7 @@ def _variables(result: StabilityMap) -> tuple[dict[str, Any], dict[str, Any]]:
     )
 
 
-def _draw(result: StabilityMap, folder: Path, unit: str) -> None:
+def _draw(result: StabilityMap, folder: Path, units: dict[str, Any]) -> None:
     from .. import plot
 
-    draw(folder / "stability.png", lambda ax: plot.stability_map(result, ax), 120, 85, speed=unit)
+    draw(folder / "stability.png", lambda ax: plot.stability_map(result, ax), 120, 85, units=units)

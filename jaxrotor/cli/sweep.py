@@ -24,6 +24,7 @@ from ..sweeps.observe import AbstractObservable, WhirlSpectrum, everything
 from ..sweeps.store import PENDING, OtherSweepError
 from ..sweeps.sweep import KEEP, SETTLE, sweep as run
 from . import answer
+from .axis_units import axis_units, stored
 from .options import (
     MOST,
     SAMPLES,
@@ -48,7 +49,6 @@ from .options import (
     scene_with,
     start_with,
     swept_axes,
-    typed_unit,
 )
 from .output import draft, draw, written_to
 from .sweep_answer import errors, lanes_of, print_sweep, results
@@ -226,8 +226,8 @@ def sweep(
     if out is None:
         out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep")
     compute = functools.partial(run, rotor, axes, start=start, **counts, **options)
-    unit = typed_unit(*over or (), *settings or ())
-    dataset, seconds = _computed(compute, list(axes), out, overwrite, unit)
+    units = axis_units(scene, rotor, *over or (), *settings or (), start_radius)
+    dataset, seconds = _computed(compute, list(axes), out, overwrite, units)
     told = ("steps_per_revolution", *_RUN)
     counts |= {name: dataset.attrs[name] for name in told if name in dataset.attrs}
     good = dataset["radius_max"].values[~failed(dataset["status"])]
@@ -242,7 +242,11 @@ def sweep(
 
 
 def _computed(
-    compute: Callable[..., xr.Dataset], swept: list[str], out: Path, overwrite: bool, unit: str
+    compute: Callable[..., xr.Dataset],
+    swept: list[str],
+    out: Path,
+    overwrite: bool,
+    units: dict[str, Any],
 ) -> tuple[xr.Dataset, float]:
     """The data of a sweep, stored and drawn in a folder, and the time it took [s]."""
     partial = out / _PARTIAL
@@ -260,7 +264,9 @@ def _computed(
                 shutil.rmtree(partial)
                 dataset = compute(store=partial).load()
             seconds = time.perf_counter() - begun
-            _draw(dataset, swept, folder, unit)
+            _draw(dataset, swept, folder, units)
+            told = xr.Dataset(attrs=dataset.attrs | stored(units))  # for `explore`
+            told.to_zarr(partial, mode="a", zarr_format=2, consolidated=True)
     partial.rename(out / "sweep.zarr")
     return dataset, seconds
 
@@ -324,10 +330,10 @@ def _observables(
     return found
 
 
-def _draw(dataset: xr.Dataset, swept: list[str], folder: Path, unit: str) -> None:
+def _draw(dataset: xr.Dataset, swept: list[str], folder: Path, units: dict[str, Any]) -> None:
     from .. import plot
 
-    paint = functools.partial(draw, speed=unit)
+    paint = functools.partial(draw, units=units)
     if len(swept) == 2:  # by kind, or by the peak of runs without limiters
         name = None if "index" in dataset or "duty" in dataset else "peak"
         paint(folder / "map.png", lambda ax: plot.sweep_map(dataset, name, ax), 120, 90)

@@ -5,6 +5,7 @@ A number is in SI units; a text carries its unit, see `units`. For the names of 
 
 import os
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from .toml_reader import read
 from .toml_writer import dumps
 from .units import refuse
 from .variants import CHAIN, NAME as TABLE, Variant, variant
+from .vocabulary import TEXTS as TITLES
 
 
 def load(
@@ -94,6 +96,22 @@ def title(
     return tomllib.loads(text_of(name_or_path)[0]).get("title", "")
 
 
+def texts(name_or_path: str | os.PathLike[str]) -> list[str]:
+    """All texts that a scene file gives as values, in order, but for its title and its assumption.
+
+    Args:
+        name_or_path: path of a file, or name of a shipped scene.
+
+    Returns:
+        The texts as they were typed, such as "0.2 mm"; numbers without a unit are not among them.
+
+    Raises:
+        SceneError: If the file cannot be read.
+    """
+    document = tomllib.loads(text_of(name_or_path)[0])
+    return list(_texts({key: value for key, value in document.items() if key not in TITLES}))
+
+
 def save(scene: Scene, path: str | os.PathLike[str], title: str = "") -> None:
     """Write a scene to a TOML file, which gives every parameter back to the last bit.
 
@@ -112,6 +130,15 @@ def save(scene: Scene, path: str | os.PathLike[str], title: str = "") -> None:
         refuse(f"{target}", "cannot be written; the name of a scene file ends in .toml.")
     with replacing(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """The texts in a value and in its parts."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from _texts(one)
 
 
 def _variant(name_or_path: str | os.PathLike[str], row: int | None) -> Variant:

@@ -15,6 +15,7 @@ from .units import length_unit
 
 _INK = 22_000  # of points, by their number and the square of their marker size [pt]
 _SIZES = (1.5, 4.0)  # smallest and largest marker [pt]; a point is half as wide
+_HEIGHTS = 1000  # at which points of a lane are told apart
 _CLOSE = 0.04  # distance, over the range, below which two texts become one
 
 
@@ -35,7 +36,7 @@ def bifurcation(
             `index` [1].
         axes: two Axes, upper and lower; a new figure if None.
         section: draw x once per revolution (`section` [m]) instead of its extrema.
-        size: marker size of the points [pt]; by default the larger, the fewer there are.
+        size: marker size of the points [pt]; by default the larger, the fewer differ from each other.
 
     Returns:
         The upper Axes, displacement, and the lower, precession index [1].
@@ -67,9 +68,8 @@ def bifurcation(
     if "status" in dataset:  # failed lanes are not drawn
         status = dataset["status"].transpose(*lanes).values
         displacement[failed(status).ravel()] = np.nan
-    count = int(np.isfinite(displacement).sum())
     if size is None:
-        size = float(np.clip(np.sqrt(_INK / max(count, 1)), *_SIZES))
+        size = float(np.clip(np.sqrt(_INK / max(_places(displacement), 1)), *_SIZES))
 
     upper, lower = page.pair(axes, 170, 110)
     ways = {".": np.ones(index.size, bool)}
@@ -106,6 +106,16 @@ def bifurcation(
         lower.annotate(text, (0.99, 0.04), xycoords="axes fraction", **style)
     page.legend(upper, columns=3)
     return upper, lower
+
+
+def _places(displacement: Float[np.ndarray, "N e"]) -> int:
+    """Number of points that do not lie on each other: a periodic lane has few, however long it is kept."""
+    lane, _ = known = np.nonzero(np.isfinite(displacement))
+    if not lane.size:
+        return 0
+    heights = displacement[known]
+    step = float(np.ptp(heights)) / _HEIGHTS or 1.0
+    return len(np.unique(lane + 1j * np.rint((heights - heights.min()) / step)))
 
 
 def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray) -> None:

@@ -98,7 +98,9 @@ def scene_part(text: str) -> str:
     for path in scene.paths():
         leaves, unit = scene.leaves(path), scene.unit(path)
         if any(leaf is not None for leaf in leaves):
-            values = ", ".join(_values(leaf) for leaf in leaves)
+            texts = [_values(leaf) for leaf in leaves]
+            same = len(texts) > 1 and len(set(texts)) == 1
+            values = f"{texts[0]} each" if same else ", ".join(texts)
             rows.append((path, values, "" if unit == "1" else unit))
     return "\n".join(
         [

@@ -18,9 +18,8 @@ from typer.testing import CliRunner
 
 import jaxrotor as jr
 from jaxrotor import plot
-from jaxrotor.cli import app, main
+from jaxrotor.cli import app, main, run_up
 from jaxrotor.cli.answer import _plain
-from jaxrotor.cli.options import typed_unit
 
 
 LENGTH, TIME, SPEED = 0.7, 0.022646559709295068, 662.3522597934992  # l, T*, N = 15
@@ -124,12 +123,13 @@ def test_show_says_why_there_is_no_onset(quick_onset):
     monkeypatch, module = quick_onset
 
     def none(scene):
-        raise ValueError("The rotor has no damping.")
+        raise ValueError("The rotor has no damping; search by `within`.")
 
     monkeypatch.setattr(module, "onset_speed", none)
     shown = answered("show", "limiter-rotor")
-    assert shown["onset"] is None and shown["no_onset"] == "The rotor has no damping."
-    assert "no damping" in call("show", "limiter-rotor").stdout
+    assert shown["onset"] is None and shown["no_onset"] == "The rotor has no damping"
+    text = call("show", "limiter-rotor").stdout
+    assert "no damping" in text and "within" not in text
 
 
 def test_roots():
@@ -295,21 +295,6 @@ def test_response(place, monkeypatch):
     assert "too close" in text and "90 to 99 rad/s" in text
     assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
     assert re.search(r"station\W+0\.3 m", text)
-
-
-@pytest.mark.parametrize(
-    "texts, unit",
-    [
-        (["9000 rpm"], "rpm"),
-        (["3krpm:4krpm"], "krpm"),
-        ([None, "5 Hz"], "Hz"),
-        (["900", None, "8rpm"], "rpm"),
-        (["500 rad/s", "8rpm"], "rad/s"),
-        (["900"], "rad/s"),
-    ],
-)
-def test_pictures_are_in_the_unit_that_was_typed(texts, unit):
-    assert typed_unit(*texts) == unit
 
 
 def test_response_is_at_the_contact_that_is_left_out(place):
@@ -766,6 +751,14 @@ def test_run_up_of_what_cannot_move(place):
     assert "cannot move; use `jaxrotor reactions`" in text and "10 to 14 rad/s" in text
     call("run-up", "ramp.toml", "--times", "0, 10ms, 0.02", "--out", "run", "--film")
     assert sorted(os.listdir("run")) == ["run-up.zarr", "speed.png"]
+
+
+@pytest.mark.parametrize("samples, noted", [(21, True), (161, False)])
+def test_a_run_of_few_samples_is_noted(capsys, samples, noted):
+    """Ten revolutions by two samples each, and by the sixteen that the note asks for."""
+    run_up._note_few_samples(np.linspace(0.0, 20 * np.pi, samples))
+    told = capsys.readouterr().err
+    assert ("only 2 samples" in told and "take 161 samples" in told) if noted else not told
 
 
 @pytest.mark.slow

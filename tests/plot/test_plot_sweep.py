@@ -219,11 +219,14 @@ def test_bifurcation_says_why_a_value_has_no_points(lanes):
 
 
 def test_bifurcation_has_larger_points_the_fewer_there_are(lanes):
+    """Points of a lane at one height count once: those of a periodic lane are few."""
     of = lambda dataset, **given: lines(plot.bifurcation(dataset, **given)[0])["forward whirl"]
-    many = np.zeros((3, 5000, 1))  # of 10 000 points, and 5000 of a lane at rest
+    dims, one = (ECCENTRICITY, "revolution", "extremum"), np.ones((3, 5000, 1))
     dataset = lanes.drop_vars(["extrema", "section"])
-    dataset["extrema"] = ((ECCENTRICITY, "revolution", "extremum"), many)
-    assert of(lanes).get_markersize() == 4.0 and of(dataset).get_markersize() == 1.5
+    periodic = dataset.assign(extrema=(dims, one * np.array([0.0, 1e-3, 2e-3])[:, None, None]))
+    apart = dataset.assign(extrema=(dims, one * np.linspace(0.0, 1e-3, 5000)[:, None]))
+    assert of(lanes).get_markersize() == of(periodic).get_markersize() == 4.0
+    assert 1.5 <= of(apart).get_markersize() < 3.0
     assert of(lanes, size=2).get_markersize() == 2
 
 
