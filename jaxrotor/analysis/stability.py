@@ -306,19 +306,19 @@ def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tu
 @compiled_quickly
 def _refine(system: System | OverWhirl, low: Scalar, high: Scalar) -> Onset:
     speed = _crossing(system, low, high)
-    values = _roots_at(system, speed)
-    whirl = values[_crosses(system, speed, values, low, high)].imag
+    step = 1e-3 * (high - low)
+    # One place after the other, so that the roots are compiled once.
+    places = jnp.stack([speed, high, speed + step, speed - step])
+    values, there, *either = jax.lax.map(lambda place: _roots_at(system, place), places)
+    towards = jnp.where(_beyond_rounding(there, _first(system)) > 0, *either)
+    whirl = values[_crosses(system, values, towards)].imag
     if system.blocks.hysteretic is not None:
         whirl = jnp.where(_synchronous(values, speed), speed, whirl)
     return Onset(speed, whirl if isotropic(system.blocks) else jnp.abs(whirl))
 
 
-def _crosses(
-    system: System | OverWhirl, speed: Scalar, values: Array, low: Scalar, high: Scalar
-) -> Array:
-    """Index of the root that crosses: the one that grows on the unstable side, if several are marginal."""
-    way = jnp.where(_growth(system)(high) > 0, 1e-3, -1e-3)  # towards the unstable side
-    beyond = _roots_at(system, speed + way * (high - low))
+def _crosses(system: System | OverWhirl, values: Array, beyond: Array) -> Array:
+    """Index of the root that crosses: of marginal ones that which grows on the unstable side, `beyond`."""
     growing = beyond[jnp.argmax(beyond.real)].imag
     size = jnp.maximum(_first(system), jnp.max(jnp.where(jnp.isfinite(values), abs(values), 0.0)))
     # Near a double root, where a band of divergence ends, all roots have few digits.
