@@ -1,7 +1,6 @@
 """Classify: the kind of motion in which every lane of a sweep ends, claimed where it can be shown."""
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -64,9 +63,8 @@ def classify(
     Every lane is run again to the end of its sweep, and then followed for `revolutions` from there, by
     steps that know the derivative of contact. A motion is "transient" where it is on its way to a
     periodic orbit, or where it was chaotic in the first half of the run alone. What none of these can be
-    shown for is "undecided", and so is a lane whose kind is another with twice the steps, from which the
-    numbers are.
-    Chaos may end after the run: `jaxrotor.escapes` tells how long it lasts.
+    shown for is "undecided", and so is a lane whose kind is another with twice the steps. Numbers are
+    those of the finer run. Chaos may end after the run: `jaxrotor.escapes` tells how long it lasts.
 
     Args:
         dataset: sweep by `Exponential` at constant speed, without `carry`; only its settings are used.
@@ -105,12 +103,11 @@ def classify(
     context = _following(first, solver, steps_per_revolution)
     size = min(lanes_per_chunk, len(points))
     chunks = [np.arange(i, min(i + size, len(points))) for i in range(0, len(points), size)]
-    run = functools.partial(
-        _chunk, first, context, Stages.fresh(), size, points, revolutions, longest, confirm
-    )
+    settings = revolutions, longest, confirm
+    run = Run(first, context, Stages.fresh(), points, size, *settings)
     total = len(points) * (1 + confirm) * revolutions
     with bar(progress, total, f"{len(points)} lanes", "lane-revolutions") as tick:
-        parts = Threads(cores(workers)).each(run, chunks, tick)
+        parts = Threads(cores(workers)).each(run.claims, chunks, tick)
     found = Claims(*map(np.concatenate, zip(*(part[0] for part in parts), strict=True)))
     lost = failed(dataset["status"].values).ravel()
     found = found._replace(motion=np.where(lost, FAILED, found.motion))
@@ -149,6 +146,7 @@ def _context(dataset: xr.Dataset) -> tuple[Context, Float[np.ndarray, "l p"]]:
 
 
 def _plan(scene: Scene, columns: dict[str, np.ndarray], solver: Exponential, steps: int) -> Plan:
+    """The plan of the sweep, without what its observables read."""
     together = shared_ports(scene, {path: np.unique(values) for path, values in columns.items()})
     return Plan(
         solver,
@@ -176,43 +174,48 @@ def _following(context: Context, solver: Exponential, steps: int) -> Context:
 # === the run
 
 
-def _chunk(
-    first: Context,
-    context: Context,
-    stages: Stages,
-    size: int,
-    points: Float[np.ndarray, "l p"],
-    revolutions: int,
-    longest: int,
-    confirm: bool,
-    lanes: Int[np.ndarray, " c"],
-    tick: Callable[[int], None],
-) -> tuple[Claims, int]:
-    """Claims of some lanes, and how many claims were withdrawn."""
-    padded = points[np.append(lanes, np.repeat(lanes[-1:], size - len(lanes)))]
-    shared, own, y, _ = stages.prepare(first, padded, None)
-    y, _ = stages.skip(shared, own, y, jnp.asarray(first.settle))
-    begin: Any = tuple(map(np.asarray, stages.decode(shared, own, y)))
+class Run(NamedTuple):
+    """Settings by which chunks of lanes are followed."""
 
-    def claimed(steps: int, begin: Any) -> tuple[Claims, Any]:
+    first: Context  # of the sweep, up to its end
+    context: Context  # of the run after it
+    stages: Stages
+    points: Float[np.ndarray, "l p"]
+    size: int  # lanes of a program
+    revolutions: int
+    longest: int
+    confirm: bool
+
+    def claims(
+        self, lanes: Int[np.ndarray, " c"], tick: Callable[[int], None]
+    ) -> tuple[Claims, int]:
+        """Claims about some lanes, by their numbers, and how many claims were withdrawn."""
+        count, stages = len(lanes), self.stages
+        points = self.points[np.append(lanes, np.repeat(lanes[-1:], self.size - count))]
+        shared, own, y, _ = stages.prepare(self.first, points, None)
+        y, _ = stages.skip(shared, own, y, jnp.asarray(self.first.settle))
+        begin = tuple(map(np.asarray, stages.decode(shared, own, y)))
+        steps = self.context.plan.steps
+        found, end = self._followed(points, steps, begin)
+        tick(count * self.revolutions)
+        withdrawn = np.zeros(self.size, bool)
+        if self.confirm:
+            finer, _ = self._followed(points, 2 * steps, end)
+            tick(count * self.revolutions)
+            withdrawn = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC, CHAOTIC))
+            withdrawn &= (finer.motion != found.motion) | (finer.period != found.period)
+            kept = np.where(withdrawn, UNDECIDED, found.motion)
+            found = finer._replace(motion=kept)  # the numbers are those of the finer run
+        return Claims(*(leaf[:count] for leaf in found)), int(withdrawn[:count].sum())
+
+    def _followed(self, points: np.ndarray, steps: int, begin: Any) -> tuple[Claims, Any]:
         """Claims by so many steps from a state, and the state at the end of the run."""
-        plan = dataclasses.replace(context.plan, steps=steps, max_steps=steps)
-        shared, own, y, _ = stages.prepare(dataclasses.replace(context, plan=plan), padded, begin)
-        followed = follow(shared, own, y, revolutions)
-        tick(len(lanes) * revolutions)
-        end = tuple(map(np.asarray, stages.decode(shared, own, followed.y)))
-        return _claims(followed, shared, own, longest), end
-
-    found, end = claimed(context.plan.steps, begin)
-    withdrawn = np.zeros(size, bool)
-    if confirm:
-        claims, _ = claimed(2 * context.plan.steps, end)
-        withdrawn = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC, CHAOTIC))
-        withdrawn &= (claims.motion != found.motion) | (claims.period != found.period)
-        kept = np.where(withdrawn, UNDECIDED, found.motion)
-        found = claims._replace(motion=kept)  # the numbers are those of the finer run
-    count = len(lanes)
-    return Claims(*(leaf[:count] for leaf in found)), int(withdrawn[:count].sum())
+        plan = dataclasses.replace(self.context.plan, steps=steps, max_steps=steps)
+        context = dataclasses.replace(self.context, plan=plan)
+        shared, own, y, _ = self.stages.prepare(context, points, begin)
+        followed = follow(shared, own, y, self.revolutions)
+        end = tuple(map(np.asarray, self.stages.decode(shared, own, followed.y)))
+        return _claims(followed, shared, own, self.longest), end
 
 
 def _claims(followed: Followed, shared: Any, own: Any, longest: int) -> Claims:
@@ -232,8 +235,8 @@ def _claims(followed: Followed, shared: Any, own: Any, longest: int) -> Claims:
     period, multiplier = np.zeros(len(growth), int), np.full(len(growth), np.nan)
     distances = np.asarray(returns(shared, own, followed.y, longest))  # (lanes, longest)
     attracted = (late < 0) | regular
-    for attempt in range(TRIES):
-        tried = np.where(attracted & (period == 0), _candidate(distances, attempt), 0)
+    for candidate in _candidates(distances).T:
+        tried = np.where(attracted & (period == 0), candidate, 0)
         for p in np.unique(tried[tried > 0]):
             these = tried == p
             miss, shift, largest = map(np.asarray, polish(shared, own, followed.y, jnp.asarray(p)))
@@ -245,25 +248,20 @@ def _claims(followed: Followed, shared: Any, own: Any, longest: int) -> Claims:
     for k in np.flatnonzero(motion == PERIODIC):  # of the orbit, not of what led there
         last, before = turned[k, -period[k] :].mean(), turned[k, -2 * period[k] : -period[k]].mean()
         rotation[k], change[k] = last, abs(last - before)
-        exponent[k], error[k] = np.log(multiplier[k]) / period[k], 0.0
+        smallest = np.finfo(float).tiny  # a multiplier may be zero
+        exponent[k], error[k] = np.log(max(multiplier[k], smallest)) / period[k], 0.0
     return Claims(motion, period, multiplier, rotation, change, exponent, error)
 
 
-def _candidate(distances: Float[np.ndarray, "l p"], attempt: int) -> Int[np.ndarray, " l"]:
-    """Period of which an orbit is sought next: of near returns the shortest, else of the nearest return.
+def _candidates(distances: Float[np.ndarray, "l p"]) -> Int[np.ndarray, "l t"]:
+    """Periods of which orbits are sought: those of near returns, the shortest first, else the nearest.
 
     0 where there are no more.
     """
     near = distances < NEAR
-    order = (
-        np.argsort(~near, axis=1, kind="stable")[:, attempt] if attempt < near.shape[1] else None
-    )
-    if order is None:
-        return np.zeros(len(near), int)
-    chosen = np.take_along_axis(near, order[:, None], 1)[:, 0]
-    found = np.where(chosen, order + 1, 0)
-    if attempt == 0:
-        found = np.where(near.any(axis=1), found, np.argmin(distances, axis=1) + 1)
+    order = np.argsort(~near, axis=1, kind="stable")[:, :TRIES]
+    found = np.where(np.take_along_axis(near, order, 1), order + 1, 0)
+    found[:, 0] = np.where(near.any(axis=1), found[:, 0], np.argmin(distances, axis=1) + 1)
     return found
 
 
