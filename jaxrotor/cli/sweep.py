@@ -106,11 +106,12 @@ RunTimes = Annotated[
     ),
 ]
 ErrorSample = Annotated[
-    int,
+    int | None,
     typer.Option(
         min=0,
         max=MOST,
-        help="Number of lanes run a second time with twice the steps; 0: no error estimate.",
+        help="Number of lanes run a second time with twice the steps; 0: no error estimate. [default: 0, "
+        "with --precision float32 4]",
     ),
 ]
 OrderOf = Annotated[
@@ -166,7 +167,7 @@ def sweep(
     steps: Steps = None,
     nodes: Nodes = None,
     tolerance: Tolerance = 1e-3,
-    error_sample: ErrorSample = 0,
+    error_sample: ErrorSample = None,
     order: OrderOf = None,
     precision: PrecisionOf = None,
     start_radius: Radius = None,

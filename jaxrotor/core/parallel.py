@@ -93,23 +93,31 @@ class Threads:
 
 
 def first_alone(call: Callable) -> Callable:
-    """`call`, of which the first thread compiles the program, while others wait for it.
+    """`call`, of which one thread compiles each program, while others that need it wait.
 
     A compiled function is compiled without running it, so that chunks run side by side from the first on.
     Any other function runs alone the first time.
     """
-    lock, known = threading.Lock(), threading.Event()
+    lock, known = threading.Lock(), set()
 
     def run(*args: Any) -> Any:
-        if not known.is_set():
+        key = _program_of(args) if isinstance(call, Compiled) else None
+        if key not in known:
             with lock:
-                if not known.is_set():
+                if key not in known:
                     if not isinstance(call, Compiled):
                         out = call(*args)
-                        known.set()
+                        known.add(key)
                         return out
                     call.compile(*args)
-                    known.set()
+                    known.add(key)
         return call(*args)
 
     return run
+
+
+def _program_of(args: Any) -> tuple:
+    """Structure, shapes, types and static values of arguments, which decide a program."""
+    leaves, structure = jax.tree.flatten(args)
+    arrays = [(one.shape, one.dtype) if hasattr(one, "dtype") else one for one in leaves]
+    return structure, *arrays

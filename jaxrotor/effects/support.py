@@ -216,7 +216,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
 
     def at_speed(self, speed: ArrayLike) -> "Support":
         there = self if self.speeds is None else self._at(speed, "speeds")
-        return there.at_whirl(speed) if self.synchronous else there
+        return there.at_whirl(jnp.abs(jnp.asarray(speed))) if self.synchronous else there
 
     def at_whirl(self, frequency: ArrayLike) -> "Support":
         return self if self.frequencies is None else self._at(frequency, "frequencies")

@@ -8,14 +8,14 @@ import diffrax as dfx
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 from scipy import stats
 
 from ..core.attributes import about, flags
 from ..core.checks import check_counts
-from ..core.outcome import failed
-from ..core.parallel import Threads, cores
-from ..core.progress import progress as bar
+from ..core.outcome import failed, too_long
+from ..core.parallel import Threads, chunk_size, cores, first_alone
+from ..core.progress import progress as bar, segments
 from ..equations.system import assemble
 from ..files.toml import loads
 from ..motion.base import Plan
@@ -27,6 +27,7 @@ from ..scene import Scene
 from ..solvers.exponential import Exponential
 from .axes import shared_ports
 from .followed import Followed, follow, polish, returns
+from .job import STEPS_IN_SINGLE
 from .lanes import Context, Stages
 
 
@@ -37,7 +38,12 @@ CLOSED = 1e-8  # of the state: what an orbit may miss after its period
 FAR = 0.2  # of the state: an orbit that attracts a motion from further away is another motion
 TRIES = 3  # periods of a lane for which an orbit is sought
 REGULAR = 1e-5  # change of weighted averages from one half of a regular run to the other
-STILL = 2e-3  # growth in a revolution that counts as none, of a regular motion
+STILL, ZERO = (
+    2e-3,
+    1e-6,
+)  # growth in a revolution of a regular motion: at most, and what is rounding
+MARGIN = 1e-7  # of the multiplier of an orbit that attracts, below 1
+BOUNDED = 10.0  # times the largest distance of the first half: a motion that goes further grows
 GROWN = 10.0  # logarithm of the growth of a disturbance in half of a run that no regular motion has
 CONFIDENCE = 0.95  # of the bounds of an exponent
 
@@ -57,14 +63,17 @@ def classify(
     """Kind of motion of every lane of a sweep: periodic, quasi-periodic, chaotic, transient or undecided.
 
         periodic         F^p(y) = y by Newton's method, near the lane, all |multipliers| < 1
-        quasi-periodic   the rotation number converges, the largest exponent is zero
-        chaotic          a disturbance grows e^10 times in either half, averages do not converge
+        quasi-periodic   averages converge, the bounds of the largest exponent include zero
+        chaotic          a disturbance grows e^10 times in either half, averages do not converge,
+                         and the motion does not grow
 
     Every lane is run again to the end of its sweep, and then followed for `revolutions` from there, by
     steps that know the derivative of contact. A motion is "transient" where it is on its way to a
     periodic orbit, or where it was chaotic in the first half of the run alone. What none of these can be
     shown for is "undecided", and so is a lane whose kind is another with twice the steps. Numbers are
-    those of the finer run. Chaos may end after the run: `jaxrotor.escapes` tells how long it lasts.
+    those of the finer run. Kinds are those of the map over a revolution: without an unbalance, a motion
+    with a period of its own is quasi-periodic. Chaos may end after the run: `jaxrotor.escapes` tells how
+    long it lasts.
 
     Args:
         dataset: sweep by `Exponential` at constant speed, without `carry`; only its settings are used.
@@ -90,9 +99,8 @@ def classify(
     Source: rotation numbers by weighted averages: Das, Saiki, Sander, Yorke (2017), Nonlinearity 30, 4111;
     as a test of chaos: Sander, Meiss (2020), Physica D 411, 132569.
     """
-    check_counts(
-        revolutions=revolutions, longest=longest, steps_per_revolution=steps_per_revolution
-    )
+    check_counts(revolutions=revolutions, longest=longest, lanes_per_chunk=lanes_per_chunk)
+    check_counts(steps_per_revolution=steps_per_revolution)
     if revolutions < 20 * BLOCKS:
         raise ValueError(
             f"`revolutions` must be at least {20 * BLOCKS} to tell motions apart, but is {revolutions}."
@@ -101,11 +109,12 @@ def classify(
     solver = Exponential(4, located=True) if solver is None else solver
     first, points = _context(dataset)
     context = _following(first, solver, steps_per_revolution)
-    size = min(lanes_per_chunk, len(points))
+    size = chunk_size(len(points), lanes_per_chunk, cores(workers))
     chunks = [np.arange(i, min(i + size, len(points))) for i in range(0, len(points), size)]
-    settings = revolutions, longest, confirm
-    run = Run(first, context, Stages.fresh(), points, size, *settings)
-    total = len(points) * (1 + confirm) * revolutions
+    programs = first_alone(follow), first_alone(returns), first_alone(polish)
+    settings = points, size, revolutions, longest, confirm
+    run = Run(first, context, Stages.fresh(), *programs, *settings)
+    total = len(points) * (first.settle + (1 + confirm) * revolutions)
     with bar(progress, total, f"{len(points)} lanes", "lane-revolutions") as tick:
         parts = Threads(cores(workers)).each(run.claims, chunks, tick)
     found = Claims(*map(np.concatenate, zip(*(part[0] for part in parts), strict=True)))
@@ -142,7 +151,9 @@ def _context(dataset: xr.Dataset) -> tuple[Context, Float[np.ndarray, "l p"]]:
     plan = _plan(scene, columns, solver, steps)
     settle = int(attributes["settle"]) + int(attributes["keep"])
     lanes = scene, start, tuple(columns), plan, jnp.asarray(float(attributes["station"])), period
-    return Context(*lanes, (), settle, 0), np.column_stack(list(columns.values()))
+    in_single = attributes["precision"] == STEPS_IN_SINGLE
+    context = Context(*lanes, (), settle, 0, in_single=in_single)
+    return context, np.column_stack(list(columns.values()))
 
 
 def _plan(scene: Scene, columns: dict[str, np.ndarray], solver: Exponential, steps: int) -> Plan:
@@ -175,11 +186,14 @@ def _following(context: Context, solver: Exponential, steps: int) -> Context:
 
 
 class Run(NamedTuple):
-    """Settings by which chunks of lanes are followed."""
+    """Settings by which chunks of lanes are followed, and the programs that all chunks share."""
 
     first: Context  # of the sweep, up to its end
     context: Context  # of the run after it
     stages: Stages
+    follow: Callable
+    returns: Callable
+    polish: Callable
     points: Float[np.ndarray, "l p"]
     size: int  # lanes of a program
     revolutions: int
@@ -193,7 +207,9 @@ class Run(NamedTuple):
         count, stages = len(lanes), self.stages
         points = self.points[np.append(lanes, np.repeat(lanes[-1:], self.size - count))]
         shared, own, y, _ = stages.prepare(self.first, points, None)
-        y, _ = stages.skip(shared, own, y, jnp.asarray(self.first.settle))
+        for part in segments(self.first.settle):
+            y, _ = stages.skip(shared, own, y, jnp.asarray(part))
+            tick(count * part)
         begin = tuple(map(np.asarray, stages.decode(shared, own, y)))
         steps = self.context.plan.steps
         found, end = self._followed(points, steps, begin)
@@ -202,55 +218,77 @@ class Run(NamedTuple):
         if self.confirm:
             finer, _ = self._followed(points, 2 * steps, end)
             tick(count * self.revolutions)
-            withdrawn = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC, CHAOTIC))
-            withdrawn &= (finer.motion != found.motion) | (finer.period != found.period)
-            kept = np.where(withdrawn, UNDECIDED, found.motion)
-            found = finer._replace(motion=kept)  # the numbers are those of the finer run
+            found, withdrawn = _confirmed(found, finer)
         return Claims(*(leaf[:count] for leaf in found)), int(withdrawn[:count].sum())
 
     def _followed(self, points: np.ndarray, steps: int, begin: Any) -> tuple[Claims, Any]:
         """Claims by so many steps from a state, and the state at the end of the run."""
         plan = dataclasses.replace(self.context.plan, steps=steps, max_steps=steps)
         context = dataclasses.replace(self.context, plan=plan)
-        shared, own, y, _ = self.stages.prepare(context, points, begin)
-        followed = follow(shared, own, y, self.revolutions)
+        shared, own, y, ratio = self.stages.prepare(context, points, begin)
+        followed = self.follow(shared, own, y, self.revolutions)
         end = tuple(map(np.asarray, self.stages.decode(shared, own, followed.y)))
-        return _claims(followed, shared, own, self.longest), end
+        found = _claims(self, followed, shared, own)
+        solver: Any = plan.solver
+        overlong = np.asarray(followed.outcome.touched) & too_long(ratio, solver.order)
+        overlong &= found.motion != FAILED  # steps too long for a stop may make chaos of their own
+        return found._replace(motion=np.where(overlong, UNDECIDED, found.motion)), end
 
 
-def _claims(followed: Followed, shared: Any, own: Any, longest: int) -> Claims:
+def _confirmed(found: Claims, finer: Claims) -> tuple[Claims, Bool[np.ndarray, " l"]]:
+    """Claims with the numbers of the finer run, and which it contradicts: these are undecided."""
+    same = (finer.motion == found.motion) & (finer.period == found.period)
+    same |= (found.motion == TRANSIENT) & np.isin(finer.motion, (PERIODIC, QUASI_PERIODIC))
+    withdrawn = ~same & (found.motion < UNDECIDED)
+    motion = np.where(withdrawn, UNDECIDED, found.motion)
+    return finer._replace(motion=np.where(finer.motion == FAILED, FAILED, motion)), withdrawn
+
+
+def _claims(run: Run, followed: Followed, shared: Any, own: Any) -> Claims:
     """Claims about lanes that were followed."""
-    growth, turned, squares = map(np.asarray, followed[2:])
+    growth, turned, section = map(np.asarray, followed[2:])
     exponent, error = mean_and_error(growth.T)
     rotation, change = _average(turned)
-    size, more = _average(squares)
-    smooth = (change < REGULAR) & (more < REGULAR * size)
     half = growth.shape[1] // 2
     early, late = growth[:, :half].sum(axis=1), growth[:, -half:].sum(axis=1)
-    regular = smooth & (np.abs(exponent) < STILL)
+    smooth = (change < REGULAR) & _converges(section)
+    regular = smooth & (np.abs(exponent) < np.minimum(_quantile() * error + ZERO, STILL))
+    before, after = (np.abs(part).max(axis=1) for part in (section[:, :half], section[:, -half:]))
+    chaotic = ~smooth & (early > GROWN) & (late > GROWN) & (after < BOUNDED * before)
     motion = np.full(len(growth), UNDECIDED)
-    motion[(early > GROWN) & (late < GROWN)] = TRANSIENT
-    motion[~smooth & (early > GROWN) & (late > GROWN)] = CHAOTIC
-    motion[regular] = QUASI_PERIODIC
+    motion[(early > GROWN) & (late < 0)] = TRANSIENT
+    motion[chaotic] = CHAOTIC
+    distances = np.asarray(run.returns(shared, own, followed.y, run.longest))  # (lanes, longest)
+    motion[regular & (distances.min(axis=1) > CLOSED)] = QUASI_PERIODIC
     period, multiplier = np.zeros(len(growth), int), np.full(len(growth), np.nan)
-    distances = np.asarray(returns(shared, own, followed.y, longest))  # (lanes, longest)
-    attracted = (late < 0) | regular
     for candidate in _candidates(distances).T:
-        tried = np.where(attracted & (period == 0), candidate, 0)
+        tried = np.where(((late < 0) | regular) & (period == 0), candidate, 0)
         for p in np.unique(tried[tried > 0]):
-            these = tried == p
-            miss, shift, largest = map(np.asarray, polish(shared, own, followed.y, jnp.asarray(p)))
-            closed = these & (miss < CLOSED) & (largest < 1)
+            orbits = run.polish(shared, own, followed.y, jnp.asarray(p))
+            miss, shift, largest = map(np.asarray, orbits[1:])
+            closed = (tried == p) & (miss < CLOSED) & (largest < 1 - MARGIN)
             here = closed & (shift < NEAR)
-            motion[here], period[here], multiplier[here] = PERIODIC, p, largest[here]
-            motion[closed & ~here & (shift < FAR) & ~regular] = TRANSIENT
-    motion = np.where(np.asarray(followed.good), motion, FAILED)
-    for k in np.flatnonzero(motion == PERIODIC):  # of the orbit, not of what led there
-        last, before = turned[k, -period[k] :].mean(), turned[k, -2 * period[k] : -period[k]].mean()
-        rotation[k], change[k] = last, abs(last - before)
-        smallest = np.finfo(float).tiny  # a multiplier may be zero
-        exponent[k], error[k] = np.log(max(multiplier[k], smallest)) / period[k], 0.0
+            motion[closed & ~here & (shift < FAR) & (late < -1) & ~regular] = TRANSIENT
+            if here.any():
+                back = np.asarray(run.returns(shared, own, orbits.y, run.longest)) < CLOSED
+                least = 1 + np.argmax(back, axis=1)  # of which `p` is a multiple
+                motion[here], period[here] = PERIODIC, least[here]
+                multiplier[here] = largest[here] ** (least[here] / p)
+    motion = np.where(np.asarray(followed.outcome.ok), motion, FAILED)
+    for k in np.flatnonzero(motion == PERIODIC):  # of the last periods, not of what led there
+        last, former = turned[k, -period[k] :].mean(), turned[k, -2 * period[k] : -period[k]].mean()
+        rotation[k], change[k] = last, abs(last - former)
     return Claims(motion, period, multiplier, rotation, change, exponent, error)
+
+
+def _converges(section: Complex[np.ndarray, "l R"]) -> Bool[np.ndarray, " l"]:
+    """Whether averages of displacements at the ends of revolutions converge, over their spread."""
+    apart = section - section.mean(axis=1, keepdims=True)
+    spread = np.sqrt(np.mean(np.abs(apart) ** 2, axis=1))
+    rounding = np.finfo(float).eps * np.abs(section).max(axis=1)
+    changes = [_average(part)[1] for part in (apart.real, apart.imag, np.abs(apart) ** 2)]
+    limits = [REGULAR * spread + rounding] * 2 + [REGULAR * spread**2 + rounding**2]
+    return np.all([c <= limit for c, limit in zip(changes, limits, strict=True)], axis=0)
 
 
 def _candidates(distances: Float[np.ndarray, "l p"]) -> Int[np.ndarray, "l t"]:
@@ -299,9 +337,13 @@ def _dataset(dataset: xr.Dataset, found: Claims, withdrawn: int) -> xr.Dataset:
         period = dataset.attrs["period"]
         rate = float(revolution_rate(scene, period if isinstance(period, float) else None))
     each = rate / (2 * np.pi)  # revolutions a second
-    half = _quantile() * found.error
+    half, exponent = _quantile() * found.error, found.exponent
     regular = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC))
     periodic = found.motion == PERIODIC
+    smallest = np.finfo(float).tiny  # a multiplier may be zero
+    of_orbit = np.log(np.where(periodic, np.maximum(found.multiplier, smallest), 1.0))
+    exponent = np.where(periodic, of_orbit / np.maximum(found.period, 1), exponent)
+    half = np.where(periodic, 0.0, half)
     shown = np.where(found.motion == FAILED, np.nan, 1.0) * each
     only = lambda chosen, values: np.where(chosen, values, np.nan)
     turns, growth = "turns about the centre in a revolution", "largest Lyapunov exponent"
@@ -313,7 +355,7 @@ def _dataset(dataset: xr.Dataset, found: Claims, withdrawn: int) -> xr.Dataset:
         ),
         rotation=of(only(regular, found.rotation), about("1", turns)),
         rotation_error=of(only(regular, found.rotation_error), about("1", f"change of {turns}")),
-        exponent=of(shown * found.exponent, about("1/s", growth)),
-        exponent_low=of(shown * (found.exponent - half), about("1/s", f"{growth}, lower bound")),
-        exponent_high=of(shown * (found.exponent + half), about("1/s", f"{growth}, upper bound")),
+        exponent=of(shown * exponent, about("1/s", growth)),
+        exponent_low=of(shown * (exponent - half), about("1/s", f"{growth}, lower bound")),
+        exponent_high=of(shown * (exponent + half), about("1/s", f"{growth}, upper bound")),
     ).assign_attrs(withdrawn=withdrawn)

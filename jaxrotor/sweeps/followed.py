@@ -5,11 +5,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Complex, Float, Int
 
 from ..core.compiled import compiled
 from ..core.outcome import Outcome
-from ..core.plane import square
 from ..motion.base import AbstractMarch
 
 
@@ -21,10 +20,19 @@ class Followed(NamedTuple):
     """Lanes after some revolutions, and what was seen in each of them."""
 
     y: Float[Array, "l m"]
-    good: Bool[Array, " l"]
+    outcome: Outcome
     growth: Float[Array, "l R"]  # logarithm of the growth of a disturbance
     turned: Float[Array, "l R"]  # turns about the centre, along the spin
-    square: Float[Array, "l R"]  # mean square of the radius [m^2]
+    section: Complex[Array, "l R"]  # displacement at the end [m]
+
+
+class Polished(NamedTuple):
+    """Orbits near lanes; distances are over `size_of` the state."""
+
+    y: Float[Array, "l m"]
+    miss: Float[Array, " l"]  # distance from the state after a period
+    shift: Float[Array, " l"]  # distance from the lane
+    multiplier: Float[Array, " l"]  # largest modulus
 
 
 @compiled
@@ -45,13 +53,15 @@ def follow(
             y, moving, good = carry
             y, moved, (z, sense, ok) = jax.jvp(advance, (y,), (moving,), has_aux=True)
             size = jnp.linalg.norm(moved)
+            left = size > 0  # a disturbance may shrink to nothing in a revolution
+            size = jnp.where(left, size, jnp.finfo(size.dtype).tiny)
+            moving = jnp.where(left, moved / size, moving)
             turns = sense * jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1]))) / (2 * jnp.pi)
-            mean = jnp.mean(square(z[1:]))
-            return (y, moved / size, good & ok), (jnp.log(size), turns, mean)
+            return (y, moving, good & ok), (jnp.log(size), turns, z[-1])
 
         begin = y, first / jnp.linalg.norm(first), Outcome.good()
         (y, _, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
-        return Followed(y, jnp.asarray(good.ok), *seen)
+        return Followed(y, good, *seen)
 
     return jax.vmap(lane)(own, y)
 
@@ -77,11 +87,8 @@ def returns(
 @compiled
 def polish(
     shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], period: Int[Array, ""]
-) -> tuple[Float[Array, " l"], Float[Array, " l"], Float[Array, " l"]]:
-    """Orbits near lanes by Newton's method: what they miss, how far they are, their largest multiplier.
-
-    `F^p(y) = y` after `period` revolutions; all are over `size_of` the state but the multiplier.
-    """
+) -> "Polished":
+    """Orbits `F^p(y) = y` of a `period` near lanes, by Newton's method."""
 
     def lane(own, y):
         march = eqx.combine(own, shared)
@@ -101,12 +108,12 @@ def polish(
         begin = y, 0 * y, y, jnp.zeros((y.size, y.size))
         x, _, miss, jacobian = jax.lax.fori_loop(0, NEWTON + 1, step, begin)
         size = size_of(march, y)
-        return jnp.linalg.norm(miss) / size, jnp.linalg.norm(x - y) / size, jacobian
+        return x, jnp.linalg.norm(miss) / size, jnp.linalg.norm(x - y) / size, jacobian
 
-    miss, shift, jacobian = jax.vmap(lane)(own, y)
+    x, miss, shift, jacobian = jax.vmap(lane)(own, y)
     finite = jnp.isfinite(jacobian).all(axis=(1, 2), keepdims=True)
     multipliers = jnp.linalg.eigvals(jnp.where(finite, jacobian, 2.0))
-    return miss, shift, jnp.abs(multipliers).max(axis=1)
+    return Polished(x, miss, shift, jnp.abs(multipliers).max(axis=1))
 
 
 def size_of(march: AbstractMarch, y: Float[Array, " m"]) -> Float[Array, ""]:

@@ -23,6 +23,7 @@ from .lanes import Context, Lanes, Stages, run_chunk, run_rows
 from .observe import Variable
 
 
+STEPS_IN_SINGLE = "float32 steps"  # precision of lanes stepped in float32 by jax in float64
 NO_ERROR = ("status", "extrema_missed", "unresolved", "reversal_watched")
 
 
@@ -237,7 +238,7 @@ def identity(context: Context) -> dict[str, Any]:
         "observe": as_json(context.observe),
         "controller": as_json(plan.controller) if plan.controller else "default",
         "max_steps": plan.max_steps,
-        "precision": "float32" if context.in_single else str(jnp.zeros(()).dtype),
+        "precision": STEPS_IN_SINGLE if context.in_single else str(jnp.zeros(()).dtype),
         **assumed(context.scene),
         "versions": versions(),
     }

@@ -62,7 +62,7 @@ def sweep(
     steps_per_revolution: int | Literal["auto"] = 256,
     nodes: int | Literal["auto"] | None = None,
     tolerance: float | int = 1e-3,
-    error_sample: int = 0,
+    error_sample: int | None = None,
     carry: str | None = None,
     store: str | os.PathLike[str] | None = None,
     solver: Exponential | dfx.AbstractSolver | None = None,
@@ -125,7 +125,7 @@ def sweep(
             along `times`.
         precision: "float32" or "float64", in which lanes are stepped, by default that of jax. With
             "float32" equations, the coefficients of the steps and observables stay in float64, and
-            `error_sample`, then by default `PILOT_LANES`, runs lanes again in float64.
+            `error_sample`, by default `PILOT_LANES` where no states are carried, is run in float64.
 
     Returns:
         Dataset over the swept paths, or over the name of paths that vary together, which are coordinates
@@ -147,11 +147,11 @@ def sweep(
     along = None if times is None else _checked_run(times, given, steps_per_revolution)
     settle, keep = SETTLE if settle is None else settle, KEEP if keep is None else keep
     check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
-    check_counts(0, settle=settle, error_sample=error_sample)
+    check_counts(0, settle=settle, error_sample=error_sample or 0)
     if along is None:
         check_constant_speed(scene, "`sweep` without `times`")
     if carry is not None:
-        over = with_carried_first(over, carry, error_sample)
+        over = with_carried_first(over, carry, error_sample or 0)
     start = start_of_lanes(scene, start, paths_of(over))
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period, revolve=along is None)
@@ -191,8 +191,7 @@ def sweep(
     attributes = identity(job.context) | chosen(pilots) | {"carry": carry or "none"}
     with executor(cluster, workers) as running:
         place = _place(store, job, attributes, lanes_per_chunk, running.count)
-        sample = error_sample or PILOT_LANES * in_single
-        return _run(job, place, sample, lanes_per_chunk, running, progress)
+        return _run(job, place, error_sample, lanes_per_chunk, running, progress)
 
 
 # === before the run
@@ -351,13 +350,15 @@ def _place(
 def _run(
     job: Job,
     place: tuple[Gathered | Store, list[Block], int],
-    error_sample: int,
+    error_sample: int | None,
     most: int,
     running: Any,
     progress: bool | None,
 ) -> xr.Dataset:
     """Compute the blocks that are not in place yet, then errors from some lanes that are run again."""
     (sink, todo, size), context = place, job.context
+    if error_sample is None:
+        error_sample = PILOT_LANES * (context.in_single and job.carry is None)
     sample = _evenly_spread(job.lanes, error_sample)
     if not todo and np.array_equal(sink.finished().get("error_lane", []), sample):
         sample = sample[:0]  # their errors are known already

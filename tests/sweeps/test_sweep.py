@@ -78,7 +78,7 @@ def test_lanes_in_single_precision_tell_their_error():
     scene = jr.load("limiter-rotor").with_nodes(4)
     single = jr.sweep(scene, over, precision="float32", **how)
     double = jr.sweep(scene, over, **how)
-    assert (single.attrs["precision"], double.attrs["precision"]) == ("float32", "float64")
+    assert (single.attrs["precision"], double.attrs["precision"]) == ("float32 steps", "float64")
     off = np.abs(single["whirl_rate"].values - double["whirl_rate"].values).max()
     assert 0 < off < 1e-5
     finer = jr.sweep(scene, over, **{**how, "steps_per_revolution": 128})
