@@ -355,6 +355,26 @@ def test_a_creeping_whirl_stays_in_time_and_is_an_orbit(record_property):
     assert float(orbit.whirl_rate) == pytest.approx(float(found.rate[0]), rel=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.hard("7.7 dry whirl of a slipping rim, as an orbit")
+def test_a_slipping_whirl_is_a_saddle_of_orbits(record_property):
+    """Found from a hundredth beside it, with the growth of the sheet: one multiplier of it is outside."""
+    case, (_, rate, radius, rim_speed, growth), pair = SLIP[0]
+    scene = dry(*case, 1.2 * rim_speed)
+    start = jr.dry_whirl(scene).start(1)
+    beside = jr.Continued(1.01 * start.q, 1.01 * start.velocity)
+    period = 2 * np.pi / rate
+    orbit = jr.periodic(scene, beside, period=period, steps_per_revolution=1024)
+    off = abs(abs(np.asarray(orbit.displacement[:, 0])) - radius).max()
+    turned = abs(float(orbit.period) / period - 1)
+    found = np.asarray(orbit.multipliers)
+    want = np.exp(np.array([growth, pair, pair.conjugate()]) * period)
+    apart = max(np.min(abs(found - one)) for one in want)
+    record_property("measured", f"radius {off:.0e}, period {turned:.0e}, multipliers {apart:.0e}")
+    assert off < 1e-8 and turned < 1e-8 and apart < 1e-6
+    assert (abs(found) > 1 + 1e-6).sum() == 1 and not orbit.stable
+
+
 # === the limiter rotor in a ring, section 4
 
 
