@@ -122,6 +122,20 @@ def test_thresholds_of_a_rigid_rotor():
 
 
 @pytest.mark.slow
+def test_a_rotor_is_stable_at_every_speed_from_an_eccentricity_on():
+    """Growth at a thousand times `sqrt(g / c)`, a little below the eccentricity of sheet 8 and above it."""
+    limit, p = 0.756030386, 1000.0
+    assert sommerfeld(limit) == pytest.approx(0.0663852602, rel=1e-8)  # of nine digits
+    growth = []
+    for eccentricity in (limit - 5e-6, limit + 5e-6):
+        scene = rigid(p, sommerfeld(eccentricity) / p)
+        found = jr.static_positions(scene)
+        assert float(found.eccentricity[0, 0]) == pytest.approx(eccentricity, abs=1e-9)
+        growth.append(float(jr.growth_rate(jr.linearized(scene))))
+    assert growth[0] > 0 > growth[1]
+
+
+@pytest.mark.slow
 def test_threshold_of_a_flexible_rotor():
     """A tenth of the mass in the journal, the rest on a spring: (11) at kappa 4, eccentricity 0.3."""
     sigma, onset, whirl, kappa, mass = 0.391832212, 2.18222542, 1.13348583, 4.0, 2.0
