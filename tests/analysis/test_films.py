@@ -123,7 +123,7 @@ def test_thresholds_of_a_rigid_rotor():
 
 @pytest.mark.slow
 def test_a_rotor_is_stable_at_every_speed_from_an_eccentricity_on():
-    """Growth at a thousand times `sqrt(g / c)`, a little below the eccentricity of sheet 8 and above it."""
+    """Growth at a thousand times `sqrt(g / c)`, just below the eccentricity of sheet 8 and above it."""
     limit, p = 0.756030386, 1000.0
     assert sommerfeld(limit) == pytest.approx(0.0663852602, rel=1e-8)  # of nine digits
     growth = []
