@@ -41,6 +41,10 @@ class AnnularStator(AbstractRub):
     slip: Scalar | None = positive("slip [m/s]", default=None)
     on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
 
+    @property
+    def eccentric(self) -> Scalar:
+        return self.offset
+
     def law(self) -> "ViscoelasticRing":
         x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
         return ViscoelasticRing(x=x, y=y, contact=self)

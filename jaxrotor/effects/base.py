@@ -185,6 +185,11 @@ class AbstractContact(AbstractEffect):
     angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]
     on: eqx.AbstractVar[str | None]  # name of a casing; None: the ground
 
+    @property
+    def eccentric(self) -> Scalar | None:
+        """Distance of its centre from the axis [m], of a law that is the same all round it; else None."""
+        return None
+
     @abc.abstractmethod
     def law(self) -> AbstractLaw:
         """Law of the contact, with quantities that are constant in time computed in advance."""

@@ -27,6 +27,10 @@ class AbstractFilm(AbstractContact):
     cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
     modes: eqx.AbstractVar[int]  # modes of the pressure along the film; 0: the short film
 
+    @property
+    def eccentric(self) -> Scalar:
+        return self.offset
+
     def law(self) -> "FilmLaw":
         """Law of the film, with the centre of its bush computed once."""
         x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)

@@ -2,6 +2,8 @@
 
 scene rotated by phi = scene:  k_i = k_j, .., angle_i + phi = angle_j for contacts i, j
 
+A ring or a film about the axis of the shaft stays as it is by every rotation.
+
 A scene without unbalance is also unchanged by a shift in time.
 """
 
@@ -43,6 +45,9 @@ def symmetry_defects(scene: Scene, system: System, turn: Scalar) -> Float[Array,
             parts.append(_relative(plane(change * part).ravel(), part))
     groups: dict = {}
     for contact in scene.of(AbstractContact):
+        if contact.eccentric is not None:
+            parts.append(_relative(contact.eccentric * plane(once), contact.eccentric))
+            continue
         groups.setdefault(jax.tree.structure(contact), []).append(contact)
     for alike in groups.values():
         angle = jnp.stack([contact.angle for contact in alike])

@@ -373,6 +373,14 @@ def test_a_slipping_whirl_is_a_saddle_of_orbits(record_property):
     record_property("measured", f"radius {off:.0e}, period {turned:.0e}, multipliers {apart:.0e}")
     assert off < 1e-8 and turned < 1e-8 and apart < 1e-6
     assert (abs(found) > 1 + 1e-6).sum() == 1 and not orbit.stable
+    # In a ring a part of it is an orbit, too: after any angle the motion is the same but for its direction.
+    part = jr.periodic(scene, beside, period=0.3 / rate, turn=-0.3, steps_per_revolution=1024)
+    assert float(part.period) * rate / 0.3 == pytest.approx(1.0, abs=1e-8)
+    want = np.exp(np.array([growth, pair, pair.conjugate()]) * 0.3 / rate)
+    assert max(np.min(abs(np.asarray(part.multipliers) - one)) for one in want) < 1e-6
+    with pytest.raises(ValueError, match="`turn` must leave the scene as it is"):
+        aside = scene.replace({"annular_stator.offset": 0.01})
+        jr.periodic(aside, beside, period=0.3 / rate, turn=-0.3, steps_per_revolution=1024)
 
 
 # === the limiter rotor in a ring, section 4
