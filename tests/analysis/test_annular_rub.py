@@ -373,7 +373,7 @@ def test_a_slipping_whirl_is_a_saddle_of_orbits(record_property):
     record_property("measured", f"radius {off:.0e}, period {turned:.0e}, multipliers {apart:.0e}")
     assert off < 1e-8 and turned < 1e-8 and apart < 1e-6
     assert (abs(found) > 1 + 1e-6).sum() == 1 and not orbit.stable
-    # In a ring a part of it is an orbit, too: after any angle the motion is the same but for its direction.
+    # In a ring a part of it is an orbit, too: after any angle the motion is the same, turned.
     part = jr.periodic(scene, beside, period=0.3 / rate, turn=-0.3, steps_per_revolution=1024)
     assert float(part.period) * rate / 0.3 == pytest.approx(1.0, abs=1e-8)
     want = np.exp(np.array([growth, pair, pair.conjugate()]) * 0.3 / rate)
