@@ -68,7 +68,7 @@ def growth_rate(scene: Scene) -> Scalar:
     system = OverWhirl.of(scene)
     growth = _growth_rate(system, STEPS[0])
     if isinstance(system, OverWhirl) and known(growth) and np.isnan(growth):
-        raise ValueError(f"{why_unknown(isinstance(system, OverWhirl))}.")
+        raise ValueError(f"{BEYOND}.")
     for steps in STEPS[1:]:
         if known(growth) and np.isnan(growth):
             growth = _growth_rate(system, steps)

@@ -32,10 +32,8 @@ def axis_units(scene: str, rotor: Scene, *options: str | None) -> dict[str, Any]
     parts = [text.rpartition("=")[2] for text in options if text is not None]
     longest = _SMALL * float(rotor.shaft.length)
     typed = [_typed(group, longest) for group in (parts, texts(scene))]
-    speeds, lengths = (
-        [one for one, *_ in (group[k] for group in typed if group[k])] for k in (0, 1)
-    )
-    return {"speed": next(iter(speeds), "rad/s"), "length": next(iter(lengths), None)}
+    first = lambda k, default: next((group[k][0] for group in typed if group[k]), default)
+    return {"speed": first(0, "rad/s"), "length": first(1, None)}
 
 
 def stored(chosen: Mapping[str, Any]) -> dict[str, str]:

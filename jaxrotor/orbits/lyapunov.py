@@ -181,7 +181,9 @@ def advance_disturbed(
     moved = moved.reshape(disturbances.shape)
     if disturbances.shape[1] == 1:
         size = jnp.linalg.norm(moved, axis=0)
-        return y, moved / size, jnp.log(size), outcome
+        left = size > 0  # a disturbance may shrink to nothing in a step of the map
+        size = jnp.where(left, size, jnp.finfo(size.dtype).tiny)
+        return y, jnp.where(left, moved / size, disturbances), jnp.log(size), outcome
     disturbances, triangle = jnp.linalg.qr(moved)
     return y, disturbances, jnp.log(jnp.abs(jnp.diagonal(triangle))), outcome
 
@@ -194,8 +196,8 @@ def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.nda
     """
     length = len(growth) // BLOCKS
     blocks = growth[len(growth) - BLOCKS * length :].reshape(BLOCKS, length, -1)
-    means = np.einsum("t,bte->be", _taper(length), blocks)
-    return _taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
+    means = np.einsum("t,bte->be", taper(length), blocks)
+    return taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
 
 
 def largest_first(exponents, error, length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -207,7 +209,7 @@ def largest_first(exponents, error, length: float) -> tuple[np.ndarray, np.ndarr
     return exponents[order], error[order]
 
 
-def _taper(length: int) -> Float[np.ndarray, " R"]:
+def taper(length: int) -> Float[np.ndarray, " R"]:
     """Weights of sum 1 that rise from 0 and fall to 0 with all derivatives."""
     t = (np.arange(length) + 0.5) / length
     ramp = np.minimum(1.0, 4 * np.minimum(t, 1 - t))

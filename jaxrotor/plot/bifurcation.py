@@ -165,7 +165,7 @@ def _motions(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:
     """Name, colour and lanes of each kind of motion that occurs."""
     found = numbers.values.ravel()
     names = numbers.attrs["flag_meanings"].split()
-    shades = [colours.MOTIONS.get(name, colours.GREY) for name in names]
+    shades = [colours.MOTIONS[name] for name in names]
     rows = zip(map(words, names), shades, (found == k for k in range(len(names))), strict=True)
     return [row for row in rows if row[2].any()]
 

@@ -13,7 +13,7 @@ from ..core.outcome import STATUS
 from ..files.toml import loads
 from ..motion.history import TimeHistory
 from ..motion.simulate import simulate
-from ..results.provenance import check_repeatable, start_and_solver
+from ..results.provenance import check_repeatable, period_of, start_and_solver
 from ..sweeps.axes import at_point
 from . import colours, page
 from .bifurcation import bifurcation
@@ -209,7 +209,7 @@ def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
 def run_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Options by which lanes of a sweep are run again, to keep their last `LONGEST` revolutions."""
     start, solver = start_and_solver(attributes)
-    kept, period = int(attributes["keep"]), attributes["period"]
+    kept = int(attributes["keep"])
     keep = min(kept, LONGEST)
     return {
         "start": start,
@@ -218,5 +218,5 @@ def run_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
         "keep": keep,
         "steps_per_revolution": int(attributes["steps_per_revolution"]),
         "at": float(attributes["station"]),
-        "period": period if isinstance(period, float) else None,
+        "period": period_of(attributes),
     }

@@ -166,21 +166,19 @@ def _classes(
     present = np.unique(values[~lost])
     if len(present) > _MOST:
         return None
+    about, chosen = dataset[name].attrs, colours.shades(len(present))
     if name == "attractor":
-        about = dataset[name].attrs
         feature = words(about["features"][0])
         names = [f"{feature} {about['means'][int(value)][0]:.3g}" for value in present]
-    elif "flag_meanings" in dataset[name].attrs:
-        meanings = dataset[name].attrs["flag_meanings"].split()
-        names = [words(meanings[int(value)]) for value in present]
+    elif "flag_meanings" in about:
+        meanings = [about["flag_meanings"].split()[int(value)] for value in present]
+        names = list(map(words, meanings))
+        if name == "motion":
+            chosen = [colours.MOTIONS[meaning] for meaning in meanings]
     else:
         names = [f"{words(name)} {value:g}" for value in present]
     codes = np.where(lost, len(present), np.searchsorted(present, values))
-    shades = [*colours.shades(len(present)), "white"] if len(present) else ["white"]
-    if name == "motion":
-        motions = list(colours.MOTIONS.values())
-        shades = [*(motions[int(value)] for value in present), "white"]
-    return codes, list(zip([*names, LOST], shades, strict=True))
+    return codes, list(zip([*names, LOST], [*chosen, "white"], strict=True))
 
 
 def _kinds(

@@ -73,6 +73,12 @@ def check_repeatable(dataset: Any, done: str, along_times: str) -> None:
         )
 
 
+def period_of(attributes: Mapping[Any, Any]) -> float | None:
+    """Length of a "revolution" [s] by which a sweep was run, None where it is that of the spin."""
+    period = attributes["period"]
+    return period if isinstance(period, float) else None
+
+
 def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Any]:
     """Start and solver of a sweep, from the attributes of its data set.
 

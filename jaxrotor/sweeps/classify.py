@@ -20,9 +20,9 @@ from ..equations.system import assemble
 from ..files.toml import loads
 from ..motion.base import Plan
 from ..motion.revolutions import check_constant, revolution_rate
-from ..orbits.lyapunov import BLOCKS, mean_and_error
+from ..orbits.lyapunov import BLOCKS, mean_and_error, taper
 from ..orbits.shooting import differentiable
-from ..results.provenance import check_repeatable, start_and_solver
+from ..results.provenance import check_repeatable, period_of, start_and_solver
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from .axes import shared_ports
@@ -120,7 +120,7 @@ def classify(
     found = Claims(*map(np.concatenate, zip(*(part[0] for part in parts), strict=True)))
     lost = failed(dataset["status"].values).ravel()
     found = found._replace(motion=np.where(lost, FAILED, found.motion))
-    return _dataset(dataset, found, sum(part[1] for part in parts))
+    return _dataset(dataset, first, found, sum(part[1] for part in parts))
 
 
 class Claims(NamedTuple):
@@ -145,8 +145,7 @@ def _context(dataset: xr.Dataset) -> tuple[Context, Float[np.ndarray, "l p"]]:
     check_constant(scene, "`classify`")
     coords = [str(name) for name in status.coords if "." in str(name)]
     columns = {path: status[path].broadcast_like(status).values.ravel() for path in coords}
-    period = attributes["period"]
-    period = period if isinstance(period, float) else None
+    period = period_of(attributes)
     steps = int(attributes["steps_per_revolution"])
     plan = _plan(scene, columns, solver, steps)
     settle = int(attributes["settle"]) + int(attributes["keep"])
@@ -310,32 +309,23 @@ def _quantile() -> float:
 
 def _average(values: Float[np.ndarray, "l R"]) -> tuple[np.ndarray, np.ndarray]:
     """Weighted averages over revolutions, and their change from the first half to the second."""
-    mean = lambda part: part @ _weights(part.shape[1])
+    mean = lambda part: part @ taper(part.shape[1])
     half = values.shape[1] // 2
     return mean(values), np.abs(mean(values[:, :half]) - mean(values[:, -half:]))
-
-
-def _weights(length: int) -> Float[np.ndarray, " R"]:
-    """Weights of sum 1 in proportion to `exp(-1 / (t (1 - t)))`."""
-    t = (np.arange(length) + 0.5) / length
-    weight = np.exp(-1 / (t * (1 - t)))
-    return weight / weight.sum()
 
 
 # === data
 
 
-def _dataset(dataset: xr.Dataset, found: Claims, withdrawn: int) -> xr.Dataset:
+def _dataset(dataset: xr.Dataset, first: Context, found: Claims, withdrawn: int) -> xr.Dataset:
     """The data set with the claims of all lanes."""
     status = dataset["status"]
-    scene = loads(dataset.attrs["scene"])
     of = lambda values, attrs: (status.dims, np.reshape(values, status.shape), attrs)
     if "spin.speed" in status.coords:
         speeds = np.abs(status["spin.speed"].broadcast_like(status).values.ravel())
         rate = np.where(speeds > 0, speeds, np.nan)
     else:
-        period = dataset.attrs["period"]
-        rate = float(revolution_rate(scene, period if isinstance(period, float) else None))
+        rate = float(revolution_rate(first.scene, first.period))
     each = rate / (2 * np.pi)  # revolutions a second
     half, exponent = _quantile() * found.error, found.exponent
     regular = np.isin(found.motion, (PERIODIC, QUASI_PERIODIC))

@@ -10,6 +10,8 @@ from jaxtyping import Array, Complex, Float, Int
 from ..core.compiled import compiled
 from ..core.outcome import Outcome
 from ..motion.base import AbstractMarch
+from ..orbits.lyapunov import advance_disturbed, random_disturbances
+from .observable import Turn
 
 
 NEWTON = 5  # iterations
@@ -40,26 +42,24 @@ def follow(
     shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], revolutions: int
 ) -> Followed:
     """States of lanes after some revolutions, with the growth of a disturbance of each."""
-    first = jax.random.normal(jax.random.key(0), y.shape[1:], y.dtype)
+    first = random_disturbances(y.shape[1], 1, 0)
 
     def lane(own, y):
         march = eqx.combine(own, shared)
 
         def advance(y):
             end, window, ok = march.observe(y)
-            return end, (window.displacement[:, 0], window.sense, ok)
+            turn = Turn.of(window, jnp.zeros((), int), revolutions)
+            turns = turn.s * jnp.sum(turn.turned()) / (2 * jnp.pi)
+            return end, (turns, turn.z[-1], ok)
 
         def one(carry, _):
-            y, moving, good = carry
-            y, moved, (z, sense, ok) = jax.jvp(advance, (y,), (moving,), has_aux=True)
-            size = jnp.linalg.norm(moved)
-            left = size > 0  # a disturbance may shrink to nothing in a revolution
-            size = jnp.where(left, size, jnp.finfo(size.dtype).tiny)
-            moving = jnp.where(left, moved / size, moving)
-            turns = sense * jnp.sum(jnp.angle(z[1:] * jnp.conj(z[:-1]))) / (2 * jnp.pi)
-            return (y, moving, good & ok), (jnp.log(size), turns, z[-1])
+            y, disturbances, good = carry
+            y, disturbances, growth, seen = advance_disturbed(advance, y, disturbances)
+            turns, z, ok = seen
+            return (y, disturbances, good & ok), (growth[0], turns, z)
 
-        begin = y, first / jnp.linalg.norm(first), Outcome.good()
+        begin = y, first, Outcome.good()
         (y, _, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
         return Followed(y, good, *seen)
 
@@ -74,10 +74,11 @@ def returns(
 
     def lane(own, y):
         march = eqx.combine(own, shared)
+        size = size_of(march, y)
 
         def one(now, _):
             now, _ = march.skip(now, 1)
-            return now, jnp.linalg.norm(now - y) / size_of(march, y)
+            return now, jnp.linalg.norm(now - y) / size
 
         return jax.lax.scan(one, y, None, length=longest)[1]
 
@@ -87,7 +88,7 @@ def returns(
 @compiled
 def polish(
     shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], period: Int[Array, ""]
-) -> "Polished":
+) -> Polished:
     """Orbits `F^p(y) = y` of a `period` near lanes, by Newton's method."""
 
     def lane(own, y):

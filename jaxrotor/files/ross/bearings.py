@@ -133,8 +133,8 @@ def _series(element: Element, one: Coefficients, other: Coefficients, notes: Not
             refuse(
                 element.path, "and its support must have tables with a range of speeds in common."
             )
-        every = functools.reduce(np.union1d, given)
-        speeds = every[(every >= low) & (every <= high)]
+        joined = functools.reduce(np.union1d, given)
+        speeds = joined[(joined >= low) & (joined <= high)]
     parts = [each.at(np.zeros(1) if speeds is None else speeds) for each in (one, other)]
     try:
         soft = [np.linalg.inv(stiffness) for stiffness, _ in parts]
