@@ -41,7 +41,8 @@ def test_earlier_pickles_are_read():
     assert isinstance(found["response"], jr.Response) and isinstance(found["run_up"], jr.RunUp)
     np.testing.assert_allclose(found["scene"].get("limiters.gap"), 7.5e-3)
     again = jr.simulate(found["scene"], 2, 8, start=jr.Whirl(12e-3, -441.0), keep=1)
-    np.testing.assert_allclose(found["response"].displacement, again.displacement, rtol=1e-9)
+    # The equations of a shaft held at every node then, and erred by some 1e-5 with eight of them.
+    np.testing.assert_allclose(found["response"].displacement, again.displacement, rtol=1e-4)
     assert jr.dataset(found["reactions"])["force"].dims == ("time", "bearing", "axis")
     assert found["modes"].values.shape == (2,)
 

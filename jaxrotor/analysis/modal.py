@@ -247,7 +247,7 @@ def inertia_shares(
 
 
 def kinetic_energy(scene: Scene, system: System) -> Float[Array, "n n"]:
-    """`M` of the kinetic energy `q.* M q. / 2`, which is symmetric, other than that of collocation."""
+    """`M` of the kinetic energy `q.* M q. / 2`: symmetric, unlike that of equations in deflections."""
     inertia: Any = assemble_blocks(scene, VirtualLine.galerkin(system.line)).inertia
     return inertia
 

@@ -102,9 +102,9 @@ class Pencil(eqx.Module):
 
     An isotropic system has `n` complex coordinates `q = x + i y` in the fixed frame. Otherwise the
     unknowns are the pair `(q, q*)`, `m = 2n`, in the fixed frame or, where the unequal axes rotate with
-    the shaft, in the rotating frame. `M` is never inverted: in collocation it has the eigenvalues of the
-    flexibility, so that an inverse would cost the lowest modes their digits; besides, coordinates
-    without mass are allowed.
+    the shaft, in the rotating frame. `M` is never inverted: in a flexible shaft it has the eigenvalues
+    of the flexibility, so that an inverse would cost the lowest modes their digits; besides,
+    coordinates without mass are allowed.
     """
 
     inertia: Inexact[Array, "m m"]

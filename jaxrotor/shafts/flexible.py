@@ -1,4 +1,4 @@
-"""Flexible shaft: a beam by collocation of its Green's function."""
+"""Flexible shaft: a beam by its Green's function and polynomials on spans."""
 
 from typing import Any, ClassVar, Literal
 
@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, real
-from .collocation import Held, SpectralLine
 from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
@@ -20,6 +19,7 @@ from .materials import Material, steel
 from .resolution import nodes_needed
 from .section import Section, Step
 from .shear import ShearLine
+from .spectral import Held, SpectralLine
 from .trapezoid import TrapezoidLine
 
 
@@ -28,6 +28,7 @@ class FlexibleShaft(AbstractShaft):
 
         z(x) + .. = - Int G(x,s) m z.. ds - Int dG/ds(x,s) (J z'.. - i Omega P z'.) ds + loads
 
+    The equation holds at the ends of spans, and in Galerkin's sense within (see `SpectralLine`).
     Per length, `m = rho A` is the mass, `J = rho I` the diametral and `P = polar_ratio J` the polar
     moment of inertia. `G` is the Green's function under the `constraints`, by default a clamp at 0; with
     `constraints=()` only supports hold the shaft. `steps` change the section from their station onwards.
@@ -116,6 +117,10 @@ class FlexibleShaft(AbstractShaft):
         ends = (0.0, 1.0)
         return any(min(abs(at / self.length - end) for end in ends) > 1e-12 for at in held)
 
+    @property
+    def _clamped(self) -> bool:
+        return any(one.slope for one in self.constraints)
+
     # --- stations
 
     @property
@@ -164,6 +169,10 @@ class FlexibleShaft(AbstractShaft):
         self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
     ) -> tuple[int, ...]:
         if self.nodes != "auto":
+            if self.nodes == 2 and len(spans) == 2 and not (self.shear or self._clamped):
+                raise ValueError(
+                    "`nodes` must be at least 3 for a shaft of one span without a clamp, but is 2."
+                )
             return (self.nodes,) * (len(spans) - 1)
         if self.rule == "trapezoid" or not all(map(known, jax.tree.leaves(self))):
             return (NODES,) * (len(spans) - 1)

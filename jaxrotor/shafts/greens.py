@@ -128,14 +128,19 @@ class HeldKernel(AbstractKernel):
     def rigidity(self, x):
         return self.beam.rigidity(x)
 
-    def rigid(self, number: int, x: Array) -> Array:
+    def rigid(self, number: int, x: Array | Scalar) -> Array:
         """Displacement at `x` due to a unit motion of the auxiliary constraint `number`."""
         offset, tilt = self._rigid(number)
-        return offset + tilt * x
+        return offset + tilt * jnp.asarray(x)
 
-    def rigid_slope(self, number: int, x: Array) -> Array:
+    def rigid_slope(self, number: int, x: Array | Scalar) -> Array:
         """Slope at `x` due to a unit motion of the auxiliary constraint `number` [1/m]."""
         return self._rigid(number)[1] + jnp.zeros_like(x)
+
+    def rigid_motion(self, number: int, nodes: Array, sloped: Array) -> Array:
+        """That motion as displacements of `nodes`, then slopes at `sloped` scaled by the length."""
+        tilted = self.length * self.rigid_slope(number, sloped)
+        return jnp.concatenate([self.rigid(number, nodes), tilted])
 
     def _rigid(self, number: int) -> tuple[Scalar, Scalar]:
         offset, tilt = self.inverse[-2:, len(self.slopes) - self.free + number]
@@ -161,3 +166,18 @@ class HeldKernel(AbstractKernel):
         one, zero = jnp.ones_like(x), jnp.zeros_like(x)
         rigid = [zero, one / self.length] if sloped else [one, x / self.length]
         return jnp.stack([*elastic, *rigid], axis=-1)
+
+
+def elastic(
+    kernel: AbstractKernel, nodes: Array, sloped: Array, free: list[int]
+) -> Float[Array, "m m"]:
+    """Stiffness of the equations of displacements at `nodes` and scaled slopes at `sloped` [m].
+
+    It is one but for rigid motions, whose coordinates are the displacements of the nodes `free`.
+    """
+    stiffness = jnp.eye(nodes.size + sloped.size)
+    if isinstance(kernel, HeldKernel):
+        for number, node in enumerate(free):
+            stiffness = stiffness.at[:, node].add(-kernel.rigid_motion(number, nodes, sloped))
+        stiffness = stiffness.at[jnp.array(free, int)].set(0.0)
+    return stiffness

@@ -15,7 +15,7 @@ from ..core.representation import AbstractPart
 from .influence import Influence
 
 
-POINTS = 20  # Gauss points per span: exact for a cubic times two polynomials of 24 nodes
+POINTS = 27  # Gauss points per span: exact for two polynomials of 24 nodes and two slopes
 NODES = 8  # per span of a shaft, where they cannot be decided by need
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or one value per span
@@ -26,8 +26,8 @@ class AbstractLine(eqx.Module):
 
     The equations of motion are written for the same `n` coordinates. A force `F` at station `x` enters
     them as `column(x) F`, and a couple `L` (positive in the sense of the slope) as `couple_column(x) L`.
-    In a variational model columns equal rows; in collocation they do not. An effect that uses rows and
-    columns therefore works on every shaft.
+    In equations of virtual work columns equal rows; in those of deflections they do not. An effect that
+    uses rows and columns therefore works on every shaft.
     """
 
     anisotropy: eqx.AbstractVar[

@@ -13,7 +13,7 @@ FEWEST, MOST = 2, NODES
 
 # Largest phase of a wave [rad] on a span of 2, 3, .. 7 nodes. Up to it the second bending frequency of a
 # uniform beam with equal spans, pinned or clamped, has an error below 1e-9.
-LONGEST = (0.09, 0.33, 0.95, 1.35, 2.3, 3.0)
+LONGEST = (0.2, 0.39, 1.1, 1.75, 2.65, 4.1)
 LONGEST_WITH_SHEAR = (0.01, 0.087, 0.35, 0.8, 1.4, 2.1)
 
 

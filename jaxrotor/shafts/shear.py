@@ -2,8 +2,8 @@
 
     2 U = Int [ EI psi'^2 + kGA (z' - psi)^2 ] dx,   z and psi continuous, polynomials on spans
 
-The equations are in flexibility form: Galerkin's equations times the inverse of the stiffness, as in
-collocation. (Collocation of the kernel with shear has high modes that grow.)
+The equations are in flexibility form: Galerkin's equations times the inverse of the stiffness, as those
+of `SpectralLine`.
 
 Every effect asks for rows and columns of its own; what computes them is compiled as a function, so that
 it is traced once for all effects.
@@ -13,18 +13,18 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.polynomial import legendre
 
 from ..core.quantities import Scalar
-from .collocation import (
-    Held,
-    by_span,
+from .line import AbstractLine, PerLength
+from .polynomials import (
+    interpolants,
     legendre_polynomials,
-    lobatto,
     neighbours,
     node_of_ends,
     spread,
 )
-from .line import AbstractLine, PerLength
+from .spectral import Held
 
 
 class ShearLine(AbstractLine):
@@ -107,8 +107,8 @@ class ShearLine(AbstractLine):
 
     def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
         """`Int per_length left right dx` of linear forms at the Gauss points (spans, g, n)."""
-        weights = self._widths[:, None] * self._gauss[1] / 2
-        return jnp.einsum("pg,pgn,pgm->nm", weights * by_span(per_length), left, right)
+        density = jnp.asarray(per_length)[..., None] * self._widths[:, None] * self._gauss[1] / 2
+        return jnp.einsum("pg,pgn,pgm->nm", density, left, right)
 
     @property
     def _rigid(self) -> Float[Array, "n r"] | None:
@@ -144,9 +144,10 @@ class ShearLine(AbstractLine):
 
     def _at_gauss(self, which: int, derivative: int) -> Float[Array, "spans g n"]:
         """Linear forms of `z` (0) or `l psi` (1), or of its derivative, at the Gauss points of spans."""
-        local = jnp.asarray((1 + self._gauss[0]) / 2)
-        basis = legendre_polynomials(max(self.degrees), local, derivative)  # (g, k)
-        forms = jnp.einsum("gk,pkj,pjn->pgn", basis, self._to_legendre, self._places(which))
+        order = max(self.degrees)
+        differentiated = legendre.legder(np.eye(order + 1), derivative) * 2.0**derivative
+        basis = legendre.legval(self._gauss[0], differentiated)  # (k, g)
+        forms = np.einsum("kg,pkj,pjn->pgn", basis, self._interpolants, self._places(which))
         return forms / self._widths[:, None, None] ** derivative
 
     @eqx.filter_jit
@@ -154,17 +155,16 @@ class ShearLine(AbstractLine):
         span = jnp.searchsorted(self.ends[1:-1], at)
         local = (at - self.ends[span]) / self._widths[span]
         basis = legendre_polynomials(max(self.degrees), local)
-        forms = self._to_legendre @ self._places(which)  # (span, k, n)
+        forms = self._interpolants @ self._places(which)  # (span, k, n)
         return basis @ jnp.asarray(forms)[span]
 
     @property
-    def _to_legendre(self) -> np.ndarray:
+    def _interpolants(self) -> np.ndarray:
         """Legendre coefficients of the interpolants of every span: (span, k, node)."""
         most = max(self.degrees) + 1
         found = np.zeros((len(self.degrees), most, most))
         for k, degree in enumerate(self.degrees):
-            nodes = np.polynomial.legendre.legvander(2 * lobatto(degree) - 1, degree)
-            found[k, : degree + 1, : degree + 1] = np.linalg.inv(nodes)
+            found[k, : degree + 1, : degree + 1] = interpolants(degree)
         return found
 
     def _places(self, which: int) -> np.ndarray:

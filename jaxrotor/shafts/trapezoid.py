@@ -13,9 +13,9 @@ from jaxtyping import Array, Float
 
 from ..core.extremes import bounded
 from ..core.quantities import Scalar
-from .collocation import Held, collocated, elastic
-from .greens import AbstractKernel
+from .greens import AbstractKernel, HeldKernel, elastic
 from .line import AbstractLine, PerLength, strain_energy
+from .spectral import Held
 
 
 class TrapezoidLine(AbstractLine):
@@ -84,10 +84,20 @@ class TrapezoidLine(AbstractLine):
         return per_length * (self._each(self.column) @ self._weights())
 
     def _collocate(self, couple: bool, at: Scalar) -> Float[Array, " n"]:
-        """Equations of the coordinates due to a unit load at a station."""
-        places = self.length, self.nodes, self.nodes, self._free_nodes
-        found = collocated(self.kernel, *places, couple, lambda kernel, x: kernel(x, at))
-        return found[self._unconstrained]
+        """Equations of the coordinates due to a unit load at a station, a force or a couple.
+
+        The equation of a node with an auxiliary constraint is the balance of its rigid motion.
+        """
+        kernel = self.kernel
+        displaced = kernel.deflection_by_couple if couple else kernel.deflection
+        slope = kernel.slope_by_couple if couple else kernel.slope
+        found = [displaced(self.nodes, at), self.length * slope(self.nodes, at)]
+        equations = jnp.concatenate(found)
+        if isinstance(kernel, HeldKernel):
+            moved = kernel.rigid_slope if couple else kernel.rigid
+            for number, node in enumerate(self._free_nodes):
+                equations = equations.at[node].set(kernel.compliance * moved(number, at))
+        return equations[self._unconstrained]
 
     def _each(self, column) -> Float[Array, "n nodes"]:
         return eqx.filter_vmap(column, out_axes=1)(self.nodes)

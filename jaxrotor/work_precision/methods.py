@@ -18,7 +18,7 @@ from ..solvers.exponential import Exponential
 Solver = Exponential | dfx.AbstractSolver
 ATOL = 1e-3  # absolute tolerance [m], [rad] over the relative one
 
-NODES = (4, 5, 6, 8, 10)
+NODES = (3, 4, 5, 6, 8)
 CELLS = (5, 10, 20, 40)
 STEPS = (32, 64, 128, 256, 512, 1024)
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -102,7 +102,7 @@ class Method(eqx.Module):
 
 
 def by_nodes(spectral: Sequence[int] = NODES, cells: Sequence[int] = CELLS) -> tuple[Method, ...]:
-    """Both collocation rules of a flexible shaft, by their number of nodes.
+    """Both rules of a flexible shaft, by their number of nodes.
 
     Args:
         spectral: nodes a span of the spectral rule.
@@ -179,7 +179,7 @@ def linear() -> tuple[Method, ...]:
     """Methods for numbers without a motion in time.
 
     Returns:
-        Both collocation rules, and the spectral rule in single precision.
+        Both rules of shafts, and the spectral rule in single precision.
     """
     return (*by_nodes(), *in_float32(by_nodes(NODES[::2], ())))
 

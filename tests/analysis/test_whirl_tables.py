@@ -206,35 +206,62 @@ def test_maps_over_tables_of_whirl_are_those_of_a_dense_scan():
     assert max(abs(growth(speed, mass)) for speed, mass in curve) < 1e-5
 
 
-@pytest.mark.slow
-def test_onset_of_a_pad():
-    """Sheet 8, (16): a pad with inertia is exact over whirl, and wrong if reduced at the speed."""
-    onset, c, k, k1, d1, inertia = 3018.46148, 200.0, 8e5, 3e6, 2500.0, 0.4
-    q = 2500.0 * onset
-    exact = np.roots(  # of (m l^2 + c l + k)(J l^2 + H) + H J l^2, H = k1 - i q + d1 l
-        np.polyadd(
-            np.polymul([MASS, c, k], [inertia, d1, k1 - 1j * q]),
-            np.polymul([inertia, 0, 0], [d1, k1 - 1j * q]),
-        )
-    )
-    growing = exact[np.argmax(exact.real)]
-    assert abs(growing.real) < 1e-4
+class Pad:
+    """Sheet 8, (16): a mass on a pad of some inertia, whose motion is left out of the coefficients."""
 
-    def coefficients(w, q):
+    def __init__(self, inertia, drive):
+        self.inertia, self.drive = inertia, drive
+        self.c, self.k, self.k1, self.d1 = 200.0, 8e5, 3e6, 2500.0
+
+    def exact(self):
+        """Roots of `(m l^2 + c l + k)(J l^2 + H) + H J l^2`, `H = k1 - i q + d1 l`."""
+        h = [self.d1, self.k1 - 1j * self.drive]
+        free = np.polymul([MASS, self.c, self.k], [self.inertia, *h])
+        return np.roots(np.polyadd(free, np.polymul([self.inertia, 0, 0], h)))
+
+    def coefficients(self, w):
         """Real coefficients of `Z(i w)`, with drives `q` and `-q` of both directions of whirl."""
-        h = np.array([[1.0], [-1.0]]) * -1j * q + k1 + d1 * 1j * w
-        ahead, back = k + 1j * c * w - h * inertia * w**2 / (h - inertia * w**2)
+        q = np.array([[1.0], [-1.0]]) * -1j * self.drive
+        h, inertia = q + self.k1 + self.d1 * 1j * w, self.inertia * w**2
+        ahead, back = self.k + 1j * self.c * w - h * inertia / (h - inertia)
         along, across = (ahead + back) / 2, 1j * (ahead - back) / 2
         found = {"kxx": along.real, "kyy": along.real, "kxy": across.real, "kyx": -across.real}
         losses = {"cxx": along.imag, "cyy": along.imag, "cxy": across.imag, "cyx": -across.imag}
         return found | {name: loss / w for name, loss in losses.items()}
 
+    def roots(self, nodes, speed):
+        tables = jr.Support(0.5, frequencies=nodes, **self.coefficients(nodes))
+        return np.asarray(jr.roots(rotor(tables, speed=speed)))
+
+
+@pytest.mark.slow
+def test_onset_of_a_pad():
+    """A pad with inertia is exact over whirl at the onset, and wrong if reduced at the speed."""
+    onset = 3018.46148
+    pad = Pad(0.4, 2500.0 * onset)
+    exact = pad.exact()
+    growing = exact[np.argmax(exact.real)]
+    assert abs(growing.real) < 1e-4
     nodes = np.union1d(np.linspace(10.0, 4000.0, 400), [growing.imag])
-    numbers = coefficients(nodes, q)
-    roots = np.asarray(jr.roots(rotor(jr.Support(0.5, frequencies=nodes, **numbers), speed=onset)))
-    assert np.min(np.abs(roots - growing)) < 1e-3
+    assert np.min(np.abs(pad.roots(nodes, onset) - growing)) < 1e-3
+    # Newton's method from the root reduced at the speed goes to the backward one of these two.
+    heavy = Pad(1.5, 2500.0 * 1000.0)
+    back, ahead = sorted(heavy.exact(), key=lambda root: abs(root.real))[:2][::-1]
+    assert (back, ahead) == pytest.approx(
+        (-33.30627773 - 471.32033891j, -21.63877074 + 468.50262297j)
+    )
+    found = heavy.roots(nodes, 1000.0)
+    found = found[np.isfinite(found)]
+    assert sorted(np.sign(found.imag)) == [-1, 1]
+    for root, whirl in zip(sorted(found, key=lambda root: root.imag), (back, ahead), strict=True):
+        assert root.imag == pytest.approx(
+            whirl.imag, rel=5e-3
+        )  # the damping is that of |Im lambda|
+    scan = scanned(lambda w: heavy.coefficients(np.maximum(w, 1e-3)), 4000.0)
+    np.testing.assert_allclose(np.sort(np.abs(found)), np.sort(np.abs(scan)), rtol=1e-5)
     nodes = np.union1d(np.linspace(500.0, 1300.0, 161), [1279.16685])
-    reduced = rotor(jr.Support(0.5, speeds=nodes, **coefficients(nodes, 2500.0 * nodes)))
+    tables = Pad(0.4, 2500.0 * nodes).coefficients(nodes)
+    reduced = rotor(jr.Support(0.5, speeds=nodes, **tables))
     assert float(jr.onset_speed(reduced, samples=16).speed) == pytest.approx(1279.16685, rel=1e-7)
 
 

@@ -294,7 +294,7 @@ def test_response_of_a_flexible_shaft_on_one_frame():
 
 
 SHAFTS = {
-    "collocation": {"shear": False},
+    "bending": {"shear": False},
     "clamped": {"shear": False, "constraints": (Constraint(0.6, "pin"),)},
     "trapezoid": {"shear": False, "rule": "trapezoid", "nodes": 8},
     "unequal": {"shear": False, "anisotropy": 0.05},

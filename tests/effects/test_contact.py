@@ -209,11 +209,11 @@ def passive(**limiter) -> jr.Scene:
 def energy(z: np.ndarray, v: np.ndarray, stiffness: float) -> float:
     """Kinetic, elastic and contact energy [J] from displacement and velocity at the stations `TIP`.
 
-    The displacement is a polynomial between clamp and disc, so the fit is exact.
+    The displacement is a polynomial of degree 13 between clamp and disc, so the fit is exact.
     """
     x = np.array([0.0, *TIP])
     line = lambda w: [
-        Legendre.fit(x, part, 12, domain=[0, 0.7]) for part in (np.r_[0, w.real], np.r_[0, w.imag])
+        Legendre.fit(x, part, 13, domain=[0, 0.7]) for part in (np.r_[0, w.real], np.r_[0, w.imag])
     ]
     square = lambda f: (f * f).integ(lbnd=0)(0.7)
     area, second = np.pi * 0.02**2 / 4, np.pi * 0.02**4 / 64
@@ -249,18 +249,16 @@ def history(steps: int, stiffness: float, damping: float, order: int = 4) -> np.
 @pytest.mark.slow
 @pytest.mark.hard("1.8 energy of a passive rotor between stops")
 def test_passive_rotor_keeps_its_energy(record_property):
-    """The energy does not drift; it oscillates by 3e-4, the error of 12 nodes (8 nodes: 1.2e-3)."""
+    """Energy of the shaft, the disc and the stops is that of the start at every instant."""
     kept = history(1024, 5e4, 0.0)
-    assert np.ptp(kept) < 5e-4 * kept[0]
-    drift = abs(kept[-64:].mean() / kept[:64].mean() - 1)
-    record_property("measured", f"mean energy drifts by {drift:.0e}")
-    assert drift < 1e-4
-    # coarse steps of low order change the energy, so the oscillation above is not due to steps
+    change = np.ptp(kept) / kept[0]
+    record_property("measured", f"energy changes by {change:.0e}")
+    assert change < 1e-6
+    # Coarse steps of low order change the energy.
     error = [
         abs(history(steps, 5e4, 0.0, 2)[-64:].mean() / kept[-64:].mean() - 1) for steps in (16, 64)
     ]
-    print(error)
-    assert error[1] < error[0] / 4
+    assert change < error[1] < error[0] / 4
 
 
 @pytest.mark.slow
@@ -268,5 +266,4 @@ def test_passive_rotor_keeps_its_energy(record_property):
 def test_damped_stops_only_take_energy():
     kept = history(1024, 5e4, 30.0)
     assert kept[-1] < 0.99 * kept[0]
-    assert np.diff(kept).max() < 3e-4 * kept[0]  # oscillation due to the interpolant
-    assert np.diff(kept[:192].reshape(-1, 32).mean(axis=1)).max() < 1e-4 * kept[0]
+    assert np.diff(kept).max() < 1e-9 * kept[0]

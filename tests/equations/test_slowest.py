@@ -18,7 +18,7 @@ COUNT = 5
 def matrices(kind: str, sizes: int = 44, seed: int = 0):
     """Inertia, damping and stiffness of modes whose frequencies grow like those of a beam.
 
-    Equations are divided by the stiffness, as those of collocation are.
+    Equations are divided by the stiffness, as those of a flexible shaft are.
     """
     draw = np.random.default_rng(seed)
     frequencies = 30.0 * (1 + np.arange(sizes)) ** 2

@@ -16,7 +16,7 @@ from jaxrotor.shafts.resolution import nodes_needed
 
 
 FAN = jr.load("overhung-fan").replace({"shaft.nodes": 8})
-SIMPLE = jr.Scene(  # by default 6 and 8 nodes
+SIMPLE = jr.Scene(  # by default 5 and 8 nodes
     jr.FlexibleShaft(1.0, 0.03),
     jr.Disc(0.2, 5.0, 0.01, 0.02),
     jr.Unbalance(1.0, 5.0, 1e-4),
@@ -81,7 +81,7 @@ def test_a_uniform_beam_against_its_closed_form():
 def test_more_constraints_need_more_nodes():
     lengths = np.array([0.2, 0.3, 0.5])
     few, many = (nodes_needed(lengths, held, False) for held in (2, 6))
-    assert few == nodes_needed(10 * lengths, 0, False) == (6, 7, 8)
+    assert few == nodes_needed(10 * lengths, 0, False) == (5, 6, 7)
     assert all(m >= f for m, f in zip(many, few, strict=True)) and many != few
     assert nodes_needed(lengths, 2, True) >= few
 
@@ -171,7 +171,7 @@ def test_derivatives_by_what_decides_the_nodes():
 
 def test_derivatives_of_a_line_of_unequal_nodes():
     """By a station, in both modes, against differences."""
-    assert SIMPLE.resolution == (6, 8)
+    assert SIMPLE.resolution == (5, 8)
 
     @jax.jit
     def column(at):

@@ -82,7 +82,7 @@ def test_order_through_impacts(rub, stepped, truth, order, least, record_propert
     _, end = rub
     form, run = stepped(order)
     begin = form.encode(end.q, end.velocity)
-    steps, errors = np.array([32, 64, 128, 256, 512]), []
+    steps, errors = np.array([32, 64, 128, 256, 512, 1024]), []
     for count in steps:
         y, unresolved = run(begin, int(count), 4)
         assert unresolved == 0
