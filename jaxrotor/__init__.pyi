@@ -80,10 +80,16 @@ from .core.pilot import Pilot as Pilot
 from .core.plausibility import ImplausibleWarning as ImplausibleWarning
 from .core.program_cache import keep_programs as keep_programs
 from .design import (
+    Estimate as Estimate,
     History as History,
     Tuned as Tuned,
     Uncertainty as Uncertainty,
+    average as average,
+    draws as draws,
     objectives as objectives,
+    over_draws as over_draws,
+    sensitivities as sensitivities,
+    share as share,
     tune as tune,
     uncertainty as uncertainty,
 )

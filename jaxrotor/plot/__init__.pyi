@@ -31,6 +31,7 @@ from .reactions import (
 from .response import response as response
 from .rotor import rotor as rotor
 from .run_up import passage as passage, run_up as run_up, speed as speed
+from .sensitivities import sensitivities as sensitivities
 from .stability import (
     boundary_family as boundary_family,
     stability_chart as stability_chart,

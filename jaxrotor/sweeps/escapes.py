@@ -6,6 +6,7 @@ from scipy import stats
 
 from ..core.attributes import about
 from ..core.outcome import failed
+from ..core.shares import check_confidence, share_of
 
 
 def escapes(
@@ -42,8 +43,7 @@ def escapes(
     Clopper, Pearson (1934), Biometrika 26, 404-413.
     """
     observed = _revolutions_observed(dataset)
-    if not 0 < confidence < 1:
-        raise ValueError(f"`confidence` must be between 0 and 1, but is {confidence}.")
+    check_confidence(confidence)
     if not 0 <= after < observed:
         raise ValueError(
             f"`after` must be at least 0 and below the {observed} revolutions in which a reversal may be "
@@ -69,7 +69,7 @@ def escapes(
     survived = np.sum(np.where(late, np.minimum(escape, observed) - after, 0.0), axis=-1)
     dims = tuple(grid.dims[:-1])
     rates = _poisson(count, survived, confidence)
-    shares = _binomial(alive, lanes[..., None], confidence)
+    shares = share_of(alive, lanes[..., None], confidence)
     of_rate, of_share = about("1/revolution", "rate of escape"), about("1", "share not escaped")
     ends = ("", "_low", "_high")
     return xr.Dataset(
@@ -108,12 +108,3 @@ def _poisson(count, survived, confidence):
     low = np.where(count > 0, stats.chi2.ppf(tail, 2 * count) / 2, 0.0)
     high = stats.chi2.ppf(1 - tail, 2 * count + 2) / 2
     return count / survived, low / survived, high / survived
-
-
-def _binomial(count, lanes, confidence):
-    """Share of a count in a number of lanes, and its bounds."""
-    tail = (1 - confidence) / 2
-    low = np.where(count > 0, stats.beta.ppf(tail, count, lanes - count + 1), 0.0)
-    high = np.where(count < lanes, stats.beta.ppf(1 - tail, count + 1, lanes - count), 1.0)
-    with np.errstate(invalid="ignore"):
-        return count / lanes, low, high
