@@ -163,7 +163,7 @@ def test_derivatives_against_differences(rub):
 
     def found(scaled):
         changed = scene.put(dict(zip(NAMES, scaled * values, strict=True)))
-        near = jr.periodic(changed, orbit, steps_per_revolution=128)
+        near = jr.periodic(changed, orbit, steps_per_revolution=256)
         return jnp.stack(
             [
                 near.whirl_rate,
