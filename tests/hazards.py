@@ -28,7 +28,7 @@ from jaxrotor.core.compiled import QUICKLY
 LANES, CHUNK = 16_384 + 128, 128  # some programs of jax went wrong above 16 384
 # Options by which the program of chunks is compiled: as other tests compile theirs.
 SIMPLY = {
-    "compiler_options": QUICKLY["compiler_options"] | {"xla_disable_hlo_passes": flags.LOOP_PASSES}
+    "compiler_options": QUICKLY["compiler_options"] | {"xla_disable_hlo_passes": flags.PASSES}
 }
 LIMIT = 240  # [s] for one program, its compilation included; most take less than 10
 

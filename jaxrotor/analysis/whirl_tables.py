@@ -6,6 +6,7 @@ At a given w the roots are eigenvalues `lambda_j(w)`, and those of the rotor are
 `|Im lambda_j(w)| = w`. They are sought on a grid of w, so none is left to the chance of a start.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -115,19 +116,20 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     the fastest of more than `MORE` crossings beyond the number of eigenvalues. Differentiable, by a last
     step of Newton's method.
     """
-    scene = _at_speed(scene, scene.spin.speed)
-    held = jax.lax.stop_gradient(scene)
-    low, high, beyond = whirl_range(held)
-    circular = isotropic(_at_lowest(held).blocks)
+    system = _over_whirl(scene)
+    held = jax.lax.stop_gradient(system)
+    low, high, beyond = whirl_range(jax.lax.stop_gradient(scene))
+    circular = isotropic(held.blocks)
 
+    @jax.jit  # traced once a program
     def values(frequency: Scalar) -> Complex[Array, " m"]:
         found = eigenvalues(_pencil(held, frequency))
         return jnp.where(jnp.isfinite(found), found, 0.0)  # a root at zero is left out below
 
     grid = jnp.linspace(low, high, INTERVALS + 1)
-    found = [_crossings(values, grid)]
-    if circular:
-        found.append(_crossings(values, -grid[::-1]))
+    grids = jnp.stack([grid, -grid[::-1]] if circular else [grid])
+    both = jax.lax.map(lambda grid: _crossings(values, grid), grids)
+    found = [both.ravel()]
     ends = [(low, lambda roots: (low == 0) & is_rounding(roots.imag, roots))]
     if beyond:
         ends.append((high, lambda roots: jnp.abs(roots.imag) > high))
@@ -138,9 +140,9 @@ def whirl_roots(scene: Scene) -> Complex[Array, " r"]:
     every = jnp.concatenate(found)
     least = 1e-9 * jnp.max(jnp.where(jnp.isfinite(every), jnp.abs(every), 0.0))
     every = jnp.where(jnp.abs(every) > least, every, jnp.inf)
-    every = every[jnp.argsort(jnp.abs(every))][: found[0].size]
+    every = every[jnp.argsort(jnp.abs(every))][: both.shape[1]]
     polished = lambda root: jax.lax.cond(
-        jnp.isfinite(root), lambda root: _polished(scene, held, root), lambda root: root, root
+        jnp.isfinite(root), lambda root: _polished(system, root), lambda root: root, root
     )
     roots = jax.lax.map(polished, every)
     if circular:
@@ -154,11 +156,11 @@ def grows_beyond(scene: Scene) -> Bool[Array, ""]:
 
     Its own coefficients are not known, so neither is whether the rotor is stable.
     """
-    scene = _at_speed(scene, scene.spin.speed)
     low, high, held = whirl_range(scene)
     if held:
         return jnp.zeros((), bool)
-    slow, fast = (eigenvalues(_pencil(scene, end)) for end in (low, high))
+    system = _over_whirl(scene)
+    slow, fast = jax.lax.map(lambda end: eigenvalues(_pencil(system, end)), jnp.stack([low, high]))
     roots = jnp.concatenate([slow, fast])
     beyond = jnp.concatenate([jnp.abs(slow.imag) < low, jnp.abs(fast.imag) > high])
     roots = jnp.where(beyond & jnp.isfinite(roots), roots, -1.0)
@@ -174,17 +176,31 @@ def _at_lowest(scene: Scene) -> System:
     span, speed = speed_range(scene), scene.spin.speed
     within = _at_speed(scene, speed if span is None else bounded(speed, *span))
     system = assemble(_at_whirl(within, whirl_range(scene)[0]))
+    _check_axes_stand(system)
+    return system
+
+
+def _check_axes_stand(system: System) -> None:
     if frame(system.blocks) != "fixed":
         raise ValueError(
             "Coefficients over the frequency of whirl are for axes that stand still, but unequal axes of "
             f"{unequal_parts(system, 'rotating')} turn with the shaft; give numbers at one frequency, "
             "`support.at_whirl(frequency)`."
         )
+
+
+def _over_whirl(scene: Scene) -> System:
+    """Equations at the speed of the scene, whose `blocks_at` are those at a frequency of whirl."""
+    own = lambda part: isinstance(part, AbstractOverSpeed) and part.nodes_over_speed
+    read = lambda part: part.at_speed(scene.spin.speed) if own(part) else part
+    system = assemble(synchronous(with_values(scene, effects=tuple(map(read, scene.effects)))))
+    _check_axes_stand(system)
     return system
 
 
-def _pencil(scene: Scene, frequency: Scalar) -> Pencil:
-    return Pencil.of(assemble(_at_whirl(scene, frequency))).along_axes
+def _pencil(system: System, frequency: Scalar) -> Pencil:
+    """The pencil at a frequency of whirl, of the equations of `_over_whirl`."""
+    return Pencil.of(dataclasses.replace(system, blocks=system.blocks_at(frequency))).along_axes
 
 
 def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c"]:
@@ -213,24 +229,29 @@ def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c
     return jax.lax.map(either, order)
 
 
-def _polished(scene: Scene, held: Scene, root: Complex[Array, ""]) -> Complex[Array, ""]:
+def _polished(system: System, root: Complex[Array, ""]) -> Complex[Array, ""]:
     """The root by Newton's method for `y P(lambda, |Im lambda|) x = 0`, with null vectors of each step.
 
     The last step alone has derivatives by the scene.
     """
-    at = jnp.stack([root.real, root.imag])
 
-    def step(scene: Scene, at: Float[Array, "2"]) -> Float[Array, "2"]:
-        u, _, v = jnp.linalg.svd(_pencil(held, jnp.abs(at[1])).at(at[0] + 1j * at[1]))
+    def step(system: System, at: Float[Array, "2"]) -> Float[Array, "2"]:
+        value, frequency = at[0] + 1j * at[1], jnp.abs(at[1])
+        one = jnp.ones_like(frequency)
+        near, change = jax.jvp(lambda w: _pencil(system, w), (frequency,), (one,))
+        matrix = near.at(value)
+        held, held_change = jax.lax.stop_gradient((near, change))
+        u, _, v = jnp.linalg.svd(held.at(value))
         left, right = u[:, -1].conj(), v[-1].conj()
+        parts = lambda matrix: jnp.stack(
+            [(left @ matrix @ right).real, (left @ matrix @ right).imag]
+        )
+        along = 2 * value * held.inertia + held.damping
+        across = 1j * along + jnp.sign(at[1]) * held_change.at(value)
+        slope = jnp.stack([parts(along), parts(across)], axis=1)
+        return at - jnp.linalg.solve(slope, parts(matrix))
 
-        def residual(scene: Scene, at: Float[Array, "2"]) -> Float[Array, "2"]:
-            value = left @ _pencil(scene, jnp.abs(at[1])).at(at[0] + 1j * at[1]) @ right
-            return jnp.stack([value.real, value.imag])
-
-        slope = jax.jacfwd(lambda at: residual(held, at))(at)
-        return at - jnp.linalg.solve(slope, residual(scene, at))
-
+    at, held = jnp.stack([root.real, root.imag]), jax.lax.stop_gradient(system)
     at = jax.lax.fori_loop(0, POLISHING, lambda _, at: step(held, at), at)
-    at = step(scene, jax.lax.stop_gradient(at))
+    at = step(system, jax.lax.stop_gradient(at))
     return at[0] + 1j * at[1]

@@ -13,7 +13,12 @@ from ..scene import Scene
 
 def has_tables(scene: Scene) -> bool:
     """Whether coefficients of a scene are tables over the speed of rotation."""
-    return any(effect.nodes_over_speed for effect in scene.of(AbstractOverSpeed))
+    return bool(parts_with_tables(scene))
+
+
+def parts_with_tables(scene: Scene) -> list[AbstractOverSpeed]:
+    """Parts of a scene with coefficients over the speed of rotation."""
+    return [part for part in scene.of(AbstractOverSpeed) if part.nodes_over_speed]
 
 
 def has_whirl_tables(scene: Scene) -> bool:

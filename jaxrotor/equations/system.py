@@ -30,7 +30,7 @@ from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
-from .speed_tables import at_own_speed, has_tables, speed_range
+from .speed_tables import at_own_speed, has_tables, parts_with_tables, speed_range
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -147,6 +147,8 @@ class System(eqx.Module):
     deviators: tuple[Port, ...] = ()
     remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
+    # Blocks of all its parts without tables; None where a damping depends on all blocks together:
+    untabled: Blocks | None = None
 
     @property
     def steep(self) -> bool:
@@ -167,7 +169,11 @@ class System(eqx.Module):
         """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
         if self.tabled is None:
             return self.blocks
-        return assemble_blocks(self.tabled.at_speed(speed), self.line)
+        scene = self.tabled.at_speed(speed)
+        if self.untabled is None:
+            return assemble_blocks(scene, self.line)
+        own = (at_own_speed(scene, part).blocks(self.line) for part in parts_with_tables(scene))
+        return sum(own, self.untabled)
 
     @property
     def at_rest(self) -> "System":
@@ -249,7 +255,16 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         tuple(_owners(scene, parts)),
         deviators=tuple(_deviators(scene, line, parts)),
         tabled=scene if has_tables(scene) else None,
+        untabled=_untabled(scene, parts),
     )
+
+
+def _untabled(scene: Scene, parts: dict[str, Blocks]) -> Blocks | None:
+    """See `System.untabled`."""
+    tabled = [scene.name_of(part) for part in parts_with_tables(scene)]
+    if not tabled or scene.of(AbstractDamping):
+        return None
+    return sum((own for name, own in parts.items() if name not in tabled), Blocks())
 
 
 def _deviators(scene: Scene, line: AbstractLine, parts: dict[str, Blocks]) -> Iterator[Port]:

@@ -1,5 +1,6 @@
 """Supports with tables of coefficients over speed, against closed forms and SciPy's equations."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -154,6 +155,19 @@ def test_a_constant_table_is_its_number_and_hold_is_constant_beyond_the_ends():
     low, high = (float(jr.growth_rate(scenes[0].at_speed(x))) for x in (0.0, 2000.0))
     beyond = [float(jr.growth_rate(scenes[1].at_speed(x))) for x in (-50.0, 2600.0)]
     assert beyond == pytest.approx([low, high], rel=1e-12)
+
+
+def test_coefficients_at_a_speed_are_those_of_the_scene_there():
+    """The parts without tables are kept, but for a damping that depends on the stiffness in the tables."""
+    modal, plain = jr.ModalDamping([0.02]), jr.Support(0.5, kxx=3e5, kyy=2e5)
+    for more in ((plain,), (plain, modal)):
+        scene = example()
+        scene = jr.Scene(scene.shaft, *scene.effects, *more, spin=scene.spin)
+        found = eqx.filter_jit(jr.assemble(scene).blocks_at)(jnp.asarray(1730.0))
+        expected = jr.assemble(scene.at_speed(1730.0)).blocks
+        assert found.present == expected.present
+        for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-13)
 
 
 @pytest.mark.slow
