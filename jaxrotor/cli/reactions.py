@@ -60,8 +60,10 @@ def reactions(
     magnitudes in time, vectors.png of the vectors when they are largest, hodograph.png of the paths of
     their tips.
 
+    ```
     jaxrotor reactions turbine-run-up --out run
     jaxrotor reactions two-discs --set spin.speed=3000rpm
+    ```
     """
     rotor = scene_of(scene, settings, row, layout)
     with draft_or_none(out, _FILES, overwrite) as folder:

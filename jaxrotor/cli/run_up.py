@@ -15,6 +15,7 @@ from ..motion.run_up import run_up as run
 from ..results.dataset import dataset
 from ..results.provenance import assumed
 from ..solvers import Exponential
+from ..spins import ConstantSpeed
 from . import answer
 from .axis_units import axis_units, written_in
 from .contacts import contact_rows, forces_of
@@ -92,9 +93,11 @@ def run_up(
     --at the motion is that of the first station of a contact or an effect that can move; if none
     can, as on a rigid shaft in two pins, pictures of the amplitude are left out.
 
+    ```
     jaxrotor run-up turbine-run-up --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
-    jaxrotor run-up fan.toml --duration 4s --solver exponential2 --substeps 16
+    jaxrotor run-up fan-up.toml --samples 8001 --solver exponential2 --substeps 4
+    ```
     """
     rotor, table = scene_of(scene, settings, row, layout), study(scene)
     instant = instants(rotor, duration, samples, times)
@@ -128,6 +131,7 @@ def run_up(
     answer.print_table(
         [
             *_rows(summary, motion, units),
+            *_constant(motion),
             *answer.assumed(rotor.assumption),
             *answer.written(written),
         ]
@@ -153,6 +157,14 @@ def _rows(
         first, last = (1e3 * value for value in summary["imbalance"])
         rows.append(("imbalance", f"{first:.5g} to {last:.5g} g m"))
     return rows
+
+
+def _constant(motion: TimeHistory) -> list[tuple[str, str]]:
+    """Row that says how to let the speed change, where it does not."""
+    if not isinstance(motion.scene.spin, ConstantSpeed):
+        return []
+    how = 'for a run-up give [spin] in the scene file model = "profile", times and speeds'
+    return [("note", f"the speed is constant; {how}")]
 
 
 def _draw(

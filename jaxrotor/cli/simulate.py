@@ -83,10 +83,12 @@ def simulate(
     A scene of constant speed runs by whole revolutions. Any other runs to the end of its speed profile or
     near the steady speed of its drive, unless --times are given.
 
+    ```
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor simulate limiter-rotor --start-radius 12mm --start-rate=-441rad/s --steps 1024
     jaxrotor simulate limiter-rotor --set unbalance.eccentricity=0.5mm --solver kvaerno5
     jaxrotor simulate turbine-run-up --times 0:20s:2001
+    ```
     """
     rotor, table = scene_with(scene, settings), study(scene)
     moves = moving_station(rotor)

@@ -36,8 +36,10 @@ def stability(
 
     With --out and two parameters, DIR/stability.zarr and DIR/stability.png.
 
+    ```
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61 --over disc.mass=1:4:41 --out run
+    ```
     """
     rotor = scene_with(scene, settings)
     axes = swept_axes(rotor, over)
@@ -104,7 +106,7 @@ def _along(
 
 
 def _throughout(rotor: Scene, path: str, values: np.ndarray) -> str:
-    """What a rotor is whose stability does not change between values of a parameter."""
+    """State of a rotor whose stability does not change between values of a parameter."""
     ends = [float(growth_rate(rotor.replace({path: values[k]}))) for k in (0, -1)]
     if max(ends) > 0:
         return "unstable"

@@ -825,6 +825,7 @@ def test_run_up_looks_at_what_moves():
     """The moving station is that of the balls, 0.14 m above the joint; the run has 50 revolutions."""
     shown = answered("run-up", "ball-balancer", "--samples", 11)
     assert shown["station"] == 0.14 and shown["moves"] and shown["peak"]["radius"] > 1e-5
+    assert 'model = "profile"' in call("run-up", "ball-balancer", "--samples", 11).stdout
     assert shown["revolutions"] == pytest.approx(50)
 
 
