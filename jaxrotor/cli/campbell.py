@@ -82,6 +82,9 @@ def campbell(
         directions = ["forward" if sense >= 0 else "backward" for sense in senses]
     elif result.senses is not None:
         directions = [kind_of_whirl(sense) for sense in np.asarray(result.senses).mean(axis=0)]
+    directions = [
+        way if one.any() else "no whirl" for way, one in zip(directions, frequency, strict=True)
+    ]
     if as_json:
         rows = zip(directions, np.abs(frequency), growth, strict=True)
         found = {

@@ -250,6 +250,9 @@ def test_campbell_says_what_faster_branch_is_damped_less(place):
     shown = answered(*run, "--count", 2)
     assert shown["largest_growth"] == pytest.approx([0.0] * 3, abs=1e-9)
     assert shown["branches"][0]["growth"] == pytest.approx([-10.0] * 3)
+    overdamped = [*run, "--set", "supports.0.damping=400"]  # beyond twice 100 N s/m
+    ways = [one["direction"] for one in answered(*overdamped)["branches"]]
+    assert sorted(ways) == ["backward", "forward", "no whirl", "no whirl"]
 
 
 def test_campbell_in_the_axes_of_the_shaft():
