@@ -14,6 +14,7 @@ from ..work_precision import measures
 from ..work_precision.accuracy import accuracy as run
 from ..work_precision.methods import Method
 from . import answer
+from .axis_units import axis_units
 from .options import (
     MOST,
     Angle,
@@ -144,7 +145,8 @@ def accuracy(
     with draft_or_none(out, _FILES, overwrite) as folder:
         found = run(rotor, measure, methods, lanes=lanes, repeats=repeats, limit=limit)
         if folder is not None:
-            write_dataset(found, folder / "accuracy.zarr")
+            units = axis_units(scene, rotor, *settings or ())
+            write_dataset(found, folder / "accuracy.zarr", units)
             _draw(found, folder)
     written = written_to(out, _FILES)
     if as_json:

@@ -1,4 +1,4 @@
-"""Axis units: pictures of commands are drawn in the units in which their numbers were typed."""
+"""Axis units: pictures and tables of commands are in the units in which their numbers were typed."""
 
 import math
 import re
@@ -6,15 +6,16 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from ..files.toml import texts
-from ..plot.units import LENGTHS, SPEEDS, units
+from ..plot.units import LENGTHS, SMALL, SPEEDS, unit_of_text, units
 from ..scene import Scene
 
 
 _TYPED = re.compile(r"\s*([+-]?[\d.]+(?:e[+-]?\d+)?)\s*(\D\S*)\s*", re.IGNORECASE)
 _SPELT = {name.lower(): name for name in (*SPEEDS, *LENGTHS)}
 _SPELT |= dict.fromkeys(("um", "\N{GREEK SMALL LETTER MU}m", "micron"), "\N{MICRO SIGN}m")
-_SMALL = 0.01  # of the shaft's length: gaps and eccentricities are smaller, stations are not
 _STORED = "speed_unit", "length_unit"  # attributes of data that are drawn later
 
 
@@ -30,10 +31,20 @@ def axis_units(scene: str, rotor: Scene, *options: str | None) -> dict[str, Any]
         options: texts of options, such as "0:6000rpm:61" or "unbalance.eccentricity=0.2mm".
     """
     parts = [text.rpartition("=")[2] for text in options if text is not None]
-    longest = _SMALL * float(rotor.shaft.length)
+    longest = SMALL * float(rotor.shaft.length)
     typed = [_typed(group, longest) for group in (parts, texts(scene))]
     first = lambda k, default: next((group[k][0] for group in typed if group[k]), default)
     return {"speed": first(0, "rad/s"), "length": first(1, None)}
+
+
+def written_in(
+    chosen: Mapping[str, Any], unit: str, values: Any, rotor: Scene
+) -> tuple[float, str]:
+    """Factor from SI to the unit of a table for numbers of a unit, and that unit, see `unit_of_text`."""
+    with units(**chosen):
+        return unit_of_text(
+            unit, float(np.max(np.abs(values), initial=0.0)), float(rotor.shaft.length)
+        )
 
 
 def stored(chosen: Mapping[str, Any]) -> dict[str, str]:

@@ -31,6 +31,7 @@ from .options import (
     speeds_between,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
+from .response import growth_at
 
 
 _FILES = ("campbell.zarr", "campbell.png")
@@ -44,7 +45,7 @@ def campbell(
     points: Points = 61,
     count: Annotated[
         int, typer.Option(min=1, max=MOST, help="Number of branches, slowest first.")
-    ] = 4,
+    ] = 8,
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Draw backward whirl at negative speeds.")
     ] = False,
@@ -57,6 +58,7 @@ def campbell(
 ) -> None:
     """Campbell diagram: whirl frequencies and growth rates against speed, without contact.
 
+    A branch beyond --count that is damped less than all those shown is named below the table.
     With --out, DIR/campbell.zarr and DIR/campbell.png.
 
     jaxrotor campbell limiter-rotor --to 9000rpm --out run
@@ -68,23 +70,28 @@ def campbell(
         result = branches_of(rotor, speeds, count)
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
-            write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr")
+            write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr", units)
             drawn = {"mirrored": mirrored, "orders": (1, 2) if twice else (1,)}
             _draw(result, rotor, drawn, folder, units)
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
+    largest = growth_at(rotor, speeds)  # of all branches
     directions = ["whirl"] * len(frequency)
     if result.circular:
         senses = np.asarray(result.forward).mean(axis=0)
         directions = ["forward" if sense >= 0 else "backward" for sense in senses]
     elif result.senses is not None:
         directions = [kind_of_whirl(sense) for sense in np.asarray(result.senses).mean(axis=0)]
+    directions = [
+        way if one.any() else "no whirl" for way, one in zip(directions, frequency, strict=True)
+    ]
     if as_json:
         rows = zip(directions, np.abs(frequency), growth, strict=True)
         found = {
             "frame": result.frame,
             "speeds": speeds,
             "branches": [{"direction": d, "frequency": f, "growth": g} for d, f, g in rows],
+            "largest_growth": largest,
         }
         answer.print_json({"scene": scene, **found, "written": written_to(out, _FILES)})
         return
@@ -93,13 +100,17 @@ def campbell(
     turns = SPEEDS[unit]
     heads = ("branch", *(f"at {turns * speeds[k]:.5g} {unit}" for k in shown), "growth up to [1/s]")
     rows = [
-        (direction, *(f"{turns * abs(f):.6g}" for f in line[shown]), f"{largest:.4g}")
-        for direction, line, largest in zip(directions, frequency, growth.max(axis=1), strict=True)
+        (direction, *(f"{turns * abs(f):.6g}" for f in line[shown]), f"{most:.4g}")
+        for direction, line, most in zip(directions, frequency, growth.max(axis=1), strict=True)
     ]
     where = " in the axes of the shaft" if result.frame == "rotating" else ""
     typer.echo(f"Whirl frequencies{where} [{unit}]")
     answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
-    answer.print_table(answer.written(written_to(out, _FILES)))
+    notes, top = [], int(np.argmax(np.nan_to_num(largest, nan=-np.inf)))
+    if largest[top] > growth.max() + 1e-6 * np.abs(growth).max():
+        at = f"up to {largest[top]:.4g} 1/s, at {turns * speeds[top]:.5g} {unit}"
+        notes = [("left out", f"faster whirl with growth {at}; --count shows more branches")]
+    answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
 
 
 def critical(

@@ -38,7 +38,7 @@ def explore(
 
     The left and right arrow keys select the neighbours. Motions are recomputed; the first takes some
     seconds. With --html it is a page to keep and send, also of a map over two parameters; it needs
-    jaxrotor[html].
+    `pip install plotly`.
 
     ```
     jaxrotor sweep limiter-rotor --out runs/long

@@ -13,6 +13,7 @@ import typer
 from ..files.toml import dumps
 from ..results.provenance import assumed, versions
 from ..scene import Scene
+from .axis_units import stored
 
 
 def draft_or_none(
@@ -97,9 +98,12 @@ def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Sc
     return xr.Dataset(*parts, about)
 
 
-def write_dataset(dataset: Any, path: Path) -> None:
-    """Write a dataset in Zarr format 2, where texts and consolidated metadata are standard."""
-    dataset.to_zarr(path, zarr_format=2, consolidated=True)
+def write_dataset(dataset: Any, path: Path, units: Mapping[str, Any]) -> None:
+    """Write a dataset in Zarr format 2, where texts and consolidated metadata are standard.
+
+    It keeps the units in which it is drawn and written, see `axis_units`.
+    """
+    dataset.assign_attrs(stored(units)).to_zarr(path, zarr_format=2, consolidated=True)
 
 
 def draw(

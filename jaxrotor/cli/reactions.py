@@ -16,6 +16,7 @@ from ..results.provenance import assumed
 from ..scene import Scene
 from ..spins.constant import ConstantSpeed
 from . import answer
+from .axis_units import axis_units
 from .options import (
     SAMPLES,
     AsJson,
@@ -59,8 +60,10 @@ def reactions(
     magnitudes in time, vectors.png of the vectors when they are largest, hodograph.png of the paths of
     their tips.
 
+    ```
     jaxrotor reactions turbine-run-up --out run
     jaxrotor reactions two-discs --set spin.speed=3000rpm
+    ```
     """
     rotor = scene_of(scene, settings, row, layout)
     with draft_or_none(out, _FILES, overwrite) as folder:
@@ -70,7 +73,8 @@ def reactions(
                 "The scene has no supports, constraints or contacts, so it has no reactions; add one."
             )
         if folder is not None:
-            write_dataset(dataset(found), folder / "reactions.zarr")
+            units = axis_units(scene, rotor, *settings or ())
+            write_dataset(dataset(found), folder / "reactions.zarr", units)
             _draw(found, folder, rotating)
     bearings, written = _bearings(found), written_to(out, _FILES)
     if as_json:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from ..plot.report import IMAGES, report as write
+from .axis_units import units_of
 from .export import opened, stores
 from .options import Overwrite
 from .output import draft
@@ -35,6 +36,7 @@ def report(
     pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
     if not data and not pictures:
         raise ValueError(f"{folder} has no data and no pictures of a run; give its --out.")
-    with draft(target.parent, [target.name], overwrite) as place:
+    units = units_of(data[0].attrs if data else {})
+    with draft(target.parent, [target.name], overwrite) as place, units:
         write(place / target.name, *data, figures=pictures, title=title)
     typer.echo(f"Written: {target}.")

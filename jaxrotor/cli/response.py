@@ -20,8 +20,10 @@ from ..analysis import (
 from ..core.attributes import about
 from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact
+from ..equations.speed_tables import speed_range
 from ..files.units import quantity
-from ..plot.units import SPEEDS
+from ..plot.clearance import amplitudes
+from ..plot.units import LENGTHS, SPEEDS
 from ..scene import Scene
 from . import answer
 from .axis_units import axis_units
@@ -37,7 +39,6 @@ from .options import (
     Settings,
     operating_speed,
     optional,
-    rpm,
     scene_with,
     speeds_between,
 )
@@ -45,6 +46,7 @@ from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
 
 _FILES = ("response.zarr", "response.png")
+_LONGER = 4  # times that the default range of speeds is made half as long again
 
 
 def response(
@@ -72,21 +74,22 @@ def response(
     gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
     Amplification factors are those of API RP 684: the speed of a peak over the distance of the speeds
     beside it at which the amplitude is 0.707 of the peak's. So are the margins to the operating speeds.
+    Without --to the range is made longer until both of these speeds of the first peak lie in it.
     With --out, DIR/response.zarr and DIR/response.png.
 
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
     """
-    rotor = scene_with(scene, settings)
+    whole = rotor = scene_with(scene, settings)
     station = rotor.stations(
         optional(at, "m", "--at")
     )  # by default of a contact, before it is left out
-    contacts, whole = sorted({effect.plural for effect in rotor.of(AbstractContact)}), rotor
+    contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
-    speeds, range_ = speeds_between(rotor, low, high, points), _operating(rotor, operating)
+    range_ = _operating(rotor, operating)
     units = axis_units(scene, whole, high, low, operating, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
-        found = response_peaks(rotor, speeds, station)
+        found = _peaks(rotor, speeds_between(rotor, low, high, points), station, high)
         result, whirls = found.response, found.critical
         if not np.asarray(result.major).any():
             raise ValueError(
@@ -99,10 +102,10 @@ def response(
         ]
         finite = found.speeds[np.isfinite(found.amplitudes)]
         peaks = [_at(rotor, speed, station) for speed in finite.tolist()]
-        growth = _growth(rotor, result.speeds)
+        growth = growth_at(rotor, result.speeds)
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
-            write_dataset(data, folder / "response.zarr")
+            write_dataset(data, folder / "response.zarr", units)
             shown_with = {"growth": growth, "operating": range_}
             _draw(found, whole, shown_with, folder, units)
     largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
@@ -114,15 +117,18 @@ def response(
         shown |= {"critical": critical, "unstable_share": unstable}
         answer.print_json({"scene": scene, **shown, "written": written_to(out, _FILES)})
         return
-    rows = [("peak", *_row(one)) for one in peaks]
-    rows += [(f"critical, {one['kind']}", *_row(one)) for one in critical]
-    heads = ("", "[rad/s]", "[rpm]", "amplitude [mm]", "phase [deg]", "growth [1/s]")
+    unit, length = units["speed"], units["length"] or "mm"
+    rows = [("peak", *_row(one, SPEEDS[unit], LENGTHS[length])) for one in peaks]
+    rows += [
+        (f"critical, {one['kind']}", *_row(one, SPEEDS[unit], LENGTHS[length])) for one in critical
+    ]
+    heads = ("", f"[{unit}]", f"amplitude [{length}]", "phase [deg]", "growth [1/s]")
     if rows:
-        answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    unit = units["speed"]
+        answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
     _print_margins(_margins(found, range_), unit)
     notes = [("station", f"{result.stations[0]:g} m")]
     notes += [("without", ", ".join(contacts))] if contacts else []
+    notes += _clearance_note(_nearest(found, whole), found, (LENGTHS[length], length))
     notes += [("peak", "none between these speeds")] if not found.speeds.size else []
     if range_ is not None:
         ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in sorted(set(range_)))
@@ -134,11 +140,45 @@ def response(
     answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
 
 
-def _row(one: dict[str, Any]) -> tuple[str, ...]:
-    speed, growth = (f"{one['speed']:.7g}", f"{rpm(one['speed']):.6g}"), f"{one['growth']:.4g}"
+def _peaks(rotor: Scene, speeds: np.ndarray, station: Any, high: str | None) -> ResponsePeaks:
+    """Peaks between speeds [rad/s]; without `--to` farther up until the first has both of half power.
+
+    Tables of coefficients over speed set the highest speed themselves.
+    """
+    found = longer = response_peaks(rotor, speeds, station)
+    if high is not None or speed_range(rotor) is not None:
+        return found
+    for _ in range(_LONGER):
+        if not np.isnan(longer.upper[:1]).any():
+            return longer
+        speeds = np.linspace(speeds[0], 1.5 * speeds[-1], len(speeds))
+        longer = response_peaks(rotor, speeds, station)
+    return found  # the amplitude does not fall so far
+
+
+def _row(one: dict[str, Any], turns: float, factor: float) -> tuple[str, ...]:
+    """Speed, amplitude, phase and growth, by the factors from SI of speed, `turns`, and amplitude."""
+    speed, growth = f"{turns * one['speed']:.6g}", f"{one['growth']:.4g}"
     if one["amplitude"] is None:
-        return (*speed, "unbounded", "-", growth)
-    return (*speed, f"{1e3 * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}", growth)
+        return (speed, "unbounded", "-", growth)
+    return (speed, f"{factor * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}", growth)
+
+
+def _nearest(found: ResponsePeaks, whole: Scene) -> float | None:
+    """Smallest amplitude [m] that reaches a stop at the station of a response, None without one."""
+    return min(amplitudes(whole, float(np.asarray(found.response.stations)[0])), default=None)
+
+
+def _clearance_note(
+    clearance: float | None, found: ResponsePeaks, scale: tuple[float, str]
+) -> list[tuple[str, str]]:
+    """Row of the clearance, and of how far the largest amplitude is from it, in a unit of lengths."""
+    if clearance is None:
+        return []
+    heights = np.asarray(found.response.major)
+    largest = float(np.max([*heights[np.isfinite(heights)], *found.amplitudes], initial=0.0))
+    text = f"{scale[0] * clearance:.6g} {scale[1]}"
+    return [("clearance", f"{text}, {clearance / largest:.3g} times the largest amplitude")]
 
 
 def _operating(rotor: Scene, text: str | None) -> tuple[float, float] | None:
@@ -179,7 +219,7 @@ def _print_margins(rows: list[dict[str, Any]], unit: str) -> None:
         sharp = one["lower"] is not None and one["lower"] == one["upper"]  # no damping
         factor = "infinite" if sharp else text(one["amplification"], 4)
         if factor == "-" and one["amplification_at_most"] is not None:
-            factor = f"at most {one['amplification_at_most']:.4g}"
+            factor = f"\N{LESS-THAN OR EQUAL TO} {one['amplification_at_most']:.4g}"
         ends = (text(one[name], 6, SPEEDS[unit]) for name in ("speed", "lower", "upper"))
         lines.append([*ends, factor])
         if "margin" in one:
@@ -197,8 +237,8 @@ def _verdict(one: dict[str, Any]) -> str:
     return ("kept" if one["kept"] else "too close") if one["required"] else "not needed"
 
 
-def _growth(rotor: Scene, speeds: Any) -> np.ndarray:
-    """Largest growth rate [1/s] at each of the speeds."""
+def growth_at(rotor: Scene, speeds: Any) -> np.ndarray:
+    """Largest growth rate [1/s] at each of the speeds [rad/s], NaN where it is unknown."""
     return np.asarray(_growth_rates(rotor, jnp.asarray(speeds)))
 
 
@@ -242,12 +282,9 @@ def _draw(
     found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, units: dict[str, Any]
 ) -> None:
     from .. import plot
-    from ..plot.clearance import BEYOND, amplitudes
 
-    largest = float(np.nanmax(np.asarray(found.response.major), initial=0.0))
-    gaps = amplitudes(whole, float(np.asarray(found.response.stations)[0]))
-    near = min((gap for gap in gaps if gap <= BEYOND * largest), default=None)
-    about = about | {"critical": found.critical, "peaks": found, "clearance": near}
+    about = about | {"critical": found.critical, "peaks": found}
+    about |= {"clearance": _nearest(found, whole)}
 
     def both(axes: Any) -> None:
         plot.response(found.response, axes, **about)

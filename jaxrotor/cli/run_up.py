@@ -15,8 +15,10 @@ from ..motion.run_up import run_up as run
 from ..results.dataset import dataset
 from ..results.provenance import assumed
 from ..solvers import Exponential
+from ..spins import ConstantSpeed
 from . import answer
-from .axis_units import axis_units
+from .axis_units import axis_units, written_in
+from .contacts import contact_rows, forces_of
 from .options import (
     SAMPLES,
     STILL,
@@ -84,14 +86,18 @@ def run_up(
 ) -> None:
     """Simulate a run-up or any other change of speed: peak, speeds, contact and balls.
 
+    How the speed changes is said in the scene file, by its table [spin]: model = "profile" with times and
+    speeds, or model = "drive" with a torque. At a constant speed this is a run from rest.
     With --out, DIR/run-up.zarr, pictures of amplitude in time and over speed (passage.png), of speed, and
     of balls if there are any. Without
     --at the motion is that of the first station of a contact or an effect that can move; if none
     can, as on a rigid shaft in two pins, pictures of the amplitude are left out.
 
+    ```
     jaxrotor run-up turbine-run-up --out run
     jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
-    jaxrotor run-up fan.toml --duration 4s --solver exponential2 --substeps 16
+    jaxrotor run-up fan-up.toml --samples 8001 --solver exponential2 --substeps 4
+    ```
     """
     rotor, table = scene_of(scene, settings, row, layout), study(scene)
     instant = instants(rotor, duration, samples, times)
@@ -108,13 +114,13 @@ def run_up(
                 f"--substeps {substeps} needs an exponential solver; add --solver exponential2, or leave "
                 "it out."
             )
+    units = axis_units(scene, rotor, *settings or (), start_radius)
     with draft_or_none(out, _FILES, overwrite) as folder:
         motion = run(rotor, instant, start=start, at=station, **steps)
         if folder is not None:
-            write_dataset(dataset(motion), folder / "run-up.zarr")
+            write_dataset(dataset(motion), folder / "run-up.zarr", units)
             _note_few_samples(np.asarray(motion.angle))
-            typed = axis_units(scene, rotor, *settings or (), start_radius)
-            _draw(motion, folder, film, moves is not None, typed)
+            _draw(motion, folder, film, moves is not None, units)
     summary = _summary(motion, moves is not None)
     answer.note_large(float(summary["peak"]["radius"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
@@ -123,27 +129,42 @@ def run_up(
         return
     typer.echo(f"{motion}")
     answer.print_table(
-        [*_rows(summary), *answer.assumed(rotor.assumption), *answer.written(written)]
+        [
+            *_rows(summary, motion, units),
+            *_constant(motion),
+            *answer.assumed(rotor.assumption),
+            *answer.written(written),
+        ]
     )
 
 
-def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    peak, first, last = summary["peak"], *summary["speed"]
-    at = f"{peak['radius']:.6g} m at {peak['time']:.6g} s and {peak['speed']:.6g} rad/s"
+def _rows(
+    summary: dict[str, Any], motion: TimeHistory, units: dict[str, Any]
+) -> list[tuple[str, str]]:
+    peak, (first, last) = summary["peak"], summary["speed"]
+    turns, rate = written_in(units, "rad/s", first, motion.scene)
+    factor, unit = written_in(units, "m", peak["radius"], motion.scene)
+    at = f"{factor * peak['radius']:.6g} {unit} at {peak['time']:.6g} s"
+    at = f"{at} and {turns * peak['speed']:.6g} {rate}"
     rows = [
-        ("speed", f"{first:.6g} to {last:.6g} rad/s"),
+        ("speed", f"{turns * first:.6g} to {turns * last:.6g} {rate}"),
         ("peak", at if summary["moves"] else STILL),
     ]
     if summary["stopped"] is not None:
         rows.append(("stopped", f"at {summary['stopped']:.6g} s"))
-    rows += [
-        (f"contact {i}", f"{contact['duty']:.2%} of the time, up to {contact['peak_force']:.5g} N")
-        for i, contact in enumerate(summary["contacts"])
-    ]
+    rows += contact_rows(motion)
     if summary["imbalance"] is not None:
         first, last = (1e3 * value for value in summary["imbalance"])
         rows.append(("imbalance", f"{first:.5g} to {last:.5g} g m"))
     return rows
+
+
+def _constant(motion: TimeHistory) -> list[tuple[str, str]]:
+    """Row that says how to let the speed change, where it does not."""
+    if not isinstance(motion.scene.spin, ConstantSpeed):
+        return []
+    how = 'for a run-up give [spin] in the scene file model = "profile", times and speeds'
+    return [("note", f"the speed is constant; {how}")]
 
 
 def _draw(
@@ -179,8 +200,6 @@ def _summary(motion: TimeHistory, moves: bool) -> dict[str, Any]:
     """Peak, speeds and contacts at the first station, from the samples."""
     radius, speed = np.abs(np.asarray(motion.displacement)[:, 0]), np.asarray(motion.speed)
     top, stopped = int(np.argmax(radius)), float(motion.stopped)
-    force = motion.contact_force
-    forces = [] if force is None else np.abs(np.asarray(force)).T  # (k, T)
     left = np.abs(np.asarray(motion.imbalance)) if motion.balls else None
     return {
         "moves": moves,
@@ -190,6 +209,6 @@ def _summary(motion: TimeHistory, moves: bool) -> dict[str, Any]:
         "revolutions": float(motion.angle[-1] - motion.angle[0]) / (2 * np.pi),
         "peak": {"radius": radius[top], "time": motion.time[top], "speed": speed[top]},
         "stopped": stopped if np.isfinite(stopped) else None,
-        "contacts": [{"duty": np.mean(f > 0), "peak_force": f.max()} for f in forces],
+        "contacts": [{"duty": np.mean(f > 0), "peak_force": f.max()} for f in forces_of(motion)],
         "imbalance": None if left is None else (left[0], left[-1]),
     }

@@ -5,18 +5,21 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import equinox as eqx
+import jax
 import numpy as np
 import typer
 
 from ..analysis import onset_speed
 from ..files.shipped import source
 from ..files.toml import dumps, title
+from ..plot.units import SPEEDS
 from ..results.provenance import assumed
 from ..scene import Scene
 from . import answer
+from .axis_units import axis_units, written_in
 from .campbell import described_critical
 from .linear import described_onset, described_roots
-from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, rpm, scene_of
+from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
 from .output import draft_or_none, draw, written_to
 
 
@@ -41,8 +44,9 @@ def show(
 ) -> None:
     """Show a scene: its parameters, whirl frequencies, critical speeds and onset of instability.
 
-    The paths in the first column are those of `--set` and `--over`; --json lists those of absent
-    parameters too. With --out, DIR/rotor.png: shaft, discs, supports and stops to scale.
+    The paths in the first column are those of `--set` and `--over`. Speeds and small lengths are in the
+    units that the scene file has most often; a number without unit in `--set` is in SI. --json lists
+    absent parameters too. With --out, DIR/rotor.png: shaft, discs, supports and stops to scale.
 
     ```
     jaxrotor show limiter-rotor
@@ -92,7 +96,10 @@ def show(
         )
         return
     given = {path: pair for path, pair in parameters.items() if pair[0] is not None}
-    rows = [(path, _text(value), unit) for path, (value, unit) in given.items()]
+    units = axis_units(scene, rotor, *settings or ())
+    rows = [(path, *_typed(value, unit, units, rotor)) for path, (value, unit) in given.items()]
+    rate = units["speed"]
+    speeds = lambda found: f"{_text(_scaled(found, SPEEDS[rate]))} {rate}"
     answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
     summary = [
         *answer.assumed(rotor.assumption),
@@ -100,11 +107,11 @@ def show(
         *[("nodes of each span", f"{_whole(rotor.resolution)} (shaft.nodes = {nodes})")]
         * (nodes is not None),
         ("coordinates", f"{coordinates}, complex x + iy"),
-        ("whirl at standstill", f"{_text(still)} rad/s"),
-        ("forward, at speed", f"{_text(forward)} rad/s"),
-        ("backward, at speed", f"{_text(backward)} rad/s"),
-        *_critical_rows(critical, no_critical),
-        ("loses stability", f"at {onset['speed']:.7g} rad/s" if onset else why),
+        ("whirl at standstill", speeds(still)),
+        ("forward, at speed", speeds(forward)),
+        ("backward, at speed", speeds(backward)),
+        *_critical_rows(critical, no_critical, rate),
+        ("loses stability", f"at {speeds(onset['speed'])}" if onset else why),
         *answer.written(written),
     ]
     answer.print_table(summary)
@@ -118,15 +125,30 @@ def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
         return None, str(error)
 
 
-def _critical_rows(critical: dict[str, list[float]] | None, why: str) -> list[tuple[str, str]]:
+def _critical_rows(
+    critical: dict[str, list[float]] | None, why: str, rate: str
+) -> list[tuple[str, str]]:
+    """Critical speeds in the unit that was typed, and in rpm."""
     if critical is None:
         return [("critical speeds", why)]
     rows = []
     for way, speeds in critical.items():
-        if speeds:
-            rows.append((f"critical, {way}", f"{_text(speeds)} rad/s"))
-            rows.append(("", f"{_text([rpm(speed) for speed in speeds])} rpm"))
+        names = [f"critical, {way}", ""] if speeds else []
+        for name, unit in zip(names, dict.fromkeys((rate, "rpm")), strict=False):
+            rows.append((name, f"{_text(_scaled(speeds, SPEEDS[unit]))} {unit}"))
     return rows
+
+
+def _typed(value: Any, unit: str, units: dict[str, Any], rotor: Scene) -> tuple[str, str]:
+    """Text of a parameter and its unit, that of the typed speeds and small lengths."""
+    numbers = [one for one in jax.tree.leaves(value) if one is not None]
+    factor, shown = written_in(units, unit, numbers, rotor)
+    return _text(_scaled(value, factor)), shown
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    """A number, or lists of numbers and None, times a factor."""
+    return value if factor == 1 else jax.tree.map(lambda one: factor * one, value)
 
 
 def _value(scene: Scene, path: str) -> Any:

@@ -12,7 +12,8 @@ from ..motion.simulate import simulate as run
 from ..results.dataset import dataset
 from ..spins import ConstantSpeed
 from . import answer
-from .axis_units import axis_units
+from .axis_units import axis_units, written_in
+from .contacts import contact_rows, forces_of
 from .options import (
     MOST,
     SAMPLES,
@@ -82,10 +83,12 @@ def simulate(
     A scene of constant speed runs by whole revolutions. Any other runs to the end of its speed profile or
     near the steady speed of its drive, unless --times are given.
 
+    ```
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run
     jaxrotor simulate limiter-rotor --start-radius 12mm --start-rate=-441rad/s --steps 1024
     jaxrotor simulate limiter-rotor --set unbalance.eccentricity=0.5mm --solver kvaerno5
     jaxrotor simulate turbine-run-up --times 0:20s:2001
+    ```
     """
     rotor, table = scene_with(scene, settings), study(scene)
     moves = moving_station(rotor)
@@ -104,12 +107,12 @@ def simulate(
         given = {"--revolutions": revolutions, "--keep": keep, "--steps": steps, "--period": period}
         refuse_revolutions(given)
         options["times"] = instants(rotor, None, SAMPLES, times)
+    units = axis_units(scene, rotor, *settings or (), start_radius)
     with draft_or_none(out, _FILES, overwrite) as folder:
         response = run(rotor, **options)
         if folder is not None:
-            write_dataset(dataset(response), folder / "response.zarr")
-            typed = axis_units(scene, rotor, *settings or (), start_radius)
-            _draw(response, folder, typed)
+            write_dataset(dataset(response), folder / "response.zarr", units)
+            _draw(response, folder, units)
     summary = _summary(response)
     answer.note_large(float(summary["radius_max"]), float(rotor.shaft.length))
     written = written_to(out, _FILES)
@@ -117,15 +120,14 @@ def simulate(
         answer.print_json({"scene": scene, **summary, "written": written})
         return
     index = summary["index"]
-    between = f"{summary['radius_min']:.6g} to {summary['radius_max']:.6g} m"
+    least, most = summary["radius_min"], summary["radius_max"]
+    factor, unit = written_in(units, "m", most, rotor)
+    between = f"{factor * least:.6g} to {factor * most:.6g} {unit}"
     rows = [
         ("radius", STILL if moves is None else between),
         ("precession index", "undefined: at rest" if np.isnan(index) else f"{index:.6g}"),
     ]
-    rows += [
-        (f"contact {i}", f"{contact['duty']:.2%} of the time, up to {contact['peak_force']:.5g} N")
-        for i, contact in enumerate(summary["contacts"])
-    ]
+    rows += contact_rows(response, skip=1)
     rows += answer.written(written)
     typer.echo(f"{response}")
     answer.print_table(rows)
@@ -152,13 +154,13 @@ def _summary(response: TimeHistory) -> dict[str, Any]:
     radius, speed = np.abs(z), np.asarray(response.speed)[1:]
     moving = bool((radius > 0).all() and (speed != 0).all())
     whirl = np.mean(np.imag(np.conj(z) * velocity) / radius**2 / speed) if moving else np.nan
-    force = response.contact_force
-    contacts = [] if force is None else np.abs(np.asarray(force)[1:]).T  # (k, T)
     return {
         "speed": speed[-1],
         "station": response.stations[0],
         "radius_min": radius.min(),
         "radius_max": radius.max(),
         "index": float(whirl),
-        "contacts": [{"duty": np.mean(f > 0), "peak_force": f.max()} for f in contacts],
+        "contacts": [
+            {"duty": np.mean(f > 0), "peak_force": f.max()} for f in forces_of(response, skip=1)
+        ],
     }

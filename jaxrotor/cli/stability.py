@@ -6,11 +6,11 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..analysis import StabilityMap, stability_boundary, stability_map
+from ..analysis import StabilityMap, growth_rate, stability_boundary, stability_map
 from ..core.attributes import about
 from ..scene import Scene
 from . import answer
-from .axis_units import axis_units
+from .axis_units import axis_units, written_in
 from .options import AsJson, Out, Overwrite, SceneName, Settings, scene_with, swept_axes
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
 
@@ -36,22 +36,25 @@ def stability(
 
     With --out and two parameters, DIR/stability.zarr and DIR/stability.png.
 
+    ```
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61
     jaxrotor stability limiter-rotor --over spin.speed=0:9000rpm:61 --over disc.mass=1:4:41 --out run
+    ```
     """
     rotor = scene_with(scene, settings)
     axes = swept_axes(rotor, over)
     if len(axes) == 1:
         if out is not None:
             raise ValueError("--out is for a map; give --over a second time, or leave --out out.")
-        _along(scene, rotor, axes, as_json)
+        _along(scene, rotor, axes, axis_units(scene, rotor, *over, *settings or ()), as_json)
         return
+    units = axis_units(scene, rotor, *over, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
         result = stability_map(rotor, axes)
         if folder is not None:
             data = labelled(_variables(result), "jaxrotor stability map", rotor)
-            write_dataset(data, folder / "stability.zarr")
-            _draw(result, folder, axis_units(scene, rotor, *over, *settings or ()))
+            write_dataset(data, folder / "stability.zarr", units)
+            _draw(result, folder, units)
     unknown = np.isnan(result.growth)
     unstable, unsure = float(np.mean(result.growth > 0)), float(np.mean(unknown))
     largest = float(np.max(result.growth, initial=-np.inf, where=~unknown))
@@ -62,7 +65,10 @@ def stability(
         found = {"over": list(axes), **shares, "boundaries": curves}
         answer.print_json({"scene": scene, **found, "written": written})
         return
-    rows = [(path, f"{v[0]:.6g} to {v[-1]:.6g}, {len(v)} values") for path, v in axes.items()]
+    rows = []
+    for path, v in axes.items():
+        factor, unit = written_in(units, rotor.unit(path), v, rotor)
+        rows.append((path, f"{factor * v[0]:.6g} to {factor * v[-1]:.6g} {unit}, {len(v)} values"))
     rows += [
         ("unstable", f"{100 * unstable:.3g} % of the grid"),
         *([("unknown", f"{100 * unsure:.3g} % of the grid")] if unsure else []),
@@ -72,21 +78,39 @@ def stability(
     answer.print_table([*rows, *answer.written(written)])
 
 
-def _along(scene: str, rotor: Scene, axes: dict[str, np.ndarray], as_json: bool) -> None:
-    """Print the values of one parameter at which stability changes."""
+def _along(
+    scene: str,
+    rotor: Scene,
+    axes: dict[str, np.ndarray],
+    units: dict[str, Any],
+    as_json: bool,
+) -> None:
+    """Print the values of one parameter at which stability changes, or what the rotor is throughout."""
     ((path, values),) = axes.items()
     found, unit = stability_boundary(rotor, path, values), rotor.unit(path)
     changes = [
         {"value": float(value), "becomes": "unstable" if lost else "stable"}
         for value, lost in zip(found.values, found.lost, strict=True)
     ]
+    throughout = None if changes else _throughout(rotor, path, values)
     if as_json:
-        answer.print_json({"scene": scene, "path": path, "unit": unit, "changes": changes})
+        told = {"path": path, "unit": unit, "changes": changes, "throughout": throughout}
+        answer.print_json({"scene": scene, **told})
         return
-    rows = [(f"{one['value']:.10g}", one["becomes"]) for one in changes]
-    if not rows:
-        rows = [("none", f"no change from {values[0]:.6g} to {values[-1]:.6g}")]
-    answer.print_table(rows, (f"{path} [{unit}]", "becomes"), numbers=[0])
+    factor, unit = written_in(units, unit, values, rotor)
+    rows = [(f"{factor * one['value']:.10g}", one["becomes"]) for one in changes]
+    if throughout is not None:
+        ends = f"{factor * values[0]:.6g} to {factor * values[-1]:.6g}"
+        rows = [(ends, f"{throughout} throughout")]
+    answer.print_table(rows, (f"{path} [{unit}]", "becomes" if changes else ""), numbers=[0])
+
+
+def _throughout(rotor: Scene, path: str, values: np.ndarray) -> str:
+    """State of a rotor whose stability does not change between values of a parameter."""
+    ends = [float(growth_rate(rotor.replace({path: values[k]}))) for k in (0, -1)]
+    if max(ends) > 0:
+        return "unstable"
+    return "neither damped nor unstable" if ends == [0.0, 0.0] else "stable"
 
 
 def _variables(result: StabilityMap) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -145,7 +145,7 @@ Cluster = Annotated[
     typer.Option(
         metavar="ADDRESS",
         help="Dask scheduler whose workers compute instead, or number of processes to start here, "
-        "each of which takes some seconds to import and compile. [needs jaxrotor\\[cluster]]",
+        "each of which takes some seconds to import and compile. [needs `pip install distributed`]",
     ),
 ]
 Folder = Annotated[
@@ -235,7 +235,7 @@ def sweep(
     answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
     written = written_to(out, _FILES)
     if not as_json:
-        print_sweep(dataset, axes, counts, seconds, written)
+        print_sweep(dataset, axes, counts, seconds, written, rotor, units)
         return
     found = {**counts, **lanes_of(dataset), **errors(dataset), "seconds": seconds}
     found |= {"written": written, "results": results(dataset, list(axes))}

@@ -5,16 +5,46 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..core.outcome import STATUS, failed
+from ..core.outcome import FAILED, STATUS, failed
+from ..scene import Scene
 from . import answer
-from .options import rpm
+from .axis_units import written_in
 
 
-def _range(path: str, values: np.ndarray, unit: str) -> str:
-    """Description of a swept axis; a spin speed also in revolutions per minute."""
+_RANGES = 3  # of values with contact that are named
+
+
+def _range(values: np.ndarray) -> str:
+    """Smallest and largest of some values, or the only one."""
     low, high = values.min(), values.max()
-    also = f" ({rpm(low):.6g} to {rpm(high):.6g} rpm)" if path == "spin.speed" else ""
-    return f"{low:.6g} to {high:.6g} {unit}{also}, {values.size} values"
+    return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
+
+
+def _contact_rows(
+    dataset: xr.Dataset, axes: dict[str, np.ndarray], scales: dict[str, tuple[float, str]]
+) -> list[tuple[str, str]]:
+    """How many lanes touch a stop, how long at most, and over one swept parameter at which values."""
+    if "duty" not in dataset:
+        return []
+    duty = dataset["duty"].where(~dataset["status"].isin(FAILED), 0.0)
+    touches = (duty > 0).any("limiter")
+    count, most = int(touches.sum()), float(duty.max())
+    if not count:
+        return [("contact", "none")]
+    rows = [
+        ("contact", f"{count} of {touches.size} lanes, a stop up to {100 * most:.3g} % of the time")
+    ]
+    if len(axes) == 1 and count < touches.size:
+        ((path, values),) = axes.items()
+        factor, unit = scales[path]
+        order = np.argsort(values)
+        there = touches.any([dim for dim in touches.dims if dim != path]).values[order]
+        starts = np.flatnonzero(np.diff(there, prepend=False))  # ranges begin and end in turn
+        parts = np.split(factor * values[order], starts)[1::2]
+        said = [_range(part) for part in parts[:_RANGES]]
+        more = f" and {len(parts) - _RANGES} more ranges" if len(parts) > _RANGES else ""
+        rows.append(("", f"at {path} {', '.join(said)} {unit}{more}"))
+    return rows
 
 
 def lanes_of(dataset: xr.Dataset) -> dict[str, Any]:
@@ -68,13 +98,22 @@ def errors(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _motion_rows(
-    dataset: xr.Dataset, counts: dict[str, Any], lanes: dict[str, Any]
+    dataset: xr.Dataset,
+    counts: dict[str, Any],
+    lanes: dict[str, Any],
+    rotor: Scene,
+    units: dict[str, Any],
 ) -> list[tuple[str, str]]:
     """How long the lanes ran by what steps, and what they did."""
     solver = dataset.attrs["solver"]
     if "duration" in counts:
         peak = dataset["peak"].values[~failed(dataset["status"])]
-        reached = f"{peak.min():.6g} to {peak.max():.6g} m" if peak.size else "none"
+        factor, unit = written_in(units, "m", peak, rotor)
+        reached = (
+            f"{factor * peak.min():.6g} to {factor * peak.max():.6g} {unit}"
+            if peak.size
+            else "none"
+        )
         steps = "steps by its tolerance"
         if "steps_per_sample" in counts:
             steps = f"{counts['steps_per_sample']} steps from sample to sample"
@@ -100,11 +139,21 @@ def print_sweep(
     counts: dict[str, Any],
     seconds: float,
     written: list[str],
+    rotor: Scene,
+    units: dict[str, Any],
 ) -> None:
-    """Print what was swept, how the lanes ran, what they did and where it is written."""
+    """Print what was swept, how the lanes ran, what they did and where it is written.
+
+    Speeds and small lengths are in the `units` typed, see `axis_units`.
+    """
     lanes = lanes_of(dataset)
-    rows = [(path, _range(path, v, dataset[path].attrs["units"])) for path, v in axes.items()]
-    rows += _motion_rows(dataset, counts, lanes)
+    scales = {p: written_in(units, dataset[p].attrs["units"], v, rotor) for p, v in axes.items()}
+    rows = [
+        (path, f"{_range(scales[path][0] * v)} {scales[path][1]}, {v.size} values")
+        for path, v in axes.items()
+    ]
+    rows += _motion_rows(dataset, counts, lanes, rotor, units)
+    rows += _contact_rows(dataset, axes, scales)
     rows += [(name, f"{lanes[name]}") for name in ("undefined", "failed") if lanes.get(name)]
     if lanes["steps_too_long"]:
         text = f"{lanes['steps_too_long']} lanes, contact too stiff for the step; increase --steps"

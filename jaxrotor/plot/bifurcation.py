@@ -16,6 +16,7 @@ from .units import length_unit
 _INK = 22_000  # of points, by their number and the square of their marker size [pt]
 _SIZES = (1.5, 4.0)  # smallest and largest marker [pt]; a point is half as wide
 _HEIGHTS = 1000  # at which points of a lane are told apart
+_STRIP = 0.025  # height of the strip that marks contact, over that of the Axes
 _CLOSE = 0.04  # distance, over the range, below which two texts become one
 
 
@@ -29,7 +30,9 @@ def bifurcation(
     and undefined whirl (NaN: at rest in the centre; 0: no net whirl). Several starts are drawn over each
     other, as are the branches up and down, which have different markers in the lower Axes. Lines are at
     the clearance of the stops, the gap on the side of x to which each faces, if the data set keeps its
-    scene. A value without any point is shaded, with the status of its lanes.
+    scene. Where lanes at some values touch a stop and those at others do not, a dark strip below the
+    points marks the values with contact. A value without any point is shaded, with the status of its
+    lanes.
 
     Args:
         dataset: result of a sweep over one parameter, and any starts or a `branch`, with `extrema` [m] and
@@ -87,6 +90,7 @@ def bifurcation(
             marked: Any = style | {"marker": marker}
             lower.plot(values[some], index.ravel()[some], markersize=4.0, **marked)
     largest = float(np.nanmax(np.abs(displacement), initial=0.0)) / factor
+    _mark_contact(upper, dataset, dim, each)
     clearance.draw_sideways(upper, dataset, dim, each, (factor, unit), largest)
     empty = ~np.isfinite(displacement).reshape(len(each), -1).any(axis=1)
     _say_why(upper, each, np.asarray(empty), status.reshape(len(each), -1))
@@ -122,9 +126,8 @@ def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray
     """Shade the values without points, and write the status of their lanes; close texts are merged."""
     if not empty.any() or values.dtype.kind not in "fiu":
         return
-    order = np.argsort(values)
+    order, ends = _columns(values)
     places, why = values[order], status[order]
-    ends = np.concatenate([places[:1], (places[1:] + places[:-1]) / 2, places[-1:]])
     close = _CLOSE * (places[-1] - places[0])
     texts: list[tuple[list[float], dict[str, None]]] = []  # places, and what is said of them
     last = -1
@@ -143,6 +146,31 @@ def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray
         style["bbox"] = {"facecolor": "0.92", "edgecolor": "none", "pad": 0.5}
         where = ax.get_xaxis_transform()
         ax.text((at[0] + at[-1]) / 2, 0.5, ", ".join(said), transform=where, color="0.35", **style)
+
+
+def _mark_contact(ax: Axes, dataset: xr.Dataset, dim: str, values: np.ndarray) -> None:
+    """A strip along the lower edge at the values where a lane touches a stop, if there are others."""
+    if "duty" not in dataset or values.dtype.kind not in "fiu":
+        return
+    others = [other for other in dataset["duty"].dims if other != dim]
+    touching = dataset["duty"] > 0
+    if "status" in dataset:
+        touching &= ~dataset["status"].isin(FAILED)
+    touches = touching.any(others).values
+    if touches.all() or not touches.any():
+        return
+    order, ends = _columns(values)
+    style: Any = {"color": colours.DARK, "linewidth": 0.0, "zorder": 3.0}
+    for number, k in enumerate(np.flatnonzero(touches[order]).tolist()):
+        label = "_" if number else "contact"
+        ax.axvspan(ends[k], ends[k + 1], 0.0, _STRIP, label=label, **style)
+
+
+def _columns(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The order of values on the axis, and the ends of the column of each of them in this order."""
+    order = np.argsort(values)
+    places = values[order]
+    return order, np.concatenate([places[:1], (places[1:] + places[:-1]) / 2, places[-1:]])
 
 
 def _reason(code: int) -> str:

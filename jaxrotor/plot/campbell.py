@@ -49,7 +49,7 @@ def campbell(
         axes: two Axes, upper and lower; a new figure if None.
         mirrored: draw backward whirl at negative speeds.
         orders: cycles per revolution of the lines, (1, 2) for a line of twice per revolution, too.
-        highest: end of the frequency axis [rad/s], by default above the highest branch.
+        highest: end of the frequency axis [rad/s], by default above the highest branch and cross.
         critical: undamped `jaxrotor.critical_speeds`, marked by crosses and listed, too.
         operating: operating speed [rad/s], a vertical line.
 
@@ -95,7 +95,12 @@ def campbell(
         if operating is not None and speeds[0] <= factor * operating <= speeds[-1]:
             style = {"color": colours.TEAL, "linewidth": 1.0, "zorder": 0.3}
             ax.axvline(factor * operating, label="operating speed", **style)
-    highest = 1.05 * frequency.max(initial=1e-9) if highest is None else factor * highest
+    if highest is None:
+        crosses = [] if critical is None or not lines else factor * np.asarray(critical.speeds)
+        inside = [speed for speed in crosses if speed <= speeds[-1]]
+        highest = 1.05 * max([frequency.max(initial=1e-9), *inside])
+    else:
+        highest = factor * highest
     upper.set_ylim(0.0, highest)
     _scale_growth(lower, growth)
     page.zero(lower)

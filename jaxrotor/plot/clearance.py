@@ -14,7 +14,7 @@ from . import colours
 
 
 _PLACING = ("at", "gap", "angle", "offset")  # values that move a stop
-BEYOND = 3.0  # a clearance larger than this many times the motion does not stretch the axis
+BEYOND = 4.0  # a clearance larger than this many times the motion does not stretch the axis
 _STYLE: Any = {"color": colours.ORANGE, "linewidth": 1.0, "linestyle": (0, (6, 2)), "zorder": 0.6}
 
 
@@ -60,12 +60,23 @@ def draw_amplitudes(
 
     One far beyond the `largest` amplitude [m] is only named in the legend.
     """
-    factor, unit = scale
     for number, gap in enumerate(amplitudes(scene, at)):
-        if gap > BEYOND * largest > 0:
-            ax.plot([], [], label=f"clearance {factor * gap:.3g} {unit}, beyond", **_STYLE)
-        else:
-            ax.axhline(factor * gap, label=None if number else "clearance", **_STYLE)
+        draw_amplitude(ax, gap, scale, largest, label=None if number else "clearance")
+
+
+def draw_amplitude(
+    ax: Axes,
+    gap: float | int,
+    scale: tuple[float, str],
+    largest: float,
+    label: str | None = "clearance",
+) -> None:
+    """A line at an amplitude [m], or its name in the legend; see `draw_amplitudes`."""
+    factor, unit = scale
+    if gap > BEYOND * largest > 0:
+        ax.plot([], [], label=f"clearance {factor * gap:.3g} {unit}, beyond", **_STYLE)
+    else:
+        ax.axhline(factor * gap, label=label, **_STYLE)
 
 
 def draw_sideways(

@@ -59,7 +59,7 @@ def write_page(
     `observe.WhirlSpectrum`; otherwise their lanes are run again, together. A chaotic lane that is run
     again follows another path on the same attractor. What a screen cannot resolve is left out: points of a
     lane that are nearer than 1/1600 of the height of the diagram, and orbits have 128 points a revolution,
-    of the last 20 revolutions. Needs `jaxrotor[html]`. An existing file is replaced.
+    of the last 20 revolutions. Needs plotly (`pip install plotly`). An existing file is replaced.
 
     Args:
         path: the file, which ends in .html.
@@ -127,7 +127,7 @@ def _library() -> str:
     except ImportError:
         raise ValueError(
             "A page that one can click is drawn by plotly, which is not installed; install it by "
-            "`pip install 'jaxrotor[html]'`."
+            "`pip install plotly`."
         ) from None
     return get_plotlyjs()
 

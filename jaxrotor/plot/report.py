@@ -17,6 +17,7 @@ from ..files.draft import replacing
 from ..files.toml import dumps, loads
 from ..results.export import data_of
 from ..scene import Scene
+from .units import unit_of_text
 
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
@@ -57,6 +58,7 @@ def report(
 ) -> None:
     """Write one HTML file of a run: scenes, figures, numbers, accuracy, status of lanes, versions.
 
+    Speeds and small lengths in its tables are in the units of a `with plot.units(..)` block.
     The file is self-contained: figures are embedded, and it has no scripts or links. An existing file is
     replaced, but only once the new one is complete.
 
@@ -97,8 +99,10 @@ def scene_part(text: str) -> str:
     rows = []
     for path in scene.paths():
         leaves, unit = scene.leaves(path), scene.unit(path)
-        if any(leaf is not None for leaf in leaves):
-            texts = [_values(leaf) for leaf in leaves]
+        known = [np.abs(leaf).max(initial=0.0) for leaf in leaves if leaf is not None]
+        if known:
+            factor, unit = unit_of_text(unit, float(max(known)), float(scene.shaft.length))
+            texts = [_values(leaf, factor) for leaf in leaves]
             same = len(texts) > 1 and len(set(texts)) == 1
             values = f"{texts[0]} each" if same else ", ".join(texts)
             rows.append((path, values, "" if unit == "1" else unit))
@@ -113,9 +117,9 @@ def scene_part(text: str) -> str:
     )
 
 
-def _values(leaf: Any) -> str:
-    """Text of one or more numbers; `-` where one of several effects has none."""
-    return "-" if leaf is None else ", ".join(map(_short, np.atleast_1d(leaf)))
+def _values(leaf: Any, factor: float) -> str:
+    """Text of one or more numbers, times a factor; `-` where one of several effects has none."""
+    return "-" if leaf is None else ", ".join(map(_short, factor * np.atleast_1d(leaf)))
 
 
 def _drawing(scene: Scene) -> str:
@@ -172,7 +176,10 @@ def numbers_part(data: Any) -> str:
     settings = {str(name): value for name, value in data.attrs.items() if name not in _ELSEWHERE}
     accuracy = [(name, _short(settings.pop(name))) for name in _ACCURACY if name in settings]
     accuracy += [
-        (f"{name}: {key}", _short(one.attrs[key]))
+        (
+            f"{name}: {key}",
+            f"{_short(one.attrs[key])} {one.attrs.get('units', '')}".removesuffix(" 1"),
+        )
         for name, one in data.data_vars.items()
         for key in _ACCURACY
         if key in one.attrs
@@ -193,15 +200,21 @@ _HEADS = ("", "unit", "count", "not a number", "smallest", "largest", "meaning")
 
 def _ranges(data: Any) -> list[tuple[str, ...]]:
     rows = []
+    span = float(loads(data.attrs["scene"]).shaft.length) if "scene" in data.attrs else np.inf
     for name, one in [*data.coords.items(), *data.data_vars.items()]:
         if name == "status" or not np.issubdtype(one.dtype, np.number):
             continue
         values, unit = np.asarray(one.values).ravel(), str(one.attrs.get("units", ""))
         values = np.abs(values) if np.iscomplexobj(values) else values
         finite = values[np.isfinite(values)]
-        ends = (_short(finite.min()), _short(finite.max())) if finite.size else ("", "")
-        missing, meaning = values.size - finite.size, str(one.attrs.get("long_name", ""))
+        factor, unit = unit_of_text(unit, float(np.abs(finite).max(initial=0.0)), span)
         unit = "" if unit == "1" else unit
+        ends = (
+            (_short(factor * finite.min()), _short(factor * finite.max()))
+            if finite.size
+            else ("", "")
+        )
+        missing, meaning = values.size - finite.size, str(one.attrs.get("long_name", ""))
         rows.append((str(name), unit, str(values.size), str(missing or ""), *ends, meaning))
     return rows
 

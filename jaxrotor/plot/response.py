@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from ..analysis import CriticalSpeeds, ResponsePeaks
 from ..analysis.peaks import HALF_POWER
 from . import colours, labels, page
+from .clearance import draw_amplitude
 from .critical import mark_critical
 from .record import signal
 from .units import speed_unit
@@ -56,7 +57,7 @@ def response(
         peaks: `jaxrotor.response_peaks` of the major axis, marked with their amplification factors and
             with a bar between the speeds of half power.
         operating: slowest and fastest operating speed [rad/s], shaded.
-        clearance: amplitude [m] at which the shaft would touch, a line.
+        clearance: amplitude [m] at which the shaft would touch, a line; only named if it is far beyond.
 
     Returns:
         The upper Axes, amplitude, and the lower, phase [deg].
@@ -83,8 +84,7 @@ def response(
     if operating is not None:
         _shade_operation((upper, lower), *operating)
     if clearance is not None:
-        style = {"color": colours.DARK, "linewidth": 0.8, "linestyle": (0, (8, 2, 2, 2))}
-        upper.axhline(factor * clearance, label="clearance", **style)
+        draw_amplitude(upper, clearance, labels.length(largest), largest)
     unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
     for ax in (upper, lower) if unstable.any() else ():
         shade = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}

@@ -30,7 +30,7 @@ def speed(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     """
     upper, lower = page.pair(axes, 170, 100)
     _draw_speed(upper, run)
-    lower.plot(np.asarray(run.time), np.asarray(run.acceleration), color=colours.ORANGE, lw=1.2)
+    lower.plot(np.asarray(run.time), _acceleration(run), color=colours.ORANGE, lw=1.2)
     page.zero(lower)
     page.assumption(lower, run.scene)
     lower.margins(x=0)
@@ -63,8 +63,8 @@ def run_up(run: Any, station: int = 0, axes: Any = None) -> tuple[Axes, Axes]:
 def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     """Amplitude `|z|` at one station against the speed of rotation at the same time.
 
-    Contact with a limiter is red. Lines are at the clearance of the stops there and at the critical speeds
-    of the undamped linear rotor that an unbalance can excite, each with its speed.
+    Contact with a stop is red, motion without it blue. Lines are at the clearance of the stops there and
+    at the critical speeds of the undamped linear rotor that an unbalance can excite, each with its speed.
 
     Args:
         run: a `TimeHistory`, with `displacement` [m] and `speed` [rad/s].
@@ -80,7 +80,8 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     ax = page.single(ax, 170, 60)
     turns, unit = speed_unit()
     speed = turns * np.asarray(run.speed)
-    _draw_amplitude(ax, speed, run, station)
+    free = None if run.contact_force is None else "no contact"
+    _draw_amplitude(ax, speed, run, station, free)
     amplitude = np.abs(signal(run, "displacement", station))
     if run.contact_force is not None:
         touching = (np.abs(np.asarray(run.contact_force)) > 0).any(axis=1)
@@ -108,15 +109,29 @@ def _critical(scene: Any) -> CriticalSpeeds | None:
     return found.where(np.asarray(found.forward_share) > EXCITED)
 
 
-def _draw_amplitude(ax: Axes, x: np.ndarray, run: Any, station: int) -> None:
+def _draw_amplitude(
+    ax: Axes, x: np.ndarray, run: Any, station: int, label: str | None = None
+) -> None:
     amplitude = np.abs(signal(run, "displacement", station))
     factor, unit = labels.length(amplitude.max(initial=0.0))
     many = amplitude.size > page.RASTER
-    ax.plot(x, factor * amplitude, color=colours.BLUE, lw=0.8, rasterized=many)
+    ax.plot(x, factor * amplitude, color=colours.BLUE, lw=0.8, rasterized=many, label=label)
     page.assumption(ax, run.scene)
     ax.margins(x=0)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel(f"amplitude [{unit}]")
+
+
+def _acceleration(run: Any) -> np.ndarray:
+    """Acceleration [rad/s^2] of every sample; that of the last is taken just before, off a jump there.
+
+    A profile that ends with the run is constant from there on, but that is no part of the run.
+    """
+    found, end = np.array(run.acceleration), float(run.time[-1])
+    kinks = run.scene.spin.kinks
+    if kinks is not None and np.isclose(np.asarray(kinks), end, rtol=1e-12, atol=0.0).any():
+        found[-1] = run.scene.spin.turning(end * (1 - 1e-9)).acceleration
+    return found
 
 
 def _draw_speed(ax: Axes, run: Any) -> None:

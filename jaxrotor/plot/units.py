@@ -10,6 +10,7 @@ from ..core.tables import RPM
 
 
 SPEEDS = {"rad/s": 1.0, "rpm": RPM, "krpm": 1e-3 * RPM, "Hz": 1 / (2 * np.pi)}
+SMALL = 0.01  # of the shaft's length: gaps and eccentricities are smaller, stations are not
 LENGTHS = {"m": 1.0, "mm": 1e3, "\N{MICRO SIGN}m": 1e6}
 _SPELT = {"um": "\N{MICRO SIGN}m"}
 
@@ -57,6 +58,18 @@ def length_unit(own: str) -> tuple[float, str]:
     """Factor from m to the unit drawn, and that unit: `own` unless another is chosen."""
     unit = _length.get() or own
     return LENGTHS[unit], unit
+
+
+def unit_of_text(unit: str, largest: float, span: float) -> tuple[float, str]:
+    """Factor from SI to the unit in which numbers of a table are written, and that unit.
+
+    Speeds are in the unit chosen. So are lengths if one is chosen and the `largest` number [m] is below a
+    hundredth of the shaft's length, `span` [m]; others stay in SI.
+    """
+    if unit == "rad/s":
+        return speed_unit()
+    small = unit == "m" and largest <= SMALL * span
+    return length_unit("m") if small else (1.0, unit)
 
 
 def _check(name: str, unit: str, known: Mapping[str, float]) -> None:

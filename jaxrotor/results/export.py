@@ -58,7 +58,7 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
 
     The table is that of `jr.table`. NetCDF holds any data set, also that of a sweep, with units, scene
     and versions as attributes: `xarray.open_dataset(path, engine="h5netcdf")` reads it, and any program
-    that knows NetCDF 4. Parquet and NetCDF need further packages: `pip install 'jaxrotor[export]'`.
+    that knows NetCDF 4. Parquet needs `pip install pyarrow`, NetCDF `pip install h5netcdf h5py`.
 
     Args:
         result: what `simulate`, `run_up`, `reactions` and `sweep` return, or any `xarray.Dataset`.
@@ -75,7 +75,7 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
         if importlib.util.find_spec(needed) is None:
             raise ValueError(
                 f"Writing {target.suffix} needs the package {needed}, which is not installed; add it by "
-                "`pip install 'jaxrotor[export]'`, or write .csv."
+                f"`pip install {' '.join(_NEEDS[target.suffix])}`, or write .csv."
             )
     with replacing(target) as draft:
         _write(result, draft)

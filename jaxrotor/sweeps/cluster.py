@@ -55,7 +55,7 @@ def executor(cluster: Any, workers: int | None) -> Iterator["Threads | Workers"]
         from distributed import Client
     except ImportError:
         raise ValueError(
-            "A `cluster` needs Dask, which is not installed: pip install 'jaxrotor[cluster]'."
+            "A `cluster` needs Dask, which is not installed; install it by `pip install distributed`."
         ) from None
     if isinstance(cluster, Client):
         yield Workers(cluster)

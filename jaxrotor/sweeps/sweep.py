@@ -119,7 +119,7 @@ def sweep(
         cluster: Dask cluster whose workers run the chunks: its address, a `distributed.Client`, or the
             number of processes to start here for this sweep. Workers that have access to the folder of
             `store` write there themselves; without a store, results are sent to this process. Needs
-            `jaxrotor[cluster]`, with the same versions everywhere.
+            `distributed`, with the same versions everywhere.
         progress: whether to show a progress bar; by default on a terminal.
         max_steps: steps an adaptive solver may take, by default 4096 a revolution, or 100 000 a window
             along `times`.

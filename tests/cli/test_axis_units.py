@@ -1,5 +1,8 @@
 """Axes of the pictures of commands: in the units in which the numbers of a scene were typed."""
 
+import re
+
+import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
@@ -8,7 +11,7 @@ from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.cli import app
-from jaxrotor.cli.axis_units import axis_units
+from jaxrotor.cli.axis_units import axis_units, written_in
 from jaxrotor.files.toml import texts
 from jaxrotor.plot.units import length_unit, speed_unit
 
@@ -105,6 +108,36 @@ def labels(monkeypatch):
 def call(*args):
     result = CliRunner().invoke(app, [str(a) for a in args])
     assert result.exit_code == 0, (result.stdout, result.stderr, result.exception)
+    return result.stdout
+
+
+def test_numbers_of_tables_as_typed(typed):
+    """Speeds and gaps are; stations are lengths of the shaft, in m."""
+    rotor = jr.load(typed)
+    chosen = axis_units(typed, rotor)
+    said = lambda unit, value: (lambda found: (found[0] * value, found[1]))(
+        written_in(chosen, unit, value, rotor)
+    )
+    assert said("rad/s", 100 * np.pi) == (pytest.approx(3000.0), "rpm")
+    assert said("m", 2e-4) == (pytest.approx(0.2), "mm")
+    assert said("m", 0.5) == (0.5, "m") and said("N/m", 1e6) == (1e6, "N/m")
+    assert written_in(chosen, "m", [], rotor) == (1e3, "mm")
+
+
+@pytest.mark.slow
+def test_commands_print_as_typed(typed, tmp_path):
+    """`show`, `simulate` and the report of its run."""
+    shown = " ".join(call("show", typed).split())
+    assert "spin.speed 3000 rpm" in shown and "limiter.gap 0.2 mm" in shown
+    assert "disc.at 0.2 m" in shown and "standstill" in shown
+    run = ["simulate", typed, "--revolutions", 4, "--keep", 2, "--steps", 64, "--out", "run"]
+    assert re.search(r"radius +\S+ to \S+ mm", call(*run))
+    call("report", "run")
+    page = (tmp_path / "run" / "report.html").read_text("utf-8")
+    text = " ".join(re.sub("<[^>]+>", " ", page).split())
+    assert (
+        "spin.speed 3000 rpm" in text and "limiter.gap 0.2 mm" in text and "disc.at 0.2 m" in text
+    )
 
 
 @pytest.mark.slow

@@ -220,6 +220,41 @@ def test_campbell_ends_beyond_the_running_speed():
         assert shown["speeds"][-1] == pytest.approx(end)
 
 
+def test_campbell_says_what_faster_branch_is_damped_less(place):
+    """Two masses on springs, the stiffer one without damper: 100 rad/s, D = 0.1, and 300 rad/s, D = 0."""
+    text = """
+        [shaft]
+        length = 1.0
+        model = "rigid"
+        [[support]]
+        at = 0.0
+        stiffness = 1e4
+        damping = 20.0
+        [[support]]
+        at = 1.0
+        stiffness = 9e4
+        [[disc]]
+        at = 0.0
+        mass = 1.0
+        [[disc]]
+        at = 1.0
+        mass = 1.0
+        [spin]
+        speed = 50.0
+    """
+    (place / "two.toml").write_text(text)
+    run = ["campbell", "two.toml", "--to", 100, "--points", 3]
+    whole, part = call(*run).stdout, call(*run, "--count", 2).stdout
+    assert "left out" not in whole
+    assert "faster whirl with growth up to 0 1/s, at 0 rad/s; --count" in " ".join(part.split())
+    shown = answered(*run, "--count", 2)
+    assert shown["largest_growth"] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert shown["branches"][0]["growth"] == pytest.approx([-10.0] * 3)
+    overdamped = [*run, "--set", "supports.0.damping=400"]  # beyond twice 100 N s/m
+    ways = [one["direction"] for one in answered(*overdamped)["branches"]]
+    assert sorted(ways) == ["backward", "forward", "no whirl", "no whirl"]
+
+
 def test_campbell_in_the_axes_of_the_shaft():
     """A disc with `w^2 = k / m`, 10 % more and less along two axes; unstable between critical speeds."""
     shaft = jr.MasslessShaft(0.6, 0.3, 1e5, anisotropy=0.1)
@@ -295,6 +330,27 @@ def test_response(place, monkeypatch):
     assert "too close" in text and "90 to 99 rad/s" in text
     assert "1.00125" in text and "-90" in text and "limiters" in text and "written" not in text
     assert re.search(r"station\W+0\.3 m", text)
+
+
+def test_response_reaches_both_speeds_of_half_power(place, monkeypatch):
+    """Of a disc with D = 0.25 the upper one is beyond 1.25 times the critical speed of 100 rad/s."""
+    limiter = jr.Limiter(at=0.3, angle=0.0, gap=4e-4, stiffness=1e6)
+    run = ["response", damped(500.0, limiter), "--points", 41, "--set", "spin.speed=20"]
+    (peak,) = answered(*run)["margins"]
+    ratio = np.linspace(0.5, 4.0, 200001)  # of the speeds
+    height = ratio**2 / np.hypot(1 - ratio**2, 0.5 * ratio)
+    high = ratio[height >= np.sqrt(0.5) * height.max()]
+    assert peak["lower"] == pytest.approx(100 * high[0], rel=1e-4)
+    assert peak["upper"] == pytest.approx(100 * high[-1], rel=1e-4) and peak["upper"] > 125
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = call(*run).stdout.splitlines()
+    assert sum("critical, forward" in line for line in lines) == 1  # in one line of 80 columns
+    times = 4e-4 / (1e-4 * height.max())
+    assert any(
+        line.split()[:2] == ["clearance", "0.4"] and f"{times:.3g} times" in line for line in lines
+    )
+    (cut,) = answered(*run, "--to", 125)["margins"]
+    assert cut["upper"] is None
 
 
 def test_response_is_at_the_contact_that_is_left_out(place):
@@ -512,7 +568,8 @@ def lanes(axes, index=None, spectrum=False):
         "extrema": ((*dims, "revolution", "extremum"), np.zeros((*shape, 3, 2))),
         "radius_max": (dims, np.zeros(shape)),
     }
-    coords = {path: (path, values, {"units": "m"}) for path, values in axes.items()}
+    units = {path: "rad/s" if path == "spin.speed" else "m" for path in axes}
+    coords = {path: (path, values, {"units": units[path]}) for path, values in axes.items()}
     if spectrum:
         variables["spectrum"] = ((*dims, "frequency"), np.ones((*shape, 9)))
         coords["frequency"] = ("frequency", np.arange(9.0))
@@ -567,7 +624,7 @@ def test_waterfall(fake):
     fake(lambda axes: lanes(axes, spectrum=True))
     over = ["--over", "spin.speed=6000rpm:7000rpm:3"]
     said = call("sweep", "limiter-rotor", *over, "--spectrum", "--out", "out").stdout
-    assert "(6000 to 7000 rpm), 3 values" in said
+    assert "6000 to 7000 rpm, 3 values" in said
     assert sorted(os.listdir("out")) == ["bifurcation.png", "sweep.zarr", "waterfall.png"]
 
 
@@ -693,6 +750,11 @@ def test_stability(place):
     points = [p for c in shown["boundaries"] for p in zip(c["x"], c["y"], strict=True)]
     at_100 = sorted(x / 100 for x, y in points if y == 100.0)
     assert at_100 == pytest.approx([0.90648925, 1.08086874, 1.62804316], abs=1e-8)
+    for band, state in (("50:80:3", "stable"), ("95:105:3", "unstable")):
+        along = ["stability", "dual-stiffness-rigid", "--over", f"spin.speed={band}"]
+        found = answered(*along)
+        assert found["changes"] == [] and found["throughout"] == state
+        assert f" {state} throughout" in call(*along).stdout
     assert "--out is for a map" in refused(*run, "--out", "other")
     assert "must name two parameters" in refused(
         *run, "--over", damping, "--over", "disc.mass=9,10"
@@ -766,6 +828,7 @@ def test_run_up_looks_at_what_moves():
     """The moving station is that of the balls, 0.14 m above the joint; the run has 50 revolutions."""
     shown = answered("run-up", "ball-balancer", "--samples", 11)
     assert shown["station"] == 0.14 and shown["moves"] and shown["peak"]["radius"] > 1e-5
+    assert 'model = "profile"' in call("run-up", "ball-balancer", "--samples", 11).stdout
     assert shown["revolutions"] == pytest.approx(50)
 
 

@@ -157,7 +157,7 @@ def test_refusals(by_hand, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="only `Exponential` can. With no motions"):
         plot.write_page(page, drag)
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    with pytest.raises(ValueError, match=r"pip install 'jaxrotor\[html\]'"):
+    with pytest.raises(ValueError, match=r"`pip install plotly`"):
         plot.write_page(page, by_hand)
     assert not list(tmp_path.iterdir())
 

@@ -132,6 +132,14 @@ def test_campbell_marks_critical_speeds():
     assert "critical speed, damped" in lines(upper)
 
 
+def test_campbell_shows_every_cross_that_it_lists():
+    """Of branches that stay below 15 rad/s the axis reaches to the undamped critical speed."""
+    slow = branches([(10.0, 0.1), (-10.0, 0.1)], [-1.0] * 2)
+    upper, _ = plot.campbell(slow, critical=undamped([28.0, 150.0]))
+    np.testing.assert_allclose(lines(upper)["critical speed, undamped"].get_ydata(), [28.0])
+    assert upper.get_ylim() == pytest.approx((0.0, 1.05 * 28.0))
+
+
 def test_campbell_tells_damped_from_undamped_critical_speeds():
     """A ring has its number and damping ratio beside it; none is drawn where damping leaves no peak."""
     damped = branches(GYROSCOPIC, [-2.0, -20.0, -1.0, -1.0])

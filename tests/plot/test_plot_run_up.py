@@ -106,6 +106,15 @@ def test_speed_and_acceleration_in_time(run):
         np.testing.assert_allclose(drawn[[0, -1]], np.array([300.0, 600.0]) / np.pi)
 
 
+def test_acceleration_at_the_end_of_a_profile_is_that_of_the_run(run):
+    """The profile is constant after its last time, where this run ends."""
+    spin = jr.SpeedProfile.ramp(10.0, 20.0, 1.0)
+    scene = jr.Scene(run.scene.shaft, *run.scene.effects, spin=spin)
+    ended = replace(run, scene=scene, acceleration=spin.turning(run.time).acceleration)
+    assert ended.acceleration[-1] == 0.0
+    np.testing.assert_allclose(plot.speed(ended)[1].lines[0].get_ydata(), 10.0)
+
+
 def test_amplitude_of_a_run_up(run):
     upper, lower = plot.run_up(run)
     np.testing.assert_allclose(upper.lines[0].get_ydata()[[0, -1]], [2.0, 3.0])
@@ -134,12 +143,12 @@ def test_passage_marks_contact_and_the_critical_speed():
     assert [text.get_text() for text in ax.texts] == ["50"]  # the backward one is not excited
     np.testing.assert_allclose(drawn["clearance"].get_ydata(), 3.0)
     touched = drawn["contact"].get_ydata()
-    assert legend(ax) == ["contact", "clearance", "critical, forward"]
+    assert legend(ax) == ["no contact", "contact", "clearance", "critical, forward"]
     assert np.nanmin(touched) > 2.99 and np.isnan(touched[0])
     with plot.units(speed="rpm", length="um"):
         far = plot.passage(replace(run, scene=run.scene.replace({"limiters.gap": 1.0})))
     assert [text.get_text() for text in far.texts] == [f"{50 * 30 / np.pi:.4g}"]
-    assert legend(far)[1] == "clearance 1e+06 \N{MICRO SIGN}m, beyond" and far.get_ylim()[1] < 1e5
+    assert legend(far)[2] == "clearance 1e+06 \N{MICRO SIGN}m, beyond" and far.get_ylim()[1] < 1e5
 
 
 # === reactions

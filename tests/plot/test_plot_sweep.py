@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import xarray as xr
 from drawn import check_axes, legend, lines
 from matplotlib.colors import LogNorm, to_hex
 
@@ -178,6 +179,32 @@ def test_bifurcation_draws_the_clearance_of_stops(mapped):
     np.testing.assert_allclose(clearances(upper), [[gaps, np.negative(gaps)], [gaps, gaps]])
     far, _ = plot.bifurcation(along.assign_coords({"limiters.gap": 1.0}), section=True)
     assert legend(far)[-1] == "clearance 1e+03 mm, beyond" and far.get_ylim()[1] < 10
+
+
+def test_bifurcation_marks_the_values_with_contact():
+    """A strip from the middle between 1 and 2 to the last value, where lanes that did not fail touch."""
+    values = np.array([3.0, 1.0, 2.0, 0.0])
+    duty = np.array([[0.2, 0.0], [0.0, 0.0], [0.0, 0.1], [0.3, 0.0]])
+    variables = {
+        "extrema": (("spin.speed", "revolution", "extremum"), np.full((4, 2, 2), 1e-3)),
+        "index": ("spin.speed", np.ones(4)),
+        "status": ("spin.speed", np.array([0, 0, 0, STATUS.index("not_finite")], np.int8)),
+        "duty": (("spin.speed", "limiter"), duty),
+    }
+    data = xr.Dataset(variables, {"spin.speed": ("spin.speed", values, {"units": "rad/s"})})
+    strips = lambda data: [
+        patch
+        for patch in plot.bifurcation(data)[0].patches
+        if to_hex(patch.get_facecolor()).upper() == colours.DARK
+    ]
+    drawn = sorted((one.get_x(), one.get_width()) for one in strips(data))
+    assert drawn == [(1.5, 1.0), (2.5, 0.5)]
+    assert "contact" in legend(plot.bifurcation(data)[0])
+    for same in (
+        0 * duty,
+        1 + duty,
+    ):  # no value differs from the others, but for the one that failed
+        assert len(strips(data.assign(duty=(data.duty.dims, same)))) == 3 * bool(same[1, 0])
 
 
 def test_bifurcation_of_any_stops_and_of_none(lanes):

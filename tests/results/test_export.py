@@ -134,8 +134,8 @@ def test_refusals(motion, swept, tmp_path, monkeypatch):
         jr.export(motion, tmp_path / "none" / "orbit.csv")
     with monkeypatch.context() as patch:
         patch.setattr(importlib.util, "find_spec", lambda name: None)
-        for suffix in ("nc", "parquet"):
-            with pytest.raises(ValueError, match=r"needs the package .* `pip install 'jaxrotor\["):
+        for suffix, needed in {"nc": "h5netcdf h5py", "parquet": "pyarrow"}.items():
+            with pytest.raises(ValueError, match=f"needs the package .* `pip install {needed}`"):
                 jr.export(motion, tmp_path / f"orbit.{suffix}")
     jr.export(motion, tmp_path / "orbit.csv")
     assert [one.name for one in tmp_path.iterdir()] == ["orbit.csv"]

@@ -151,7 +151,7 @@ def test_a_folder_that_cannot_be(dask, tmp_path):
 
 def test_no_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ValueError, match=r"pip install 'jaxrotor\[cluster\]'"):
+    with pytest.raises(ValueError, match=r"`pip install distributed`"):
         swept(cluster=2)
 
 
