@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,14 +19,14 @@ from ..scene import Scene
 from .bounds import own_value
 
 
-class Estimate(eqx.Module):
+class Estimate(NamedTuple):
     """A mean or a share by draws, with bounds that hold it in the stated part of such experiments."""
 
     value: float
     low: float
     high: float
-    draws: int = eqx.field(static=True)
-    confidence: float = eqx.field(static=True)
+    draws: int
+    confidence: float
 
     def __str__(self) -> str:
         bounds = f"{self.low:.3g} to {self.high:.3g} with {100 * self.confidence:g} % confidence"
@@ -106,9 +105,7 @@ def share(happened: Any, *, replicates: int | None = None, confidence: float = 0
         found = share_of(seen.sum(), seen.size, confidence)
         return Estimate(*(float(one) for one in found), seen.size, confidence)
     found = average(seen.astype(float), replicates=replicates, confidence=confidence)
-    return eqx.tree_at(
-        lambda one: (one.low, one.high), found, (max(found.low, 0.0), min(found.high, 1.0))
-    )
+    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
 
 
 def average(values: Any, *, replicates: int | None = None, confidence: float = 0.95) -> Estimate:
