@@ -3,11 +3,11 @@
 from . import objectives as objectives
 from .tolerances import (
     Estimate as Estimate,
-    average as average,
     draws as draws,
+    expectation as expectation,
     over_draws as over_draws,
+    probability as probability,
     sensitivities as sensitivities,
-    share as share,
 )
 from .tune import History as History, Tuned as Tuned, tune as tune
 from .uncertainty import Uncertainty as Uncertainty, uncertainty as uncertainty

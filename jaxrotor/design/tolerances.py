@@ -19,8 +19,11 @@ from ..scene import Scene
 from .bounds import own_value
 
 
+RESAMPLED = 500  # times, for the bounds of Sobol indices
+
+
 class Estimate(NamedTuple):
-    """A mean or a share by draws, with bounds that hold it in the stated part of such experiments."""
+    """A mean or a probability estimated by draws, with its confidence interval."""
 
     value: float
     low: float
@@ -36,18 +39,19 @@ class Estimate(NamedTuple):
 def draws(
     spread: Mapping[str, Any], count: int, *, seed: int = 0, replicates: int | None = None
 ) -> dict[str, np.ndarray]:
-    """`p_i = F_i^-1(u_i)` with `u` uniform in the unit cube: values of parameters that scatter apart.
+    """`p_i = F_i^-1(u_i)` with `u` uniform in the unit cube: values of independent random parameters.
 
         jr.sweep(scene, {"draw": jr.draws(spread, 1000)}, ..)
 
     Args:
         spread: by path, `(low, high)` for a uniform distribution, or any distribution of `scipy.stats`
-            with its parameters, such as `scipy.stats.norm(7.5e-3, 2e-4)`; SI.
+            with its parameters given, such as `scipy.stats.norm(7.5e-3, 2e-4)`; SI.
         count: number of draws.
         seed: number from which the draws follow; the same seed gives the same draws.
         replicates: None for independent draws. A number, 2 or more, is how many scrambled Sobol sequences
             follow one another, each of `count / replicates` draws, a power of two. They fill the cube more
-            evenly, so means of smooth quantities have smaller errors, which replicates tell.
+            evenly, so means of smooth quantities have smaller errors, which replicates tell; give the same
+            number to `expectation`. A `probability` needs independent draws.
 
     Returns:
         `count` values by path, in the order of `spread`.
@@ -75,40 +79,39 @@ def draws(
     return found
 
 
-def share(happened: Any, *, replicates: int | None = None, confidence: float = 0.95) -> Estimate:
-    """Probability of an event, `n / N` of the draws, and its bounds.
+def probability(happened: Any, confidence: float = 0.95) -> Estimate:
+    """Probability of an event, `n / N` of independent draws, with the exact bounds of a binomial count.
 
-    Bounds of independent draws are exact for a binomial count: after N draws without the event they are
-    0 and `1 - (a / 2)^(1 / N)`, `a = 1 - confidence`. Those of replicates are as in `average`.
+    After N draws without the event the bounds are 0 and `1 - (a / 2)^(1 / N)`, `a = 1 - confidence`.
 
     Args:
         happened: whether the event was seen, for every draw; a lane that failed is an event of its own,
             so `failed | backward` is on the safe side.
-        replicates: as in `draws`.
         confidence: level of the bounds.
 
     Returns:
         An `Estimate`.
 
     Raises:
-        ValueError: if `happened` is not true or false for every draw.
+        ValueError: if `happened` is not true or false for every draw, or is empty.
 
     Source: Clopper, Pearson (1934), Biometrika 26, 404-413.
     """
     check_confidence(confidence)
     seen = np.ravel(np.asarray(happened))
-    if seen.dtype != bool or not seen.size:
+    if not seen.size:
+        raise ValueError("`happened` is empty; give true or false for every draw.")
+    if seen.dtype != bool:
         raise ValueError(
-            f"`happened` must be true or false for every draw, but is {seen.size} of {seen.dtype}."
+            f"`happened` must be true or false for every draw, but is of type {seen.dtype}."
         )
-    if replicates is None:
-        found = share_of(seen.sum(), seen.size, confidence)
-        return Estimate(*(float(one) for one in found), seen.size, confidence)
-    found = average(seen.astype(float), replicates=replicates, confidence=confidence)
-    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
+    value, low, high = map(float, share_of(seen.sum(), seen.size, confidence))
+    return Estimate(value, low, high, seen.size, confidence)
 
 
-def average(values: Any, *, replicates: int | None = None, confidence: float = 0.95) -> Estimate:
+def expectation(
+    values: Any, *, replicates: int | None = None, confidence: float = 0.95
+) -> Estimate:
     """Mean `m` over draws and its bounds `m +- t s / sqrt(n)`, by Student's t of n - 1 degrees.
 
     `n` and `s` are number and standard deviation of the draws where they are independent, or of the means
@@ -127,11 +130,12 @@ def average(values: Any, *, replicates: int | None = None, confidence: float = 0
     """
     check_confidence(confidence)
     values = np.ravel(np.asarray(values, float))
-    wrong = np.count_nonzero(~np.isfinite(values))
-    if wrong or values.size < 2:
+    if values.size < 2:
+        raise ValueError(f"`values` must be at least two numbers, but there are {values.size}.")
+    if wrong := np.count_nonzero(~np.isfinite(values)):
         raise ValueError(
-            f"`values` must be two or more finite numbers, but {wrong} of {values.size} are not finite; a "
-            "mean without lanes that failed would be another one."
+            f"`values` must be finite, but {wrong} of {values.size} are not, as those of lanes that "
+            "failed; without these the mean would be another one."
         )
     groups = values
     if replicates is not None:
@@ -161,45 +165,71 @@ def sensitivities(
         spread: as in `draws`.
         count: number of draws, a power of two.
         seed: as in `draws`.
-        confidence: level of the bounds, from resampled draws.
+        confidence: level of the bounds, which are those of resampled draws and therefore too wide rather
+            than too narrow, as Sobol points are more even than random ones.
 
     Returns:
         Dataset over `path`: `first` and `total`, each with `_low` and `_high`.
 
     Raises:
-        ValueError: if `count` is not a power of two, or y is not a finite number for every draw.
+        ValueError: if there are fewer than two parameters, `count` is not a power of two, or y is not a
+            finite number for every draw or is the same for all.
 
     Source: Saltelli et al. (2010), Computer Physics Communications 181, 259-270.
     """
     check_confidence(confidence)
     check_counts(count=count)
     distributions = _distributions(spread)
+    if len(distributions) < 2:
+        raise ValueError("`spread` has one parameter, which makes all of the variance; name more.")
     if count < 2 or count & (count - 1):
-        raise ValueError(f"`count` must be a power of two, but is {count}.")
+        raise ValueError(f"`count` must be a power of two from 2 on, but is {count}.")
 
     def of_columns(columns: np.ndarray) -> np.ndarray:
         found = np.array(quantity(dict(zip(distributions, columns, strict=True))), float)
-        if found.shape != columns.shape[1:] or not np.all(np.isfinite(found)):
+        if found.shape != columns.shape[1:]:
             raise ValueError(
-                f"`quantity` must give one finite number for each of {columns.shape[1]} draws, but gives "
-                f"an array of shape {found.shape} with {np.count_nonzero(~np.isfinite(found))} that are "
-                "not finite."
+                f"`quantity` must give one number for each of {columns.shape[1]} draws, but gives an "
+                f"array of shape {found.shape}."
+            )
+        if wrong := np.count_nonzero(~np.isfinite(found)):
+            raise ValueError(
+                f"`quantity` must be finite, but {wrong} of {found.size} values are not; give them a "
+                "value, or narrow the spread."
             )
         return found
 
-    random = np.random.default_rng(seed)
-    of_all = list(distributions.values())
-    found = stats.sobol_indices(func=of_columns, n=count, dists=of_all, rng=random)
-    again = found.bootstrap(confidence_level=confidence)
+    seen: list[tuple[np.ndarray, ...]] = []
+
+    def indices(*values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        seen.append(values)
+        return _sobol_indices(*values)
+
+    random, of_all = np.random.default_rng(seed), list(distributions.values())
+    options: Any = {"method": indices, "rng": random}
+    found = stats.sobol_indices(func=of_columns, n=count, dists=of_all, **options)
+    chosen = random.integers(count, size=(RESAMPLED, count))
+    again = [_sobol_indices(*(values[..., one] for values in seen[0])) for one in chosen]
+    tail = (1 - confidence) / 2
     variables = {}
-    for name, words in (("first", "share of variance"), ("total", "share with interactions")):
-        bounds = getattr(again, f"{name}_order").confidence_interval
-        ends = {"": getattr(found, f"{name}_order"), "_low": bounds.low, "_high": bounds.high}
-        for end, values in ends.items():
-            variables[name + end] = ("path", np.ravel(values), about("1", words))
+    for k, (name, words) in enumerate((("first", "alone"), ("total", "with interactions"))):
+        low, high = np.quantile([one[k].ravel() for one in again], (tail, 1 - tail), axis=0)
+        value = np.ravel((found.first_order, found.total_order)[k])
+        for end, values in (("", value), ("_low", low), ("_high", high)):
+            variables[name + end] = ("path", values, about("1", f"share of variance {words}"))
     return xr.Dataset(
         variables, {"path": list(distributions)}, {"draws": count, "confidence": confidence}
     )
+
+
+def _sobol_indices(a: np.ndarray, b: np.ndarray, ab: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and total indices (1, d) of values (1, n), (1, n) and (d, 1, n), as `sobol_indices` asks."""
+    variance = np.var([a, b], axis=(0, -1))
+    if not np.all(variance > 0):
+        raise ValueError("`quantity` is the same for every draw, so there is no variance to share.")
+    first = np.mean(b * (ab - a), axis=-1) / variance
+    total = 0.5 * np.mean((a - ab) ** 2, axis=-1) / variance
+    return first.T, total.T
 
 
 def over_draws(
@@ -219,15 +249,17 @@ def over_draws(
         relative: whether deviations are fractions of the scene's own value.
 
     Returns:
-        A function of a scene that returns the quantities of all draws.
+        A function of a scene that returns the quantities of all draws. Values of parameters are not
+        checked in it: what a draw makes of a mass below zero is not a number.
 
     Raises:
-        ValueError: if the paths have different numbers of draws, or a parameter is not one number.
+        ValueError: if `deviations` are not lists of one length, or a parameter is not one number.
     """
-    sizes = {path: np.size(values) for path, values in deviations.items()}
-    if len(set(sizes.values())) != 1:
+    shapes = {path: np.shape(values) for path, values in deviations.items()}
+    if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise ValueError(
-            f"`deviations` must have as many draws of every path, but has {sizes or 'none'}."
+            f"`deviations` must be a list of draws for every path, of one length, but has the shapes "
+            f"{shapes}."
         )
     given = {path: jnp.asarray(values, float) for path, values in deviations.items()}
 
@@ -255,14 +287,21 @@ def _distributions(spread: Mapping[str, Any]) -> dict[str, Any]:
         raise ValueError("`spread` must name at least one parameter, but is empty.")
     found = {}
     for path, one in spread.items():
-        if not hasattr(one, "ppf"):
-            ends = np.asarray(one, float)
-            if ends.shape != (2,) or not ends[0] < ends[1]:
+        if not isinstance(one, stats.distributions.rv_frozen):
+            try:
+                low, high = map(float, one)
+            except (TypeError, ValueError):
+                low = high = np.nan
+            if not (np.isfinite(low) and np.isfinite(high) and low < high):
                 raise ValueError(
-                    f"`spread['{path}']` must be a pair (low, high) or a distribution of scipy.stats, but "
-                    f"is {one!r}."
+                    f"`spread['{path}']` must be a pair (low, high) or a distribution of scipy.stats with "
+                    f"its parameters given, but is {one!r}."
                 )
-            one = stats.uniform(ends[0], ends[1] - ends[0])
+            one = stats.uniform(low, high - low)
+        if np.ndim(one.ppf(0.5)) != 0:
+            raise ValueError(
+                f"`spread['{path}']` must be one distribution, but its parameters are lists."
+            )
         found[path] = one
     return found
 

@@ -60,12 +60,11 @@ class ViscoelasticRing(AbstractRubLaw):
 
     def touch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Touch:
         ring = self.contact
-        x, y, square, inverse = self._polar(displacement)
-        radius, cos, sin = square * inverse, x * inverse, y * inverse
+        radius, cos, sin, _ = _polar(displacement[0] - self.x, displacement[1] - self.y)
         slipping = speed * ring.rim_radius + cos * velocity[1] - sin * velocity[0]
         # The radius has a kink in the centre, which cubics along a step misread; its square has none.
         twice = 2 * jnp.where(ring.gap > 0, ring.gap, 1.0)
-        nearness = (square - ring.gap**2) / twice
+        nearness = (radius**2 - ring.gap**2) / twice
         closing = cos * velocity[0] + sin * velocity[1]
         return Touch(cos, sin, radius - ring.gap, closing, slipping, nearness)
 
@@ -75,16 +74,26 @@ class ViscoelasticRing(AbstractRubLaw):
         return Hardness(ring.stiffness, ring.damping, jnp.zeros(2), ring.friction)
 
     def clearance(self, displacement: Plane) -> Scalar:
-        _, _, square, inverse = self._polar(displacement)
-        return self.contact.gap - square * inverse
+        return self.contact.gap - _polar(displacement[0] - self.x, displacement[1] - self.y)[0]
 
-    def _polar(self, displacement: Plane) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-        """Distance from the centre of the ring along x and y, its square, and the inverse of its length.
 
-        A length below all others added in the centre makes derivatives finite there, and those of
-        `length * cos` exact. One root and no division is all that a step has to wait for.
-        """
-        x, y = displacement[0] - self.x, displacement[1] - self.y
-        square = x**2 + y**2
-        square = square + jnp.finfo(square.dtype).tiny ** (2 / 3)
-        return x, y, square, jax.lax.rsqrt(square)
+@jax.custom_jvp
+def _polar(x: Scalar, y: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Length of a vector, cosine and sine of its direction, and the inverse of the length.
+
+    A length below all others added in the origin makes derivatives of every order finite there, and those
+    of `length * cos` exact. One root and no division is all that a step has to wait for.
+    """
+    square = x**2 + y**2
+    square = square + jnp.finfo(jnp.result_type(square)).tiny ** (2 / 3)
+    inverse = jax.lax.rsqrt(square)
+    return square * inverse, x * inverse, y * inverse, inverse
+
+
+@_polar.defjvp
+def _polar_derivative(at, along):
+    found = _polar(*at)
+    (_, cos, sin, inverse), (dx, dy) = found, along
+    outward = cos * dx + sin * dy
+    turned = (dx - cos * outward) * inverse, (dy - sin * outward) * inverse
+    return found, (outward, *turned, -(inverse**2) * outward)

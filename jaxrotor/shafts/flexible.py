@@ -14,12 +14,12 @@ from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, re
 from .constraint import Constraint
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
-from .line import NODES, AbstractLine, AbstractShaft, check_ratio, off_shaft
+from .line import NODES, AbstractLine, AbstractShaft, Held, check_ratio, off_shaft
 from .materials import Material, steel
 from .resolution import nodes_needed
 from .section import Section, Step
 from .shear import ShearLine
-from .spectral import Held, SpectralLine
+from .spectral import SpectralLine
 from .trapezoid import TrapezoidLine
 
 
@@ -118,7 +118,7 @@ class FlexibleShaft(AbstractShaft):
         return any(min(abs(at / self.length - end) for end in ends) > 1e-12 for at in held)
 
     @property
-    def _clamped(self) -> bool:
+    def _slope_held(self) -> bool:
         return any(one.slope for one in self.constraints)
 
     # --- stations
@@ -169,9 +169,11 @@ class FlexibleShaft(AbstractShaft):
         self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
     ) -> tuple[int, ...]:
         if self.nodes != "auto":
-            if self.nodes == 2 and len(spans) == 2 and not (self.shear or self._clamped):
+            bending = self.rule == "spectral" and not self.shear
+            if self.nodes == 2 and len(spans) == 2 and bending and not self._slope_held:
                 raise ValueError(
-                    "`nodes` must be at least 3 for a shaft of one span without a clamp, but is 2."
+                    "`nodes` must be at least 3 for a shaft of one span whose slope no constraint holds, "
+                    "but is 2."
                 )
             return (self.nodes,) * (len(spans) - 1)
         if self.rule == "trapezoid" or not all(map(known, jax.tree.leaves(self))):

@@ -168,7 +168,7 @@ class HeldKernel(AbstractKernel):
         return jnp.stack([*elastic, *rigid], axis=-1)
 
 
-def elastic(
+def stiffness_with_rigid_motions(
     kernel: AbstractKernel, nodes: Array, sloped: Array, free: list[int]
 ) -> Float[Array, "m m"]:
     """Stiffness of the equations of displacements at `nodes` and scaled slopes at `sloped` [m].

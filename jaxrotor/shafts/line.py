@@ -19,6 +19,9 @@ POINTS = 27  # Gauss points per span: exact for two polynomials of 24 nodes and 
 NODES = 8  # per span of a shaft, where they cannot be decided by need
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or one value per span
+Held = tuple[
+    tuple[bool, bool], ...
+]  # whether displacement and slope are, for every end of the spans
 
 
 class AbstractLine(eqx.Module):

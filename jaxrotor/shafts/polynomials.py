@@ -16,11 +16,10 @@ def node_of_ends(degrees: tuple[int, ...]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(degrees)])
 
 
-def spread(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array, " nodes"]:
+def nodes_of_spans(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array, " nodes"]:
     """Lobatto nodes of all spans [m]; neighbouring spans share the node at their common end."""
-    inner = np.zeros(
-        (len(degrees), max(degrees))
-    )  # zero beyond a degree: NaN would spoil derivatives
+    # Zero beyond a degree, as NaN would spoil derivatives.
+    inner = np.zeros((len(degrees), max(degrees)))
     for k, degree in enumerate(degrees):
         inner[k, :degree] = lobatto(degree)[1:]
     beyond = ends[:-1, None] + jnp.diff(ends)[:, None] * inner
@@ -29,7 +28,7 @@ def spread(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Float[Array
     return jnp.append(ends[0], beyond if own.size == inner.size else beyond.ravel()[own])
 
 
-def neighbours(degrees: tuple[int, ...], count: int) -> np.ndarray:
+def incidence(degrees: tuple[int, ...], count: int) -> np.ndarray:
     """Incidence of the nodes of every span, 0 or 1: (span, node of the span, node of the shaft)."""
     places = np.zeros((len(degrees), max(degrees) + 1, count))
     for k, (first, degree) in enumerate(zip(node_of_ends(degrees)[:-1], degrees, strict=True)):
@@ -68,7 +67,7 @@ def products(degree: int, derivative: int) -> Float[np.ndarray, "k k"]:
 
 
 @functools.cache
-def clamped(degree: int, highest: int) -> Float[np.ndarray, "node node"]:
+def bubble_flexibility(degree: int, highest: int) -> Float[np.ndarray, "node node"]:
     """`Sum_k (2 k + 1) B_k(xi_i) B_k(xi_j)` at Lobatto nodes, `B_k'' = P_k` up to the `highest` degree.
 
     It is the flexibility of a beam of unit length and stiffness with both ends clamped, on polynomials.
@@ -92,7 +91,9 @@ def cubics(degree: int) -> Float[np.ndarray, "node 4"]:
 
 
 @functools.cache
-def in_parts(degree: int, left: bool, right: bool) -> Float[np.ndarray, "part interpolant"]:
+def in_hermite_and_bubbles(
+    degree: int, left: bool, right: bool
+) -> Float[np.ndarray, "part interpolant"]:
     """Interpolants as sums of Hermite's cubics and of `B_2, B_3, ..`, in the order of `parts`.
 
     Values and slopes that are given at the ends are the factors of the cubics, without rounding, and the
@@ -108,7 +109,7 @@ def in_parts(degree: int, left: bool, right: bool) -> Float[np.ndarray, "part in
     return np.concatenate([of_cubics, 4 * legendre.legder(coefficients, 2)[2:]])
 
 
-def parts(highest: int, local: Scalar, derivative: int) -> Float[Array, " part"]:
+def hermite_and_bubbles(highest: int, local: Scalar, derivative: int) -> Float[Array, " part"]:
     """Hermite's cubics of value and slope at 0 and at 1, then `B_2 .. B_(highest - 2)`; or derivatives."""
     xi, k = local, np.arange(2, highest - 1)
     p = legendre_polynomials(highest, xi)

@@ -16,15 +16,14 @@ from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
 from ..core.quantities import Scalar
-from .line import AbstractLine, PerLength
+from .line import AbstractLine, Held, PerLength
 from .polynomials import (
+    incidence,
     interpolants,
     legendre_polynomials,
-    neighbours,
     node_of_ends,
-    spread,
+    nodes_of_spans,
 )
-from .spectral import Held
 
 
 class ShearLine(AbstractLine):
@@ -44,7 +43,7 @@ class ShearLine(AbstractLine):
     @property
     def nodes(self) -> Float[Array, " nodes"]:
         """Stations of the displacements, including held ones [m]."""
-        return spread(self.degrees, self.ends)
+        return nodes_of_spans(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -170,5 +169,5 @@ class ShearLine(AbstractLine):
     def _places(self, which: int) -> np.ndarray:
         """Incidence of the displacements (0) or slopes (1) of every span: (span, node, n)."""
         count = self.nodes.size
-        places = neighbours(self.degrees, 2 * count)
+        places = incidence(self.degrees, 2 * count)
         return np.roll(places, which * count, axis=2)[..., self._unconstrained]

@@ -2,15 +2,18 @@
 
     z(x) = Int G(x, s) p(s) ds,   p = load per length
 
-Within a span of width `w`, with `xi` from 0 to 1, the kernel is a cubic `H` in the deflections and slopes
-that the load causes at both ends, plus the kernel of a beam clamped there, which is a series:
+With Hermite's cubics `N` of the displacements and slopes at the ends of spans, and with `xi` and `sigma`
+from 0 to 1 where x and s are in the same span, of width `w`,
 
-    G(x, s) = H(x, s) + w^3 / EI Sum_k (2 k + 1) B_k(xi) B_k(sigma),   B_k'' = P_k(2 xi - 1),  k = 2, 3, ..
+    G(x, s) = N(x) G_ends N(s)^T + w^3 / EI Sum_k (2 k + 1) B_k(xi) B_k(sigma),   B_k'' = P_k(2 xi - 1)
 
-The series is taken as far as `B_k` is among the polynomials of the span. So the integral equation holds
-at the ends of spans, where effects act, and Galerkin's equations hold within: a damper anywhere takes
-energy out of every mode, and the error falls exponentially with the number of nodes per span.
+The sum over k = 2, 3, .. is the kernel of a span clamped at both ends. It is taken as far as the bubble
+`B_k` is among the polynomials of the span. So the integral equation holds at the ends of spans, where
+effects act, and Galerkin's equations hold within: a damper anywhere takes energy out of every mode, and
+the error falls exponentially with the number of nodes per span.
 """
+
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,23 +21,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar
-from .greens import AbstractKernel, HeldKernel, elastic
-from .line import AbstractLine, PerLength
+from .greens import AbstractKernel, HeldKernel, stiffness_with_rigid_motions
+from .line import AbstractLine, Held, PerLength
 from .polynomials import (
-    clamped,
+    bubble_flexibility,
     cubics,
-    in_parts,
+    hermite_and_bubbles,
+    in_hermite_and_bubbles,
+    incidence,
     interpolants,
-    neighbours,
     node_of_ends,
-    parts,
+    nodes_of_spans,
     products,
-    spread,
 )
-
-
-# Whether displacement and slope are held, for every end of the spans.
-Held = tuple[tuple[bool, bool], ...]
 
 
 class SpectralLine(AbstractLine):
@@ -60,11 +59,13 @@ class SpectralLine(AbstractLine):
     @property
     def nodes(self) -> Float[Array, " nodes"]:
         """Stations of the displacements, including held ones [m]."""
-        return spread(self.degrees, self.ends)
+        return nodes_of_spans(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
-        stiffness = elastic(self.kernel, self.nodes, self.ends[1:-1], self._free_nodes)
+        stiffness = stiffness_with_rigid_motions(
+            self.kernel, self.nodes, self.ends[1:-1], self._free_nodes
+        )
         return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
 
     @property
@@ -121,32 +122,43 @@ class SpectralLine(AbstractLine):
 
     @property
     def _flexibility(self) -> Float[Array, "n n"]:
-        """Coordinates due to a unit generalized force on each of them."""
-        x, s, length = self.ends[:, None], self.ends, self.ends[-1]
-        kernel, spans = self.kernel, len(self.degrees)
+        """`N G N^T + bubbles`: coordinates due to a unit generalized force on each of them.
+
+        `G` is the Green's function between the ends of spans, `N` Hermite's cubics at the nodes.
+        """
+        n, most = self._cubics_at_nodes, max(self.degrees)
+        bubbles = np.zeros((len(self.degrees), most + 1, most + 1))
+        for k, (degree, left, right) in enumerate(self._orders):
+            own = bubble_flexibility(degree, degree + left + right)
+            bubbles[k, : degree + 1, : degree + 1] = own
+        nodes = self._places[:, : most + 1]
+        widths = self._widths**3 / self._rigidity
+        within = jnp.einsum("p,pij,pin,pjm->nm", widths, bubbles, nodes, nodes)
+        return n @ self._flexibility_of_ends @ n.T + within
+
+    @property
+    def _flexibility_of_ends(self) -> Float[Array, "e2 e2"]:
+        """Displacements and scaled slopes at the ends of spans due to unit generalized forces there."""
+        x, s, length, kernel = self.ends[:, None], self.ends, self.ends[-1], self.kernel
         displaced = [kernel.deflection(x, s), length * kernel.deflection_by_couple(x, s)]
         tilted = [length * kernel.slope(x, s), length**2 * kernel.slope_by_couple(x, s)]
-        of_ends = jnp.block([displaced, tilted])
+        return jnp.block([displaced, tilted])
 
-        most = max(self.degrees)
-        shares = np.zeros((spans, most + 1, 4))  # in the nodes of a span, of its ends
-        alone = np.zeros((spans, most + 1, most + 1))  # with both ends clamped
+    @property
+    def _cubics_at_nodes(self) -> Float[Array, "n e2"]:
+        """Coordinates of the cubics of unit displacements, then of unit scaled slopes, at the ends."""
+        spans, most = len(self.degrees), max(self.degrees)
+        shapes = np.zeros((spans, most + 1, 4))
         of_span = np.zeros((spans, 4, 2 * (spans + 1)))
-        for k, (degree, left, right) in enumerate(self._orders):
-            own = degree + (k == spans - 1)  # a shared node counts once
-            shares[k, :own] = cubics(degree)[:own]
-            alone[k, : degree + 1, : degree + 1] = clamped(degree, degree + left + right)
+        for k, degree in enumerate(self.degrees):
+            count = degree + (k == spans - 1)  # a node that two spans share belongs to the second
+            shapes[k, :count] = cubics(degree)[:count]
             of_span[k, range(4), [k, spans + 1 + k, k + 1, spans + 2 + k]] = 1
-        scale = jnp.stack([jnp.ones_like(s[1:]), self._widths / length] * 2, axis=1)
-        at_nodes = self._places[:, : most + 1]
-        by_ends = jnp.einsum("pie,pe,pin,pem->nm", shares, scale, at_nodes, of_span)
-        inner_slopes = np.einsum("pn,pm->nm", self._places[:, -1], of_span[:, -1])
-        by_ends = by_ends + inner_slopes
-
-        widths = self._widths**3 / self._rigidity
-        return by_ends @ of_ends @ by_ends.T + jnp.einsum(
-            "p,pij,pin,pjm->nm", widths, alone, at_nodes, at_nodes
-        )
+        slopes = self._widths / self.ends[-1]
+        scale = jnp.stack([jnp.ones_like(slopes), slopes] * 2, axis=1)
+        nodes = self._places[:, : most + 1]
+        at_nodes = jnp.einsum("pie,pe,pin,pem->nm", shapes, scale, nodes, of_span)
+        return at_nodes + np.einsum("pn,pm->nm", self._places[:, -1], of_span[:, -1])
 
     @eqx.filter_jit
     def _integral(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
@@ -205,19 +217,29 @@ class SpectralLine(AbstractLine):
         spans, most = len(self.degrees), max(self.degrees)
         count = sum(self.degrees) + 1
         places = np.zeros((spans, most + 3, count + spans - 1))
-        places[:, : most + 1] = neighbours(self.degrees, places.shape[2])
+        places[:, : most + 1] = incidence(self.degrees, places.shape[2])
         for k in range(spans - 1):  # the slope between span k and the next
             places[k, -1, count + k] = places[k + 1, -2, count + k] = 1
         return places[..., self._unconstrained]
 
     @property
     def _interpolants(self) -> np.ndarray:
-        """Legendre coefficients of the interpolants of every span, zero where one has less than most."""
+        """Legendre coefficients of the interpolants of every span: (span, coefficient, interpolant)."""
+        return self._of_spans(interpolants)
+
+    @property
+    def _in_bubbles(self) -> np.ndarray:
+        """Interpolants of every span as sums of cubics and bubbles: (span, part, interpolant)."""
+        return self._of_spans(in_hermite_and_bubbles)
+
+    def _of_spans(self, of: Callable[[int, bool, bool], np.ndarray]) -> np.ndarray:
+        """Columns of every span; zero where a span has fewer nodes than others, or no slope at an end."""
         most = max(self.degrees)
         found = np.zeros((len(self.degrees), most + 3, most + 3))
         for k, (degree, left, right) in enumerate(self._orders):
-            own = interpolants(degree, left, right)
-            found[k, : len(own), self._given(degree, left, right)] = own.T
+            given = [*range(degree + 1), *[most + 1] * left, *[most + 2] * right]
+            columns = of(degree, left, right)
+            found[k, : len(columns), given] = columns.T
         return found
 
     @property
@@ -226,25 +248,13 @@ class SpectralLine(AbstractLine):
         slopes = self._widths / self.ends[-1]
         return jnp.stack([jnp.ones_like(slopes)] * (max(self.degrees) + 1) + [slopes] * 2, axis=1)
 
-    @property
-    def _parts(self) -> np.ndarray:
-        """Interpolants of every span as sums of cubics and others: (span, part, interpolant)."""
-        most = max(self.degrees)
-        found = np.zeros((len(self.degrees), most + 3, most + 3))
-        for k, (degree, left, right) in enumerate(self._orders):
-            own = in_parts(degree, left, right)
-            found[k, : len(own), self._given(degree, left, right)] = own.T
-        return found
-
-    def _given(self, degree: int, left: bool, right: bool) -> list[int]:
-        """Places of the interpolants of a span, whose last two belong to slopes, among `most + 3`."""
-        most = max(self.degrees)
-        return [*range(degree + 1), *[most + 1] * left, *[most + 2] * right]
-
     def _form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         """Displacement or slope at a station as a linear form of the coordinates."""
         span = jnp.searchsorted(self.ends[1:-1], at)
         local = (at - self.ends[span]) / self._widths[span]
-        shapes = parts(max(self.degrees) + 2, local, derivative) @ jnp.asarray(self._parts)[span]
+        shapes = (
+            hermite_and_bubbles(max(self.degrees) + 2, local, derivative)
+            @ jnp.asarray(self._in_bubbles)[span]
+        )
         form = (shapes * self._scales[span]) @ jnp.asarray(self._places)[span]
         return form / self._widths[span] ** derivative

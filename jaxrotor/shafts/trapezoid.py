@@ -13,9 +13,8 @@ from jaxtyping import Array, Float
 
 from ..core.extremes import bounded
 from ..core.quantities import Scalar
-from .greens import AbstractKernel, HeldKernel, elastic
-from .line import AbstractLine, PerLength, strain_energy
-from .spectral import Held
+from .greens import AbstractKernel, HeldKernel, stiffness_with_rigid_motions
+from .line import AbstractLine, Held, PerLength, strain_energy
 
 
 class TrapezoidLine(AbstractLine):
@@ -43,7 +42,9 @@ class TrapezoidLine(AbstractLine):
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
-        stiffness = elastic(self.kernel, self.nodes, self.nodes, self._free_nodes)
+        stiffness = stiffness_with_rigid_motions(
+            self.kernel, self.nodes, self.nodes, self._free_nodes
+        )
         return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
 
     @property

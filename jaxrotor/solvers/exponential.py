@@ -164,9 +164,9 @@ def revolution(
             seen = None if stations is None else stations.of_lanes(phases[0], y)
             return step.of_lanes(phases, y), seen
 
-        # Two steps a turn of the loop write the state to and fro; one would copy it back at every step.
-        turn = 2 if batch and stations is None and steps % 2 == 0 else 1
-        y, samples = jax.lax.scan(one, y, phases, unroll=turn)
+        # Unrolled by two, the loop needs no copy of the state back to its buffer.
+        unroll = 2 if batch and stations is None and steps % 2 == 0 else 1
+        y, samples = jax.lax.scan(one, y, phases, unroll=unroll)
         if stations is None or samples is None:
             return y, None
         return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])

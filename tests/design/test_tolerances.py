@@ -51,8 +51,8 @@ def test_mean_by_evenly_spread_draws():
     """Of `x^2 + y` over the unit square, 1/3 + 1/2, within bounds that are 20 times as close."""
     square = {"x": (0.0, 1.0), "y": (0.0, 1.0)}
     of = lambda found: found["x"] ** 2 + found["y"]
-    plain = jr.average(of(jr.draws(square, 4096)))
-    even = jr.average(of(jr.draws(square, 4096, replicates=16)), replicates=16)
+    plain = jr.expectation(of(jr.draws(square, 4096)))
+    even = jr.expectation(of(jr.draws(square, 4096, replicates=16)), replicates=16)
     for one in (plain, even):
         assert one.low < 5 / 6 < one.high and one.draws == 4096
     assert even.high - even.low < (plain.high - plain.low) / 20
@@ -60,11 +60,11 @@ def test_mean_by_evenly_spread_draws():
 
 def test_bounds_of_a_share():
     """Exact where an event is never or always seen, and in a table of Clopper and Pearson."""
-    never = jr.share(np.zeros(3000, bool))
+    never = jr.probability(np.zeros(3000, bool))
     assert (never.value, never.low) == (0.0, 0.0)
     assert never.high == pytest.approx(1 - 0.025 ** (1 / 3000), rel=1e-12)
-    assert jr.share(np.ones(50, bool)).low == pytest.approx(0.025 ** (1 / 50), rel=1e-12)
-    some = jr.share(np.arange(20) < 4)
+    assert jr.probability(np.ones(50, bool)).low == pytest.approx(0.025 ** (1 / 50), rel=1e-12)
+    some = jr.probability(np.arange(20) < 4)
     assert (some.low, some.high) == pytest.approx((0.057334, 0.436614), abs=1e-6)
     assert str(some) == "0.2 (0.0573 to 0.437 with 95 % confidence, 20 draws)"
 
@@ -73,13 +73,16 @@ def test_bounds_hold_as_often_as_they_say():
     """In 500 experiments: 93 to 97 % of means, at least 93 % of shares."""
     random = np.random.default_rng(5)
     values = random.normal(2.0, 3.0, (500, 40))
-    means = [jr.average(row) for row in values]
+    means = [jr.expectation(row) for row in values]
     held = np.mean([one.low < 2.0 < one.high for one in means])
     assert 0.93 <= held <= 0.97
-    shares = [jr.share(row) for row in random.random((500, 200)) < 0.07]
+    shares = [jr.probability(row) for row in random.random((500, 200)) < 0.07]
     assert np.mean([one.low < 0.07 < one.high for one in shares]) >= 0.93
-    of_replicates = [jr.share(row, replicates=10) for row in random.random((500, 2000)) < 0.3]
-    assert 0.93 <= np.mean([one.low < 0.3 < one.high for one in of_replicates]) <= 0.975
+    rare = [jr.probability(row) for row in random.random((500, 2000)) < 1e-3]
+    assert np.mean([one.low <= 1e-3 <= one.high for one in rare]) >= 0.93
+    rows = random.normal(2.0, 3.0, (500, 16 * 20))
+    means = [jr.expectation(row, replicates=16) for row in rows]
+    assert 0.93 <= np.mean([one.low < 2.0 < one.high for one in means]) <= 0.97
 
 
 def ishigami(found):
@@ -95,6 +98,7 @@ def test_sobol_indices_of_a_known_function():
     np.testing.assert_allclose(found["total"], [0.5576, 0.4424, 0.2437], atol=0.02)
     assert (found["first_low"] <= found["first"]).all()
     assert (found["total_high"] >= found["total"]).all()
+    assert found.identical(jr.sensitivities(ishigami, cube, 4096))
     assert jr.plot.sensitivities(found).get_yticklabels()[-1].get_text() == "a"
 
 
@@ -127,10 +131,10 @@ def test_designed_stops_within_their_tolerances():
     """None of 64 machines and releases ends backward, of which more than half do between other stops."""
     published = jr.load("limiter-rotor")
     draws = jr.draws(tolerances.spread(published), 64, seed=2)
-    assert jr.share(tolerances.backward(tolerances.ends(published, draws, 150))).low > 0.5
+    assert jr.probability(tolerances.backward(tolerances.ends(published, draws, 150))).low > 0.5
     designed = published.replace(tolerances.DESIGNED)
     draws = jr.draws(tolerances.spread(designed), 64, seed=2)
-    after = jr.share(tolerances.backward(tolerances.ends(designed, draws, 150)))
+    after = jr.probability(tolerances.backward(tolerances.ends(designed, draws, 150)))
     assert after.value == 0.0 and after.high < 0.06
 
 
@@ -146,18 +150,34 @@ def test_refusals():
         jr.draws(SPREAD, 36, replicates=3)
     with pytest.raises(ValueError, match="10 draws are not the same number in each of 3"):
         jr.draws(SPREAD, 10, replicates=3)
+    for spread in ("uniform", stats.norm, (0.0, np.inf)):
+        with pytest.raises(ValueError, match=r"`spread\['disc.mass'\]` must be a pair"):
+            jr.draws({"disc.mass": spread}, 8)
+    with pytest.raises(ValueError, match="must be one distribution, but its parameters are lists"):
+        jr.draws({"disc.mass": stats.norm([0.0, 1.0], 1.0)}, 8)
     with pytest.raises(ValueError, match="`happened` must be true or false"):
-        jr.share([0.0, 1.0])
+        jr.probability([0.0, 1.0])
+    with pytest.raises(ValueError, match="`happened` is empty"):
+        jr.probability([])
     with pytest.raises(ValueError, match="`confidence` must be between 0 and 1"):
-        jr.share([True], confidence=95.0)
-    with pytest.raises(ValueError, match="1 of 3 are not finite"):
-        jr.average([1.0, np.nan, 2.0])
-    with pytest.raises(ValueError, match="`count` must be a power of two, but is 100"):
+        jr.probability([True], confidence=95.0)
+    with pytest.raises(ValueError, match="must be finite, but 1 of 3 are not"):
+        jr.expectation([1.0, np.nan, 2.0])
+    with pytest.raises(ValueError, match="`values` must be at least two numbers, but there are 1"):
+        jr.expectation([1.0])
+    with pytest.raises(ValueError, match="`count` must be a power of two from 2 on, but is 100"):
         jr.sensitivities(ishigami, SPREAD, 100)
-    with pytest.raises(ValueError, match="one finite number for each of 8 draws"):
+    with pytest.raises(ValueError, match="one number for each of 8 draws, but gives an array"):
         jr.sensitivities(lambda found: 1.0, SPREAD, 8)
-    with pytest.raises(ValueError, match="as many draws of every path"):
-        jr.over_draws(whirl, {"disc.mass": [0.0], "shaft.k11": [0.0, 1.0]})
+    with pytest.raises(ValueError, match="the same for every draw"):
+        jr.sensitivities(lambda found: 0 * found["disc.mass"], SPREAD, 8)
+    with pytest.raises(ValueError, match="8 of 8 values are not"):
+        jr.sensitivities(lambda found: np.nan * found["disc.mass"], SPREAD, 8)
+    with pytest.raises(ValueError, match="one parameter, which makes all of the variance"):
+        jr.sensitivities(ishigami, {"disc.mass": (1.0, 2.0)}, 8)
+    for deviations in ({"disc.mass": [0.0], "shaft.k11": [0.0, 1.0]}, {"disc.mass": 0.1}):
+        with pytest.raises(ValueError, match="must be a list of draws for every path"):
+            jr.over_draws(whirl, deviations)
     with pytest.raises(ValueError, match="has no `first` and `total`"):
         jr.plot.sensitivities(
             jr.sensitivities(ishigami, {n: (0.0, 1.0) for n in "abc"}, 4)[["first"]]

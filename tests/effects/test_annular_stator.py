@@ -347,3 +347,19 @@ def test_many_stops_press_by_another_law(record_property):
         assert ring_force == pytest.approx(z - GAP, rel=1e-12)
     record_property("measured", f"4096 stops, by the law of a continuum {max(errors):.0e}")
     assert max(errors) < 1e-3
+
+
+def test_second_derivatives_at_the_centre_are_finite():
+    """Of the clearance `gap - r`: those of r beside the centre, and numbers in it, also in float32."""
+    law = ring().law()
+    curved = jax.hessian(lambda z: law.clearance(z))
+    x, y = 0.03, -0.04
+    expected = -np.array([[y**2, -x * y], [-x * y, x**2]]) / 0.05**3
+    np.testing.assert_allclose(curved(jnp.array([x, y])), expected, rtol=1e-12)
+    for kind in (jnp.float64, jnp.float32):
+        small = jax.tree.map(lambda leaf, kind=kind: leaf.astype(kind), law)
+        second = jax.hessian(small.clearance)
+        assert np.all(np.isfinite(second(jnp.zeros(2, kind))))
+        speed = jnp.ones((), kind)
+        force = lambda z, small=small, speed=speed: jnp.sum(small(z, 0 * z, speed))
+        assert np.all(np.isfinite(jax.hessian(force)(jnp.zeros(2, kind))))

@@ -93,10 +93,10 @@ def test_state_never_grows_at_the_end_of_the_shaft(fields):
 
 @pytest.mark.slow
 def test_state_grows_by_a_span_for_a_kink_inside():
-    """Eight displacements of the second span, and the slope where the spans meet."""
+    """Nodes of two spans, and the slope where they meet."""
     kinked = Disc(0.3, MASS), ExternalDamping(8.0), Unbalance(0.3, 1.0, 1e-4)
-    assert field_of(bare(kinked[0]))[1] == 4 * (8 + 8 + 1)
-    assert field_of(bare(*kinked))[1] == 4 * (8 + 8 + 1)
+    assert field_of(bare(kinked[0]))[1] == 4 * (7 + 8 + 1)
+    assert field_of(bare(*kinked))[1] == 4 * (7 + 8 + 1)
 
 
 @pytest.mark.slow
@@ -232,7 +232,7 @@ def test_zero_strength_equals_absence(kinds):
         if acting is None:
             assert difference(scene) < 1e-13
         else:
-            assert difference(scene) > 1e-10, acting.kind
+            assert difference(scene) > 1e-11, acting.kind
 
 
 @pytest.mark.slow

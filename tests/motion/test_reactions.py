@@ -697,7 +697,7 @@ def test_reactions_of_simulate_are_those_of_run_up():
     )
     response = jr.simulate(scene, 2, 8, start=jr.Whirl(1e-4, 20.0))
     one = jr.reactions(response)
-    control = dfx.PIDController(rtol=1e-9, atol=1e-12)
+    control = dfx.PIDController(rtol=1e-10, atol=1e-13)
     run, two = forces(scene, response.time, start=jr.Whirl(1e-4, 20.0), controller=control)
     assert one.names == two.names == ("support", "constraints.0")
     scale = np.max(np.abs(two.force))

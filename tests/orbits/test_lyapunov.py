@@ -81,7 +81,7 @@ def test_backward_rub_has_an_exponent_of_zero_and_those_of_its_multipliers():
     scene = limiter_rotor(nodes=4)
     start = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)
     settled = jr.simulate(scene, 200, 128, solver=jr.Exponential(4), start=start, keep=4)
-    found = jr.lyapunov(scene, settled, 1000, count=3, settle=100)
+    found = jr.lyapunov(scene, settled, 2000, count=3, settle=100)
     assert found.unresolved == 0
     assert found.error[0] * TIME < 1e-4 and abs(found.exponents[0]) < 3 * found.error[0]
     orbit = jr.periodic(scene, settled, steps_per_revolution=128)

@@ -72,10 +72,12 @@ def test_within_a_span_the_response_is_mutual_and_converges():
     assert errors[0] < 1e-3 and errors[2] < errors[1] / 3 < errors[0] / 3
 
 
-def test_one_span_without_a_clamp_needs_three_nodes():
+def test_one_span_of_free_slopes_needs_three_nodes():
     pins = (jr.Constraint(0.0, "pin"), jr.Constraint(1.0, "pin"))
     shaft = jr.FlexibleShaft(1.0, 0.02, constraints=pins, nodes=2)
     still = jr.ConstantSpeed(0.0)
     with pytest.raises(ValueError, match="`nodes` must be at least 3 for a shaft of one span"):
         jr.Scene(shaft, spin=still)
+    cells = jr.Scene(dataclasses.replace(shaft, rule="trapezoid"), spin=still)
+    assert cells.resolution == (2,)
     assert jr.roots(jr.Scene(dataclasses.replace(shaft, nodes=3), spin=still)).size == 4

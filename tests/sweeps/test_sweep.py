@@ -75,7 +75,7 @@ def test_lanes_in_single_precision_tell_their_error():
     over = {"start.rate": [-441.0, -430.0]}
     how = {"start": jr.Whirl(12e-3, -441.0), "settle": 200, "keep": 60, "steps_per_revolution": 64}
     how |= {"solver": jr.Exponential(4), "observe": [jr.observe.Precession()]}
-    scene = jr.load("limiter-rotor").with_nodes(4)
+    scene = jr.load("limiter-rotor").with_nodes(5)
     single = jr.sweep(scene, over, precision="float32", **how)
     double = jr.sweep(scene, over, **how)
     assert (single.attrs["precision"], double.attrs["precision"]) == ("float32 steps", "float64")
