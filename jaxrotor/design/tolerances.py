@@ -201,9 +201,9 @@ def sensitivities(
 
     seen: list[tuple[np.ndarray, ...]] = []
 
-    def indices(*values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        seen.append(values)
-        return _sobol_indices(*values)
+    def indices(f_A: np.ndarray, f_B: np.ndarray, f_AB: np.ndarray) -> tuple:  # names of SciPy
+        seen.append((f_A, f_B, f_AB))
+        return _sobol_indices(f_A, f_B, f_AB)
 
     random, of_all = np.random.default_rng(seed), list(distributions.values())
     options: Any = {"method": indices, "rng": random}
