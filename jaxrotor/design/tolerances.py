@@ -25,11 +25,11 @@ RESAMPLED = 500  # times, for the bounds of Sobol indices
 class Estimate(NamedTuple):
     """A mean or a probability estimated by draws, with its confidence interval."""
 
-    value: float
-    low: float
-    high: float
-    draws: int
-    confidence: float
+    value: float  # in the unit of the quantity
+    low: float  # end of the interval
+    high: float  # end of the interval
+    draws: int  # number of them
+    confidence: float  # level of the interval [1]
 
     def __str__(self) -> str:
         bounds = f"{self.low:.3g} to {self.high:.3g} with {100 * self.confidence:g} % confidence"
