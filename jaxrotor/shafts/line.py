@@ -13,6 +13,7 @@ from ..core.blocks import Blocks
 from ..core.quantities import Scalar, known
 from ..core.representation import AbstractPart
 from .influence import Influence
+from .polynomials import nodes_of_spans
 
 
 POINTS = 27  # Gauss points per span: exact for two polynomials of 24 nodes and two slopes
@@ -94,6 +95,37 @@ class AbstractLine(eqx.Module):
     @abc.abstractmethod
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         """`Int column(s) per_length(s) ds`: a given force per length."""
+
+
+class AbstractSpectralLine(AbstractLine):
+    """Line of polynomials on spans, by Galerkin's equations times the flexibility."""
+
+    ends: eqx.AbstractVar[Float[Array, " ends"]]  # ends of the spans [m]
+    degrees: eqx.AbstractVar[tuple[int, ...]]  # intervals between the nodes of each span
+    held: eqx.AbstractVar[Held]
+
+    @abc.abstractmethod
+    def _deflection(self, force: Array) -> Array:
+        """Terms in the equations of generalized forces, which are `row(x) F` for a force `F` at `x`."""
+
+    @property
+    def breaks(self) -> Float[Array, " ends"]:
+        return self.ends
+
+    @property
+    def nodes(self) -> Float[Array, " nodes"]:
+        """Stations of the displacements, including held ones [m]."""
+        return nodes_of_spans(self.degrees, self.ends)
+
+    @property
+    def _widths(self) -> Float[Array, " spans"]:
+        return jnp.diff(self.ends)
+
+    def column(self, at: Scalar) -> Float[Array, " n"]:
+        return self._deflection(self.row(at))
+
+    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
+        return self._deflection(self.slope_row(at))
 
 
 def gauss_points(breaks: Float[Array, " breaks"]) -> tuple[Array, Array]:

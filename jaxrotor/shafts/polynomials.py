@@ -1,6 +1,7 @@
 """Polynomials on the spans of a shaft: nodes, interpolants, their integrals, and a clamped span."""
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -85,9 +86,7 @@ def bubble_flexibility(degree: int, highest: int) -> Float[np.ndarray, "node nod
 @functools.cache
 def cubics(degree: int) -> Float[np.ndarray, "node 4"]:
     """Hermite's cubics of value and slope at 0, then at 1, at the Lobatto nodes."""
-    xi = lobatto(degree)
-    left, right = (1 + 2 * xi) * (1 - xi) ** 2, xi**2 * (3 - 2 * xi)
-    return np.stack([left, xi * (1 - xi) ** 2, right, xi**2 * (xi - 1)], axis=1)
+    return np.stack(hermite(lobatto(degree), 0), axis=1)
 
 
 @functools.cache
@@ -111,18 +110,22 @@ def in_hermite_and_bubbles(
 
 def hermite_and_bubbles(highest: int, local: Scalar, derivative: int) -> Float[Array, " part"]:
     """Hermite's cubics of value and slope at 0 and at 1, then `B_2 .. B_(highest - 2)`; or derivatives."""
-    xi, k = local, np.arange(2, highest - 1)
-    p = legendre_polynomials(highest, xi)
+    p, k = legendre_polynomials(highest, local), np.arange(2, highest - 1)
     if derivative:
-        rise = 6 * xi * (1 - xi)
-        cubic = [-rise, (1 - xi) * (1 - 3 * xi), rise, xi * (3 * xi - 2)]
         beyond = (p[k + 1] - p[k - 1]) / (2 * (2 * k + 1))
     else:
-        rise = xi**2 * (3 - 2 * xi)
-        cubic = [1 - rise, xi * (1 - xi) ** 2, rise, xi**2 * (xi - 1)]
         twice = (p[k + 2] - p[k]) / (2 * k + 3) - (p[k] - p[k - 2]) / (2 * k - 1)
         beyond = twice / (4 * (2 * k + 1))
-    return jnp.concatenate([jnp.stack(cubic), beyond])
+    return jnp.concatenate([jnp.stack(hermite(local, derivative)), beyond])
+
+
+def hermite(xi: Any, derivative: int) -> list[Any]:
+    """Hermite's cubics of value and slope at 0, then at 1, or their first derivatives."""
+    if derivative:
+        rise = 6 * xi * (1 - xi)
+        return [-rise, (1 - xi) * (1 - 3 * xi), rise, xi * (3 * xi - 2)]
+    left, right = (1 + 2 * xi) * (1 - xi) ** 2, xi**2 * (3 - 2 * xi)
+    return [left, xi * (1 - xi) ** 2, right, xi**2 * (xi - 1)]
 
 
 def legendre_polynomials(degree: int, local: Scalar) -> Float[Array, " k"]:

@@ -16,17 +16,16 @@ from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
 from ..core.quantities import Scalar
-from .line import AbstractLine, Held, PerLength
+from .line import AbstractSpectralLine, Held, PerLength
 from .polynomials import (
     incidence,
     interpolants,
     legendre_polynomials,
     node_of_ends,
-    nodes_of_spans,
 )
 
 
-class ShearLine(AbstractLine):
+class ShearLine(AbstractSpectralLine):
     """`q = (z at the nodes, l psi at the nodes)`, without the displacements and slopes that are held."""
 
     ends: Float[Array, " ends"]  # ends of the spans [m]
@@ -35,15 +34,6 @@ class ShearLine(AbstractLine):
     degrees: tuple[int, ...] = eqx.field(static=True)  # degree of the polynomials on each span
     held: Held = eqx.field(static=True)
     anisotropy: Scalar | None
-
-    @property
-    def breaks(self) -> Float[Array, " ends"]:
-        return self.ends
-
-    @property
-    def nodes(self) -> Float[Array, " nodes"]:
-        """Stations of the displacements, including held ones [m]."""
-        return nodes_of_spans(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -72,12 +62,6 @@ class ShearLine(AbstractLine):
 
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 1) / self.ends[-1]
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._deflection(self.row(at))
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._deflection(self.slope_row(at))
 
     @eqx.filter_jit
     def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
@@ -123,10 +107,6 @@ class ShearLine(AbstractLine):
         return jnp.stack(motions, axis=1)[self._unconstrained]
 
     # --- coordinates
-
-    @property
-    def _widths(self) -> Float[Array, " spans"]:
-        return jnp.diff(self.ends)
 
     @property
     def _unconstrained(self) -> np.ndarray:

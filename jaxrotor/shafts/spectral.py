@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel, stiffness_with_rigid_motions
-from .line import AbstractLine, Held, PerLength
+from .line import AbstractSpectralLine, Held, PerLength
 from .polynomials import (
     bubble_flexibility,
     cubics,
@@ -31,12 +31,11 @@ from .polynomials import (
     incidence,
     interpolants,
     node_of_ends,
-    nodes_of_spans,
     products,
 )
 
 
-class SpectralLine(AbstractLine):
+class SpectralLine(AbstractSpectralLine):
     """`q = (z at the nodes, l z' where spans meet)`, without the displacements and slopes that are held.
 
     Where two spans meet, the slope, scaled by the length `l` of the shaft, is a coordinate of its own. A
@@ -51,15 +50,6 @@ class SpectralLine(AbstractLine):
     held: Held = eqx.field(static=True)
     free: tuple[int, ...] = eqx.field(static=True)  # ends with an auxiliary constraint: 0 or -1
     anisotropy: Scalar | None
-
-    @property
-    def breaks(self) -> Float[Array, " ends"]:
-        return self.ends
-
-    @property
-    def nodes(self) -> Float[Array, " nodes"]:
-        """Stations of the displacements, including held ones [m]."""
-        return nodes_of_spans(self.degrees, self.ends)
 
     @property
     def stiffness(self) -> Float[Array, "n n"]:
@@ -87,12 +77,6 @@ class SpectralLine(AbstractLine):
     @eqx.filter_jit
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 1)
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._deflection(self.row(at))
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._deflection(self.slope_row(at))
 
     def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         return self._deflection(self._integral(per_length, 0))
@@ -176,10 +160,6 @@ class SpectralLine(AbstractLine):
         return self.kernel.rigidity((self.ends[:-1] + self.ends[1:]) / 2)
 
     # --- coordinates
-
-    @property
-    def _widths(self) -> Float[Array, " spans"]:
-        return jnp.diff(self.ends)
 
     @property
     def _orders(self) -> list[tuple[int, bool, bool]]:

@@ -15,6 +15,7 @@ from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel, stiffness_with_rigid_motions
 from .line import AbstractLine, Held, PerLength, strain_energy
+from .polynomials import hermite
 
 
 class TrapezoidLine(AbstractLine):
@@ -127,16 +128,8 @@ class TrapezoidLine(AbstractLine):
         left, right = jnp.eye(m + 1)[cell], jnp.eye(m + 1)[cell + 1]
         scaled = width / self.length  # factor of the unknown l z'
 
-        def row(value, value_, slope, slope_):
+        def row(value, slope, value_, slope_):
             ends = value * left + value_ * right
             return jnp.concatenate([ends, scaled * (slope * left + slope_ * right)])
 
-        displacement = row(
-            (1 + 2 * u) * (1 - u) ** 2,
-            u**2 * (3 - 2 * u),
-            u * (1 - u) ** 2,
-            u**2 * (u - 1),
-        )
-        rise = 6 * u * (1 - u)
-        slope = row(-rise, rise, (1 - u) * (1 - 3 * u), u * (3 * u - 2)) / width
-        return displacement, slope
+        return row(*hermite(u, 0)), row(*hermite(u, 1)) / width
