@@ -15,6 +15,7 @@ from ..core.extremes import larger, largest
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known, on_host
 from ..core.sign_change import sign_change
+from ..core.tables import RPM
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..equations.speed_tables import speed_range
 from ..equations.system import System
@@ -162,9 +163,10 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     for wrong, sentence in refusals if throw else ():
         if known(wrong):
             if bool(wrong):
+                low, high = speeds[0], speeds[-1]
                 raise ValueError(
-                    f"{sentence} from {speeds[0]:g} to {speeds[-1]:g} rad/s; search other speeds by "
-                    "`within`."
+                    f"{sentence} from {low:g} to {high:g} rad/s ({RPM * low:.6g} to {RPM * high:.6g} "
+                    "rpm); search other speeds by `within`."
                 )
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} at the speeds searched.")

@@ -37,6 +37,14 @@ def axis_units(scene: str, rotor: Scene, *options: str | None) -> dict[str, Any]
     return {"speed": first(0, "rad/s"), "length": first(1, None)}
 
 
+def angle_unit(scene: str, *options: str | None) -> tuple[float, str]:
+    """Factor from rad to the unit in which angles were typed, and that unit: degrees if one was."""
+    parts = [text.rpartition("=")[2] for text in options if text is not None]
+    typed = [_TYPED.fullmatch(text) for text in (*parts, *texts(scene))]
+    in_degrees = any(match and match[2].lower() == "deg" for match in typed)
+    return (math.degrees(1.0), "deg") if in_degrees else (1.0, "rad")
+
+
 def written_in(
     chosen: Mapping[str, Any], unit: str, values: Any, rotor: Scene
 ) -> tuple[float, str]:

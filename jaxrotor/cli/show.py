@@ -16,7 +16,7 @@ from ..plot.units import SPEEDS
 from ..results.provenance import assumed
 from ..scene import Scene
 from . import answer
-from .axis_units import axis_units, written_in
+from .axis_units import angle_unit, axis_units, written_in
 from .campbell import described_critical
 from .linear import described_onset, described_roots
 from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
@@ -97,7 +97,10 @@ def show(
         return
     given = {path: pair for path, pair in parameters.items() if pair[0] is not None}
     units = axis_units(scene, rotor, *settings or ())
-    rows = [(path, *_typed(value, unit, units, rotor)) for path, (value, unit) in given.items()]
+    angles = angle_unit(scene, *settings or ())
+    rows = [
+        (path, *_typed(value, unit, units, angles, rotor)) for path, (value, unit) in given.items()
+    ]
     rate = units["speed"]
     speeds = lambda found: f"{_text(_scaled(found, SPEEDS[rate]))} {rate}"
     answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
@@ -139,10 +142,12 @@ def _critical_rows(
     return rows
 
 
-def _typed(value: Any, unit: str, units: dict[str, Any], rotor: Scene) -> tuple[str, str]:
-    """Text of a parameter and its unit, that of the typed speeds and small lengths."""
+def _typed(
+    value: Any, unit: str, units: dict[str, Any], angles: tuple[float, str], rotor: Scene
+) -> tuple[str, str]:
+    """Text of a parameter and its unit, that of the typed speeds, small lengths and angles."""
     numbers = [one for one in jax.tree.leaves(value) if one is not None]
-    factor, shown = written_in(units, unit, numbers, rotor)
+    factor, shown = angles if unit == "rad" else written_in(units, unit, numbers, rotor)
     return _text(_scaled(value, factor)), shown
 
 
