@@ -178,7 +178,6 @@ from .sweeps.attractors import attractors as attractors
 from .sweeps.basins import basins as basins
 from .sweeps.classify import classify as classify
 from .sweeps.escapes import escapes as escapes
-from .sweeps.hysteresis import hysteresis as hysteresis
 from .sweeps.sweep import sweep as sweep
 from .work_precision import measures as measures, methods as methods
 from .work_precision.accuracy import accuracy as accuracy

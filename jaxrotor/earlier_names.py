@@ -16,7 +16,6 @@ EARLIER = {  # earlier name -> modules that define its names now, searched in th
     "escapes": ("sweeps.escapes",),
     "export": ("results.export",),
     "grid": ("sweeps.grid",),
-    "hysteresis": ("sweeps.hysteresis",),
     "job": ("sweeps.job",),
     "lanes": ("sweeps.lanes",),
     "march": ("motion.revolutions", "motion.base"),

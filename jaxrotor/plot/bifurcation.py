@@ -15,6 +15,7 @@ from .units import length_unit
 
 _INK = 22_000  # of points, by their number and the square of their marker size [pt]
 _SIZES = (1.5, 4.0)  # smallest and largest marker [pt]; a point is half as wide
+_MARKERS = {"up": "^", "down": "v"}  # of the ways in which states are carried
 _HEIGHTS = 1000  # at which points of a lane are told apart
 _STRIP = 0.025  # height of the strip that marks contact, over that of the Axes
 _CLOSE = 0.04  # distance, over the range, below which two texts become one
@@ -78,8 +79,9 @@ def bifurcation(
     ways = {".": np.ones(index.size, bool)}
     if "branch" in lanes:
         branch = np.indices(index.shape)[lanes.index("branch")].ravel()
-        ways = {marker: branch == k for k, marker in enumerate("^v")}
-        for marker, name in zip("^v", dataset["branch"].values, strict=True):
+        names = [str(name) for name in dataset["branch"].values]
+        ways = {marker: branch == names.index(name) for name, marker in _MARKERS.items()}
+        for name, marker in _MARKERS.items():
             upper.plot([], [], marker, color=colours.DARK, label=f"below: {name}")
     for about, colour, chosen in coloured_groups(dataset, lanes):
         x, y = _cloud(values[chosen], displacement[chosen])

@@ -162,10 +162,11 @@ def with_carried_first(over: Mapping[str, Any], carry: str, error_sample: int) -
     if isinstance(over[carry], Mapping):
         raise ValueError(f"`carry` must be a single path, but `{carry}` has several.")
     values = np.atleast_1d(np.asarray(over[carry], float))
-    if values.size < 2 or not np.all(np.diff(values) > 0):
+    changes = np.diff(values)
+    if values.size < 2 or not (np.all(changes > 0) or np.all(changes < 0)):
         raise ValueError(
-            f"`over['{carry}']`, along which states are carried, must be two or more ascending numbers, "
-            f"but is {values.tolist()}."
+            f"`over['{carry}']`, along which states are carried, must be two or more numbers that ascend, "
+            f"or descend, but is {values.tolist()}."
         )
     if error_sample:
         raise ValueError(

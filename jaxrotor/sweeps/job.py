@@ -34,6 +34,7 @@ class Job(NamedTuple):
     axes: dict[str, np.ndarray]  # values by path; the path along which states are carried is first
     carry: str | None
     stages: Stages
+    kick: float = 0.0  # angle by which the first ball is moved where a state is carried on [rad]
 
     @property
     def free(self) -> dict[str, int]:
@@ -53,7 +54,16 @@ class Job(NamedTuple):
     @property
     def dims(self) -> dict[str, np.ndarray]:
         """Values by dimension of the data set."""
-        return self.axes if self.carry is None else {"branch": np.array(BRANCHES), **self.axes}
+        if self.carry is None:
+            return self.axes
+        first, last = self.axes[self.carry][[0, -1]]
+        ways = BRANCHES if first < last else BRANCHES[::-1]
+        return {"branch": np.array(ways), **self.axes}
+
+    def identity(self) -> dict[str, Any]:
+        """Attributes that tell the sweep from any other, see `identity`."""
+        kick = {"kick": self.kick} if self.kick else {}
+        return identity(self.context) | {"carry": self.carry or "none"} | kick
 
     def run(self, block: Block, tick: Callable[[int], None], *, size: int) -> xr.Dataset:
         """Data set of a block of lanes, run in a program for `size` of them."""
@@ -65,7 +75,7 @@ class Job(NamedTuple):
         count = len(axes[self.carry])
         row = points.reshape(count, -1, points.shape[1]).swapaxes(0, 1)
         there_and_back = np.concatenate([row, row[:, ::-1]], axis=1)
-        lanes = run_rows(self.context, self.stages, there_and_back, size, tick)
+        lanes = run_rows(self.context, self.stages, there_and_back, size, tick, self.kick)
         return _dataset(self.context, {**self.dims, **axes}, _by_branch(lanes, count))
 
     def repeat(
@@ -84,12 +94,12 @@ def points_of(axes: Mapping[str, np.ndarray], lanes: np.ndarray) -> np.ndarray:
 
 
 def _by_branch(results: Lanes, values: int) -> Lanes:
-    """Lanes by branch, value and row, from rows that go up through the values and down again."""
+    """Lanes by branch, value and row, from rows that go through the values and back again."""
 
     def by_branch(leaf: np.ndarray) -> np.ndarray:
         rest = leaf.shape[2:]
-        up, down = leaf[:, :values], leaf[:, : values - 1 : -1]
-        return np.stack([up, down]).swapaxes(1, 2).reshape(-1, *rest)
+        there, back = leaf[:, :values], leaf[:, : values - 1 : -1]
+        return np.stack([there, back]).swapaxes(1, 2).reshape(-1, *rest)
 
     return jax.tree.map(by_branch, results)
 

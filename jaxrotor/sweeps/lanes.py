@@ -135,20 +135,32 @@ def run_chunk(
 
 
 def run_rows(
-    context: Context, stages: Stages, rows: np.ndarray, size: int, tick: Callable[[int], None]
+    context: Context,
+    stages: Stages,
+    rows: np.ndarray,
+    size: int,
+    tick: Callable[[int], None],
+    kick: float = 0.0,
 ) -> Lanes:
     """Results of lanes that go through a row of points each, (lanes, points, paths).
 
-    A lane starts at every point from the state it had at the end of the point before; after a point
-    where it failed, from the state it had at the beginning of that point.
+    A lane starts at every point from the state it had at the end of the point before, its first ball
+    moved by `kick` [rad]; after a point where it failed, from the state it had at the beginning of that
+    point.
     """
     results: list[Lanes] = []
     begin = None
     for points in rows.swapaxes(0, 1):
         results.append(run_chunk(context, stages, points, size, tick, begin, keep_end=True))
-        begin = results[-1].end
+        begin = _kicked(results[-1].end, kick) if kick else results[-1].end
     observed = [lanes._replace(end=None) for lanes in results]
     return jax.tree.map(lambda *parts: np.stack(parts, axis=1), *observed)
+
+
+def _kicked(parts: Any, kick: float) -> tuple[np.ndarray, ...]:
+    """States, see `IntegratedMarch.decode`, with the first ball moved by an angle [rad]."""
+    q, velocity, angles, speeds = parts
+    return q, velocity, angles + kick * (np.arange(angles.shape[1]) == 0), speeds
 
 
 def _end_or_first(ok: Any, end: Any, first: Any) -> Any:

@@ -125,6 +125,33 @@ def _extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarr
     return scenes
 
 
+def checked_times(times: Any, given: Mapping[str, Any], steps: Any) -> np.ndarray:
+    """The times of a run; raises unless they are evenly spaced, and alone decide what is observed."""
+    if steps == "auto":
+        raise ValueError(
+            'Steps "auto" are for whole revolutions; along `times` give `steps_per_revolution`, and '
+            "`error_sample` to see what error they leave."
+        )
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"`{name}` is for whole revolutions, but `times` are given; take one of both."
+            )
+    values = np.atleast_1d(np.asarray(times, float))
+    lengths = np.diff(values)
+    if (
+        values.ndim > 1
+        or values.size < 2
+        or values[0] < 0
+        or not lengths.min() > 0
+        or np.ptp(lengths) > 1e-9 * values[-1]
+    ):
+        raise ValueError(
+            f"`times [s]` of a sweep must be two or more evenly spaced times from 0 on, but are {times!r}."
+        )
+    return np.linspace(values[0], values[-1], values.size)
+
+
 def windows_of(times: np.ndarray) -> tuple[int, int, int]:
     """Windows before the first sample, none or one, and after it; and the intervals of each of these."""
     size = window_of(times.size)

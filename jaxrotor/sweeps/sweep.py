@@ -39,10 +39,10 @@ from .axes import (
 )
 from .cluster import executor
 from .grid import Block, Gathered, block_shape, blocks
-from .job import Job, coords_of, errors_of, identity, points_of
+from .job import Job, coords_of, errors_of, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, everything
-from .pace import finer, pace_of, start_of_lanes, stepped_by, windows_of
+from .pace import checked_times, finer, pace_of, start_of_lanes, stepped_by, windows_of
 from .store import PENDING, Store, StoreError
 
 
@@ -64,6 +64,7 @@ def sweep(
     tolerance: float | int = 1e-3,
     error_sample: int | None = None,
     carry: str | None = None,
+    kick: float = 0.0,
     store: str | os.PathLike[str] | None = None,
     solver: Exponential | dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
@@ -102,9 +103,11 @@ def sweep(
             coordinates, with a tenth of the tolerance of an adaptive solver. The largest and the median
             change of every variable that has one number a lane are its attributes `error` and
             `error_median`; changes of single lanes are in `<name>_error`, over `error_lane`, their number.
-        carry: path of `over` whose values, ascending, are taken one after the other, up and then down.
-            Every lane continues from the state it has reached; after a failure, from the state before
-            it. The data set is over `branch` ("up", "down") too.
+        carry: path of `over` whose values are taken one after the other, up and then down, or down and
+            then up where they descend. Every lane continues from the state it has reached; after a
+            failure, from the state before it. The data set is over `branch` ("up", "down") too.
+        kick: angle [rad] by which the first ball is moved whenever a state is carried on. Balls that came
+            to rest would leave a position that has become unstable by rounding alone.
         store: folder in Zarr format that every chunk of lanes is written to as soon as it is done. A
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
@@ -144,14 +147,15 @@ def sweep(
     if steps_per_revolution != "auto":
         check_counts(steps_per_revolution=steps_per_revolution)
     given = {"settle": settle, "keep": keep, "carry": carry, "period": period}
-    along = None if times is None else _checked_run(times, given, steps_per_revolution)
+    along = None if times is None else checked_times(times, given, steps_per_revolution)
     settle, keep = SETTLE if settle is None else settle, KEEP if keep is None else keep
     check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
     check_counts(0, settle=settle, error_sample=error_sample or 0)
     if along is None:
         check_constant_speed(scene, "`sweep` without `times`")
-    if carry is not None:
-        over = with_carried_first(over, carry, error_sample or 0)
+    _check_kick(kick, carry, scene)
+    _check_precision(precision)
+    over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
     start = start_of_lanes(scene, start, paths_of(over))
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period, revolve=along is None)
@@ -186,42 +190,14 @@ def sweep(
         batch=True,
         massless=massless,
     )
-    lanes = scene, start, tuple(columns), plan, station, period
-    job = Job(Context(*lanes, observe, settle, keep, pace, in_single), axes, carry, Stages.fresh())
-    attributes = identity(job.context) | chosen(pilots) | {"carry": carry or "none"}
+    lanes = scene, start, tuple(columns), plan, station, period, observe, settle, keep
+    job = Job(Context(*lanes, pace, in_single), axes, carry, Stages.fresh(), kick)
     with executor(cluster, workers) as running:
-        place = _place(store, job, attributes, lanes_per_chunk, running.count)
+        place = _place(store, job, chosen(pilots), lanes_per_chunk, running.count)
         return _run(job, place, error_sample, lanes_per_chunk, running, progress)
 
 
 # === before the run
-
-
-def _checked_run(times: Any, given: Mapping[str, Any], steps: Any) -> np.ndarray:
-    """The times of a run; raises unless they are evenly spaced, and alone decide what is observed."""
-    if steps == "auto":
-        raise ValueError(
-            'Steps "auto" are for whole revolutions; along `times` give `steps_per_revolution`, and '
-            "`error_sample` to see what error they leave."
-        )
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(
-                f"`{name}` is for whole revolutions, but `times` are given; take one of both."
-            )
-    values = np.atleast_1d(np.asarray(times, float))
-    lengths = np.diff(values)
-    if (
-        values.ndim > 1
-        or values.size < 2
-        or values[0] < 0
-        or not lengths.min() > 0
-        or np.ptp(lengths) > 1e-9 * values[-1]
-    ):
-        raise ValueError(
-            f"`times [s]` of a sweep must be two or more evenly spaced times from 0 on, but are {times!r}."
-        )
-    return np.linspace(values[0], values[-1], values.size)
 
 
 def _checked_observables(
@@ -246,17 +222,31 @@ def _checked_observables(
     return observe
 
 
-def _in_single(precision: str | None, solver: Any, pace: Any) -> bool:
-    """Whether lanes are stepped in single precision by jax in double precision; raises unless they can."""
-    own = jnp.zeros(()).dtype.name
+def _check_kick(kick: float, carry: str | None, scene: Scene) -> None:
+    """Raise unless there are balls to move, and states that are carried on."""
+    if not np.isfinite(kick):
+        raise ValueError(f"`kick [rad]` must be a finite angle, but is {kick}.")
+    if kick and (carry is None or not scene.of(AbstractBodies)):
+        raise ValueError(
+            f"`kick` moves a ball where `carry` takes its state on, but is {kick:g} without "
+            f"{'`carry`' if carry is None else 'balls'}; leave it out."
+        )
+
+
+def _check_precision(precision: str | None) -> None:
+    """Raise unless jax can compute with this precision."""
     if precision not in (None, "float32", "float64"):
         raise ValueError(f'`precision` must be "float32" or "float64", but is {precision!r}.')
-    if precision in (None, own):
-        return False
-    if own == "float32":
+    if precision == "float64" and jnp.zeros(()).dtype.name == "float32":
         raise ValueError(
             '`precision` is "float64", but jax computes in float32; set jax_enable_x64 first.'
         )
+
+
+def _in_single(precision: str | None, solver: Any, pace: Any) -> bool:
+    """Whether jax in double precision steps lanes in single precision; raises unless it can."""
+    if precision in (None, jnp.zeros(()).dtype.name):
+        return False
     if pace is not None or not isinstance(solver, Exponential) or solver.located:
         raise ValueError(
             '`precision` "float32" is for whole revolutions by Exponential() that is not `located`; leave '
@@ -336,12 +326,12 @@ def _evenly_spread(lanes: int, count: int) -> np.ndarray:
 
 
 def _place(
-    store: Any, job: Job, attributes: dict[str, Any], most: int, workers: int
+    store: Any, job: Job, pilots: dict[str, Any], most: int, workers: int
 ) -> tuple[Gathered | Store, list[Block], int]:
     """Where results go, which blocks are still to be computed, and the lanes of a block."""
     free = job.free
     block = dict(zip(free, block_shape(list(free.values()), most, workers), strict=True))
-    settings = (coords_of(job.context, job.dims), attributes, block)
+    settings = (coords_of(job.context, job.dims), job.identity() | pilots, block)
     sink = Gathered(*settings) if store is None else Store(store, *settings)
     shape = [sink.block[path] for path in free]
     return sink, sink.pending(blocks(free, shape)), math.prod(shape)

@@ -248,39 +248,58 @@ def test_partial_capture():
     assert np.sqrt(np.mean(np.abs(s_of(result)) ** 2)) == pytest.approx(2.2702, rel=5e-3)
 
 
+def up_and_down(scene, speeds, start, settle=70, keep=20):
+    """The scene at speeds [100 rad/s], each from the last state, its first ball moved by 0.05 rad."""
+    seen = jr.observe.Imbalance(), jr.observe.BallLag(), jr.observe.Radius()
+    return jr.sweep(
+        scene,
+        {"spin.speed": 100 * np.array(speeds)},
+        carry="spin.speed",
+        kick=0.05,
+        start=start,
+        settle=settle,
+        keep=keep,
+        observe=seen,
+        steps_per_revolution=32,
+        solver=dfx.Dopri8(),
+        at=D,
+        progress=False,
+    )
+
+
 @pytest.mark.slow
 def test_hysteresis_in_speed():
     """Set R: lag whirl up to 1.2, balanced from 1.25; down, lost between 1.25 and 1.15."""
-    speeds = np.array([0.9, 1.1, 1.15, 1.2, 1.25, 1.5, 2.0])
-    found = jr.hysteresis(balancer(), 100 * speeds, 4.0, start=launch(), solver=dfx.Dopri8())
+    found = up_and_down(balancer(), [0.9, 1.1, 1.15, 1.2, 1.25, 1.5, 2.0], launch())
     up, down = found.imbalance.values / 1.5e-3
+    assert found.branch.values.tolist() == ["up", "down"] and found.attrs["kick"] == 0.05
     assert min(up[:4]) > 1.0 and up[4] < 0.1 and max(up[5:]) < 1e-4
     assert min(down[:3]) > 1.0 and down[4] < 0.1 and max(down[5:]) < 1e-4
-    rate = found.mean_rate.sel(branch="up", speed=120.0) / 120
-    assert (rate < 0.95).all() and np.isinf(found.settled.sel(branch="up", speed=120.0))
-    assert (found.settled[:, -1] < 4.0).all() and found.attrs["kick"] == 0.05
+    assert (found.ball_lag.sel({"branch": "up", "spin.speed": 120.0}) / 120 < -0.05).all()
 
 
 @pytest.mark.slow
 def test_hysteresis_of_the_light_set():
-    """Stuck up to 4 (rms |s| 4.69, |delta| 75.1, 1.4314); from balance at 4 kept to 1.7, lost at 1.6."""
-    speeds = np.array([0.9, 1.2, 1.5, 1.6, 1.7, 1.8, 2.0, 3.0, 4.0])
+    """Stuck up to 4 (rms |s| 4.69, |delta| 75.1); from balance at 4 kept to 1.7, lost at 1.6 (4.48).
+
+    The sheet asks to trust three digits of these oscillating runs. Balls that are stuck turn on average
+    as in the lag whirl of a rotor without imbalance, whose rates it has in closed form.
+    """
+    speeds = [0.9, 1.2, 1.5, 1.6, 1.7, 1.8, 2.0, 3.0, 4.0]
     top = run(balancer("L", 4.0), np.linspace(1400, 1500, SAMPLES), fine=False).end
-    down = jr.Launch(top.shaft, top.angle, top.balls)
-    found = jr.hysteresis(
-        balancer("L"),
-        100 * speeds,
-        4.0,
-        start=launch(),
-        start_down=down,
-        solver=dfx.Dopri8(),
+    stuck = up_and_down(balancer("L"), speeds, launch(), 200, 60)
+    balanced = up_and_down(
+        balancer("L"), speeds[::-1], jr.Launch(top.shaft, top.angle, top.balls), 200, 60
     )
-    up, back = found.imbalance.values / 1.5e-3
-    assert up[-1] == pytest.approx(4.69, abs=0.01) and min(up) > 1.0
-    last = found.sel(branch="up", speed=400.0)
-    assert float(last.mean_rate.mean()) / 100 == pytest.approx(1.4314, abs=1e-3)
-    assert float(last.radius) / (D * TILT) == pytest.approx(75.1, abs=0.2)
-    assert max(back[4:]) < 0.1 and back[3] == pytest.approx(4.48, abs=0.1)
+    up = stuck.sel(branch="up").imbalance.values / 1.5e-3
+    assert up[-1] == pytest.approx(4.69, rel=5e-3) and min(up) > 1.0
+    last = stuck.sel({"branch": "up", "spin.speed": [200.0, 300.0, 400.0]})
+    rates = (last.ball_lag + last.mean_speed).mean("ball").values / 100
+    assert rates == pytest.approx([1.16383777631, 1.29744397896, 1.43148477171], abs=1e-3)
+    assert float(last.radius_rms[-1]) / (D * TILT) == pytest.approx(75.1, abs=0.2)
+    assert balanced.branch.values.tolist() == ["down", "up"]
+    down = balanced.sel(branch="down").imbalance.values / 1.5e-3
+    assert max(down[:5]) < 0.1 and down[5] == pytest.approx(4.48, abs=0.1)
 
 
 # === against the Lagrangian

@@ -385,13 +385,16 @@ def test_a_lane_that_fails_goes_on_from_where_it_came():
     [
         ("spin.speed", {}, "`carry` must be one of the paths of `over`"),
         ("start.radius", {}, "`carry` keeps the state of a lane"),
-        ("unbalance.eccentricity", {}, "must be two or more ascending numbers"),
+        ("unbalance.eccentricity", {}, "must be two or more numbers that ascend, or descend"),
         ("limiters.gap", {"error_sample": 1}, "`error_sample` runs single lanes again"),
+        ("limiters.gap", {"kick": 0.1}, "`kick` moves a ball .* without balls; leave it out"),
+        (None, {"kick": 0.1}, "without `carry`; leave it out"),
+        ("limiters.gap", {"kick": np.nan}, "must be a finite angle"),
     ],
 )
 def test_refusals_of_carry(carry, more, words):
     over = {
-        "unbalance.eccentricity": [2e-4, 1e-4],
+        "unbalance.eccentricity": [2e-4, 1e-4, 3e-4],
         "start.radius": [1e-3],
         "limiters.gap": [7e-3, 8e-3],
     }
