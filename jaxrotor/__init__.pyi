@@ -82,9 +82,11 @@ from .core.program_cache import keep_programs as keep_programs
 from .design import (
     Estimate as Estimate,
     History as History,
+    Smoothed as Smoothed,
     Tuned as Tuned,
     Uncertainty as Uncertainty,
     draws as draws,
+    exceedance as exceedance,
     expectation as expectation,
     objectives as objectives,
     over_draws as over_draws,

@@ -1,12 +1,16 @@
 """Design: parameters of a scene by gradients of what it does."""
 
 from . import objectives as objectives
-from .tolerances import (
+from .estimates import (
     Estimate as Estimate,
-    draws as draws,
+    Smoothed as Smoothed,
+    exceedance as exceedance,
     expectation as expectation,
-    over_draws as over_draws,
     probability as probability,
+)
+from .tolerances import (
+    draws as draws,
+    over_draws as over_draws,
     sensitivities as sensitivities,
 )
 from .tune import History as History, Tuned as Tuned, tune as tune

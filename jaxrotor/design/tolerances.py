@@ -1,8 +1,7 @@
 """Tolerances: parameters that scatter, and what draws of them tell about a machine."""
 
-import math
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,32 +13,24 @@ from scipy import stats
 from ..core.attributes import about
 from ..core.checks import check_counts
 from ..core.quantities import known
-from ..core.shares import check_confidence, share_of
+from ..core.shares import check_confidence
 from ..scene import Scene
 from .bounds import own_value
+from .estimates import checked_replicates
 
 
 RESAMPLED = 500  # times, for the bounds of Sobol indices
 
 
-class Estimate(NamedTuple):
-    """A mean or a probability estimated by draws, with its confidence interval."""
-
-    value: float  # in the unit of the quantity
-    low: float  # end of the interval
-    high: float  # end of the interval
-    draws: int  # number of them
-    confidence: float  # level of the interval [1]
-
-    def __str__(self) -> str:
-        bounds = f"{self.low:.3g} to {self.high:.3g} with {100 * self.confidence:g} % confidence"
-        return f"{self.value:.4g} ({bounds}, {self.draws} draws)"
-
-
 def draws(
-    spread: Mapping[str, Any], count: int, *, seed: int = 0, replicates: int | None = None
+    spread: Mapping[str, Any],
+    count: int,
+    *,
+    seed: int = 0,
+    replicates: int | None = None,
+    correlations: Mapping[tuple[str, str], float] | None = None,
 ) -> dict[str, np.ndarray]:
-    """`p_i = F_i^-1(u_i)` with `u` uniform in the unit cube: values of independent random parameters.
+    """`p_i = F_i^-1(u_i)` with `u` uniform in the unit cube: values of random parameters.
 
         jr.sweep(scene, {"draw": jr.draws(spread, 1000)}, ..)
 
@@ -52,22 +43,30 @@ def draws(
             follow one another, each of `count / replicates` draws, a power of two. They fill the cube more
             evenly, so means of smooth quantities have smaller errors, which replicates tell; give the same
             number to `expectation`. A `probability` needs independent draws.
+        correlations: by pair of paths, between -1 and 1; other pairs are independent. `r` is that of the
+            normal scores `z = Phi^-1(u)`, so Spearman's rank correlation is `6 / pi asin(r / 2)`, and each
+            parameter keeps its own distribution.
 
     Returns:
         `count` values by path, in the order of `spread`.
 
     Raises:
-        ValueError: if a spread is not a distribution or gives a value that is not finite, or `count` is
-            no multiple of `replicates` by a power of two.
+        ValueError: if a spread is not a distribution or gives a value that is not finite, `count` is no
+            multiple of `replicates` by a power of two, or no parameters can have the `correlations`.
 
-    Source: Owen (1997), SIAM J. Numer. Anal. 34, 1884-1910, as `scipy.stats.qmc.Sobol` has it.
+    Source: Owen (1997), SIAM J. Numer. Anal. 34, 1884-1910, as `scipy.stats.qmc.Sobol` has it; Nelsen
+    (2006), An Introduction to Copulas, section 2.3.
     """
     check_counts(count=count)
     distributions = _distributions(spread)
     if replicates is None:
         points = np.random.default_rng(seed).random((count, len(distributions)))
     else:
-        points = _sobol(len(distributions), count, _checked_replicates(replicates, count), seed)
+        points = _sobol(len(distributions), count, checked_replicates(replicates, count), seed)
+    if correlations:
+        roots = _correlated(list(distributions), correlations)
+        within = np.clip(points, 2.0**-53, 1 - 2.0**-53)
+        points = stats.norm.cdf(stats.norm.ppf(within) @ roots.T)
     found = {}
     for (path, one), column in zip(distributions.items(), points.T, strict=True):
         found[path] = np.asarray(one.ppf(column), float)
@@ -77,73 +76,6 @@ def draws(
                 "`scipy.stats.truncnorm` does."
             )
     return found
-
-
-def probability(happened: Any, confidence: float = 0.95) -> Estimate:
-    """Probability of an event, `n / N` of independent draws, with the exact bounds of a binomial count.
-
-    After N draws without the event the bounds are 0 and `1 - (a / 2)^(1 / N)`, `a = 1 - confidence`.
-
-    Args:
-        happened: whether the event was seen, for every draw; a lane that failed is an event of its own,
-            so `failed | backward` is on the safe side.
-        confidence: level of the bounds.
-
-    Returns:
-        An `Estimate`.
-
-    Raises:
-        ValueError: if `happened` is not true or false for every draw, or is empty.
-
-    Source: Clopper, Pearson (1934), Biometrika 26, 404-413.
-    """
-    check_confidence(confidence)
-    seen = np.ravel(np.asarray(happened))
-    if not seen.size:
-        raise ValueError("`happened` is empty; give true or false for every draw.")
-    if seen.dtype != bool:
-        raise ValueError(
-            f"`happened` must be true or false for every draw, but is of type {seen.dtype}."
-        )
-    value, low, high = map(float, share_of(seen.sum(), seen.size, confidence))
-    return Estimate(value, low, high, seen.size, confidence)
-
-
-def expectation(
-    values: Any, *, replicates: int | None = None, confidence: float = 0.95
-) -> Estimate:
-    """Mean `m` over draws and its bounds `m +- t s / sqrt(n)`, by Student's t of n - 1 degrees.
-
-    `n` and `s` are number and standard deviation of the draws where they are independent, or of the means
-    of replicates. The bounds hold for many draws, or where values scatter normally.
-
-    Args:
-        values: a quantity of every draw.
-        replicates: as in `draws`.
-        confidence: level of the bounds.
-
-    Returns:
-        An `Estimate`.
-
-    Raises:
-        ValueError: if a value is not finite, as of a lane that failed, or there are fewer than two.
-    """
-    check_confidence(confidence)
-    values = np.ravel(np.asarray(values, float))
-    if values.size < 2:
-        raise ValueError(f"`values` must be at least two numbers, but there are {values.size}.")
-    if wrong := np.count_nonzero(~np.isfinite(values)):
-        raise ValueError(
-            f"`values` must be finite, but {wrong} of {values.size} are not, as those of lanes that "
-            "failed; without these the mean would be another one."
-        )
-    groups = values
-    if replicates is not None:
-        groups = values.reshape(_checked_replicates(replicates, values.size), -1).mean(axis=1)
-    error = groups.std(ddof=1) / math.sqrt(groups.size)
-    reach = float(stats.t.ppf((1 + confidence) / 2, groups.size - 1) * error)
-    mean = float(values.mean())
-    return Estimate(mean, mean - reach, mean + reach, values.size, confidence)
 
 
 def sensitivities(
@@ -306,6 +238,27 @@ def _distributions(spread: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def _correlated(paths: list[str], correlations: Mapping[tuple[str, str], float]) -> np.ndarray:
+    """`L` with `L L^T` the correlations of normal scores, by Cholesky's decomposition."""
+    matrix = np.eye(len(paths))
+    for pair, value in correlations.items():
+        if len(set(pair)) != 2 or not set(pair) <= set(paths) or not -1 < value < 1:
+            raise ValueError(
+                f"`correlations[{pair!r}]` must be a number between -1 and 1 for two paths of `spread`, "
+                f"but is {value!r}."
+            )
+        i, j = map(paths.index, pair)
+        matrix[i, j] = matrix[j, i] = value
+    try:
+        return np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        least = np.linalg.eigvalsh(matrix)[0]
+        raise ValueError(
+            f"No parameters have these `correlations` together: the least eigenvalue of their matrix is "
+            f"{least:.3g}, but must be positive."
+        ) from None
+
+
 def _sobol(dimension: int, count: int, replicates: int, seed: int) -> np.ndarray:
     """Scrambled Sobol sequences one after the other: (count, dimension), within the open cube."""
     each = count // replicates
@@ -318,12 +271,3 @@ def _sobol(dimension: int, count: int, replicates: int, seed: int) -> np.ndarray
     sequences = [stats.qmc.Sobol(dimension, rng=np.random.default_rng(own)) for own in seeds]
     points = np.concatenate([one.random(each) for one in sequences])
     return np.clip(points, 2.0**-53, 1 - 2.0**-53)
-
-
-def _checked_replicates(replicates: int, count: int) -> int:
-    check_counts(2, replicates=replicates)
-    if count % replicates:
-        raise ValueError(
-            f"{count} draws are not the same number in each of {replicates} replicates."
-        )
-    return replicates

@@ -126,6 +126,47 @@ def test_a_quantile_is_tuned():
     assert float(tuned.values["disc.mass"]) == pytest.approx((stiff / 380.0) ** 2, rel=1e-5)
 
 
+def test_correlated_draws():
+    """Spearman's correlation of a Gaussian copula is `6 / pi asin(r / 2)`; every draw keeps its law."""
+    spread = SPREAD | {"disc.polar": (0.0, 1.0)}
+    pair = ("disc.mass", "shaft.k11")
+    found = jr.draws(spread, 20_000, seed=3, correlations={pair: -0.6})
+    expected = 6 / np.pi * np.arcsin(-0.3)
+    seen = stats.spearmanr(np.stack(list(found.values())).T).statistic
+    assert seen[0, 1] == pytest.approx(expected, abs=0.02) and np.abs(seen[2, :2]).max() < 0.02
+    assert stats.kstest(found["disc.mass"], stats.uniform(4.0, 2.0).cdf).pvalue > 1e-3
+    assert stats.kstest(found["shaft.k11"], SPREAD["shaft.k11"].cdf).pvalue > 1e-3
+    even = jr.draws(spread, 512, replicates=4, correlations={pair: -0.6})
+    seen = stats.spearmanr(even["disc.mass"], even["shaft.k11"]).statistic
+    assert seen == pytest.approx(expected, abs=0.03)
+
+
+def test_a_smoothed_probability_states_its_bias():
+    """Of a normal y: `Phi(t / sqrt(1 + h^2))` instead of `Phi(t)`; the derivative is that of the draws."""
+    y = jnp.asarray(stats.norm.ppf((np.arange(4000) + 0.5) / 4000))
+    for limit, width in ((1.0, 0.3), (1.6, 0.2), (-0.5, 0.1)):
+        found = jr.exceedance(y, limit, width)
+        blurred, true = stats.norm.sf(limit / np.sqrt(1 + width**2)), stats.norm.sf(limit)
+        assert float(found.value) == pytest.approx(blurred, abs=2e-5)
+        assert float(found.bias) == pytest.approx(blurred - true, rel=0.15)
+        of = lambda shift, limit=limit, width=width: jr.exceedance(y + shift, limit, width).value
+        slope = (of(1e-4) - of(-1e-4)) / 2e-4
+        assert float(jax.grad(of)(0.0)) == pytest.approx(float(slope), rel=1e-7)
+    with pytest.raises(ValueError, match="`width` must be positive, but is 0"):
+        jr.exceedance(y, 1.0, 0.0)
+
+
+def test_a_probability_is_tuned():
+    """The mass for which 5 % of machines whirl above 380 rad/s, `k` being normal: closed form."""
+    even = {"shaft.k11": 0.02 * stats.norm.ppf((np.arange(512) + 0.5) / 512)}
+    whirls = jr.over_draws(whirl, even, relative=True)
+    loss = lambda scene: jnp.log(jr.exceedance(whirls(scene), 380.0, 0.4).value / 0.05) ** 2
+    start = POINT.replace({"disc.mass": 5.6})
+    tuned = jr.tune(loss, start, {"disc.mass": (5.2, 6.2)}, steps=40, progress=False)
+    mass = 8e5 * (1 + 0.02 * stats.norm.ppf(0.95)) / 380.0**2
+    assert float(tuned.values["disc.mass"]) == pytest.approx(mass, rel=5e-4)
+
+
 @pytest.mark.slow
 def test_designed_stops_within_their_tolerances():
     """None of 64 machines and releases ends backward, of which more than half do between other stops."""
@@ -155,6 +196,16 @@ def test_refusals():
             jr.draws({"disc.mass": spread}, 8)
     with pytest.raises(ValueError, match="must be one distribution, but its parameters are lists"):
         jr.draws({"disc.mass": stats.norm([0.0, 1.0], 1.0)}, 8)
+    for pair, value, words in (
+        (("disc.mass", "disc.polar"), 0.5, "must be a number between -1 and 1 for two paths"),
+        (("disc.mass", "shaft.k11"), 1.0, "must be a number between -1 and 1 for two paths"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            jr.draws(SPREAD, 8, correlations={pair: value})
+    three = {name: (0.0, 1.0) for name in "abc"}
+    apart = {("a", "b"): 0.9, ("b", "c"): 0.9, ("a", "c"): -0.9}
+    with pytest.raises(ValueError, match="No parameters have these `correlations` together"):
+        jr.draws(three, 8, correlations=apart)
     with pytest.raises(ValueError, match="`happened` must be true or false"):
         jr.probability([0.0, 1.0])
     with pytest.raises(ValueError, match="`happened` is empty"):
