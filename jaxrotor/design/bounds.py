@@ -119,15 +119,21 @@ def _ends(path: str, pair: Any) -> tuple[float, float]:
     """Low and high bounds, infinite where there are none."""
     if pair is None:
         return -np.inf, np.inf
-    try:
-        low, high = map(float, pair)
-    except (TypeError, ValueError):
-        low = high = np.nan
-    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+    ends = ascending_pair(pair)
+    if ends is None:
         raise ValueError(
             f"`where['{path}']` must be a lower and a higher bound, or None for none, but is {pair!r}."
         )
-    return low, high
+    return ends
+
+
+def ascending_pair(pair: Any) -> tuple[float, float] | None:
+    """Two finite numbers of which the second is larger; None of anything else."""
+    try:
+        low, high = map(float, pair)
+    except (TypeError, ValueError):
+        return None
+    return (low, high) if np.isfinite([low, high]).all() and low < high else None
 
 
 def _check_ends(scene: Scene, path: str, low: float, high: float) -> None:

@@ -15,7 +15,7 @@ from ..core.checks import check_counts
 from ..core.quantities import known
 from ..core.shares import check_confidence
 from ..scene import Scene
-from .bounds import own_value
+from .bounds import ascending_pair, own_value
 from .estimates import checked_replicates
 
 
@@ -220,16 +220,13 @@ def _distributions(spread: Mapping[str, Any]) -> dict[str, Any]:
     found = {}
     for path, one in spread.items():
         if not isinstance(one, stats.distributions.rv_frozen):
-            try:
-                low, high = map(float, one)
-            except (TypeError, ValueError):
-                low = high = np.nan
-            if not (np.isfinite(low) and np.isfinite(high) and low < high):
+            ends = ascending_pair(one)
+            if ends is None:
                 raise ValueError(
                     f"`spread['{path}']` must be a pair (low, high) or a distribution of scipy.stats with "
                     f"its parameters given, but is {one!r}."
                 )
-            one = stats.uniform(low, high - low)
+            one = stats.uniform(ends[0], ends[1] - ends[0])
         if np.ndim(one.ppf(0.5)) != 0:
             raise ValueError(
                 f"`spread['{path}']` must be one distribution, but its parameters are lists."
