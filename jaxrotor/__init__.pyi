@@ -81,11 +81,17 @@ from .core.plausibility import ImplausibleWarning as ImplausibleWarning
 from .core.program_cache import keep_programs as keep_programs
 from .design import (
     Estimate as Estimate,
+    Fitted as Fitted,
     History as History,
+    OrbitRecord as OrbitRecord,
+    ResponseRecord as ResponseRecord,
+    SpectrumRecord as SpectrumRecord,
+    TimeRecord as TimeRecord,
     Tuned as Tuned,
     Uncertainty as Uncertainty,
     draws as draws,
     expectation as expectation,
+    fit as fit,
     objectives as objectives,
     over_draws as over_draws,
     probability as probability,

@@ -1,6 +1,13 @@
 """Design: parameters of a scene by gradients of what it does."""
 
 from . import objectives as objectives
+from .fit import Fitted as Fitted, fit as fit
+from .records import (
+    OrbitRecord as OrbitRecord,
+    ResponseRecord as ResponseRecord,
+    SpectrumRecord as SpectrumRecord,
+    TimeRecord as TimeRecord,
+)
 from .tolerances import (
     Estimate as Estimate,
     draws as draws,

@@ -1,0 +1,367 @@
+"""Fit: parameters of a scene, the noise and intervals of confidence from what was measured."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy import stats
+
+from ..core.quantities import Scalar
+from ..core.tables import notebook_table
+from ..scene import Scene, with_shared_nodes
+from .bounds import Bounds, bounds
+from .records import AbstractRecord, Begun, with_start
+from .target import evaluator
+from .tune import Tuned, tune
+from .uncertainty import Uncertainty, of_slopes
+
+
+EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
+COARSE = 1e-6  # tolerance of the search, which the refinement goes on from
+ROUNDING = 1e-10  # of a record: noise below it is not told from rounding
+SETTLED = 1e-5  # change of all parameters in their standard deviations at which the refinement ends
+MOST = 100  # evaluations of the refinement
+CORRELATED = 3.3  # standard deviations of the correlation of white noise, exceeded once in a thousand
+
+
+class Fitted(eqx.Module):
+    """Parameters fitted to `r` records, the noise of each, and how surely the parameters are known."""
+
+    scene: Scene
+    values: Mapping[str, Scalar]  # SI
+    noise: Float[np.ndarray, " r"]  # standard deviation of the numbers of every record [m]
+    uncertainty: Uncertainty  # residuals in units of the noise
+    residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record, (T, c)
+    correlations: Float[np.ndarray, " r"]  # of successive residuals; of white noise about 0
+    strangeness: Float[np.ndarray, " r"]  # distance of these from white noise in standard deviations
+    records: tuple[AbstractRecord, ...]
+    bounds: Bounds
+    tuned: Tuned  # the search
+    freedom: int = eqx.field(static=True)  # m - n
+
+    @property
+    def covariance(self) -> Float[Array, "n n"]:
+        """Covariance of the parameters, in the order of `values`."""
+        return self.uncertainty.covariance
+
+    @property
+    def start(self) -> Any:
+        """The start of the shaft with its fitted numbers; None if none of them was fitted."""
+        begun = self.tuned.scene.of(Begun)
+        if not begun:
+            return None
+        own = {p: v for p, v in self.values.items() if p.startswith("start.")}
+        return self.tuned.scene.put(own).of(Begun)[0].shaft
+
+    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """`x +- t s`, with `t` of Student's distribution of `m - n` degrees of freedom.
+
+        Args:
+            level: probability with which an interval contains the true parameter.
+
+        Returns:
+            Ends of every interval by path, SI. They hold to first order in the noise, where it is normal,
+            independent from sample to sample and alike within a record; `cautions` says where it is not.
+
+        Raises:
+            ValueError: `level` is not between 0 and 1.
+
+        Source: Bard (1974), Nonlinear Parameter Estimation, section 7.10.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"`level` must be between 0 and 1, but is {level!r}.")
+        reach = float(stats.t.ppf((1 + level) / 2, self.freedom))
+        sizes = {path: reach * float(s) for path, s in self.uncertainty.deviations.items()}
+        return {p: (float(x) - sizes[p], float(x) + sizes[p]) for p, x in self.values.items()}
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on what makes the intervals doubtful, none if nothing was found."""
+        said = [
+            f"The residuals of record {i} are correlated from sample to sample ({r:.2f}, {z:.0f} standard "
+            "deviations from that of noise), so the model does not describe it or its noise is not white, "
+            "and the intervals do not hold."
+            for i, (r, z) in enumerate(zip(self.correlations, self.strangeness, strict=True))
+            if abs(z) > CORRELATED
+        ]
+        ends = _ends(self.bounds)
+        for path, (low, high) in self.intervals().items():
+            least, most = ends[path]
+            if low < least or high > most:
+                said.append(
+                    f"The interval of `{path}`, {low:.6g} to {high:.6g}, goes beyond its bounds, {least:g} to "
+                    f"{most:g}; widen them, or measure more."
+                )
+        return tuple(said)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (path, value, self.uncertainty.deviations[path], *self.intervals()[path], unit)
+            for path, value, unit in zip(
+                self.values, self.values.values(), self.bounds.units, strict=True
+            )
+        ]
+        heads = ("parameter", "found", "standard deviation", "95 % from", "to", "unit")
+        return notebook_table("\n".join((self._noises, *self.cautions)), heads, rows)
+
+    @property
+    def _noises(self) -> str:
+        noises = ", ".join(f"{sigma:.4g} m" for sigma in self.noise)
+        count = self.freedom + len(self.values)
+        return f"{len(self.values)} parameters from {count} numbers; noise {noises}"
+
+    def __str__(self) -> str:
+        lines = [self._noises]
+        for (path, (low, high)), unit in zip(
+            self.intervals().items(), self.bounds.units, strict=True
+        ):
+            unit = "" if unit == "1" else f" {unit}"
+            value = float(self.values[path])
+            lines.append(f"  {path} = {value:.6g}{unit}, 95 % from {low:.6g} to {high:.6g}")
+        return "\n".join((*lines, *self.cautions))
+
+
+def fit(
+    scene: Scene,
+    records: AbstractRecord | Sequence[AbstractRecord],
+    parameters: Mapping[str, Any],
+    *,
+    steps: int = 100,
+    starts: int = 1,
+    seed: int = 0,
+    progress: bool | None = None,
+) -> Fitted:
+    """`min sum_i |z_i(x) - z_i|^2 / sigma_i^2`, the parameters and the noise of what was measured.
+
+        sigma_i^2 = sum |r_i|^2 / (m_i - n_i),   sum_i n_i = n,   x +- t_{m - n} sqrt(C_kk)
+
+    Levenberg-Marquardt (`tune`) comes near the minimum; Gauss-Newton steps follow, in which every record
+    is weighted by the noise that its own residuals show, until nothing changes. `n_i`, the trace of its
+    block of the hat matrix, is the part of the `n` parameters that the record determines.
+
+    Args:
+        scene: the rotor, whose own values are the first guess.
+        records: what was measured: `TimeRecord`, `OrbitRecord`, `SpectrumRecord`, `ResponseRecord`, one or
+            several of any kind.
+        parameters: bounds by parameter path, `{"limiters.gap": (5e-3, 10e-3)}`; None for none.
+            `start.shaft.radius` is a number of the start of a time record.
+        steps: greatest number of steps of the search.
+        starts: of the search: the scene's own values, and more within the bounds, for records of contact
+            that fit well in several places.
+        seed: of these starts.
+        progress: whether to show a progress bar; by default on a terminal.
+
+    Returns:
+        A `Fitted`. Print it: it says where its intervals do not hold.
+
+    Raises:
+        ValueError: if a record or a parameter is not as described, or the records do not determine the
+            parameters.
+        RuntimeError: if the search ends on a bound, or finds no minimum.
+
+    Source: Nocedal, Wright (2006), Numerical Optimization, section 10.3; Bard (1974), Nonlinear Parameter
+    Estimation, sections 4.9, 7.5, 7.10.
+    """
+    every = (records,) if isinstance(records, AbstractRecord) else tuple(records)
+    for record in every:
+        if not isinstance(record, AbstractRecord):
+            raise ValueError(f"A record must be a `TimeRecord` or its like, but is {record!r}.")
+    if not every:
+        raise ValueError("`fit` needs at least one record.")
+    scene = with_start(every, scene, parameters)
+    limits = bounds(scene, parameters)
+    scene = with_shared_nodes(scene, parameters)
+    every = tuple(record.prepared(scene) for record in every)
+    _check_counts(every, len(limits.paths))
+    options: Any = {"steps": steps, "starts": starts, "seed": seed, "progress": progress}
+    scales = [_scale(record) for record in every]
+    misfit = lambda scene: jnp.concatenate(
+        [jnp.ravel(r.residuals(scene)) / s for r, s in zip(every, scales, strict=True)]
+    )
+    tuned = tune(misfit, scene, parameters, tolerance=COARSE, **options)
+    first = limits.numbers(list(tuned.values.values()))
+    _check_inside(limits, first)
+    found = jax.device_get(jax.jit(lambda u: refined(scene, every, limits, u))(jnp.asarray(first)))
+    return concluded(every, limits, tuned, found)
+
+
+class Refined(NamedTuple):
+    """The minimum of the weighted sum of squares, as free numbers; `m` residuals, `r` records."""
+
+    u: Float[Array, " n"]
+    residuals: Float[Array, " m"]  # [m]
+    slopes: Float[Array, "m n"]  # by the parameters
+    noise: Float[Array, " r"]  # [m]
+    change: Scalar  # in standard deviations, that the next step would make
+    evaluations: Int[Array, ""]
+    reached: Bool[Array, ""]
+
+
+def refined(
+    scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, u: Float[Array, " n"]
+) -> Refined:
+    """Gauss-Newton from near the minimum, `(J^T W J) d = -J^T W r`, with weights of the noise found.
+
+    It is traced, so that many records may be mapped over.
+    """
+    owner = np.repeat(np.arange(len(records)), [count(record) for record in records])
+    floors = ROUNDING * jnp.stack([_scale(record) for record in records])
+    every = lambda u: jnp.concatenate(
+        [jnp.ravel(record.residuals(limits.placed(scene, u))) for record in records]
+    )
+    evaluate = evaluator(every, reverse=False)
+    totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
+    sizes = totals(jnp.ones(owner.size))
+
+    def step(now):
+        at, noise = now
+        left, slopes = evaluate(at)
+        first = jnp.sqrt(totals(left**2) / sizes + floors**2)
+        noise = jnp.where(noise > 0, noise, first)
+        weighed = slopes / noise[owner, None]
+        units = jnp.linalg.norm(weighed, axis=0)
+        left_ways, long, ways = jnp.linalg.svd(weighed / units, full_matrices=False)
+        shares = left_ways.T @ (left / noise[owner])
+        move = -(ways.T @ (shares / long)) / units
+        used = totals(jnp.sum(left_ways**2, axis=1))
+        again = jnp.sqrt(totals(left**2) / (sizes - used) + floors**2)
+        drift = jnp.max(jnp.abs(again / noise - 1)) if len(records) > 1 else 0.0
+        change = jnp.linalg.norm(shares) + drift
+        return at + move, again, (left, slopes, change)
+
+    def body(state):
+        following, noise, _, number = state
+        after, again, (left, slopes, change) = step((following, noise))
+        return after, again, (following, left, slopes, change), number + 1
+
+    going = lambda state: (state[2][3] > SETTLED) & (state[3] < MOST)
+    none = u, jnp.zeros(owner.size), jnp.zeros((owner.size, u.size)), jnp.asarray(jnp.inf)
+    state = u, jnp.zeros(len(records)), none, jnp.asarray(0)
+    _, noise, (at, left, slopes, change), number = jax.lax.while_loop(going, body, state)
+    stretch = jax.jvp(limits.values, (at,), (jnp.ones_like(at),))[1]
+    return Refined(at, left, slopes / stretch, noise, change, number, change <= SETTLED)
+
+
+def concluded(
+    records: tuple[AbstractRecord, ...], limits: Bounds, tuned: Tuned, found: Refined
+) -> Fitted:
+    """The result of a fit from its refined minimum; raise where this is none, or on a bound."""
+    _check_inside(limits, found.u)
+    if not found.reached:
+        raise RuntimeError(
+            f"The fit found no minimum: the search ended by {tuned.reason!r}, and after "
+            f"{int(found.evaluations)} steps from there a next one would move the parameters by "
+            f"{float(found.change):.2g} standard deviations; take more `steps` or `starts`, or begin nearer."
+        )
+    values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))
+    parts = np.split(found.residuals, np.cumsum([count(record) for record in records])[:-1])
+    weights = np.repeat(1 / found.noise, [part.size for part in parts])
+    left, slopes = found.residuals * weights, found.slopes * weights[:, None]
+    known = of_slopes(jnp.asarray(left), jnp.asarray(slopes), values, 1.0)
+    shapes = [(len(r.measured), -1) for r in records]
+    tables = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+    found_in = _correlations(left, slopes, [table.shape for table in tables])
+    own = {path: value for path, value in values.items() if not path.startswith("start.")}
+    effects = [one for one in tuned.scene.effects if not isinstance(one, Begun)]
+    scene = tuned.scene if len(effects) == len(tuned.scene.effects) else None
+    scene = tuned.scene.of_parts(*effects) if scene is None else scene
+    return Fitted(
+        scene=scene.replace(own),
+        values=values,
+        noise=np.asarray(found.noise),
+        uncertainty=known,
+        residuals=tuple(map(_as_measured, tables, records)),
+        correlations=found_in[0],
+        strangeness=found_in[1],
+        records=records,
+        bounds=limits,
+        tuned=tuned,
+        freedom=left.size - len(values),
+    )
+
+
+def _as_measured(table: np.ndarray, record: AbstractRecord) -> Array:
+    """Residuals (T, d) as complex numbers where the record has such."""
+    channels = record.measured.shape[1]
+    whole = table if table.shape[1] == channels else table[:, :channels] + 1j * table[:, channels:]
+    return jnp.asarray(whole)
+
+
+def _correlations(
+    left: np.ndarray, slopes: np.ndarray, shapes: list[tuple[int, ...]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """`r^T A r / r^T r` of successive residuals in every record, and its distance from white noise.
+
+    With `Q` of `J = Q R` the residuals are `(1 - Q Q^T)` times the noise, and mean and variance are those
+    of Durbin, Watson (1950), Biometrika 37, section 3, for this `A`: halves beside the diagonal.
+    """
+    basis, freedom = np.linalg.qr(slopes)[0], left.size - slopes.shape[1]
+    correlations, distances, first = [], [], 0
+    for times, channels in shapes:
+        rows = slice(first, first + times * channels)
+        first = rows.stop
+        beside = lambda table: _beside(table.reshape(times, channels, -1))
+        own, part = beside(left[rows])[:, 0], beside(basis[rows])
+        inner = basis[rows].T @ part
+        mean = -np.trace(inner)
+        squares = (times - 1) * channels / 2 - 2 * np.sum(part**2) + np.sum(inner * inner.T)
+        total = np.sum(left**2)
+        ratio = left[rows] @ own / total if total else 0.0
+        variance = 2 * (squares - mean**2 / freedom) / (freedom * (freedom + 2))
+        off = ratio - mean / freedom
+        power = np.sum(left[rows] ** 2)
+        correlations.append(left[rows] @ own / power if power else 0.0)
+        distances.append(off / np.sqrt(variance) if variance > 1e-9 / freedom**2 else 0.0)
+    return np.array(correlations), np.array(distances)
+
+
+def _beside(table: np.ndarray) -> np.ndarray:
+    """Half the sum of the neighbours along the first axis, (T c, k)."""
+    out = np.zeros_like(table)
+    out[1:] += table[:-1] / 2
+    out[:-1] += table[1:] / 2
+    return out.reshape(-1, table.shape[2])
+
+
+def count(record: AbstractRecord) -> int:
+    """Number of real numbers in a record."""
+    return record.measured.size * (2 if jnp.iscomplexobj(record.measured) else 1)
+
+
+def _scale(record: AbstractRecord) -> Array:
+    """Root mean square of a record [m], 1 if it is zero."""
+    size = jnp.sqrt(jnp.mean(jnp.abs(record.measured) ** 2))
+    return jnp.where(size > 0, size, 1.0)
+
+
+def _check_counts(records: tuple[AbstractRecord, ...], parameters: int) -> None:
+    for i, record in enumerate(records):
+        if count(record) <= parameters:
+            raise ValueError(
+                f"Record {i} has {count(record)} numbers, too few for {parameters} parameters and its "
+                "noise; measure more, or fit fewer."
+            )
+
+
+def _ends(limits: Bounds) -> dict[str, tuple[float, float]]:
+    """Bounds by path, infinite where there are none."""
+    low, high = limits.origin, limits.origin + limits.span
+    low, high = (np.where(limits.logarithmic, np.exp(limits.logarithmic * x), x) for x in (low, high))
+    low, high = np.where(limits.free, -np.inf, low), np.where(limits.free, np.inf, high)
+    return dict(zip(limits.paths, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+
+
+def _check_inside(limits: Bounds, u: np.ndarray) -> None:
+    """Raise where a parameter ended on a bound."""
+    share = 1 / (1 + np.exp(-np.asarray(u)))
+    for path, at, free in zip(limits.paths, share, limits.free, strict=True):
+        if not free and not EDGE < at < 1 - EDGE:
+            bound = _ends(limits)[path][int(at > 0.5)]
+            raise RuntimeError(
+                f"`{path}` ended on its bound {bound:g}, where no interval holds; widen the bounds, check the "
+                "model, or leave the parameter out."
+            )
