@@ -1,15 +1,16 @@
 """Fit: parameters of a scene, the noise and intervals of confidence from what was measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 from scipy import stats
 
+from ..core.compiled import QUICKLY
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
@@ -21,9 +22,12 @@ from .uncertainty import Uncertainty, of_slopes
 
 
 EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
-COARSE = 1e-6  # tolerance of the search, which the refinement goes on from
+COARSE = 1e-4  # tolerance of the search, which the refinement goes on from
 ROUNDING = 1e-10  # of a record: noise below it is not told from rounding
-SETTLED = 1e-5  # change of all parameters in their standard deviations at which the refinement ends
+SETTLED = 1e-5  # step of all parameters in their standard deviations at which the refinement ends
+KINK = 0.2  # such a step that may remain where the sum of squares has a kink, as plain steps leave one
+LEAST = 1e-3  # share of a step below which it is not halved again
+PASSES = 4  # for the noises of several records at a point, each of which changes the weights of all
 MOST = 100  # evaluations of the refinement
 CORRELATED = 3.3  # standard deviations of the correlation of white noise, exceeded once in a thousand
 
@@ -31,7 +35,6 @@ CORRELATED = 3.3  # standard deviations of the correlation of white noise, excee
 class Fitted(eqx.Module):
     """Parameters fitted to `r` records, the noise of each, and how surely the parameters are known."""
 
-    scene: Scene
     values: Mapping[str, Scalar]  # SI
     noise: Float[np.ndarray, " r"]  # standard deviation of the numbers of every record [m]
     uncertainty: Uncertainty  # residuals in units of the noise
@@ -41,7 +44,16 @@ class Fitted(eqx.Module):
     records: tuple[AbstractRecord, ...]
     bounds: Bounds
     tuned: Tuned  # the search
+    change: Scalar  # that a next step would make, in standard deviations
     freedom: int = eqx.field(static=True)  # m - n
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with the fitted parameters."""
+        begun, scene = self.tuned.scene.of(Begun), self.tuned.scene
+        if begun:
+            scene = scene.of_parts(*(one for one in scene.effects if one is not begun[0]))
+        return scene.replace({p: v for p, v in self.values.items() if not p.startswith("start.")})
 
     @property
     def covariance(self) -> Float[Array, "n n"]:
@@ -57,7 +69,7 @@ class Fitted(eqx.Module):
         own = {p: v for p, v in self.values.items() if p.startswith("start.")}
         return self.tuned.scene.put(own).of(Begun)[0].shaft
 
-    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+    def intervals(self, level: float | int = 0.95) -> dict[str, tuple[float, float]]:
         """`x +- t s`, with `t` of Student's distribution of `m - n` degrees of freedom.
 
         Args:
@@ -88,6 +100,12 @@ class Fitted(eqx.Module):
             for i, (r, z) in enumerate(zip(self.correlations, self.strangeness, strict=True))
             if abs(z) > CORRELATED
         ]
+        if self.change > SETTLED:
+            said.append(
+                f"The sum of squares has a kink at its minimum, where a next step would be of "
+                f"{float(self.change):.2g} standard deviations; take located steps, `Exponential(4, "
+                "located=True)`, or more of them."
+            )
         ends = _ends(self.bounds)
         for path, (low, high) in self.intervals().items():
             least, most = ends[path]
@@ -127,7 +145,7 @@ class Fitted(eqx.Module):
 
 def fit(
     scene: Scene,
-    records: AbstractRecord | Sequence[AbstractRecord],
+    records: Any,
     parameters: Mapping[str, Any],
     *,
     steps: int = 100,
@@ -185,8 +203,8 @@ def fit(
     tuned = tune(misfit, scene, parameters, tolerance=COARSE, **options)
     first = limits.numbers(list(tuned.values.values()))
     _check_inside(limits, first)
-    found = jax.device_get(jax.jit(lambda u: refined(scene, every, limits, u))(jnp.asarray(first)))
-    return concluded(every, limits, tuned, found)
+    refine = eqx.filter_jit(lambda u: refined(scene, every, limits, u), **QUICKLY)
+    return concluded(every, limits, tuned, jax.device_get(refine(jnp.asarray(first))))
 
 
 class Refined(NamedTuple):
@@ -198,7 +216,17 @@ class Refined(NamedTuple):
     noise: Float[Array, " r"]  # [m]
     change: Scalar  # in standard deviations, that the next step would make
     evaluations: Int[Array, ""]
-    reached: Bool[Array, ""]
+
+
+class _Point(NamedTuple):
+    """Parameters as free numbers, what is left there, and the next step."""
+
+    at: Float[Array, " n"]
+    left: Float[Array, " m"]
+    slopes: Float[Array, "m n"]  # by free numbers
+    noise: Float[Array, " r"]
+    move: Float[Array, " n"]
+    change: Scalar
 
 
 def refined(
@@ -206,7 +234,8 @@ def refined(
 ) -> Refined:
     """Gauss-Newton from near the minimum, `(J^T W J) d = -J^T W r`, with weights of the noise found.
 
-    It is traced, so that many records may be mapped over.
+    A step that does not lower the sum of squares is halved. It is traced, so that many records may be
+    mapped over.
     """
     owner = np.repeat(np.arange(len(records)), [count(record) for record in records])
     floors = ROUNDING * jnp.stack([_scale(record) for record in records])
@@ -215,35 +244,42 @@ def refined(
     )
     evaluate = evaluator(every, reverse=False)
     totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
-    sizes = totals(jnp.ones(owner.size))
+    counts = totals(jnp.ones(owner.size))
 
-    def step(now):
-        at, noise = now
-        left, slopes = evaluate(at)
-        first = jnp.sqrt(totals(left**2) / sizes + floors**2)
-        noise = jnp.where(noise > 0, noise, first)
-        weighed = slopes / noise[owner, None]
-        units = jnp.linalg.norm(weighed, axis=0)
-        left_ways, long, ways = jnp.linalg.svd(weighed / units, full_matrices=False)
-        shares = left_ways.T @ (left / noise[owner])
-        move = -(ways.T @ (shares / long)) / units
-        used = totals(jnp.sum(left_ways**2, axis=1))
-        again = jnp.sqrt(totals(left**2) / (sizes - used) + floors**2)
-        drift = jnp.max(jnp.abs(again / noise - 1)) if len(records) > 1 else 0.0
-        change = jnp.linalg.norm(shares) + drift
-        return at + move, again, (left, slopes, change)
+    def directions(left, slopes, noise):
+        heavy = slopes / noise[owner, None]
+        units = jnp.linalg.norm(heavy, axis=0)
+        basis, sizes, ways = jnp.linalg.svd(heavy / units, full_matrices=False)
+        shares = basis.T @ (left / noise[owner])
+        return basis, shares, -(ways.T @ (shares / sizes)) / units
+
+    def weighed(at, left, slopes, noise):
+        """The point with the noise there, the next step by it and the size of that step."""
+        for _ in range(PASSES if len(records) > 1 else 1):
+            used = totals(jnp.sum(directions(left, slopes, noise)[0] ** 2, axis=1))
+            noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
+        _, shares, move = directions(left, slopes, noise)
+        return _Point(at, left, slopes, noise, move, jnp.linalg.norm(shares))
 
     def body(state):
-        following, noise, _, number = state
-        after, again, (left, slopes, change) = step((following, noise))
-        return after, again, (following, left, slopes, change), number + 1
+        best, share, number = state
+        at = best.at + share * best.move
+        left, slopes = evaluate(at)
+        first = jnp.sqrt(totals(left**2) / counts + floors**2)
+        noise = jnp.where(number > 0, best.noise, first)
+        total = lambda left: jnp.sum((left / noise[owner]) ** 2)
+        lower = total(left) < total(best.left)
+        trial = weighed(at, left, slopes, noise)
+        best = jax.tree.map(lambda new, old: jnp.where(lower, new, old), trial, best)
+        return best, jnp.where(lower, 1.0, share / 2), number + 1
 
-    going = lambda state: (state[2][3] > SETTLED) & (state[3] < MOST)
-    none = u, jnp.zeros(owner.size), jnp.zeros((owner.size, u.size)), jnp.asarray(jnp.inf)
-    state = u, jnp.zeros(len(records)), none, jnp.asarray(0)
-    _, noise, (at, left, slopes, change), number = jax.lax.while_loop(going, body, state)
-    stretch = jax.jvp(limits.values, (at,), (jnp.ones_like(at),))[1]
-    return Refined(at, left, slopes / stretch, noise, change, number, change <= SETTLED)
+    going = lambda state: (state[0].change > SETTLED) & (state[1] > LEAST) & (state[2] < MOST)
+    none, many = jnp.zeros_like(u), jnp.full(owner.size, jnp.inf)
+    slopes, noise = jnp.zeros((owner.size, u.size)), jnp.ones(len(records))
+    begin = _Point(u, many, slopes, noise, none, jnp.asarray(jnp.inf)), jnp.ones(()), jnp.asarray(0)
+    best, _, number = jax.lax.while_loop(going, body, begin)
+    stretch = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
+    return Refined(best.at, best.left, best.slopes / stretch, best.noise, best.change, number)
 
 
 def concluded(
@@ -251,26 +287,21 @@ def concluded(
 ) -> Fitted:
     """The result of a fit from its refined minimum; raise where this is none, or on a bound."""
     _check_inside(limits, found.u)
-    if not found.reached:
-        raise RuntimeError(
-            f"The fit found no minimum: the search ended by {tuned.reason!r}, and after "
-            f"{int(found.evaluations)} steps from there a next one would move the parameters by "
-            f"{float(found.change):.2g} standard deviations; take more `steps` or `starts`, or begin nearer."
-        )
     values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))
     parts = np.split(found.residuals, np.cumsum([count(record) for record in records])[:-1])
     weights = np.repeat(1 / found.noise, [part.size for part in parts])
     left, slopes = found.residuals * weights, found.slopes * weights[:, None]
     known = of_slopes(jnp.asarray(left), jnp.asarray(slopes), values, 1.0)
+    if not found.change <= KINK:
+        raise RuntimeError(
+            f"The fit found no minimum: the search ended by {tuned.reason!r}, and after "
+            f"{int(found.evaluations)} steps from there a next one would move the parameters by "
+            f"{float(found.change):.2g} standard deviations; take more `steps` or `starts`, or begin nearer."
+        )
     shapes = [(len(r.measured), -1) for r in records]
     tables = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
     found_in = _correlations(left, slopes, [table.shape for table in tables])
-    own = {path: value for path, value in values.items() if not path.startswith("start.")}
-    effects = [one for one in tuned.scene.effects if not isinstance(one, Begun)]
-    scene = tuned.scene if len(effects) == len(tuned.scene.effects) else None
-    scene = tuned.scene.of_parts(*effects) if scene is None else scene
     return Fitted(
-        scene=scene.replace(own),
         values=values,
         noise=np.asarray(found.noise),
         uncertainty=known,
@@ -280,6 +311,7 @@ def concluded(
         records=records,
         bounds=limits,
         tuned=tuned,
+        change=jnp.asarray(found.change),
         freedom=left.size - len(values),
     )
 

@@ -20,6 +20,7 @@ from ..equations.system import structure
 from ..motion.simulate import simulate
 from ..orbits import periodic
 from ..scene import Scene
+from ..solvers.exponential import Exponential
 
 
 SETTLING = 100  # revolutions before the first search of an orbit
@@ -40,7 +41,7 @@ def _table(value: Any) -> Any:
     bad = np.flatnonzero(~np.isfinite(array.reshape(array.shape[0], -1)).all(axis=1))
     if bad.size:
         raise ValueError(
-            f"A record must have finite numbers, but sample {bad[0]} has "
+            f"A record must have finite numbers, but sample {bad[0]} is "
             f"{array[bad[0]].tolist()} ({bad.size} of {len(array)} samples are not finite); leave "
             "such samples out, or cut the record before them."
         )
@@ -133,7 +134,7 @@ class TimeRecord(AbstractRecord):
         start: state in which the motion begins, by default at rest. Its numbers may be fitted: those of
             `Whirl(..)` are `start.shaft.radius`, `start.shaft.rate` and `start.shaft.angle`.
         substeps: steps from sample to sample of a record by revolutions; more where contact is stiff.
-        solver: as of `simulate`.
+        solver: as of `simulate`; by revolutions with contact by default `Exponential(4, located=True)`.
     """
 
     kind: ClassVar[str] = "samples"
@@ -187,6 +188,8 @@ class TimeRecord(AbstractRecord):
 
     def prediction(self, scene: Scene):
         run = {"at": self.at, "start": self._start(scene), "solver": self.solver}
+        if self.solver is None and self.times is None and scene.of(AbstractContact):
+            run["solver"] = Exponential(4, located=True)  # plain steps leave kinks in residuals
         if self.revolutions is None:
             motion = simulate(scene, times=self.times, **run, progress=False)
             return _read(motion.displacement, self.angle)
@@ -420,11 +423,6 @@ class ResponseRecord(AbstractRecord):
 def _check_samples(measured: Array, numbers: Array, name: str) -> None:
     if len(measured) != numbers.size:
         raise ValueError(f"The record has {len(measured)} samples, but {numbers.size} `{name}`.")
-
-
-def prepared(records: tuple[AbstractRecord, ...], scene: Scene) -> tuple[AbstractRecord, ...]:
-    """Records checked against the scene, with the orbits at its own values."""
-    return tuple(record.prepared(scene) for record in records)
 
 
 def with_start(records: tuple[AbstractRecord, ...], scene: Scene, paths: Any) -> Scene:
