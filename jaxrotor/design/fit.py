@@ -10,26 +10,34 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy import stats
 
+from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
+from ..core.extremes import smaller
+from ..core.progress import waiting
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
-from .bounds import Bounds, bounds
+from .bounds import Bounds, bounds, own_value
 from .records import AbstractRecord, Begun, with_start
 from .target import evaluator
-from .tune import Tuned, tune
 from .uncertainty import Uncertainty, of_slopes
 
 
 EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
-COARSE = 1e-4  # tolerance of the search, which the refinement goes on from
 ROUNDING = 1e-10  # of a record: noise below it is not told from rounding
-SETTLED = 1e-5  # step of all parameters in their standard deviations at which the refinement ends
-KINK = 0.2  # such a step that may remain where the sum of squares has a kink, as plain steps leave one
-LEAST = 1e-3  # share of a step below which it is not halved again
+SETTLED = 1e-5  # step of all parameters in their standard deviations at which a search ends
+KINK = (
+    0.2  # such a step that may remain where the sum of squares has a kink, as plain steps leave one
+)
+DAMPING = (
+    1e-3,
+    1e8,
+)  # of Levenberg and Marquardt, over the squares of the slopes: the first, the largest
+LONGEST = 2.0  # change of a free number in a step
 PASSES = 4  # for the noises of several records at a point, each of which changes the weights of all
-MOST = 100  # evaluations of the refinement
-CORRELATED = 3.3  # standard deviations of the correlation of white noise, exceeded once in a thousand
+CORRELATED = (
+    3.3  # standard deviations of the correlation of white noise, exceeded once in a thousand
+)
 
 
 class Fitted(eqx.Module):
@@ -40,17 +48,23 @@ class Fitted(eqx.Module):
     uncertainty: Uncertainty  # residuals in units of the noise
     residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record, (T, c)
     correlations: Float[np.ndarray, " r"]  # of successive residuals; of white noise about 0
-    strangeness: Float[np.ndarray, " r"]  # distance of these from white noise in standard deviations
+    strangeness: Float[
+        np.ndarray, " r"
+    ]  # distance of these from white noise in standard deviations
     records: tuple[AbstractRecord, ...]
     bounds: Bounds
-    tuned: Tuned  # the search
+    model: (
+        Scene  # before the fit; with the start of a record as a member if numbers of it were fitted
+    )
+    evaluations: Int[np.ndarray, " s"]  # of every start of the search
+    sums: Float[np.ndarray, " s"]  # of squares in units of the record, where every start ended
     change: Scalar  # that a next step would make, in standard deviations
     freedom: int = eqx.field(static=True)  # m - n
 
     @property
     def scene(self) -> Scene:
         """The scene with the fitted parameters."""
-        begun, scene = self.tuned.scene.of(Begun), self.tuned.scene
+        begun, scene = self.model.of(Begun), self.model
         if begun:
             scene = scene.of_parts(*(one for one in scene.effects if one is not begun[0]))
         return scene.replace({p: v for p, v in self.values.items() if not p.startswith("start.")})
@@ -63,11 +77,11 @@ class Fitted(eqx.Module):
     @property
     def start(self) -> Any:
         """The start of the shaft with its fitted numbers; None if none of them was fitted."""
-        begun = self.tuned.scene.of(Begun)
+        begun = self.model.of(Begun)
         if not begun:
             return None
         own = {p: v for p, v in self.values.items() if p.startswith("start.")}
-        return self.tuned.scene.put(own).of(Begun)[0].shaft
+        return self.model.put(own).of(Begun)[0].shaft
 
     def intervals(self, level: float | int = 0.95) -> dict[str, tuple[float, float]]:
         """`x +- t s`, with `t` of Student's distribution of `m - n` degrees of freedom.
@@ -157,9 +171,9 @@ def fit(
 
         sigma_i^2 = sum |r_i|^2 / (m_i - n_i),   sum_i n_i = n,   x +- t_{m - n} sqrt(C_kk)
 
-    Levenberg-Marquardt (`tune`) comes near the minimum; Gauss-Newton steps follow, in which every record
-    is weighted by the noise that its own residuals show, until nothing changes. `n_i`, the trace of its
-    block of the hat matrix, is the part of the `n` parameters that the record determines.
+    by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
+    residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the `n`
+    parameters that the record determines. One program does all of it, once for every start.
 
     Args:
         scene: the rotor, whose own values are the first guess.
@@ -167,11 +181,11 @@ def fit(
             several of any kind.
         parameters: bounds by parameter path, `{"limiters.gap": (5e-3, 10e-3)}`; None for none.
             `start.shaft.radius` is a number of the start of a time record.
-        steps: greatest number of steps of the search.
-        starts: of the search: the scene's own values, and more within the bounds, for records of contact
-            that fit well in several places.
+        steps: greatest number of steps, each one prediction of all records with its derivatives.
+        starts: number of starts: the scene's own values, and more by a Latin hypercube within the bounds,
+            for records of contact that fit well in several places.
         seed: of these starts.
-        progress: whether to show a progress bar; by default on a terminal.
+        progress: whether to show after two seconds that the fit is under way; by default on a terminal.
 
     Returns:
         A `Fitted`. Print it: it says where its intervals do not hold.
@@ -179,11 +193,12 @@ def fit(
     Raises:
         ValueError: if a record or a parameter is not as described, or the records do not determine the
             parameters.
-        RuntimeError: if the search ends on a bound, or finds no minimum.
+        RuntimeError: if the fit ends on a bound, or finds no minimum.
 
     Source: Nocedal, Wright (2006), Numerical Optimization, section 10.3; Bard (1974), Nonlinear Parameter
     Estimation, sections 4.9, 7.5, 7.10.
     """
+    check_counts(steps=steps, starts=starts)
     every = (records,) if isinstance(records, AbstractRecord) else tuple(records)
     for record in every:
         if not isinstance(record, AbstractRecord):
@@ -195,19 +210,16 @@ def fit(
     scene = with_shared_nodes(scene, parameters)
     every = tuple(record.prepared(scene) for record in every)
     _check_counts(every, len(limits.paths))
-    options: Any = {"steps": steps, "starts": starts, "seed": seed, "progress": progress}
-    scales = [_scale(record) for record in every]
-    misfit = lambda scene: jnp.concatenate(
-        [jnp.ravel(r.residuals(scene)) / s for r, s in zip(every, scales, strict=True)]
-    )
-    tuned = tune(misfit, scene, parameters, tolerance=COARSE, **options)
-    first = limits.numbers(list(tuned.values.values()))
-    _check_inside(limits, first)
-    refine = eqx.filter_jit(lambda u: refined(scene, every, limits, u), **QUICKLY)
-    return concluded(every, limits, tuned, jax.device_get(refine(jnp.asarray(first))))
+    own = limits.numbers([own_value(scene, path) for path in parameters])
+    first = jnp.asarray(np.concatenate([own[None], limits.drawn(starts - 1, seed)]))
+    solve = lambda u: minimum(scene, every, limits, u, steps)
+    with waiting(progress, "fit"):
+        search = eqx.filter_jit(lambda all_: jax.lax.map(solve, all_), **QUICKLY)
+        found = jax.device_get(search(first))
+    return concluded(scene, every, limits, found)
 
 
-class Refined(NamedTuple):
+class Minimum(NamedTuple):
     """The minimum of the weighted sum of squares, as free numbers; `m` residuals, `r` records."""
 
     u: Float[Array, " n"]
@@ -219,23 +231,34 @@ class Refined(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """Parameters as free numbers, what is left there, and the next step."""
+    """Parameters as free numbers, and what is left there."""
 
     at: Float[Array, " n"]
     left: Float[Array, " m"]
     slopes: Float[Array, "m n"]  # by free numbers
     noise: Float[Array, " r"]
-    move: Float[Array, " n"]
     change: Scalar
 
 
-def refined(
-    scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, u: Float[Array, " n"]
-) -> Refined:
-    """Gauss-Newton from near the minimum, `(J^T W J) d = -J^T W r`, with weights of the noise found.
+class _Split(NamedTuple):
+    """`W J = B S V^T D`: `n` directions in which the parameters move apart."""
 
-    A step that does not lower the sum of squares is halved. It is traced, so that many records may be
-    mapped over.
+    basis: Float[Array, "m n"]  # B
+    sizes: Float[Array, " n"]  # S
+    ways: Float[Array, "n n"]  # V^T D^-1
+    shares: Float[Array, " n"]  # of the residuals, B^T r
+
+
+def minimum(
+    scene: Scene,
+    records: tuple[AbstractRecord, ...],
+    limits: Bounds,
+    u: Float[Array, " n"],
+    steps: int,
+) -> Minimum:
+    """`(J^T W J + lambda D) d = -J^T W r`, `D` the diagonal of the first, with weights of the noise found.
+
+    It is traced, so that starts and records may be mapped over.
     """
     owner = np.repeat(np.arange(len(records)), [count(record) for record in records])
     floors = ROUNDING * jnp.stack([_scale(record) for record in records])
@@ -246,24 +269,26 @@ def refined(
     totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
     counts = totals(jnp.ones(owner.size))
 
-    def directions(left, slopes, noise):
+    def split(left, slopes, noise):
+        """The singular values of the weighted slopes by scaled parameters, and the residuals by them."""
         heavy = slopes / noise[owner, None]
         units = jnp.linalg.norm(heavy, axis=0)
         basis, sizes, ways = jnp.linalg.svd(heavy / units, full_matrices=False)
-        shares = basis.T @ (left / noise[owner])
-        return basis, shares, -(ways.T @ (shares / sizes)) / units
+        return _Split(basis, sizes, ways / units, basis.T @ (left / noise[owner]))
 
     def weighed(at, left, slopes, noise):
-        """The point with the noise there, the next step by it and the size of that step."""
+        """The point with the noise there."""
         for _ in range(PASSES if len(records) > 1 else 1):
-            used = totals(jnp.sum(directions(left, slopes, noise)[0] ** 2, axis=1))
+            used = totals(jnp.sum(split(left, slopes, noise).basis ** 2, axis=1))
             noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
-        _, shares, move = directions(left, slopes, noise)
-        return _Point(at, left, slopes, noise, move, jnp.linalg.norm(shares))
+        return _Point(at, left, slopes, noise, jnp.linalg.norm(split(left, slopes, noise).shares))
 
     def body(state):
-        best, share, number = state
-        at = best.at + share * best.move
+        best, damping, number = state
+        parts = split(best.left, best.slopes, best.noise)
+        move = -parts.ways.T @ (parts.shares * parts.sizes / (parts.sizes**2 + damping))
+        move = move * smaller(LONGEST / jnp.max(jnp.abs(move)), 1.0)
+        at = jnp.where(number > 0, best.at + move, best.at)
         left, slopes = evaluate(at)
         first = jnp.sqrt(totals(left**2) / counts + floors**2)
         noise = jnp.where(number > 0, best.noise, first)
@@ -271,21 +296,37 @@ def refined(
         lower = total(left) < total(best.left)
         trial = weighed(at, left, slopes, noise)
         best = jax.tree.map(lambda new, old: jnp.where(lower, new, old), trial, best)
-        return best, jnp.where(lower, 1.0, share / 2), number + 1
+        return best, jnp.where(lower, damping / 10, damping * 10), number + 1
 
-    going = lambda state: (state[0].change > SETTLED) & (state[1] > LEAST) & (state[2] < MOST)
-    none, many = jnp.zeros_like(u), jnp.full(owner.size, jnp.inf)
-    slopes, noise = jnp.zeros((owner.size, u.size)), jnp.ones(len(records))
-    begin = _Point(u, many, slopes, noise, none, jnp.asarray(jnp.inf)), jnp.ones(()), jnp.asarray(0)
-    best, _, number = jax.lax.while_loop(going, body, begin)
+    going = lambda s: (s[0].change > SETTLED) & (s[1] < DAMPING[1]) & (s[2] <= steps)
+    zero, noise = jnp.zeros((owner.size, u.size)), jnp.ones(len(records))
+    begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, noise, jnp.asarray(jnp.inf))
+    best, _, number = jax.lax.while_loop(
+        going, body, (begin, jnp.asarray(DAMPING[0]), jnp.asarray(0))
+    )
     stretch = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
-    return Refined(best.at, best.left, best.slopes / stretch, best.noise, best.change, number)
+    return Minimum(best.at, best.left, best.slopes / stretch, best.noise, best.change, number)
 
 
 def concluded(
-    records: tuple[AbstractRecord, ...], limits: Bounds, tuned: Tuned, found: Refined
+    scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, every: Minimum
 ) -> Fitted:
-    """The result of a fit from its refined minimum; raise where this is none, or on a bound."""
+    """The result of a fit from the minima of all starts; raise where none is one, or it is on a bound."""
+    scales = np.repeat(
+        [_scale(record) for record in records], [count(record) for record in records]
+    )
+    sums = np.sum((every.residuals / scales) ** 2, axis=1)
+    best = int(
+        np.argmin(
+            np.where(every.change <= KINK, sums, np.inf) if (every.change <= KINK).any() else sums
+        )
+    )
+    found = Minimum(*(part[best] for part in every))
+    if not np.isfinite(found.residuals).all():
+        raise ValueError(
+            "The prediction or its derivative is not finite at the scene's own values, the first start; begin "
+            "where it is."
+        )
     _check_inside(limits, found.u)
     values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))
     parts = np.split(found.residuals, np.cumsum([count(record) for record in records])[:-1])
@@ -294,9 +335,9 @@ def concluded(
     known = of_slopes(jnp.asarray(left), jnp.asarray(slopes), values, 1.0)
     if not found.change <= KINK:
         raise RuntimeError(
-            f"The fit found no minimum: the search ended by {tuned.reason!r}, and after "
-            f"{int(found.evaluations)} steps from there a next one would move the parameters by "
-            f"{float(found.change):.2g} standard deviations; take more `steps` or `starts`, or begin nearer."
+            f"The fit found no minimum: after {int(found.evaluations)} steps a next one would move the "
+            f"parameters by {float(found.change):.2g} standard deviations; take more `steps` or `starts`, or "
+            "begin nearer."
         )
     shapes = [(len(r.measured), -1) for r in records]
     tables = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
@@ -310,7 +351,9 @@ def concluded(
         strangeness=found_in[1],
         records=records,
         bounds=limits,
-        tuned=tuned,
+        model=scene,
+        evaluations=every.evaluations,
+        sums=sums,
         change=jnp.asarray(found.change),
         freedom=left.size - len(values),
     )
@@ -382,7 +425,9 @@ def _check_counts(records: tuple[AbstractRecord, ...], parameters: int) -> None:
 def _ends(limits: Bounds) -> dict[str, tuple[float, float]]:
     """Bounds by path, infinite where there are none."""
     low, high = limits.origin, limits.origin + limits.span
-    low, high = (np.where(limits.logarithmic, np.exp(limits.logarithmic * x), x) for x in (low, high))
+    low, high = (
+        np.where(limits.logarithmic, np.exp(limits.logarithmic * x), x) for x in (low, high)
+    )
     low, high = np.where(limits.free, -np.inf, low), np.where(limits.free, np.inf, high)
     return dict(zip(limits.paths, zip(low.tolist(), high.tolist(), strict=True), strict=True))
 

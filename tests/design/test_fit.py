@@ -13,7 +13,7 @@ from shown import shown
 
 import jaxrotor as jr
 from jaxrotor.design.bounds import bounds
-from jaxrotor.design.fit import concluded, refined
+from jaxrotor.design.fit import concluded, minimum
 
 
 K, M, C, E, PHASE = 8e5, 5.0, 60.0, 1e-4, 0.4  # [SI] of a disc in the middle of a massless shaft
@@ -30,9 +30,7 @@ WHERE = {
     "unbalance.phase": None,
 }
 TRUE = dict(zip(WHERE, (K, C, E, PHASE), strict=True))
-GUESS = ROTOR.replace(
-    dict(zip(WHERE, (7.5e5, 80.0, 2e-4, 0.0), strict=True))
-)
+GUESS = ROTOR.replace(dict(zip(WHERE, (7.5e5, 80.0, 2e-4, 0.0), strict=True)))
 
 
 def whirl(speed, stiffness=K, damping=C, eccentricity=E, phase=PHASE):
@@ -49,7 +47,7 @@ def noisy(clean, count=None, sigma=SIGMA, seed=0):
 
 
 def fitted_to_all(fitted, scene, measured, start):
-    """Results of `jr.fit` to many records in place of its own, by its own refinement, from near `start`.
+    """Results of `jr.fit` to many records in place of its own, by the same search from `start`.
 
     `measured` has for each record the name of its numbers and an array (count, T).
     """
@@ -59,12 +57,12 @@ def fitted_to_all(fitted, scene, measured, start):
         for record, (name, _), row in zip(records, measured, rows, strict=True)
     )
     u = jnp.asarray(limits.numbers(start))
-    fit_one = lambda rows: refined(scene, swapped(rows), limits, u)
+    fit_one = lambda rows: minimum(scene, swapped(rows), limits, u, 50)
     arrays = [jnp.asarray(many)[:, :, None] for _, many in measured]
     found = jax.device_get(jax.jit(lambda all_: jax.lax.map(fit_one, all_))(arrays))
-    lanes = [jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(arrays[0]))]
+    lanes = [jax.tree.map(lambda leaf, i=i: leaf[i][None], found) for i in range(len(arrays[0]))]
     return [
-        concluded(swapped([array[i] for array in arrays]), limits, fitted.tuned, lane)
+        concluded(scene, swapped([array[i] for array in arrays]), limits, lane)
         for i, lane in enumerate(lanes)
     ]
 
@@ -117,7 +115,9 @@ def test_response_as_scipy_fits_it(response):
 def test_noise_is_within_its_bounds(response):
     """`(m - n) s^2 / sigma^2` is a chi-square of `m - n` degrees of freedom."""
     square = response.freedom * (response.noise[0] / SIGMA) ** 2
-    assert stats.chi2.ppf(0.005, response.freedom) < square < stats.chi2.ppf(0.995, response.freedom)
+    assert (
+        stats.chi2.ppf(0.005, response.freedom) < square < stats.chi2.ppf(0.995, response.freedom)
+    )
 
 
 def test_result_is_shown(response):
@@ -156,11 +156,15 @@ def test_intervals_of_a_response_cover(response):
     scatter = np.cov(np.array([list(one.values.values()) for one in results], float).T)
     mean = np.mean([one.covariance for one in results], axis=0)
     sizes = np.sqrt(np.diag(scatter))
-    np.testing.assert_allclose(mean / np.outer(sizes, sizes), scatter / np.outer(sizes, sizes), atol=0.1)
+    np.testing.assert_allclose(
+        mean / np.outer(sizes, sizes), scatter / np.outer(sizes, sizes), atol=0.1
+    )
     off = np.array([one.strangeness[0] for one in results])
     assert abs(off.mean()) < 0.1 and off.std() == pytest.approx(1.0, abs=0.07)
     assert np.mean([bool(one.cautions) for one in results]) < 0.01
-    again = fitted_to_all(response, ROTOR, [("amplitude", noisy(whirl(SPEEDS))[None])], list(TRUE.values()))
+    again = fitted_to_all(
+        response, ROTOR, [("amplitude", noisy(whirl(SPEEDS))[None])], list(TRUE.values())
+    )
     found = [list(one.values.values()) for one in (response, *again)]
     np.testing.assert_allclose(found[1], found[0], rtol=1e-7)  # from wherever it began
 
@@ -222,13 +226,11 @@ def test_intervals_of_two_records_cover():
         ("displacement", noisy(clean, 500, seed=2)),
         ("amplitude", noisy(whirl(SPEEDS), 500, 5 * SIGMA, seed=3)),
     ]
-    results = fitted_to_all(found, found.tuned.scene, many, list(true.values()))
+    results = fitted_to_all(found, found.model, many, list(true.values()))
     for path, share in shares_covered(results, true).items():
         assert 0.93 < share < 0.97, path
     noises = np.array([one.noise for one in results])
-    np.testing.assert_allclose(
-        np.mean(noises**2, axis=0), [SIGMA**2, 25 * SIGMA**2], rtol=0.03
-    )
+    np.testing.assert_allclose(np.mean(noises**2, axis=0), [SIGMA**2, 25 * SIGMA**2], rtol=0.03)
     # What SciPy finds from both, weighted by the true noise.
     both = np.concatenate([many[0][1][0], many[1][1][0] / 5])
     stacked = lambda t, *x: np.concatenate([model(times, *x), whirl(SPEEDS, *x[:4]) / 5])
@@ -315,20 +317,26 @@ def test_orbits_and_spectra_of_a_linear_rotor():
     record = jr.OrbitRecord(orbit)
     np.testing.assert_allclose(record.prediction(HEAVY)[:, 0], orbit, atol=1e-12)
     spectrum = jr.SpectrumRecord([sag, around, 0j], [0, 1, -1])
-    np.testing.assert_allclose(spectrum.prediction(HEAVY)[:, 0], spectrum.amplitude[:, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        spectrum.prediction(HEAVY)[:, 0], spectrum.amplitude[:, 0], atol=1e-12
+    )
     sizes = jr.SpectrumRecord(np.abs([sag, around]), [0, 1]).prediction(HEAVY)
     np.testing.assert_allclose(sizes[:, 0], np.abs([sag, around]), rtol=1e-9)
     across = jr.OrbitRecord(orbit.imag, angle=np.pi / 2)
     np.testing.assert_allclose(across.prediction(HEAVY)[:, 0], orbit.imag, atol=1e-12)
     where = {"unbalance.eccentricity": (1e-6, 1e-2), "unbalance.phase": None}
     measured = noisy(orbit)
-    found = jr.fit(HEAVY.replace({"unbalance.phase": 0.1}), jr.OrbitRecord(measured), where, progress=False)
+    found = jr.fit(
+        HEAVY.replace({"unbalance.phase": 0.1}), jr.OrbitRecord(measured), where, progress=False
+    )
     # e exp(i phase) is linear in the record: the mean of `(z - sag) exp(-i angle)` over `around / (e exp..)`
     best = np.mean((measured - sag) * np.exp(-1j * angle)) / around * E * np.exp(1j * PHASE)
     values = [float(value) for value in found.values.values()]
     assert values == pytest.approx([abs(best), np.angle(best)], rel=1e-7)
     expected = float(found.noise[0]) / np.sqrt(COUNT) / abs(around) * E
-    assert float(found.uncertainty.deviations["unbalance.eccentricity"]) == pytest.approx(expected, rel=1e-6)
+    assert float(found.uncertainty.deviations["unbalance.eccentricity"]) == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 @pytest.mark.slow
@@ -416,7 +424,9 @@ def test_refusals():
 
 def test_a_bound_and_parameters_that_are_not_told_apart():
     record = jr.ResponseRecord(noisy(whirl(SPEEDS)), SPEEDS)
-    with pytest.raises(RuntimeError, match="`shaft.k11` ended on its bound 760000, where no interval"):
+    with pytest.raises(
+        RuntimeError, match="`shaft.k11` ended on its bound 760000, where no interval"
+    ):
         jr.fit(GUESS, record, {"shaft.k11": (6e5, 7.6e5)}, progress=False)
     both = {"unbalance.mass": (1.0, 20.0), "unbalance.eccentricity": (1e-6, 1e-2)}
     with pytest.raises(ValueError, match="do not tell `unbalance.mass`, `unbalance.ecc.* apart"):
