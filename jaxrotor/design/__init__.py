@@ -2,11 +2,11 @@
 
 from . import objectives as objectives
 from .fit import Fitted as Fitted, fit as fit
-from .records import (
+from .records import TimeRecord as TimeRecord
+from .steady_records import (
     OrbitRecord as OrbitRecord,
     ResponseRecord as ResponseRecord,
     SpectrumRecord as SpectrumRecord,
-    TimeRecord as TimeRecord,
 )
 from .tolerances import (
     Estimate as Estimate,

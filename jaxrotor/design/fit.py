@@ -1,43 +1,31 @@
 """Fit: parameters of a scene, the noise and intervals of confidence from what was measured."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 from scipy import stats
 
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
-from ..core.extremes import smaller
 from ..core.progress import waiting
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
 from .bounds import Bounds, bounds, own_value
+from .minimum import SETTLED, Minimum, minimum
 from .records import AbstractRecord, Begun, with_start
-from .target import evaluator
 from .uncertainty import Uncertainty, of_slopes
+from .whiteness import correlations
 
 
 EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
-ROUNDING = 1e-10  # of a record: noise below it is not told from rounding
-SETTLED = 1e-5  # step of all parameters in their standard deviations at which a search ends
-KINK = (
-    0.2  # such a step that may remain where the sum of squares has a kink, as plain steps leave one
-)
-DAMPING = (
-    1e-3,
-    1e8,
-)  # of Levenberg and Marquardt, over the squares of the slopes: the first, the largest
-LONGEST = 2.0  # change of a free number in a step
-PASSES = 4  # for the noises of several records at a point, each of which changes the weights of all
-CORRELATED = (
-    3.3  # standard deviations of the correlation of white noise, exceeded once in a thousand
-)
+KINK = 0.2  # step in standard deviations that may remain at a kink of the sum of squares
+CORRELATED = 3.3  # standard deviations of the correlation of noise, exceeded once in a thousand
 
 
 class Fitted(eqx.Module):
@@ -56,10 +44,9 @@ class Fitted(eqx.Module):
     model: (
         Scene  # before the fit; with the start of a record as a member if numbers of it were fitted
     )
-    evaluations: Int[np.ndarray, " s"]  # of every start of the search
-    sums: Float[np.ndarray, " s"]  # of squares in units of the record, where every start ended
     change: Scalar  # that a next step would make, in standard deviations
     freedom: int = eqx.field(static=True)  # m - n
+    evaluations: int = eqx.field(static=True)  # of the start that led here
 
     @property
     def scene(self) -> Scene:
@@ -125,8 +112,8 @@ class Fitted(eqx.Module):
             least, most = ends[path]
             if low < least or high > most:
                 said.append(
-                    f"The interval of `{path}`, {low:.6g} to {high:.6g}, goes beyond its bounds, {least:g} to "
-                    f"{most:g}; widen them, or measure more."
+                    f"The interval of `{path}`, {low:.6g} to {high:.6g}, goes beyond its bounds, "
+                    f"{least:g} to {most:g}; widen them, or measure more."
                 )
         return tuple(said)
 
@@ -172,8 +159,8 @@ def fit(
         sigma_i^2 = sum |r_i|^2 / (m_i - n_i),   sum_i n_i = n,   x +- t_{m - n} sqrt(C_kk)
 
     by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
-    residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the `n`
-    parameters that the record determines. One program does all of it, once for every start.
+    residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the
+    `n` parameters that the record determines. One program does all of it, once for every start.
 
     Args:
         scene: the rotor, whose own values are the first guess.
@@ -219,141 +206,44 @@ def fit(
     return concluded(scene, every, limits, found)
 
 
-class Minimum(NamedTuple):
-    """The minimum of the weighted sum of squares, as free numbers; `m` residuals, `r` records."""
-
-    u: Float[Array, " n"]
-    residuals: Float[Array, " m"]  # [m]
-    slopes: Float[Array, "m n"]  # by the parameters
-    noise: Float[Array, " r"]  # [m]
-    change: Scalar  # in standard deviations, that the next step would make
-    evaluations: Int[Array, ""]
-
-
-class _Point(NamedTuple):
-    """Parameters as free numbers, and what is left there."""
-
-    at: Float[Array, " n"]
-    left: Float[Array, " m"]
-    slopes: Float[Array, "m n"]  # by free numbers
-    noise: Float[Array, " r"]
-    change: Scalar
-
-
-class _Split(NamedTuple):
-    """`W J = B S V^T D`: `n` directions in which the parameters move apart."""
-
-    basis: Float[Array, "m n"]  # B
-    sizes: Float[Array, " n"]  # S
-    ways: Float[Array, "n n"]  # V^T D^-1
-    shares: Float[Array, " n"]  # of the residuals, B^T r
-
-
-def minimum(
-    scene: Scene,
-    records: tuple[AbstractRecord, ...],
-    limits: Bounds,
-    u: Float[Array, " n"],
-    steps: int,
-) -> Minimum:
-    """`(J^T W J + lambda D) d = -J^T W r`, `D` the diagonal of the first, with weights of the noise found.
-
-    It is traced, so that starts and records may be mapped over.
-    """
-    owner = np.repeat(np.arange(len(records)), [count(record) for record in records])
-    floors = ROUNDING * jnp.stack([_scale(record) for record in records])
-    every = lambda u: jnp.concatenate(
-        [jnp.ravel(record.residuals(limits.placed(scene, u))) for record in records]
-    )
-    evaluate = evaluator(every, reverse=False)
-    totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
-    counts = totals(jnp.ones(owner.size))
-
-    def split(left, slopes, noise):
-        """The singular values of the weighted slopes by scaled parameters, and the residuals by them."""
-        heavy = slopes / noise[owner, None]
-        units = jnp.linalg.norm(heavy, axis=0)
-        basis, sizes, ways = jnp.linalg.svd(heavy / units, full_matrices=False)
-        return _Split(basis, sizes, ways / units, basis.T @ (left / noise[owner]))
-
-    def weighed(at, left, slopes, noise):
-        """The point with the noise there."""
-        for _ in range(PASSES if len(records) > 1 else 1):
-            used = totals(jnp.sum(split(left, slopes, noise).basis ** 2, axis=1))
-            noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
-        return _Point(at, left, slopes, noise, jnp.linalg.norm(split(left, slopes, noise).shares))
-
-    def body(state):
-        best, damping, number = state
-        parts = split(best.left, best.slopes, best.noise)
-        move = -parts.ways.T @ (parts.shares * parts.sizes / (parts.sizes**2 + damping))
-        move = move * smaller(LONGEST / jnp.max(jnp.abs(move)), 1.0)
-        at = jnp.where(number > 0, best.at + move, best.at)
-        left, slopes = evaluate(at)
-        first = jnp.sqrt(totals(left**2) / counts + floors**2)
-        noise = jnp.where(number > 0, best.noise, first)
-        total = lambda left: jnp.sum((left / noise[owner]) ** 2)
-        lower = total(left) < total(best.left)
-        trial = weighed(at, left, slopes, noise)
-        best = jax.tree.map(lambda new, old: jnp.where(lower, new, old), trial, best)
-        return best, jnp.where(lower, damping / 10, damping * 10), number + 1
-
-    going = lambda s: (s[0].change > SETTLED) & (s[1] < DAMPING[1]) & (s[2] <= steps)
-    zero, noise = jnp.zeros((owner.size, u.size)), jnp.ones(len(records))
-    begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, noise, jnp.asarray(jnp.inf))
-    best, _, number = jax.lax.while_loop(
-        going, body, (begin, jnp.asarray(DAMPING[0]), jnp.asarray(0))
-    )
-    stretch = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
-    return Minimum(best.at, best.left, best.slopes / stretch, best.noise, best.change, number)
-
-
 def concluded(
     scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, every: Minimum
 ) -> Fitted:
     """The result of a fit from the minima of all starts; raise where none is one, or it is on a bound."""
-    scales = np.repeat(
-        [_scale(record) for record in records], [count(record) for record in records]
-    )
-    sums = np.sum((every.residuals / scales) ** 2, axis=1)
-    best = int(
-        np.argmin(
-            np.where(every.change <= KINK, sums, np.inf) if (every.change <= KINK).any() else sums
-        )
-    )
+    counts = [record.count for record in records]
+    merit = np.log(every.noise) @ counts  # of the likelihood; the sum of squares of a single record
+    good = every.change <= KINK
+    best = int(np.argmin(np.where(good, merit, np.inf) if good.any() else merit))
     found = Minimum(*(part[best] for part in every))
     if not np.isfinite(found.residuals).all():
         raise ValueError(
-            "The prediction or its derivative is not finite at the scene's own values, the first start; begin "
-            "where it is."
+            "The prediction is not finite at the scene's own values, the first start; begin where it is."
         )
     _check_inside(limits, found.u)
     values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))
-    parts = np.split(found.residuals, np.cumsum([count(record) for record in records])[:-1])
-    weights = np.repeat(1 / found.noise, [part.size for part in parts])
+    parts = np.split(found.residuals, np.cumsum(counts)[:-1])
+    weights = np.repeat(1 / found.noise, counts)
     left, slopes = found.residuals * weights, found.slopes * weights[:, None]
     known = of_slopes(jnp.asarray(left), jnp.asarray(slopes), values, 1.0)
     if not found.change <= KINK:
         raise RuntimeError(
             f"The fit found no minimum: after {int(found.evaluations)} steps a next one would move the "
-            f"parameters by {float(found.change):.2g} standard deviations; take more `steps` or `starts`, or "
-            "begin nearer."
+            f"parameters by {float(found.change):.2g} standard deviations; take more `steps` or "
+            "`starts`, or begin nearer."
         )
-    shapes = [(len(r.measured), -1) for r in records]
-    tables = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
-    found_in = _correlations(left, slopes, [table.shape for table in tables])
+    tables = [part.reshape(len(r.measured), -1) for part, r in zip(parts, records, strict=True)]
+    correlated, strange = correlations(left, slopes, [table.shape for table in tables])
     return Fitted(
         values=values,
         noise=np.asarray(found.noise),
         uncertainty=known,
         residuals=tuple(map(_as_measured, tables, records)),
-        correlations=found_in[0],
-        strangeness=found_in[1],
+        correlations=correlated,
+        strangeness=strange,
         records=records,
         bounds=limits,
         model=scene,
-        evaluations=every.evaluations,
-        sums=sums,
+        evaluations=int(found.evaluations),
         change=jnp.asarray(found.change),
         freedom=left.size - len(values),
     )
@@ -366,58 +256,11 @@ def _as_measured(table: np.ndarray, record: AbstractRecord) -> Array:
     return jnp.asarray(whole)
 
 
-def _correlations(
-    left: np.ndarray, slopes: np.ndarray, shapes: list[tuple[int, ...]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """`r^T A r / r^T r` of successive residuals in every record, and its distance from white noise.
-
-    With `Q` of `J = Q R` the residuals are `(1 - Q Q^T)` times the noise, and mean and variance are those
-    of Durbin, Watson (1950), Biometrika 37, section 3, for this `A`: halves beside the diagonal.
-    """
-    basis, freedom = np.linalg.qr(slopes)[0], left.size - slopes.shape[1]
-    correlations, distances, first = [], [], 0
-    for times, channels in shapes:
-        rows = slice(first, first + times * channels)
-        first = rows.stop
-        beside = lambda table: _beside(table.reshape(times, channels, -1))
-        own, part = beside(left[rows])[:, 0], beside(basis[rows])
-        inner = basis[rows].T @ part
-        mean = -np.trace(inner)
-        squares = (times - 1) * channels / 2 - 2 * np.sum(part**2) + np.sum(inner * inner.T)
-        total = np.sum(left**2)
-        ratio = left[rows] @ own / total if total else 0.0
-        variance = 2 * (squares - mean**2 / freedom) / (freedom * (freedom + 2))
-        off = ratio - mean / freedom
-        power = np.sum(left[rows] ** 2)
-        correlations.append(left[rows] @ own / power if power else 0.0)
-        distances.append(off / np.sqrt(variance) if variance > 1e-9 / freedom**2 else 0.0)
-    return np.array(correlations), np.array(distances)
-
-
-def _beside(table: np.ndarray) -> np.ndarray:
-    """Half the sum of the neighbours along the first axis, (T c, k)."""
-    out = np.zeros_like(table)
-    out[1:] += table[:-1] / 2
-    out[:-1] += table[1:] / 2
-    return out.reshape(-1, table.shape[2])
-
-
-def count(record: AbstractRecord) -> int:
-    """Number of real numbers in a record."""
-    return record.measured.size * (2 if jnp.iscomplexobj(record.measured) else 1)
-
-
-def _scale(record: AbstractRecord) -> Array:
-    """Root mean square of a record [m], 1 if it is zero."""
-    size = jnp.sqrt(jnp.mean(jnp.abs(record.measured) ** 2))
-    return jnp.where(size > 0, size, 1.0)
-
-
 def _check_counts(records: tuple[AbstractRecord, ...], parameters: int) -> None:
     for i, record in enumerate(records):
-        if count(record) <= parameters:
+        if record.count <= parameters:
             raise ValueError(
-                f"Record {i} has {count(record)} numbers, too few for {parameters} parameters and its "
+                f"Record {i} has {record.count} numbers, too few for {parameters} parameters and its "
                 "noise; measure more, or fit fewer."
             )
 
@@ -439,6 +282,6 @@ def _check_inside(limits: Bounds, u: np.ndarray) -> None:
         if not free and not EDGE < at < 1 - EDGE:
             bound = _ends(limits)[path][int(at > 0.5)]
             raise RuntimeError(
-                f"`{path}` ended on its bound {bound:g}, where no interval holds; widen the bounds, check the "
-                "model, or leave the parameter out."
+                f"`{path}` ended on its bound {bound:g}, where no interval holds; widen the bounds, check "
+                "the model, or leave the parameter out."
             )

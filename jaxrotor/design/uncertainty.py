@@ -97,7 +97,7 @@ def of_slopes(
     values: Mapping[str, Scalar],
     noise: float | None = None,
 ) -> Uncertainty:
-    """The uncertainty of `n` parameters from `m` residuals and their derivatives; raise if there is none."""
+    """Uncertainty of `n` parameters from `m` residuals and their slopes; raise if these are not enough."""
     if left.size <= len(values):
         raise ValueError(
             f"{left.size} residuals do not determine {len(values)} parameters and their noise; take more."

@@ -12,8 +12,8 @@ from scipy.optimize import curve_fit
 from shown import shown
 
 import jaxrotor as jr
-from jaxrotor.design.bounds import bounds
-from jaxrotor.design.fit import concluded, minimum
+from jaxrotor.design.fit import concluded
+from jaxrotor.design.minimum import minimum
 
 
 K, M, C, E, PHASE = 8e5, 5.0, 60.0, 1e-4, 0.4  # [SI] of a disc in the middle of a massless shaft
@@ -237,7 +237,8 @@ def test_intervals_of_two_records_cover():
     parts = lambda z: np.concatenate([z.real, z.imag])
     x, covariance = curve_fit(
         lambda t, *x: parts(stacked(t, *x)), np.zeros(2 * both.size), parts(both),
-        p0=list(true.values()), x_scale=[1e5, 10.0, 1e-4, 1.0, 1e-3, 1.0], sigma=np.full(2 * both.size, SIGMA),
+        p0=list(true.values()), x_scale=[1e5, 10.0, 1e-4, 1.0, 1e-3, 1.0],
+        sigma=np.full(2 * both.size, SIGMA),
         absolute_sigma=True, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-14,
     )  # fmt: skip
     deviations = np.array(list(results[0].uncertainty.deviations.values()))
@@ -329,7 +330,7 @@ def test_orbits_and_spectra_of_a_linear_rotor():
     found = jr.fit(
         HEAVY.replace({"unbalance.phase": 0.1}), jr.OrbitRecord(measured), where, progress=False
     )
-    # e exp(i phase) is linear in the record: the mean of `(z - sag) exp(-i angle)` over `around / (e exp..)`
+    # `z - sag` is linear in `e exp(i phase)`.
     best = np.mean((measured - sag) * np.exp(-1j * angle)) / around * E * np.exp(1j * PHASE)
     values = [float(value) for value in found.values.values()]
     assert values == pytest.approx([abs(best), np.angle(best)], rel=1e-7)
