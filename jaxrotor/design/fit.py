@@ -96,8 +96,7 @@ class Fitted(eqx.Module):
         """Sentences on what makes the intervals doubtful, none if nothing was found."""
         said = [
             f"The residuals of record {i} are correlated from sample to sample ({r:.2f}, {z:.0f} standard "
-            "deviations from that of noise), so the model does not describe it or its noise is not white, "
-            "and the intervals do not hold."
+            "deviations from noise): the model or the noise is not as assumed, and the intervals fail."
             for i, (r, z) in enumerate(zip(self.correlations, self.strangeness, strict=True))
             if abs(z) > CORRELATED
         ]
@@ -207,14 +206,14 @@ def fit(
 
 
 def concluded(
-    scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, every: Minimum
+    scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, every: Any
 ) -> Fitted:
-    """The result of a fit from the minima of all starts; raise where none is one, or it is on a bound."""
+    """The result of a fit from the `Minimum` of every start; raise where none is one, or on a bound."""
     counts = [record.count for record in records]
     merit = np.log(every.noise) @ counts  # of the likelihood; the sum of squares of a single record
     good = every.change <= KINK
     best = int(np.argmin(np.where(good, merit, np.inf) if good.any() else merit))
-    found = Minimum(*(part[best] for part in every))
+    found: Any = Minimum(*(part[best] for part in every))
     if not np.isfinite(found.residuals).all():
         raise ValueError(
             "The prediction is not finite at the scene's own values, the first start; begin where it is."

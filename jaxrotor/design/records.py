@@ -125,6 +125,12 @@ def check_directions(measured: Array, angle: Array | None) -> None:
     )
 
 
+def check_samples(measured: Array, numbers: Any, name: str) -> None:
+    """Raise unless there is a number for every sample."""
+    if len(measured) != numbers.size:
+        raise ValueError(f"The record has {len(measured)} samples, but {numbers.size} `{name}`.")
+
+
 class TimeRecord(AbstractRecord):
     """`z(t_k)` or, of probes, `Re z(t_k) exp(-i psi)`: displacement in time [m], (T,) or (T, c).
 
@@ -159,9 +165,8 @@ class TimeRecord(AbstractRecord):
         if (self.revolutions is None) == (self.times is None):
             raise ValueError("A time record needs `revolutions` or `times`, one of the two.")
         count = len(self.displacement)
-        if self.times is not None:
-            if self.times.size != count:
-                raise ValueError(f"The record has {count} samples, but {self.times.size} `times`.")
+        if self.revolutions is None:
+            check_samples(self.displacement, self.times, "times")
             return
         check_counts(revolutions=self.revolutions, substeps=self.substeps)
         if count == 1 or (count - 1) % self.revolutions:
@@ -185,7 +190,7 @@ class TimeRecord(AbstractRecord):
     @property
     def abscissa(self):
         if self.revolutions is None:
-            return self.times
+            return jnp.asarray(self.times)
         return jnp.linspace(0.0, self.revolutions, len(self.displacement))
 
     def prepared(self, scene: Scene) -> "TimeRecord":

@@ -17,7 +17,7 @@ from ..equations.system import structure
 from ..motion.simulate import simulate
 from ..orbits import periodic
 from ..scene import Scene
-from .records import AbstractRecord, angles, check_directions, read, table
+from .records import AbstractRecord, angles, check_directions, check_samples, read, table
 
 
 SETTLING = 100  # revolutions before the first search of an orbit
@@ -153,7 +153,7 @@ class SpectrumRecord(AbstractRecord):
 
     def __check_init__(self):
         check_counts(revolutions=self.revolutions)
-        _check_samples(self.amplitude, self.orders, "orders")
+        check_samples(self.amplitude, self.orders, "orders")
         turns = self.revolutions * np.asarray(self.orders) if known(self.orders) else np.zeros(1)
         if np.max(np.abs(turns - np.round(turns))) > 1e-9:
             raise ValueError(
@@ -209,7 +209,7 @@ class ResponseRecord(AbstractRecord):
     force: HarmonicForce | None = None
 
     def __check_init__(self):
-        _check_samples(self.amplitude, self.frequencies, "frequencies")
+        check_samples(self.amplitude, self.frequencies, "frequencies")
 
     @property
     def name(self) -> str:
@@ -238,8 +238,3 @@ class ResponseRecord(AbstractRecord):
             found = forced_response(scene, self.frequencies, self.force, self.at)
         a = found.forward if self.angle is None else found.probe(self.angle)
         return a if jnp.iscomplexobj(self.amplitude) else jnp.abs(a)
-
-
-def _check_samples(measured: Array, numbers: Array, name: str) -> None:
-    if len(measured) != numbers.size:
-        raise ValueError(f"The record has {len(measured)} samples, but {numbers.size} `{name}`.")
