@@ -17,7 +17,7 @@ from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
 from .bounds import Bounds, bounds, own_value
-from .minimum import SETTLED, Minimum, minimum
+from .minimum import Minimum, minimum
 from .records import AbstractRecord, Begun, with_start
 from .uncertainty import Uncertainty, of_slopes
 from .whiteness import correlations
@@ -25,6 +25,7 @@ from .whiteness import correlations
 
 EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
 KINK = 0.2  # step in standard deviations that may remain at a kink of the sum of squares
+ROUGH = 1e-3  # such a step that is told
 CORRELATED = 3.3  # standard deviations of the correlation of noise, exceeded once in a thousand
 
 
@@ -100,7 +101,7 @@ class Fitted(eqx.Module):
             for i, (r, z) in enumerate(zip(self.correlations, self.strangeness, strict=True))
             if abs(z) > CORRELATED
         ]
-        if self.change > SETTLED:
+        if self.change > ROUGH:
             said.append(
                 f"The sum of squares has a kink at its minimum, where a next step would be of "
                 f"{float(self.change):.2g} standard deviations; take located steps, `Exponential(4, "

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from ..analysis.forced import Places
 from ..core.checks import check_counts
 from ..core.quantities import Scalar, Series, known, series
 from ..core.representation import AbstractPart
@@ -89,7 +90,7 @@ class AbstractRecord(AbstractPart):
 
     def check_channels(self, scene: Scene, at: Any, angle: Any) -> None:
         """Raise unless every channel has its station, and its direction where numbers are real."""
-        count = scene.stations(at).size
+        count = Places.of(scene, at).stations.size
         if self.measured.shape[1] != count:
             raise ValueError(
                 f"The record has {self.measured.shape[1]} channels, but `at` names {count} stations; "

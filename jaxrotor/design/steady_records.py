@@ -11,9 +11,10 @@ from jaxtyping import Array, Float, Inexact
 from ..analysis import HarmonicForce, forced_response, unbalance_response, weight_response
 from ..core.checks import check_counts
 from ..core.quantities import Series, known, series
-from ..effects import AbstractContact
+from ..effects import AbstractBodies, AbstractContact
 from ..equations.start import AbstractStart
 from ..equations.system import structure
+from ..motion.revolutions import check_constant_speed
 from ..motion.simulate import simulate
 from ..orbits import periodic
 from ..scene import Scene
@@ -63,6 +64,11 @@ class _Steady(eqx.Module):
 def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
     """A record of a steady motion with a guess of the orbit, checked against the scene."""
     record.check_channels(scene, record.at, angle)
+    check_constant_speed(scene, "A record of a steady motion")
+    if scene.of(AbstractBodies):
+        raise ValueError(
+            "Balls have many steady positions, so an orbit does not tell theirs; fit a `TimeRecord`."
+        )
     steady = record.steady
     return dataclasses.replace(record, guess=steady.found(scene))
 
@@ -194,7 +200,8 @@ class ResponseRecord(AbstractRecord):
     Args:
         amplitude: of every speed and channel [m], complex with its phase, or real without.
         frequencies: speeds Omega [rad/s] of the response to unbalance, or frequencies w of the force.
-        at: station(s) [m], one a channel; by default as in `unbalance_response` or `forced_response`.
+        at: station(s) [m] or names of casings, one a channel; by default as in `unbalance_response` or
+            `forced_response`.
         angle: direction(s) of probes from x to y [rad], one a channel.
         force: by which the rotor is excited at its own speed; None: by its unbalance.
     """

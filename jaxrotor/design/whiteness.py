@@ -3,32 +3,48 @@
 import numpy as np
 
 
+ROUNDED = (
+    1e-2  # mean square of residuals over that of the noise, below which they are rounding errors
+)
+NONE = 1e-9  # variance of a correlation over that of as many samples, below which there is none
+
+
 def correlations(
     left: np.ndarray, slopes: np.ndarray, shapes: list[tuple[int, ...]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """`r^T A r / r^T r` of successive residuals in every record, and its distance from white noise.
 
-    With `Q` of `J = Q R` the residuals are `(1 - Q Q^T)` times the noise, and mean and variance are those
-    of Durbin, Watson (1950), Biometrika 37, section 3, for this `A`: halves beside the diagonal.
+    With `Q` of `J = Q R` the residuals are `(1 - Q Q^T)` times the noise, and mean and variance of the
+    ratio are those of Durbin, Watson (1950), Biometrika 37, section 3, for this `A`: halves beside the
+    diagonal. Both are zero where a record is met to rounding.
+
+    Args:
+        left: residuals `r` of all records in units of their noise, (m,).
+        slopes: their derivatives `J` by the parameters, (m, n).
+        shapes: samples and channels of every record.
+
+    Returns:
+        The correlation of every record, and its distance from the mean in standard deviations.
     """
-    basis, freedom = np.linalg.qr(slopes)[0], left.size - slopes.shape[1]
-    found, distances, first = [], [], 0
+    basis, total = np.linalg.qr(slopes)[0], np.sum(left**2)
+    freedom = left.size - slopes.shape[1]
+    found, first = [], 0
     for times, channels in shapes:
         rows = slice(first, first + times * channels)
         first = rows.stop
+        power = np.sum(left[rows] ** 2)
         own, part = (_beside(one[rows], channels) for one in (left, basis))
         inner = basis[rows].T @ part
-        mean = -np.trace(inner)
+        mean = -np.trace(inner) / freedom
         squares = (times - 1) * channels / 2 - 2 * np.sum(part**2) + np.sum(inner * inner.T)
-        total = np.sum(left**2)
+        variance = 2 * (squares - freedom * mean**2) / (freedom * (freedom + 2))
+        if power < ROUNDED * times * channels or variance < NONE / freedom:
+            found.append((0.0, 0.0))
+            continue
         along = left[rows] @ own
-        ratio = along / total if total else 0.0
-        variance = 2 * (squares - mean**2 / freedom) / (freedom * (freedom + 2))
-        off = ratio - mean / freedom
-        power = np.sum(left[rows] ** 2)
-        found.append(along / power if power else 0.0)
-        distances.append(off / np.sqrt(variance) if variance > 1e-9 / freedom**2 else 0.0)
-    return np.array(found), np.array(distances)
+        found.append((along / power, (along / total - mean) / np.sqrt(variance)))
+    correlated, strange = np.array(found).T
+    return correlated, strange
 
 
 def _beside(rows: np.ndarray, channels: int) -> np.ndarray:

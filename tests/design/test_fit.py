@@ -14,6 +14,7 @@ from shown import shown
 import jaxrotor as jr
 from jaxrotor.design.fit import concluded
 from jaxrotor.design.minimum import minimum
+from jaxrotor.design.records import with_start
 
 
 K, M, C, E, PHASE = 8e5, 5.0, 60.0, 1e-4, 0.4  # [SI] of a disc in the middle of a massless shaft
@@ -374,6 +375,12 @@ def test_probes_and_forces():
     )  # fmt: skip
     z = decay(TIMES)
     np.testing.assert_allclose(two.prediction(FREE), np.stack([z.real, z.imag], 1), atol=1e-10)
+    where = {"start.shaft.radius": None}
+    launched = jr.TimeRecord(
+        z, times=TIMES, start=jr.Launch(jr.Whirl(2 * RADIUS, angle=TURN)), solver=jr.Exponential()
+    )
+    scene = with_start((launched,), FREE, where).replace({"start.shaft.radius": RADIUS})
+    np.testing.assert_allclose(launched.prediction(scene)[:, 0], z, atol=1e-10)
     force = jr.HarmonicForce(0.5, amplitude=20.0, angle=0.3)
     record = jr.ResponseRecord(np.zeros(3, complex), [100.0, 200.0, 300.0], angle=0.3, force=force)
     w = np.array([100.0, 200.0, 300.0])
@@ -412,6 +419,11 @@ def test_refusals():
         jr.fit(ROTOR, jr.ResponseRecord([1e-4 + 0j], [400.0]), WHERE)
     with refused("must be a `TimeRecord` or its like"):
         jr.fit(ROTOR, [np.ones(3)], WHERE)
+    with refused("Balls have many steady positions"):
+        jr.fit(jr.load("ball-balancer"), jr.OrbitRecord([1e-4, 1e-4j]), {"disc.mass": None})
+    ramp = jr.Scene(SHAFT, *PARTS, spin=jr.SpeedProfile.ramp(0.0, 100.0, 1.0))
+    with refused("constant speed"):
+        jr.fit(ramp, jr.SpectrumRecord([1e-4, 1e-4j], [0, 1]), {"disc.mass": None})
     with refused("needs at least one record"):
         jr.fit(ROTOR, [], WHERE)
     with refused("1 channels, but `at` names 2 stations"):
@@ -432,6 +444,28 @@ def test_a_bound_and_parameters_that_are_not_told_apart():
     both = {"unbalance.mass": (1.0, 20.0), "unbalance.eccentricity": (1e-6, 1e-2)}
     with pytest.raises(ValueError, match="do not tell `unbalance.mass`, `unbalance.ecc.* apart"):
         jr.fit(ROTOR, record, both, progress=False)
+
+
+def test_a_record_without_noise():
+    """What is left is rounding, which is not taken for a model that is wrong."""
+    found = jr.fit(GUESS, jr.ResponseRecord(whirl(SPEEDS), SPEEDS), WHERE, progress=False)
+    values = [float(value) for value in found.values.values()]
+    assert values == pytest.approx(list(TRUE.values()), rel=1e-9)
+    assert found.noise[0] < 1e-9 * np.abs(whirl(SPEEDS)).max() and found.cautions == ()
+
+
+def test_more_starts_leave_a_wrong_minimum():
+    """From a fourth of the stiffness a decay fits nowhere near; one of eight starts finds it."""
+    times = 2 * np.pi / 100.0 * np.linspace(0.0, 4.0, 65)
+    start = jr.Whirl(RADIUS, angle=TURN)
+    record = jr.TimeRecord(noisy(decay(times)), 4, start=start, substeps=1)
+    where = {"shaft.k11": (1e5, 5e6), "disc_damping.translational": (10.0, 300.0)}
+    far = FREE.replace({"shaft.k11": 2e5})
+    with pytest.raises(RuntimeError, match="ended on its bound"):
+        jr.fit(far, record, where, progress=False)
+    found = jr.fit(far, record, where, starts=8, progress=False)
+    true = {"shaft.k11": K, "disc_damping.translational": C}
+    assert float(found.uncertainty.distance(true)) < stats.chi2.ppf(0.999, 2)
 
 
 def test_an_interval_beyond_the_bounds_is_told(response):
