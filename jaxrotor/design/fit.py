@@ -30,21 +30,20 @@ CORRELATED = 3.3  # standard deviations of the correlation of noise, exceeded on
 
 
 class Fitted(eqx.Module):
-    """Parameters fitted to `r` records, the noise of each, and how surely the parameters are known."""
+    """`x +- t s`: parameters fitted to `r` records, how surely they are known, and the noise of each.
+
+    `str` and a notebook show 95 % intervals and `cautions`.
+    """
 
     values: Mapping[str, Scalar]  # SI
     noise: Float[np.ndarray, " r"]  # standard deviation of the numbers of every record [m]
     uncertainty: Uncertainty  # residuals in units of the noise
     residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record, (T, c)
     correlations: Float[np.ndarray, " r"]  # of successive residuals; of white noise about 0
-    strangeness: Float[
-        np.ndarray, " r"
-    ]  # distance of these from white noise in standard deviations
+    strangeness: Float[np.ndarray, " r"]  # distance of these from noise in standard deviations
     records: tuple[AbstractRecord, ...]
     bounds: Bounds
-    model: (
-        Scene  # before the fit; with the start of a record as a member if numbers of it were fitted
-    )
+    model: Scene  # before the fit, with the start of a record as a member if it was fitted
     change: Scalar  # that a next step would make, in standard deviations
     freedom: int = eqx.field(static=True)  # m - n
     evaluations: int = eqx.field(static=True)  # of the start that led here
@@ -217,7 +216,8 @@ def concluded(
     found: Any = Minimum(*(part[best] for part in every))
     if not np.isfinite(found.residuals).all():
         raise ValueError(
-            "The prediction is not finite at the scene's own values, the first start; begin where it is."
+            "The prediction is not finite at the scene's own values, the first start; begin where it is, or "
+            "give a time record its `times`, as parts without mass need them."
         )
     _check_inside(limits, found.u)
     values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))

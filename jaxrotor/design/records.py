@@ -16,7 +16,8 @@ from ..core.representation import AbstractPart
 from ..effects import AbstractContact
 from ..effects.base import AbstractEffect
 from ..equations.start import AbstractStart, AtRest, Continued, Launch
-from ..motion.simulate import simulate
+from ..equations.system import assemble, port_groups
+from ..motion.simulate import simulate, system_of_march
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 
@@ -141,13 +142,15 @@ class TimeRecord(AbstractRecord):
     Args:
         displacement: x + i y of every channel [m], or the readings of probes, real.
         revolutions: length of the record from angle zero, `T - 1` intervals of samples.
-        times: of the samples [s] in place of revolutions, ascending from the start.
+        times: of the samples [s] in place of revolutions, ascending from the start; also of a rotor with
+            parts without mass.
         at: station(s) [m], one a channel; by default as in `simulate`.
         angle: direction(s) of probes from x to y [rad], one a channel.
         start: state in which the motion begins, by default at rest. Its numbers may be fitted: those of
             `Whirl(..)` are `start.shaft.radius`, `start.shaft.rate` and `start.shaft.angle`.
         substeps: steps from sample to sample of a record by revolutions; more where contact is stiff.
-        solver: as of `simulate`; by revolutions with contact by default `Exponential(4, located=True)`.
+        solver: as of `simulate`; by default, by revolutions with contact, `Exponential(4, located=True)`
+            where exponential steps are taken.
     """
 
     kind: ClassVar[str] = "samples"
@@ -199,15 +202,20 @@ class TimeRecord(AbstractRecord):
         return self
 
     def prediction(self, scene: Scene):
-        run = {"at": self.at, "start": self._start(scene), "solver": self.solver}
-        if self.solver is None and self.times is None and scene.of(AbstractContact):
-            run["solver"] = Exponential(4, located=True)  # plain steps leave kinks in residuals
+        run = {"at": self.at, "start": self._start(scene), "solver": self._solver(scene)}
         if self.revolutions is None:
             motion = simulate(scene, times=self.times, **run, progress=False)
             return read(motion.displacement, self.angle)
         steps = (len(self.displacement) - 1) // self.revolutions * self.substeps
         motion = simulate(scene, self.revolutions, steps, **run, progress=False)
         return read(motion.displacement[:: self.substeps], self.angle)
+
+    def _solver(self, scene: Scene) -> Any:
+        """The record's own solver; by default located steps, as plain ones leave kinks in residuals."""
+        if self.solver is not None or self.revolutions is None or not scene.of(AbstractContact):
+            return self.solver
+        taken = system_of_march(scene, assemble(scene, port_groups(scene)), None, self.start)
+        return None if taken is None else Exponential(4, located=True)
 
     def _start(self, scene: Scene) -> AbstractStart:
         """The record's own start, or the one whose numbers are parameters."""
