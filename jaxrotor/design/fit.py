@@ -216,8 +216,8 @@ def concluded(
     found: Any = Minimum(*(part[best] for part in every))
     if not np.isfinite(found.residuals).all():
         raise ValueError(
-            "The prediction is not finite at the scene's own values, the first start; begin where it is, or "
-            "give a time record its `times`, as parts without mass need them."
+            "The prediction is not finite at the scene's own values, the first start; begin where it is, "
+            "or give a time record its `times`, which parts without mass need."
         )
     _check_inside(limits, found.u)
     values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))
