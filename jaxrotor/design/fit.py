@@ -83,7 +83,7 @@ class Fitted(eqx.Module):
         Raises:
             ValueError: `level` is not between 0 and 1.
 
-        Source: Bard (1974), Nonlinear Parameter Estimation, section 7.10.
+        Source: Bard (1974), Nonlinear Parameter Estimation, chapter 7.
         """
         if not 0 < level < 1:
             raise ValueError(f"`level` must be between 0 and 1, but is {level!r}.")
@@ -182,7 +182,7 @@ def fit(
         RuntimeError: if the fit ends on a bound, or finds no minimum.
 
     Source: Nocedal, Wright (2006), Numerical Optimization, section 10.3; Bard (1974), Nonlinear Parameter
-    Estimation, sections 4.9, 7.5, 7.10.
+    Estimation, chapters 4 and 7.
     """
     check_counts(steps=steps, starts=starts)
     every = (records,) if isinstance(records, AbstractRecord) else tuple(records)

@@ -15,7 +15,7 @@ def correlations(
     """`r^T A r / r^T r` of successive residuals in every record, and its distance from white noise.
 
     With `Q` of `J = Q R` the residuals are `(1 - Q Q^T)` times the noise, and mean and variance of the
-    ratio are those of Durbin, Watson (1950), Biometrika 37, section 3, for this `A`: halves beside the
+    ratio are those of Durbin, Watson (1950), Biometrika 37, 409, for this `A`: halves beside the
     diagonal. Both are zero where a record is met to rounding.
 
     Args:
