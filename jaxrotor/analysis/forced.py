@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, nonnegative, real
@@ -81,11 +81,11 @@ class HarmonicResponse(eqx.Module):
         """Minor half axis [m] of that ellipse, negative where it is passed backward."""
         return jnp.abs(self.forward) - jnp.abs(self.backward)
 
-    def probe(self, angle: Scalar | float | int) -> Complex[Array, "k s"]:
+    def probe(self, angle: ArrayLike) -> Complex[Array, "k s"]:
         """`p = forward exp(-i psi) + backward* exp(i psi)` [m]: a probe at psi reads `Re p exp(i w t)`.
 
         Args:
-            angle: direction of the probe from x to y [rad].
+            angle: direction of the probe from x to y [rad], or one for every station.
         """
         turned = jnp.exp(-1j * jnp.asarray(angle, float))
         return self.forward * turned + (self.backward * turned).conj()

@@ -8,6 +8,13 @@ from .estimates import (
     expectation as expectation,
     probability as probability,
 )
+from .fit import Fitted as Fitted, fit as fit
+from .records import TimeRecord as TimeRecord
+from .steady_records import (
+    OrbitRecord as OrbitRecord,
+    ResponseRecord as ResponseRecord,
+    SpectrumRecord as SpectrumRecord,
+)
 from .tolerances import (
     draws as draws,
     over_draws as over_draws,

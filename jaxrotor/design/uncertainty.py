@@ -88,9 +88,19 @@ def uncertainty(
         raise ValueError(
             "Residuals must be real, but are complex; return real and imaginary parts."
         )
-    if left.size <= own.size:
+    return of_slopes(left, slopes, values, noise)
+
+
+def of_slopes(
+    left: Float[Array, " m"],
+    slopes: Float[Array, "m n"],
+    values: Mapping[str, Scalar],
+    noise: float | None = None,
+) -> Uncertainty:
+    """Uncertainty of `n` parameters from `m` residuals and their slopes; raise if these are not enough."""
+    if left.size <= len(values):
         raise ValueError(
-            f"{left.size} residuals do not determine {own.size} parameters and their noise; take more."
+            f"{left.size} residuals do not determine {len(values)} parameters and their noise; take more."
         )
     units = np.linalg.norm(slopes, axis=0)
     if not np.all(np.isfinite(slopes)) or not np.all(units > 0):
@@ -103,7 +113,7 @@ def uncertainty(
         raise ValueError(
             f"The residuals do not tell {', '.join(f'`{path}`' for path in values)} apart; leave one out."
         )
-    sigma = jnp.sqrt(jnp.sum(left**2) / (left.size - own.size)) if noise is None else noise
+    sigma = jnp.sqrt(jnp.sum(left**2) / (left.size - len(values))) if noise is None else noise
     spread = (ways.T / sizes) / units[:, None]
     matrix = jnp.asarray(sigma) ** 2 * (spread @ spread.T)
     deviations = dict(zip(values, jnp.sqrt(jnp.diag(matrix)), strict=True))

@@ -14,6 +14,7 @@ from .envelope import envelope as envelope
 from .error_map import error_map as error_map
 from .escapes import escapes as escapes
 from .explore import Explorer as Explorer, explore as explore
+from .fitted import fitted as fitted
 from .harmonics import harmonics as harmonics
 from .history import history as history
 from .lyapunov import lyapunov as lyapunov

@@ -3,22 +3,22 @@
 The rotor of the scene `limiter-rotor` is pulled 12 mm aside at full speed, into the corner between two
 stops, and let go; it strikes the third. Both coordinates `z_i` of the disc are recorded 64 times a
 revolution for 20 revolutions, with noise of standard deviation `sigma = 50` um. Sought are the three
-numbers `p` that all stops share:
+numbers `p` that all stops share, and the noise, by `jr.fit`:
 
-    minimise  sum |z_i(p) - z_i|^2 / sigma^2     by Levenberg-Marquardt,
-    C = (J^T J)^-1,   J = d (z_i(p) / sigma) / d p,
+    minimise  sum |z_i(p) - z_i|^2,    C = sigma^2 (J^T J)^-1,   J = d z_i(p) / d p,
 
 `C` being the covariance of the result, to first order in the noise. If it is right,
 `(p - p_true)^T C^-1 (p - p_true)` is distributed as chi-square with three degrees of freedom: 99 % below
 11.34.
 
-The record is computed by located steps of fourth order, four times as many as the plain ones of second
-order that fit it, so that the data do not contain the errors of the model.
+The record is computed by four times as many steps as the ones that fit it, so that the data do not contain
+the errors of the model.
 
     python notebooks/designs/identification.py [--quick]
 """
 
 import argparse
+import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -35,7 +35,6 @@ TRUE = jr.load("limiter-rotor")
 PLUCK = jr.Whirl(12e-3)  # towards the corner between two stops
 REVOLUTIONS, STEPS, EVERY = 20, 256, 4  # of the fit; every fourth sample is recorded
 SIGMA = 50e-6  # [m]
-MODAL = jr.Exponential(basis="modal")  # stops do not move the modes; compiles in half the time
 WHERE = {
     "limiters.stiffness": (5e5, 2e7),
     "limiters.gap": (5e-3, 10e-3),
@@ -55,31 +54,25 @@ def records(count: int) -> np.ndarray:
     return clean + noise[:, 0] + 1j * noise[:, 1]
 
 
-def model(scene: jr.Scene) -> jax.Array:
-    """The record without noise [m]."""
-    run = jr.simulate(scene, REVOLUTIONS, STEPS, start=PLUCK, solver=MODAL)
-    return run.displacement[::EVERY, 0]
+def record_of(recorded: np.ndarray) -> jr.TimeRecord:
+    """The record as `jr.fit` takes it."""
+    solver = jr.Exponential(basis="modal")  # stops do not move the modes; compiles in half the time
+    return jr.TimeRecord(recorded, REVOLUTIONS, start=PLUCK, substeps=EVERY, solver=solver)
 
 
-def residuals(scene: jr.Scene, recorded: np.ndarray) -> jax.Array:
-    """Differences from the record in units of the noise, real."""
-    off = (model(scene) - recorded) / SIGMA
-    return jnp.concatenate([off.real, off.imag])
-
-
-def identify(recorded: np.ndarray) -> tuple[jr.Tuned, jr.Uncertainty]:
-    """The limiter fitted to a record, and the uncertainty of the fit."""
-    of = lambda scene: residuals(scene, recorded)
-    tuned = jr.tune(of, TRUE.replace(GUESS), WHERE, steps=40, tolerance=1e-8, progress=False)
-    return tuned, jr.uncertainty(of, tuned.scene, list(WHERE), noise=1.0)
+def identify(recorded: np.ndarray) -> jr.Fitted:
+    """The limiter fitted to a record."""
+    return jr.fit(TRUE.replace(GUESS), record_of(recorded), WHERE, progress=False)
 
 
 def scatter(recorded: np.ndarray) -> np.ndarray:
     """Fits to every record, each begun at the truth: (count, 3), in one program."""
-    own = jnp.asarray(list(TRUTH.values()))
+    own, record = jnp.asarray(list(TRUTH.values())), record_of(recorded[0])
 
     def fit(one):
-        of = lambda x, _: residuals(TRUE.put(dict(zip(WHERE, own * x, strict=True))), one)
+        measured = dataclasses.replace(record, displacement=one[:, None])
+        place = lambda x: TRUE.put(dict(zip(WHERE, own * x, strict=True)))
+        of = lambda x, _: measured.residuals(place(x)).ravel() / SIGMA
         solver = optx.LevenbergMarquardt(1e-8, 1e-8)
         return own * optx.least_squares(of, solver, jnp.ones(3), max_steps=30, throw=False).value
 
@@ -88,13 +81,15 @@ def scatter(recorded: np.ndarray) -> np.ndarray:
 
 def draw(solution: "Solution") -> tuple[Axes, Axes]:
     """Picture of the record and its fit, and of the fits to every record with the covariance."""
-    recorded, tuned, known, others = solution
+    recorded, fitted, others = solution
+    known = fitted.uncertainty
     first, second = page.pair(None, 170, 95, beside=True)
     dots = 1e3 * recorded
     first.plot(dots.real, dots.imag, ".", color="0.5", markersize=2, label="recorded")
-    seen = 1e3 * np.asarray(jr.simulate(tuned.scene, REVOLUTIONS, STEPS, start=PLUCK).displacement)
+    scene = fitted.scene
+    seen = 1e3 * np.asarray(jr.simulate(scene, REVOLUTIONS, STEPS, start=PLUCK).displacement)
     first.plot(seen.real, seen.imag, color=colours.BLUE, linewidth=0.8, label="fitted")
-    for stop in tuned.scene.of(jr.Limiter):
+    for stop in scene.of(jr.Limiter):
         turn, gap = np.exp(1j * float(stop.angle)), 1e3 * float(stop.gap)
         wall = turn * (gap + 1j * np.array([-12.0, 12.0]))
         first.plot(wall.real, wall.imag, color="0.6", linewidth=1.5, zorder=0)
@@ -118,26 +113,24 @@ def draw(solution: "Solution") -> tuple[Axes, Axes]:
     return first, second
 
 
-def distances(known: jr.Uncertainty, others: np.ndarray) -> np.ndarray:
+def distances(fitted: jr.Fitted, others: np.ndarray) -> np.ndarray:
     """Squared distances of the fits from the truth, each chi-square of 3 if the covariance is right."""
     off = (others - np.array(list(TRUTH.values()))).T
-    return np.sum(off * np.linalg.solve(np.asarray(known.covariance), off), axis=0)
+    return np.sum(off * np.linalg.solve(np.asarray(fitted.covariance), off), axis=0)
 
 
 class Solution(NamedTuple):
     """The fit to the first record, and those to all."""
 
     recorded: np.ndarray
-    tuned: jr.Tuned
-    known: jr.Uncertainty
+    fitted: jr.Fitted
     others: np.ndarray
 
 
 def solve(quick: bool = False) -> Solution:
     """The limiter from one record, and from 16 (`quick`: 8) alike but for their noise."""
     recorded = records(8 if quick else 16)
-    tuned, known = identify(recorded[0])
-    return Solution(recorded[0], tuned, known, scatter(recorded))
+    return Solution(recorded[0], identify(recorded[0]), scatter(recorded))
 
 
 if __name__ == "__main__":
@@ -145,11 +138,11 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="coarser, in a fraction of the time")
     quick = parser.parse_args().quick
     solution = solve(quick)
-    print(solution.tuned, solution.known, sep="\n")
-    distance = float(solution.known.distance(TRUTH))
+    print(solution.fitted)
+    distance = float(solution.fitted.uncertainty.distance(TRUTH))
     print(f"squared distance from the truth {distance:.2f}, 99 % below {QUANTILE}")
-    every = distances(solution.known, solution.others)
+    every = distances(solution.fitted, solution.others)
     print(f"of {every.size} records {np.round(every, 1)}, in all {every.sum():.1f}")
-    share = solution.others.std(axis=0, ddof=1) / np.sqrt(np.diag(solution.known.covariance))
+    share = solution.others.std(axis=0, ddof=1) / np.sqrt(np.diag(solution.fitted.covariance))
     print(f"scatter over deviation {np.round(share, 2)}, 0.65 to 1.35 in 95 % of cases")
     draw(solution)[0].figure.savefig("identification.png")

@@ -1,0 +1,287 @@
+"""Fit: parameters of a scene, the noise and intervals of confidence from what was measured."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy import stats
+
+from ..core.checks import check_counts
+from ..core.compiled import QUICKLY
+from ..core.progress import waiting
+from ..core.quantities import Scalar
+from ..core.tables import notebook_table
+from ..scene import Scene, with_shared_nodes
+from .bounds import Bounds, bounds, own_value
+from .minimum import Minimum, minimum
+from .records import AbstractRecord, Begun, with_start
+from .uncertainty import Uncertainty, of_slopes
+from .whiteness import correlations
+
+
+EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
+KINK = 0.2  # step in standard deviations that may remain at a kink of the sum of squares
+ROUGH = 1e-3  # such a step that is told
+CORRELATED = 3.3  # standard deviations of the correlation of noise, exceeded once in a thousand
+
+
+class Fitted(eqx.Module):
+    """`x +- t s`: parameters fitted to `r` records, how surely they are known, and the noise of each.
+
+    `str` and a notebook show 95 % intervals and `cautions`.
+    """
+
+    values: Mapping[str, Scalar]  # SI
+    noise: Float[np.ndarray, " r"]  # standard deviation of the numbers of every record [m]
+    uncertainty: Uncertainty  # residuals in units of the noise
+    residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record, (T, c)
+    correlations: Float[np.ndarray, " r"]  # of successive residuals; of white noise about 0
+    strangeness: Float[np.ndarray, " r"]  # distance of these from noise in standard deviations
+    records: tuple[AbstractRecord, ...]
+    bounds: Bounds
+    model: Scene  # before the fit, with the start of a record as a member if it was fitted
+    change: Scalar  # that a next step would make, in standard deviations
+    freedom: int = eqx.field(static=True)  # m - n
+    evaluations: int = eqx.field(static=True)  # of the start that led here
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with the fitted parameters."""
+        begun, scene = self.model.of(Begun), self.model
+        if begun:
+            scene = scene.of_parts(*(one for one in scene.effects if one is not begun[0]))
+        return scene.replace({p: v for p, v in self.values.items() if not p.startswith("start.")})
+
+    @property
+    def covariance(self) -> Float[Array, "n n"]:
+        """Covariance of the parameters, in the order of `values`."""
+        return self.uncertainty.covariance
+
+    @property
+    def start(self) -> Any:
+        """The start of the shaft with its fitted numbers; None if none of them was fitted."""
+        begun = self.model.of(Begun)
+        if not begun:
+            return None
+        own = {p: v for p, v in self.values.items() if p.startswith("start.")}
+        return self.model.put(own).of(Begun)[0].shaft
+
+    def intervals(self, level: float | int = 0.95) -> dict[str, tuple[float, float]]:
+        """`x +- t s`, with `t` of Student's distribution of `m - n` degrees of freedom.
+
+        Args:
+            level: probability with which an interval contains the true parameter.
+
+        Returns:
+            Ends of every interval by path, SI. They hold to first order in the noise, where it is normal,
+            independent from sample to sample and alike within a record; `cautions` says where it is not.
+
+        Raises:
+            ValueError: `level` is not between 0 and 1.
+
+        Source: Bard (1974), Nonlinear Parameter Estimation, chapter 7.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"`level` must be between 0 and 1, but is {level!r}.")
+        reach = float(stats.t.ppf((1 + level) / 2, self.freedom))
+        sizes = {path: reach * float(s) for path, s in self.uncertainty.deviations.items()}
+        return {p: (float(x) - sizes[p], float(x) + sizes[p]) for p, x in self.values.items()}
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on what makes the intervals doubtful, none if nothing was found."""
+        said = [
+            f"The residuals of record {i} are correlated from sample to sample ({r:.2f}, {z:.0f} standard "
+            "deviations from noise): the model or the noise is not as assumed, and the intervals fail."
+            for i, (r, z) in enumerate(zip(self.correlations, self.strangeness, strict=True))
+            if abs(z) > CORRELATED
+        ]
+        if self.change > ROUGH:
+            said.append(
+                f"The sum of squares has a kink at its minimum, where a next step would be of "
+                f"{float(self.change):.2g} standard deviations; take located steps, `Exponential(4, "
+                "located=True)`, or more of them."
+            )
+        ends = _ends(self.bounds)
+        for path, (low, high) in self.intervals().items():
+            least, most = ends[path]
+            if low < least or high > most:
+                said.append(
+                    f"The interval of `{path}`, {low:.6g} to {high:.6g}, goes beyond its bounds, "
+                    f"{least:g} to {most:g}; widen them, or measure more."
+                )
+        return tuple(said)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (path, value, self.uncertainty.deviations[path], *self.intervals()[path], unit)
+            for path, value, unit in zip(
+                self.values, self.values.values(), self.bounds.units, strict=True
+            )
+        ]
+        heads = ("parameter", "found", "standard deviation", "95 % from", "to", "unit")
+        return notebook_table("\n".join((self._noises, *self.cautions)), heads, rows)
+
+    @property
+    def _noises(self) -> str:
+        noises = ", ".join(f"{sigma:.4g} m" for sigma in self.noise)
+        count = self.freedom + len(self.values)
+        return f"{len(self.values)} parameters from {count} numbers; noise {noises}"
+
+    def __str__(self) -> str:
+        lines = [self._noises]
+        for (path, (low, high)), unit in zip(
+            self.intervals().items(), self.bounds.units, strict=True
+        ):
+            unit = "" if unit == "1" else f" {unit}"
+            value = float(self.values[path])
+            lines.append(f"  {path} = {value:.6g}{unit}, 95 % from {low:.6g} to {high:.6g}")
+        return "\n".join((*lines, *self.cautions))
+
+
+def fit(
+    scene: Scene,
+    records: Any,
+    parameters: Mapping[str, Any],
+    *,
+    steps: int = 100,
+    starts: int = 1,
+    seed: int = 0,
+    progress: bool | None = None,
+) -> Fitted:
+    """`min sum_i |z_i(x) - z_i|^2 / sigma_i^2`, the parameters and the noise of what was measured.
+
+        sigma_i^2 = sum |r_i|^2 / (m_i - n_i),   sum_i n_i = n,   x +- t_{m - n} sqrt(C_kk)
+
+    by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
+    residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the
+    `n` parameters that the record determines. One program does all of it, once for every start.
+
+    Args:
+        scene: the rotor, whose own values are the first guess.
+        records: what was measured: `TimeRecord`, `OrbitRecord`, `SpectrumRecord`, `ResponseRecord`, one or
+            several of any kind.
+        parameters: bounds by parameter path, `{"limiters.gap": (5e-3, 10e-3)}`; None for none.
+            `start.shaft.radius` is a number of the start of a time record.
+        steps: greatest number of steps, each one prediction of all records with its derivatives.
+        starts: number of starts: the scene's own values, and more by a Latin hypercube within the bounds,
+            for records of contact that fit well in several places.
+        seed: of these starts.
+        progress: whether to show after two seconds that the fit is under way; by default on a terminal.
+
+    Returns:
+        A `Fitted`. Print it: it says where its intervals do not hold.
+
+    Raises:
+        ValueError: if a record or a parameter is not as described, or the records do not determine the
+            parameters.
+        RuntimeError: if the fit ends on a bound, or finds no minimum.
+
+    Source: Nocedal, Wright (2006), Numerical Optimization, section 10.3; Bard (1974), Nonlinear Parameter
+    Estimation, chapters 4 and 7.
+    """
+    check_counts(steps=steps, starts=starts)
+    every = (records,) if isinstance(records, AbstractRecord) else tuple(records)
+    for record in every:
+        if not isinstance(record, AbstractRecord):
+            raise ValueError(f"A record must be a `TimeRecord` or its like, but is {record!r}.")
+    if not every:
+        raise ValueError("`fit` needs at least one record.")
+    scene = with_start(every, scene, parameters)
+    limits = bounds(scene, parameters)
+    scene = with_shared_nodes(scene, parameters)
+    every = tuple(record.prepared(scene) for record in every)
+    _check_counts(every, len(limits.paths))
+    own = limits.numbers([own_value(scene, path) for path in parameters])
+    first = jnp.asarray(np.concatenate([own[None], limits.drawn(starts - 1, seed)]))
+    solve = lambda u: minimum(scene, every, limits, u, steps)
+    with waiting(progress, "fit"):
+        search = eqx.filter_jit(lambda all_: jax.lax.map(solve, all_), **QUICKLY)
+        found = jax.device_get(search(first))
+    return concluded(scene, every, limits, found)
+
+
+def concluded(
+    scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, every: Any
+) -> Fitted:
+    """The result of a fit from the `Minimum` of every start; raise where none is one, or on a bound."""
+    counts = [record.count for record in records]
+    merit = np.log(every.noise) @ counts  # of the likelihood; the sum of squares of a single record
+    good = every.change <= KINK
+    best = int(np.argmin(np.where(good, merit, np.inf) if good.any() else merit))
+    found: Any = Minimum(*(part[best] for part in every))
+    if not np.isfinite(found.residuals).all():
+        raise ValueError(
+            "The prediction is not finite at the scene's own values, the first start; begin where it is, "
+            "or give a time record its `times`, which parts without mass need."
+        )
+    _check_inside(limits, found.u)
+    values = dict(zip(limits.paths, limits.values(jnp.asarray(found.u)), strict=True))
+    parts = np.split(found.residuals, np.cumsum(counts)[:-1])
+    weights = np.repeat(1 / found.noise, counts)
+    left, slopes = found.residuals * weights, found.slopes * weights[:, None]
+    known = of_slopes(jnp.asarray(left), jnp.asarray(slopes), values, 1.0)
+    if not found.change <= KINK:
+        raise RuntimeError(
+            f"The fit found no minimum: after {int(found.evaluations)} steps a next one would move the "
+            f"parameters by {float(found.change):.2g} standard deviations; take more `steps` or "
+            "`starts`, or begin nearer."
+        )
+    tables = [part.reshape(len(r.measured), -1) for part, r in zip(parts, records, strict=True)]
+    correlated, strange = correlations(left, slopes, [table.shape for table in tables])
+    return Fitted(
+        values=values,
+        noise=np.asarray(found.noise),
+        uncertainty=known,
+        residuals=tuple(map(_as_measured, tables, records)),
+        correlations=correlated,
+        strangeness=strange,
+        records=records,
+        bounds=limits,
+        model=scene,
+        evaluations=int(found.evaluations),
+        change=jnp.asarray(found.change),
+        freedom=left.size - len(values),
+    )
+
+
+def _as_measured(table: np.ndarray, record: AbstractRecord) -> Array:
+    """Residuals (T, d) as complex numbers where the record has such."""
+    channels = record.measured.shape[1]
+    whole = table if table.shape[1] == channels else table[:, :channels] + 1j * table[:, channels:]
+    return jnp.asarray(whole)
+
+
+def _check_counts(records: tuple[AbstractRecord, ...], parameters: int) -> None:
+    for i, record in enumerate(records):
+        if record.count <= parameters:
+            raise ValueError(
+                f"Record {i} has {record.count} numbers, too few for {parameters} parameters and its "
+                "noise; measure more, or fit fewer."
+            )
+
+
+def _ends(limits: Bounds) -> dict[str, tuple[float, float]]:
+    """Bounds by path, infinite where there are none."""
+    low, high = limits.origin, limits.origin + limits.span
+    low, high = (
+        np.where(limits.logarithmic, np.exp(limits.logarithmic * x), x) for x in (low, high)
+    )
+    low, high = np.where(limits.free, -np.inf, low), np.where(limits.free, np.inf, high)
+    return dict(zip(limits.paths, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+
+
+def _check_inside(limits: Bounds, u: np.ndarray) -> None:
+    """Raise where a parameter ended on a bound."""
+    share = 1 / (1 + np.exp(-np.asarray(u)))
+    for path, at, free in zip(limits.paths, share, limits.free, strict=True):
+        if not free and not EDGE < at < 1 - EDGE:
+            bound = _ends(limits)[path][int(at > 0.5)]
+            raise RuntimeError(
+                f"`{path}` ended on its bound {bound:g}, where no interval holds; widen the bounds, check "
+                "the model, or leave the parameter out."
+            )

@@ -1,0 +1,112 @@
+"""Minimum: the least sum of squares of residuals that are weighted by the noise they show."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..core.extremes import smaller
+from ..core.quantities import Scalar
+from ..scene import Scene
+from .bounds import Bounds
+from .records import AbstractRecord
+from .target import evaluator
+
+
+ROUNDING = 1e-10  # of a record: noise below it is not told from rounding
+SETTLED = 1e-5  # step of all parameters in their standard deviations at which a search ends
+FIRST_DAMPING = 1e-3  # of Levenberg and Marquardt, over the squares of the scaled slopes
+MOST_DAMPING = 1e8  # at which a search ends
+LONGEST = 2.0  # change of a free number in a step
+PASSES = 4  # for the noises of several records at a point, each of which changes the weights of all
+
+
+class Minimum(NamedTuple):
+    """The minimum of the weighted sum of squares, as free numbers; `m` residuals, `r` records."""
+
+    u: Float[Array, " n"]
+    residuals: Float[Array, " m"]  # [m]
+    slopes: Float[Array, "m n"]  # by the parameters
+    noise: Float[Array, " r"]  # [m]
+    change: Scalar  # in standard deviations, that the next step would make
+    evaluations: Int[Array, ""]
+
+
+class _Point(NamedTuple):
+    """Parameters as free numbers, and what is left there."""
+
+    at: Float[Array, " n"]
+    left: Float[Array, " m"]
+    slopes: Float[Array, "m n"]  # by free numbers
+    noise: Float[Array, " r"]
+    change: Scalar
+
+
+class _Split(NamedTuple):
+    """`W J = B S V^T D`: `n` directions in which the parameters move apart."""
+
+    basis: Float[Array, "m n"]  # B
+    sizes: Float[Array, " n"]  # S
+    ways: Float[Array, "n n"]  # V^T D^-1
+    shares: Float[Array, " n"]  # of the residuals, B^T r
+
+
+def minimum(
+    scene: Scene,
+    records: tuple[AbstractRecord, ...],
+    limits: Bounds,
+    u: Float[Array, " n"],
+    steps: int,
+) -> Minimum:
+    """`(J^T W J + lambda D) d = -J^T W r`, `D` the diagonal of the first, with weights of the noise found.
+
+    It is traced, so that starts and records may be mapped over.
+    """
+    owner = np.repeat(np.arange(len(records)), [record.count for record in records])
+    floors = ROUNDING * jnp.stack([record.scale for record in records])
+    every = lambda u: jnp.concatenate(
+        [jnp.ravel(record.residuals(limits.placed(scene, u))) for record in records]
+    )
+    evaluate = evaluator(every, reverse=False)
+    totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
+    counts = totals(jnp.ones(owner.size))
+
+    def split(left, slopes, noise):
+        """The singular values of the weighted slopes by scaled parameters, and the residuals by them."""
+        heavy = slopes / noise[owner, None]
+        units = jnp.linalg.norm(heavy, axis=0)
+        basis, sizes, ways = jnp.linalg.svd(heavy / units, full_matrices=False)
+        return _Split(basis, sizes, ways / units, basis.T @ (left / noise[owner]))
+
+    def weighed(at, left, slopes, noise):
+        """The point with the noise there."""
+        for _ in range(PASSES if len(records) > 1 else 1):
+            used = totals(jnp.sum(split(left, slopes, noise).basis ** 2, axis=1))
+            noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
+        return _Point(at, left, slopes, noise, jnp.linalg.norm(split(left, slopes, noise).shares))
+
+    def body(state):
+        best, damping, number = state
+        parts = split(best.left, best.slopes, best.noise)
+        move = -parts.ways.T @ (parts.shares * parts.sizes / (parts.sizes**2 + damping))
+        move = move * smaller(LONGEST / jnp.max(jnp.abs(move)), 1.0)
+        at = jnp.where(number > 0, best.at + move, best.at)
+        left, slopes = evaluate(at)
+        first = jnp.sqrt(totals(left**2) / counts + floors**2)
+        noise = jnp.where(number > 0, best.noise, first)
+        total = lambda left: jnp.sum((left / noise[owner]) ** 2)
+        lower = total(left) < total(best.left)
+        trial = weighed(at, left, slopes, noise)
+        best = jax.tree.map(lambda new, old: jnp.where(lower, new, old), trial, best)
+        return best, jnp.where(lower, damping / 10, damping * 10), number + 1
+
+    going = lambda s: (s[0].change > SETTLED) & (s[1] < MOST_DAMPING) & (s[2] <= steps)
+    zero, noise = jnp.zeros((owner.size, u.size)), jnp.full(len(records), jnp.inf)
+    begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, noise, jnp.asarray(jnp.inf))
+    best, _, number = jax.lax.while_loop(
+        going, body, (begin, jnp.asarray(FIRST_DAMPING), jnp.asarray(0))
+    )
+    stretch = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
+    return Minimum(best.at, best.left, best.slopes / stretch, best.noise, best.change, number)

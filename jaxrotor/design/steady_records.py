@@ -1,0 +1,247 @@
+"""Records of steady motions: orbits, their spectra, and responses over speed or frequency."""
+
+import dataclasses
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Inexact
+
+from ..analysis import HarmonicForce, forced_response, unbalance_response, weight_response
+from ..core.checks import check_counts
+from ..core.quantities import Series, known, series
+from ..effects import AbstractBodies, AbstractContact
+from ..equations.start import AbstractStart
+from ..equations.system import structure
+from ..motion.revolutions import check_constant_speed
+from ..motion.simulate import simulate
+from ..orbits import periodic
+from ..scene import Scene
+from .records import AbstractRecord, angles, check_directions, check_samples, read, table
+
+
+SETTLING = 100  # revolutions before the first search of an orbit
+STEPS = 256  # of contact in a revolution, at least
+
+
+class _Steady(eqx.Module):
+    """The steady motion of a scene over a period, evenly sampled by the angle of rotation."""
+
+    revolutions: int = eqx.field(static=True)
+    at: Any
+    solver: Any
+    guess: Any
+
+    def found(self, scene: Scene) -> AbstractStart | None:
+        """A state on the orbit of a scene with contact; None where there is a closed form."""
+        if not scene.of(AbstractContact):
+            return None
+        guess = self.guess
+        if guess is None:
+            guess = simulate(scene, SETTLING, STEPS, keep=1, at=self.at, progress=False)
+        options = {"revolutions": self.revolutions, "solver": self.solver, "at": self.at}
+        return periodic(scene, guess, **options, progress=False).start
+
+    def samples(self, scene: Scene, count: int) -> Array:
+        """Displacements [m] at `count` samples from angle zero, (count, c), the period's end left out."""
+        if scene.of(AbstractContact):
+            each, rest = divmod(count, self.revolutions)
+            step = -(-STEPS // each)
+            options = {"revolutions": self.revolutions, "solver": self.solver, "at": self.at}
+            options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
+            return periodic(scene, self.guess, **options).displacement[:-1:step]
+        angle = 2 * jnp.pi * self.revolutions * jnp.arange(count)[:, None] / count
+        turn = jnp.exp(1j * angle)
+        whirl = unbalance_response(scene, scene.spin.speed, self.at)
+        z = whirl.forward * turn + whirl.backward / turn
+        if structure(scene).load.constant is None:
+            return z
+        bent = weight_response(scene, scene.spin.speed, self.at)
+        return z + bent.deflection + bent.twice * turn**2
+
+
+def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
+    """A record of a steady motion with a guess of the orbit, checked against the scene."""
+    record.check_channels(scene, record.at, angle)
+    check_constant_speed(scene, "A record of a steady motion")
+    if scene.of(AbstractBodies):
+        raise ValueError(
+            "Balls have many steady positions, so an orbit does not tell theirs; fit a `TimeRecord`."
+        )
+    steady = record.steady
+    return dataclasses.replace(record, guess=steady.found(scene))
+
+
+class OrbitRecord(AbstractRecord):
+    """`z(phi_k)`, `phi_k = 2 pi n k / T`: a synchronous or periodic orbit [m], (T,) or (T, c).
+
+    `T` samples are evenly spaced by the angle of rotation over a period of `n` revolutions, from angle
+    zero on, the end left out. A linear scene answers in closed form, one with contact by `periodic`, from
+    the orbit at the scene's own values.
+
+    Args:
+        displacement: x + i y of every channel [m], or the readings of probes, real.
+        revolutions: in a period; a whole number of samples in each.
+        at: station(s) [m], one a channel; by default as in `simulate`.
+        angle: direction(s) of probes from x to y [rad], one a channel.
+        guess: of the orbit of a scene with contact, as of `periodic`; by default the end of 100
+            revolutions.
+        solver: as of `periodic`.
+    """
+
+    kind: ClassVar[str] = "plane"
+    name: ClassVar[str] = "revolutions"
+    unit: ClassVar[str] = "1"
+
+    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
+    revolutions: int = eqx.field(default=1, static=True)
+    at: Any = None
+    angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
+    guess: Any = None
+    solver: Any = None
+
+    def __check_init__(self):
+        check_directions(self.displacement, self.angle)
+        check_counts(revolutions=self.revolutions)
+        if len(self.displacement) % self.revolutions:
+            raise ValueError(
+                f"An orbit of {self.revolutions} revolutions must have a whole number of samples in "
+                f"each, but has {len(self.displacement)}."
+            )
+
+    @property
+    def measured(self):
+        return self.displacement
+
+    @property
+    def abscissa(self):
+        count = len(self.displacement)
+        return jnp.arange(count) * self.revolutions / count
+
+    @property
+    def steady(self) -> _Steady:
+        return _Steady(self.revolutions, self.at, self.solver, self.guess)
+
+    def prepared(self, scene: Scene) -> "OrbitRecord":
+        return _prepared_steady(self, scene, self.angle)
+
+    def prediction(self, scene: Scene):
+        return read(self.steady.samples(scene, len(self.displacement)), self.angle)
+
+
+class SpectrumRecord(AbstractRecord):
+    """`c_k` of `z = sum_k c_k exp(i k phi)`: spectrum of a steady motion by orders [m], (T,) or (T, c).
+
+    Positive orders are forward, negative ones backward; a real record is `|c_k|`, whose noise must be well
+    below it. Orders are multiples of `1 / revolutions`.
+
+    Args:
+        amplitude: of every order and channel [m], complex with its phase, or real without.
+        orders: of the speed of rotation, one a sample.
+        revolutions: in a period.
+        at: station(s) [m], one a channel; by default as in `simulate`.
+        guess: of the orbit of a scene with contact, as of `periodic`; by default the end of 100
+            revolutions.
+        solver: as of `periodic`.
+    """
+
+    kind: ClassVar[str] = "amplitude"
+    name: ClassVar[str] = "order"
+    unit: ClassVar[str] = "1"
+
+    amplitude: Inexact[Array, "T c"] = eqx.field(converter=table)
+    orders: Series = series("orders [1]", least=1)
+    revolutions: int = eqx.field(default=1, static=True)
+    at: Any = None
+    guess: Any = None
+    solver: Any = None
+
+    def __check_init__(self):
+        check_counts(revolutions=self.revolutions)
+        check_samples(self.amplitude, self.orders, "orders")
+        turns = self.revolutions * np.asarray(self.orders) if known(self.orders) else np.zeros(1)
+        if np.max(np.abs(turns - np.round(turns))) > 1e-9:
+            raise ValueError(
+                f"`orders` must be multiples of 1 / {self.revolutions}, as a motion of "
+                f"{self.revolutions} revolutions has no others; give `revolutions`."
+            )
+
+    @property
+    def measured(self):
+        return self.amplitude
+
+    @property
+    def abscissa(self):
+        return self.orders
+
+    @property
+    def steady(self) -> _Steady:
+        return _Steady(self.revolutions, self.at, self.solver, self.guess)
+
+    def prepared(self, scene: Scene) -> "SpectrumRecord":
+        return _prepared_steady(self, scene, None)
+
+    def prediction(self, scene: Scene):
+        count = STEPS * self.revolutions
+        angle = 2 * jnp.pi * jnp.arange(count) / STEPS
+        waves = jnp.exp(-1j * self.orders[:, None] * angle) / count
+        found = waves @ self.steady.samples(scene, count)
+        return found if jnp.iscomplexobj(self.amplitude) else jnp.abs(found)
+
+
+class ResponseRecord(AbstractRecord):
+    """`z = a exp(i w t) + b exp(-i w t)`: a response over speed or frequency [m], (T,) or (T, c).
+
+    A channel without an `angle` is the forward amplitude `a`, one with it that of a probe,
+    `a exp(-i psi) + b* exp(i psi)`. A real record is the amplitude alone, whose noise must be well below
+    it.
+
+    Args:
+        amplitude: of every speed and channel [m], complex with its phase, or real without.
+        frequencies: speeds Omega [rad/s] of the response to unbalance, or frequencies w of the force.
+        at: station(s) [m] or names of casings, one a channel; by default as in `unbalance_response` or
+            `forced_response`.
+        angle: direction(s) of probes from x to y [rad], one a channel.
+        force: by which the rotor is excited at its own speed; None: by its unbalance.
+    """
+
+    kind: ClassVar[str] = "amplitude"
+    unit: ClassVar[str] = "rad/s"
+
+    amplitude: Inexact[Array, "T c"] = eqx.field(converter=table)
+    frequencies: Series = series("frequencies [rad/s]", least=1)
+    at: Any = None
+    angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
+    force: HarmonicForce | None = None
+
+    def __check_init__(self):
+        check_samples(self.amplitude, self.frequencies, "frequencies")
+
+    @property
+    def name(self) -> str:
+        return "speed" if self.force is None else "frequency"
+
+    @property
+    def measured(self):
+        return self.amplitude
+
+    @property
+    def abscissa(self):
+        return self.frequencies
+
+    @property
+    def _stations(self) -> Any:
+        return self.force.at if self.at is None and self.force is not None else self.at
+
+    def prepared(self, scene: Scene) -> "ResponseRecord":
+        self.check_channels(scene, self._stations, self.angle)
+        return self
+
+    def prediction(self, scene: Scene):
+        if self.force is None:
+            found = unbalance_response(scene, self.frequencies, self.at)
+        else:
+            found = forced_response(scene, self.frequencies, self.force, self.at)
+        a = found.forward if self.angle is None else found.probe(self.angle)
+        return a if jnp.iscomplexobj(self.amplitude) else jnp.abs(a)
