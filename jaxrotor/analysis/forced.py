@@ -300,6 +300,20 @@ class Places(eqx.Module):
         return jnp.stack([row_of(line, at if name is None else name) for at, name in pairs])
 
 
+def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
+    """Assembled equations and places of `unbalance_response`, for many calls of `largest_radius`."""
+    scene = synchronous(scene)
+    return assemble(scene), Places.of(scene, at)
+
+
+def largest_radius(rotor: System, places: Places, speed: Scalar) -> Float[Array, " s"]:
+    """Major half axes of the response to unbalance at one speed (s,), see `unbalance_system`."""
+    system = rotor.at_speed(speed)
+    *parts, _ = _parts(system, speed, *_of_unbalance(system))
+    forward, backward, mirrored, _ = (places.rows(system.line) @ part for part in parts)
+    return jnp.abs(forward + mirrored) + jnp.abs(backward)
+
+
 def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Places]:
     """Speeds or frequencies (k,), and places (s,); raises unless there is a closed-form response."""
     system = structure(scene)

@@ -13,10 +13,16 @@ from scipy.optimize import brentq, minimize_scalar
 from ..core.compiled import compiled_quickly
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import isotropic
-from ..equations.system import structure
+from ..equations.system import System, structure
 from ..scene import Scene
 from .critical import CriticalSpeeds, critical_speeds
-from .forced import HarmonicResponse, unbalance_response
+from .forced import (
+    HarmonicResponse,
+    Places,
+    largest_radius,
+    unbalance_response,
+    unbalance_system,
+)
 
 
 SAME = 1e-6  # distance, relative to the range, below which two speeds count as one
@@ -169,8 +175,8 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
         raise ValueError(
             f"Peaks are those of one station, but `at` has {found.stations.size}; give one of them."
         )
-    place = found.stations if np.isfinite(found.stations[0]) else at
-    height = lambda speed: tuple(map(float, _height_and_slope(scene, jnp.asarray(speed), place)))
+    system = unbalance_system(scene, at)
+    height = lambda speed: tuple(map(float, _height_and_slope(*system, jnp.asarray(speed))))
     heights, sharp = np.asarray(found.major)[:, 0], np.asarray(critical.speeds)[unbounded]
     rows = [(speed, np.inf, speed, speed) for speed in sharp.tolist()]
     for k in _summits(heights).tolist():
@@ -216,18 +222,18 @@ def _summits(heights: np.ndarray) -> np.ndarray:
 
 
 @compiled_quickly
-def _height_and_slope(scene: Scene, speed: Array, at) -> tuple[Array, Array]:
+def _height_and_slope(rotor: System, places: Places, speed: Array) -> tuple[Array, Array]:
     """Amplitude at a speed and its derivative by the speed: one program for all peaks."""
-    height = lambda speed: unbalance_response(scene, speed, at).major[0, 0]
-    return jax.value_and_grad(height)(speed)
+    return jax.value_and_grad(lambda speed: largest_radius(rotor, places, speed)[0])(speed)
 
 
 def _summit(height: Callable, low: float, high: float) -> float:
     """Speed of the maximum between two speeds, to rounding: the zero of its slope."""
     depth = lambda speed: -height(speed)[0]
-    best: Any = minimize_scalar(depth, bounds=(low, high), method="bounded")
-    near = best.x
     slope, apart = lambda speed: height(speed)[1], 1e-3 * (high - low)
+    options: Any = {"xatol": apart / 4}
+    best: Any = minimize_scalar(depth, bounds=(low, high), method="bounded", options=options)
+    near = best.x
     below, above = max(low, near - apart), min(high, near + apart)
     if not slope(below) > 0 > slope(above):
         return float(near)
