@@ -302,15 +302,12 @@ class Places(eqx.Module):
 
 def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
     """Assembled equations and places of `unbalance_response`, for many calls of `largest_radius`."""
-    scene = synchronous(scene)
-    return assemble(scene), Places.of(scene, at)
+    return assemble(synchronous(scene)), Places.of(scene, at)
 
 
 def largest_radius(rotor: System, places: Places, speed: Scalar) -> Float[Array, " s"]:
     """Major half axes of the response to unbalance at one speed (s,), see `unbalance_system`."""
-    system = rotor.at_speed(speed)
-    *parts, _ = _parts(system, speed, *_of_unbalance(system))
-    forward, backward, mirrored, _ = (places.rows(system.line) @ part for part in parts)
+    forward, backward, mirrored, *_ = _parts_at(rotor, speed, speed, places, _of_unbalance)
     return jnp.abs(forward + mirrored) + jnp.abs(backward)
 
 
@@ -349,14 +346,14 @@ def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
 
 @compiled_quickly
 def _parts_of_all(rotor: System, speeds, frequencies, places: Places, forces):
-    def one(case):
-        speed, frequency = case
-        system = rotor.at_speed(speed)
-        *parts, distance = _parts(system, frequency, *forces(system))
-        rows = places.rows(system.line)
-        return *(rows @ part for part in parts), distance
+    return jax.lax.map(lambda case: _parts_at(rotor, *case, places, forces), (speeds, frequencies))
 
-    return jax.lax.map(one, (speeds, frequencies))
+
+def _parts_at(rotor: System, speed: Scalar, frequency: Scalar, places: Places, forces):
+    system = rotor.at_speed(speed)
+    *parts, distance = _parts(system, frequency, *forces(system))
+    rows = places.rows(system.line)
+    return *(rows @ part for part in parts), distance
 
 
 def _parts(system: System, frequency: Scalar, forward: Array | None, backward: Array | None):
