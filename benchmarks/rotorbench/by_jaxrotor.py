@@ -11,17 +11,19 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-
-import jaxrotor as jr
 from peers.turbomachines import serve
 
-from .cases import Case, cases
+import jaxrotor as jr
+
+from .cases import Case, cases, plain, speeds_of
 from .machines import FOLDER
 
 
 CASES = {case.name: case for case in cases()}
-SAMPLES = 20  # speeds at which an onset is bracketed
-BETWEEN = 17  # speeds between which a peak is bracketed
+SAMPLES = (
+    8  # speeds at which an onset is bracketed: the fewest that there are
+)
+BETWEEN = 5  # speeds between which a peak is bracketed, likewise
 
 
 def answered(asked: dict[str, Any]) -> Callable[[], Any]:
@@ -42,12 +44,14 @@ def prepared(case: Case, setting: int) -> Callable[[], Any]:
     if case.question == "roots":
         turning = scene.at_speed(ask["speed"]) if "speed" in ask else scene
         return lambda: jr.roots(turning, 2 * ask["count"] + 2)
+    if case.question == "Campbell diagram":
+        return lambda: jr.campbell(scene, speeds_of(ask), ask["count"]).values
     if case.question == "critical speeds":
         return lambda: jr.critical_speeds(scene).speeds
     if case.question == "threshold":
         return lambda: list(jr.onset_speed(scene, tuple(ask["within"]), SAMPLES, progress=False))
     if case.question == "response":
-        return lambda: radii(jr.unbalance_response(scene, ask["speeds"], ask["at"]))
+        return lambda: radii(jr.unbalance_response(scene, speeds_of(ask), ask["at"]))
     if case.question == "peak":
         speeds = np.linspace(*ask["within"], BETWEEN)
         return lambda: highest(jr.response_peaks(scene, speeds, ask["at"]))
@@ -124,7 +128,7 @@ def squeezed(scene: jr.Scene, steps: dict[str, Any]) -> list[Any]:
 
 
 def struck(scene: jr.Scene, start: list[float], steps: dict[str, Any]) -> list[Any]:
-    """x and its velocity at a rotation angle of zero, of the orbit of one revolution."""
+    """Displacement along x and its velocity as a revolution of the orbit begins."""
     begin = at(complex(start[0], -0.089), complex(start[1], -0.6))
     found = jr.periodic(scene, begin, revolutions=1, **steps).start
     return [found.q[0].real, found.velocity[0].real]
@@ -143,19 +147,12 @@ def highest(peaks: jr.analysis.ResponsePeaks) -> np.ndarray:
 
 
 def plane(z: Any) -> np.ndarray:
-    """x and y of complex displacements."""
+    """Parts x and y of complex displacements."""
     z = np.asarray(z)
     return np.stack([z.real, z.imag], axis=-1)
-
-
-def plain(found: np.ndarray) -> list[Any]:
-    """One answer as a list that JSON takes; complex numbers as tables."""
-    if np.iscomplexobj(found):
-        return [[{"re": z.real, "im": z.imag} for z in found.tolist()]]
-    return [found.tolist()]
 
 
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
     jr.keep_programs(sys.argv[1])
-    serve(answered, plain)
+    serve(answered, lambda found: [plain(found)])

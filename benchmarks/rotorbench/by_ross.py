@@ -9,11 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-
 from peers.turbomachines import serve
-from peers.with_ross import ellipses
+from peers.with_ross import branches, ellipses
 
-from .cases import cases
+from .cases import cases, plain, speeds_of
 from .machines import Machine
 
 
@@ -54,7 +53,10 @@ class Built:
         self.nodes = np.array([0.0, *(one.stop for one in mesh)])
         discs = [
             ross.DiskElement(
-                n=self.node(d["at"]), m=d["mass"], Id=d.get("diametral", 0.0), Ip=d.get("polar", 0.0)
+                n=self.node(d["at"]),
+                m=d["mass"],
+                Id=d.get("diametral", 0.0),
+                Ip=d.get("polar", 0.0),
             )
             for d in machine.parts("discs")
         ]
@@ -133,13 +135,16 @@ def _one(name: str, cut: int) -> Callable[[], Any]:
     if case.question == "roots":
         speed, count = ask.get("speed", machine.speed), ask["count"] + 6
         return lambda: rotor.run_modal(speed, num_modes=count).evalues
+    if case.question == "Campbell diagram":
+        count = ask["count"] + 4  # some are torsional
+        return lambda: branches(rotor.run_campbell(speeds_of(ask), frequencies=count))
     if case.question == "critical speeds":
         count = 2 * ask["count"] + 2
-        return lambda: rotor.run_critical_speed(num_modes=count, rtol=1e-8).wn()
+        return lambda: rotor.run_critical_speed(num_modes=count, rtol=1e-4).wn()
     if case.question == "threshold":
         return lambda: threshold(built, ask["within"])
     if case.question == "response":
-        return lambda: radii(built, ask["at"], np.array(ask["speeds"]))
+        return lambda: radii(built, ask["at"], speeds_of(ask))
     if case.question == "peak":
         return lambda: peak(built, ask)
     return lambda: history(built, ask)
@@ -156,7 +161,7 @@ def radii(built: Built, at: float, speeds: np.ndarray) -> np.ndarray:
 def peak(built: Built, ask: dict[str, Any]) -> np.ndarray:
     """Speed and amplitude of the largest half axis between two speeds."""
     half = lambda speed: -float(np.sum(radii(built, ask["at"], np.array([speed]))))
-    found = minimize_scalar(half, bounds=ask["within"], method="bounded", options={"xatol": 1e-9})
+    found = minimize_scalar(half, bounds=ask["within"], method="bounded", options={"xatol": 1e-5})
     return np.array([found.x, -found.fun])
 
 
@@ -164,18 +169,15 @@ def threshold(built: Built, within: tuple[float, float]) -> np.ndarray:
     """Speed where the largest growth rate of the slowest roots crosses zero, and the whirl there."""
 
     def fastest(speed: float) -> complex:
-        roots = built.lateral(speed, 16)
+        roots = built.lateral(speed, 10)
         return complex(roots[np.argmax(roots.real)])
 
-    speed = float(brentq(lambda speed: fastest(speed).real, *within, xtol=1e-10, rtol=1e-14))
+    speed = float(brentq(lambda speed: fastest(speed).real, *within, xtol=1e-6))
     return np.array([speed, abs(fastest(speed).imag)])
 
 
 def history(built: Built, ask: dict[str, Any]) -> np.ndarray:
-    """x and y [m] at a station from rest, with steps of `ask` cut into as many as the mesh is fine.
-
-    Forces are linear between the times of ROSS, so the times are many.
-    """
+    """Displacements x and y [m] at a station from rest; the force is linear between many times."""
     (one,) = built.machine.parts("unbalances")
     speed, wanted = built.machine.speed, np.array(ask["times"])
     parts = 64 * (len(built.nodes) // 16)
@@ -205,16 +207,5 @@ def position(machine: Machine) -> list[float]:
     return [found.eccentricity[0], *(one[0] for one in stiffness)]
 
 
-def plain(found: list[Any]) -> list[Any]:
-    """Answers as lists that JSON takes; complex numbers as tables."""
-    return [_numbers(np.asarray(one)) for one in found]
-
-
-def _numbers(found: np.ndarray) -> list[Any]:
-    if np.iscomplexobj(found):
-        return [{"re": z.real, "im": z.imag} for z in found.tolist()]
-    return found.tolist()
-
-
 if __name__ == "__main__":
-    serve(answered, plain)
+    serve(answered, lambda found: [plain(one) for one in found])

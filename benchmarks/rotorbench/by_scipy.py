@@ -3,11 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from peers.turbomachines import serve
 
-from .cases import cases
+from .cases import cases, plain
 from .finite_elements import answered as by_elements
 from .machines import Machine
 from .nonlinear import answered as nonlinear
@@ -27,16 +25,5 @@ def answered(asked: dict[str, Any]) -> Callable[[], Any]:
     return lambda: [call() for call in calls]
 
 
-def plain(found: list[Any]) -> list[Any]:
-    """Answers as lists that JSON takes; complex numbers as tables."""
-    return [_numbers(np.asarray(one)) for one in found]
-
-
-def _numbers(found: np.ndarray) -> list[Any]:
-    if np.iscomplexobj(found):
-        return [{"re": z.real, "im": z.imag} for z in found.tolist()]
-    return found.tolist()
-
-
 if __name__ == "__main__":
-    serve(answered, plain)
+    serve(answered, lambda found: [plain(one) for one in found])

@@ -11,7 +11,11 @@ import numpy as np
 
 
 FOLDER = Path(__file__).parent
-FOUND_BY_VALUE = ("roots", "critical speeds")  # their values are found in any order, beside others
+FOUND_BY_VALUE = (
+    "roots",
+    "critical speeds",
+    "Campbell diagram",
+)  # their values are found in any order, beside others
 SCALED = ("response", "history")  # errors are relative to the largest value
 
 
@@ -24,7 +28,9 @@ class Case(NamedTuple):
     machine: str
     ask: dict[str, Any] = {}
     jaxrotor: list[int] = [0]  # settings: nodes a span or steps a revolution; 0 where there is none
-    scipy: list[float] = []  # tolerances, 0 where there is none; without them meshes are the settings
+    scipy: list[
+        float
+    ] = []  # tolerances, 0 where there is none; without them meshes are the settings
     without_ross: str = ""  # why ROSS cannot answer
     beside: list[float] = []  # what another code or print has, of roots the imaginary parts
 
@@ -41,8 +47,23 @@ def references() -> dict[str, np.ndarray]:
 
 
 def complex_of(values: Any) -> np.ndarray:
-    """Numbers of a list, in which a table of `re` and `im` is a complex one."""
-    return np.array([complex(v["re"], v["im"]) if isinstance(v, dict) else v for v in values])
+    """Numbers of nested lists, in which a table of `re` and `im` is a complex one."""
+    made = lambda v: complex(v["re"], v["im"]) if isinstance(v, dict) else v
+    each = lambda v: [each(one) for one in v] if isinstance(v, list) else made(v)
+    return np.array(each(values))
+
+
+def plain(found: Any) -> Any:
+    """Numbers as nested lists that JSON takes, complex ones as tables."""
+    found = np.asarray(found)
+    made = lambda v: {"re": v.real, "im": v.imag} if isinstance(v, complex) else v
+    each = lambda v: [each(one) for one in v] if isinstance(v, list) else made(v)
+    return each(found.tolist())
+
+
+def speeds_of(ask: dict[str, Any]) -> np.ndarray:
+    """Speeds [rad/s] of a response or of a Campbell diagram, equally spaced."""
+    return np.linspace(*ask["within"], ask.get("speeds", ask["count"]))
 
 
 def error(case: Case, answers: list[np.ndarray], exact: np.ndarray) -> float:
@@ -63,6 +84,9 @@ def _chosen(case: Case, found: np.ndarray, exact: np.ndarray) -> np.ndarray:
     """The values that are compared: of roots and critical speeds the nearest ones."""
     if case.question not in FOUND_BY_VALUE:
         return found
-    if case.question == "roots":
+    if np.iscomplexobj(found):
         found = found.real + 1j * np.abs(found.imag)
+    if exact.ndim == 2:  # by speed
+        pairs = zip(found, exact, strict=True)
+        return np.array([row[np.argmin(np.abs(row[:, None] - own), axis=0)] for row, own in pairs])
     return found[np.argmin(np.abs(found[:, None] - exact), axis=0)]

@@ -80,9 +80,7 @@ class Rotor:
             )
             for k, sign in enumerate(SIGNS):
                 jump[4 * k + 3, 4 * k] += mass * root**2
-                jump[4 * k + 2, 4 * k + 1] += (
-                    diametral * root**2 - sign * 1j * speed * polar * root
-                )
+                jump[4 * k + 2, 4 * k + 1] += diametral * root**2 - sign * 1j * speed * polar * root
         for damper in self.machine.parts("disc_dampings"):
             if damper["at"] == at:
                 for k in range(2):
@@ -184,14 +182,24 @@ class Rotor:
         return moved
 
 
-def zero_near(function: Callable[[Any], Any], guess: complex, reach: float = 1e-4) -> Any:
-    """The zero of an analytic function near a guess, or an error if Muller's method leads elsewhere."""
+def zero_near(function: Callable[[Any], Any], guess: complex, reach: float = 1e-6) -> Any:
+    """The zero of an analytic function near a guess by the secant method, or an error."""
     start = mp.mpmathify(guess)
-    points = (start * (1 - reach), start, start * (1 + reach))
-    found = mp.findroot(function, points, solver="muller", tol=1e-50, verify=False, maxsteps=60)
-    if abs(found - start) > 100 * reach * abs(start):
-        raise ArithmeticError(f"There is no zero near {guess}, but one at {complex(found)}.")
-    return found
+    before, here = start * (1 + reach), start
+    below, value = function(before), function(here)
+    for _ in range(40):
+        if value == below:
+            break
+        step = value * (here - before) / (value - below)
+        before, here = here, here - step
+        if abs(step) < 1e-13 * abs(here):  # the next one is far smaller
+            break
+        below, value = value, function(here)
+    else:
+        raise ArithmeticError(f"The secant method has not found the zero near {guess}.")
+    if abs(here - start) > 1e-3 * abs(start):
+        raise ArithmeticError(f"There is no zero near {guess}, but one at {complex(here)}.")
+    return here
 
 
 def zero_of_two(function: Callable[..., Any], guess: tuple[float, float]) -> Any:

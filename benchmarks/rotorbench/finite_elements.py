@@ -11,6 +11,7 @@ from scipy.linalg import eig, lu_factor, lu_solve
 from scipy.optimize import brentq, minimize_scalar, newton
 from scipy.sparse.linalg import LinearOperator, eigs
 
+from .cases import speeds_of
 from .machines import Machine
 
 
@@ -85,9 +86,7 @@ class Model:
         start = np.random.default_rng(0).standard_normal(2 * n)
         wanted = 2 * count + 4
         space = min(2 * n - 1, 3 * wanted + 10)
-        found = 1 / eigs(
-            inverse, wanted, v0=start, ncv=space, tol=1e-12, return_eigenvectors=False
-        )
+        found = 1 / eigs(inverse, wanted, v0=start, ncv=space, tol=1e-12, return_eigenvectors=False)
         return _ordered(found[found.imag > 1e-6])
 
     def criticals(self, speed: float, count: int) -> np.ndarray:
@@ -113,7 +112,7 @@ class Model:
         return np.abs([x + 1j * y, x - 1j * y]) / 2
 
     def history(self, speed: float, at: float, times: np.ndarray) -> np.ndarray:
-        """x and y [m] at a station from rest, by all eigenvectors."""
+        """Displacements x and y [m] at a station from rest, by all eigenvectors."""
         m, c, k = self.matrices(speed)
         n, inverse = len(m), np.linalg.inv(m)
         first = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ k, -inverse @ c]])
@@ -156,17 +155,25 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
     build = functools.partial(model, machine, cut)
     if question == "roots":
         return lambda: build().roots(ask.get("speed", machine.speed), ask["count"])
+    if question == "Campbell diagram":
+        return lambda: campbell(build(), ask)
     if question == "critical speeds":
         return lambda: criticals(build(), ask["count"])
     if question == "threshold":
         return lambda: threshold(build(), ask["within"])
     if question == "response":
-        return lambda: (
-            lambda one: [one.response(speed, ask["at"]) for speed in ask["speeds"]]
-        )(build())
+        return lambda: (lambda one: [one.response(speed, ask["at"]) for speed in speeds_of(ask)])(
+            build()
+        )
     if question == "peak":
         return lambda: peak(build(), ask)
     return lambda: build().history(machine.speed, ask["at"], np.array(ask["times"]))
+
+
+def campbell(model: Model, ask: dict[str, Any]) -> np.ndarray:
+    """The slowest roots at every speed, of which some are spare."""
+    rows = [model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)]
+    return np.array([row[: min(map(len, rows))] for row in rows])
 
 
 def criticals(model: Model, count: int) -> np.ndarray:
@@ -176,7 +183,7 @@ def criticals(model: Model, count: int) -> np.ndarray:
         return found
     return np.array(
         [
-            newton(lambda speed, k=k: model.criticals(speed, count)[k] - speed, one, tol=1e-10)
+            newton(lambda speed, k=k: model.criticals(speed, count)[k] - speed, one, tol=1e-5)
             for k, one in enumerate(found)
         ]
     )
@@ -189,14 +196,16 @@ def threshold(model: Model | Damped, within: tuple[float, float]) -> np.ndarray:
         roots = model.roots(speed, 8)
         return complex(roots[np.argmax(roots.real)])
 
-    speed = float(brentq(lambda speed: fastest(speed).real, *within, xtol=1e-10, rtol=1e-14))
+    speed = float(brentq(lambda speed: fastest(speed).real, *within, xtol=1e-6))
     return np.array([speed, abs(fastest(speed).imag)])
 
 
 def peak(model: Model, ask: dict[str, Any]) -> np.ndarray:
     """Speed and amplitude of the largest half axis between two speeds."""
     half = lambda speed: -float(np.sum(model.response(speed, ask["at"])))
-    found: Any = minimize_scalar(half, bounds=ask["within"], method="bounded", options={"xatol": 1e-9})
+    found: Any = minimize_scalar(
+        half, bounds=ask["within"], method="bounded", options={"xatol": 1e-5}
+    )
     return np.array([found.x, -found.fun])
 
 

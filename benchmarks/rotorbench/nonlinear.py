@@ -1,14 +1,14 @@
 """Nonlinear answers by SciPy and NumPy alone: circles as zeros in turning axes, motions by DOP853.
 
-Friction acts on the rim of the disc, `F = -N (1 + i mu) n`, while it slips forward against the ring or the stop; the
-film is the short one with half of it under pressure (Ocvirk), by Gauss quadrature.
+Friction acts on the rim of the disc, `F = -N (1 + i mu) n`, while it slips forward against the ring or
+the stop; the film is the short one with half of it under pressure (Ocvirk), by Gauss quadrature.
 """
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve, root
 
 from .finite_elements import Damped, Model
@@ -115,7 +115,7 @@ def elements_receptance(machine: Machine, cut: int) -> Callable[[float, float], 
 
 
 def along_damping(machine: Machine, model: Model) -> np.ndarray:
-    """Damping of a uniform shaft by its length, which is its mass matrix without rotary inertia, and of discs."""
+    """Damping of a uniform shaft by its length, a mass matrix without rotary inertia, and of discs."""
     per_length = machine.scene["external_damping"]["per_length"]
     damping = np.zeros_like(model.m)
     bend = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
@@ -146,9 +146,7 @@ def dry_whirl_by(receptance: Callable[[Any, Any], Any], machine: Machine, zero: 
     ring, speed = machine.parts("annular_stators")[0], machine.speed
     own = lambda whirl: receptance(whirl, speed)
     whirl = zero(lambda w: (lambda h: h.imag + ring["friction"] * h.real)(own(w)))
-    force = -ring["gap"] / (
-        1 / ring["stiffness"] + (own(whirl) * (1 + 1j * ring["friction"])).real
-    )
+    force = -ring["gap"] / (1 / ring["stiffness"] + (own(whirl) * (1 + 1j * ring["friction"])).real)
     return [whirl, ring["gap"] + force / ring["stiffness"]]
 
 
@@ -261,12 +259,12 @@ def run_up(machine: Machine, ask: dict[str, Any], rtol: float) -> np.ndarray:
 
 
 def rub(machine: Machine, ask: dict[str, Any], rtol: float) -> np.ndarray:
-    """x and y [m] after some revolutions from rest against a stop, from event to event."""
+    """Displacements x and y [m] after some revolutions from rest against a stop, from event to event."""
     return _struck(machine, np.zeros(4), ask["revolutions"], rtol)[:2]
 
 
 def impact(machine: Machine, ask: dict[str, Any], rtol: float) -> np.ndarray:
-    """x and its velocity at a rotation angle of zero, of the orbit of one revolution, by shooting."""
+    """Displacement along x and its velocity as a revolution of the orbit begins, by shooting."""
     whole = lambda x: _struck(machine, np.array([x[0], 0.0, x[1], 0.0]), 1, rtol)
     found = fsolve(lambda x: whole(x)[[0, 2]] - x, ask["start"], xtol=max(rtol, 1e-13))
     return np.array(found)
@@ -309,7 +307,7 @@ def _struck(machine: Machine, start: np.ndarray, revolutions: int, rtol: float) 
 
 
 def answered(machine: Machine, question: str, ask: dict[str, Any], setting: Any) -> Callable | None:
-    """The call that answers a nonlinear question, None for another one; `setting` is a tolerance or a mesh."""
+    """The call that answers a nonlinear question, None for another; `setting`: tolerance or meshes."""
     calls: dict[str, Callable[[], Any]] = {
         "full rub": lambda: full_rub(machine),
         "fold of a full rub": lambda: fold(machine),

@@ -13,7 +13,7 @@ from .machines import Machine
 
 
 def full_rub(case: Case) -> np.ndarray:
-    """`R = [b g (A + mu B) + sqrt((A^2 + B^2) U^2 s^4 - b^2 g^2 C^2)] / (A^2 + B^2)`, mass and stiffness 1."""
+    """`R = [b g (A + mu B) + sqrt((A^2 + B^2) U^2 s^4 - b^2 g^2 C^2)] / (A^2 + B^2)`, m = k = 1."""
     machine = Machine(case.machine)
     found = _upper(machine, number(machine.speed))[0]
     return np.array([float(found), float(_ring(machine)[1] * (found - _ring(machine)[0]))])
@@ -124,7 +124,7 @@ def position(case: Case) -> np.ndarray:
 
 
 def oil_onset(case: Case) -> np.ndarray:
-    """`m c Omega^2 / W = kappa / gamma^2` with the equivalent stiffness kappa and the whirl ratio gamma."""
+    """`m c Omega^2 / W = kappa / gamma^2`, equivalent stiffness kappa and whirl ratio gamma."""
     film = Film(Machine(case.machine))
 
     def ratio(e: Any) -> tuple[Any, Any]:
@@ -152,7 +152,7 @@ def in_time(case: Case) -> np.ndarray:
 
 
 def impact(case: Case) -> np.ndarray:
-    """Free from (x, v) until `t1`, pressed until `t2`, free until a period is over, where it is (x, v) again."""
+    """Free from (x, v) until `t1`, pressed until `t2`, free until (x, v) again after a period."""
     machine = Machine(case.machine)
     (stop,) = machine.parts("limiters")
     gap, stiff = number(stop["gap"]), number(stop["stiffness"])
