@@ -20,9 +20,7 @@ from .machines import FOLDER
 
 
 CASES = {case.name: case for case in cases()}
-SAMPLES = (
-    8  # speeds at which an onset is bracketed: the fewest that there are
-)
+SAMPLES = 8  # speeds at which an onset is bracketed: the fewest that there are
 BETWEEN = 5  # speeds between which a peak is bracketed, likewise
 
 

@@ -30,7 +30,8 @@ from .report import draw, table, write
 
 GOAL = 1e-6  # relative error
 MESHES = [[1], [2], [1, 2], [4], [2, 4], [8], [4, 8]]
-LONGEST = 4.0  # processor seconds of a call after which no finer mesh is tried
+LONGEST = 6.0  # processor seconds of a call after which no finer mesh is tried
+ENOUGH = 2.0  # processor seconds of calls after which none is repeated
 
 
 def settings(case: Case, program: str) -> list[Any]:
@@ -48,7 +49,7 @@ def measured(program: Program, case: Case, setting: Any, exact: np.ndarray, repe
     first = program.ask(request)
     off = error(case, [complex_of(one) for one in first["answer"]], exact)
     later: list[float] = []
-    while not later or (len(later) < repeats and sum(later) < LONGEST):
+    while not later or (len(later) < repeats and sum(later) < ENOUGH):
         later.append(program.ask(request)["processor"])
     return {
         "setting": setting,
