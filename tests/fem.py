@@ -12,17 +12,25 @@ import scipy.linalg
 
 @dataclasses.dataclass
 class Stretch:
-    """A piece of shaft, up to the station `stop` [m]."""
+    """A piece of shaft, up to the station `stop` [m], with a bore of diameter `inner` [m]."""
 
     stop: float
     diameter: float
+    inner: float = 0.0
 
 
-def element(h, diameter, young, density, shear):
-    """Mass with rotary inertia, twice the rotary inertia alone, and stiffness in one plane, 4 by 4."""
-    area, second = np.pi * diameter**2 / 4, np.pi * diameter**4 / 64
-    nu = young / (2 * shear) - 1
-    p = 12 * young * second / (6 * (1 + nu) / (7 + 6 * nu) * shear * area * h**2)
+def element(h, diameter, young, density, shear, inner=0.0):
+    """Mass with rotary inertia, twice the rotary inertia alone, and stiffness in one plane, 4 by 4.
+
+    An infinite shear modulus leaves shear out.
+    """
+    area, second = np.pi * (diameter**2 - inner**2) / 4, np.pi * (diameter**4 - inner**4) / 64
+    p = 0.0
+    if np.isfinite(shear):
+        nu, r2 = young / (2 * shear) - 1, (inner / diameter) ** 2
+        cowper = 6 * (1 + r2) ** 2 * (1 + nu)
+        cowper /= (7 + 6 * nu) * (1 + r2) ** 2 + (20 + 12 * nu) * r2
+        p = 12 * young * second / (cowper * shear * area * h**2)
     full = lambda a, b, c, d, e, f: np.array(
         [[a, b, c, d], [b, e, -d, f], [c, -d, a, -b], [d, f, -b, e]]
     )
@@ -62,8 +70,10 @@ def matrices(stretches, discs, bearings, material, longest):
     mass, gyroscopic, stiffness = np.zeros((3, size, size))
     for k, (start, stop) in enumerate(zip(nodes[:-1], nodes[1:], strict=True)):
         middle = (start + stop) / 2
-        diameter = next(s.diameter for s in stretches if s.stop > middle)
-        own, polar, stiff = element(stop - start, diameter, young, density, shear)
+        piece = next(s for s in stretches if s.stop > middle)
+        own, polar, stiff = element(
+            stop - start, piece.diameter, young, density, shear, piece.inner
+        )
         x = np.array([0, 2, 4, 6]) + 4 * k
         for plane in (x, x + 1):
             mass[np.ix_(plane, plane)] += own

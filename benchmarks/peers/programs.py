@@ -4,6 +4,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 import time
 import venv
 from collections.abc import Sequence
@@ -33,7 +34,7 @@ class Program:
 
     def __init__(self, command: Sequence[str], threads: int):
         own = os.environ | {THREADS: str(threads)}
-        if "peers.with_ross" in command:
+        if command[0] != sys.executable:
             own.pop("PYTHONPATH", None)
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(

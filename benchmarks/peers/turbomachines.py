@@ -63,6 +63,8 @@ def spread(highest: float, count: int) -> list[float]:
 def serve(answer: Callable[[dict], Callable[[], Any]], plain: Callable[[Any], Any]) -> None:
     """Answer requests, one a line of the standard input, with the seconds that each call took.
 
+    `seconds` are those of a clock, `processor` those that all threads of the program computed.
+
     Args:
         answer: prepares a request: the rotor is built there, and the call that is timed is returned.
         plain: what that call returns, as lists of numbers.
@@ -71,7 +73,7 @@ def serve(answer: Callable[[dict], Callable[[], Any]], plain: Callable[[Any], An
     for line in sys.stdin:
         asked: Mapping[str, Any] = json.loads(line)
         call = answer(dict(asked))
-        began = time.perf_counter()
+        began, busy = time.perf_counter(), time.process_time()
         found = call()
-        seconds = time.perf_counter() - began
-        print(json.dumps({"seconds": seconds, "answer": plain(found)}), file=out, flush=True)
+        spent = {"seconds": time.perf_counter() - began, "processor": time.process_time() - busy}
+        print(json.dumps(spent | {"answer": plain(found)}), file=out, flush=True)

@@ -46,9 +46,8 @@ class HarmonicForce(eqx.Module):
     @property
     def parts(self) -> tuple[Complex[Array, ""] | None, Complex[Array, ""] | None]:
         """`f, b` of `F = f exp(i w t) + b exp(-i w t)` [N]."""
-        forward, backward = (
-            self.amplitude * jnp.exp(1j * (self.angle + sense * self.phase)) for sense in (1, -1)
-        )
+        turned = lambda phase: self.amplitude * jnp.exp(1j * (self.angle + phase))
+        forward, backward = turned(self.phase), turned(-self.phase)
         if self.whirl == "none":
             return forward / 2, backward / 2
         return (forward, None) if self.whirl == "forward" else (None, backward)

@@ -1,0 +1,1 @@
+"""RotorBench: thirty cases with reference numbers, solved by jaxrotor, ROSS and SciPy alone."""
