@@ -57,14 +57,14 @@ class Bounds(eqx.Module):
         return np.where(self.free, 2 * cube - 1, logit(np.where(self.free, 0.5, cube)))
 
 
-def bounds(scene: Scene, where: Mapping[str, Any]) -> Bounds:
+def bounds(scene: Scene, where: Mapping[str, Any], name: str = "where") -> Bounds:
     """Bounds of parameters by their paths: `(low, high)`, or None where there are none."""
     if not where:
         raise ValueError(
-            "`where` must name at least one parameter, such as {'limiters.stiffness': (1e5, 1e8)}."
+            f"`{name}` must name at least one parameter, such as {{'limiters.stiffness': (1e5, 1e8)}}."
         )
     own = {path: own_value(scene, path) for path in where}
-    ends = {path: _ends(path, pair) for path, pair in where.items()}
+    ends = {path: _ends(path, pair, name) for path, pair in where.items()}
     for path, (low, high) in ends.items():
         if np.isfinite(low):
             _check_ends(scene, path, low, high)
@@ -115,14 +115,14 @@ def own_value(scene: Scene, path: str) -> float:
     return float(np.ravel(value)[0])
 
 
-def _ends(path: str, pair: Any) -> tuple[float, float]:
+def _ends(path: str, pair: Any, name: str) -> tuple[float, float]:
     """Low and high bounds, infinite where there are none."""
     if pair is None:
         return -np.inf, np.inf
     ends = ascending_pair(pair)
     if ends is None:
         raise ValueError(
-            f"`where['{path}']` must be a lower and a higher bound, or None for none, but is {pair!r}."
+            f"`{name}['{path}']` must be a lower and a higher bound, or None for none, but is {pair!r}."
         )
     return ends
 

@@ -32,7 +32,7 @@ class Smoothed(NamedTuple):
     """A probability that is a smooth function of the draws, and what smoothing adds to it."""
 
     value: Scalar  # [1]
-    bias: Scalar  # of the value, to second order in the width [1]
+    bias: Scalar  # that the width causes, to its second order [1]
 
 
 def probability(happened: Any, confidence: float = 0.95) -> Estimate:
@@ -108,7 +108,8 @@ def exceedance(values: Float[Array, " n"], limit: Any, width: Any) -> Smoothed:
         loss = lambda scene: jr.exceedance(whirls(scene), 380.0, 2.0).value,  whirls = jr.over_draws(..)
 
     A share of draws has no gradient, as it jumps from draw to draw. With `Phi`, the normal distribution,
-    the jump is `h` wide, and the error is `b h^2`; from a second width, `h sqrt(2)`, follows `b`.
+    the jump is `h` wide, which adds `b h^2` on average; from a second width, `h sqrt(2)`, follows `b`. The
+    scatter of draws, about `sqrt(P (1 - P) / n)`, is not in it.
 
     Args:
         values: y of every draw, as `over_draws` gives them.
@@ -117,17 +118,20 @@ def exceedance(values: Float[Array, " n"], limit: Any, width: Any) -> Smoothed:
             gradient is that of few draws, with more the bias grows.
 
     Returns:
-        `Smoothed`: `value` and `bias`, both differentiable. The true share of the draws is nearer to
-        `value - bias`; verify a design by `probability` and draws of another seed.
+        `Smoothed`: `value` and `bias`, both differentiable. Verify a design by `probability` and draws of
+        another seed.
 
     Raises:
-        ValueError: if the width is not positive.
+        ValueError: if the width is not positive, or a value is not finite.
 
     Source: Nadaraya (1964), Theory of Probability and its Applications 9, 497-500.
     """
     if known(width) and not float(width) > 0:
         raise ValueError(f"`width` must be positive, but is {float(width):g}.")
-    apart = (jnp.asarray(values) - limit) / width
+    values = jnp.asarray(values)
+    if known(values) and not (values.size and np.isfinite(values).all()):
+        raise ValueError("`values` must be finite numbers, one for every draw.")
+    apart = (values - limit) / width
     value = jnp.mean(norm.cdf(apart))
     return Smoothed(value, jnp.mean(norm.cdf(apart / math.sqrt(2))) - value)
 

@@ -1,6 +1,6 @@
-"""Fit: parameters of a scene, the noise and intervals of confidence from what was measured."""
+"""Fit: parameters of a scene, the noise and confidence intervals from what was measured."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -18,15 +18,17 @@ from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
 from .bounds import Bounds, bounds, own_value
 from .minimum import Minimum, minimum
-from .records import AbstractRecord, Begun, with_start
+from .records import AbstractRecord, FittedStart, with_start
 from .uncertainty import Uncertainty, of_slopes
 from .whiteness import correlations
 
 
 EDGE = 1e-4  # of the range of a parameter: nearer to a bound it is on the bound
 KINK = 0.2  # step in standard deviations that may remain at a kink of the sum of squares
-ROUGH = 1e-3  # such a step that is told
-CORRELATED = 3.3  # standard deviations of the correlation of noise, exceeded once in a thousand
+MENTIONED = 1e-3  # such a step above which `cautions` mentions it
+CORRELATED = 3.3  # z-score of a correlation, exceeded by noise once in a thousand
+ALIKE = 1e-3  # difference of log-likelihoods below which two starts have found the same minimum
+SCANT = 10.0  # degrees of freedom of one of several records, below which its noise is poorly known
 
 
 class Fitted(eqx.Module):
@@ -39,19 +41,21 @@ class Fitted(eqx.Module):
     noise: Float[np.ndarray, " r"]  # standard deviation of the numbers of every record [m]
     uncertainty: Uncertainty  # residuals in units of the noise
     residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record, (T, c)
-    correlations: Float[np.ndarray, " r"]  # of successive residuals; of white noise about 0
-    strangeness: Float[np.ndarray, " r"]  # distance of these from noise in standard deviations
+    residual_correlations: Float[np.ndarray, "r 2"]  # in time, between channels; of noise about 0
+    z_scores: Float[np.ndarray, "r 2"]  # of these
     records: tuple[AbstractRecord, ...]
     bounds: Bounds
     model: Scene  # before the fit, with the start of a record as a member if it was fitted
-    change: Scalar  # that a next step would make, in standard deviations
-    freedom: int = eqx.field(static=True)  # m - n
+    remaining_step: Scalar  # that would come next, in standard deviations
+    degrees_of_freedom: Float[np.ndarray, " n"]  # of every parameter; m - n for one record
+    record_freedom: Float[np.ndarray, " r"]  # m_i - n_i of every record
     evaluations: int = eqx.field(static=True)  # of the start that led here
+    ended: bool = eqx.field(static=True)  # whether the search ended of itself
 
     @property
     def scene(self) -> Scene:
         """The scene with the fitted parameters."""
-        begun, scene = self.model.of(Begun), self.model
+        begun, scene = self.model.of(FittedStart), self.model
         if begun:
             scene = scene.of_parts(*(one for one in scene.effects if one is not begun[0]))
         return scene.replace({p: v for p, v in self.values.items() if not p.startswith("start.")})
@@ -64,47 +68,65 @@ class Fitted(eqx.Module):
     @property
     def start(self) -> Any:
         """The start of the shaft with its fitted numbers; None if none of them was fitted."""
-        begun = self.model.of(Begun)
+        begun = self.model.of(FittedStart)
         if not begun:
             return None
         own = {p: v for p, v in self.values.items() if p.startswith("start.")}
-        return self.model.put(own).of(Begun)[0].shaft
+        return self.model.put(own).of(FittedStart)[0].shaft
 
     def intervals(self, level: float | int = 0.95) -> dict[str, tuple[float, float]]:
-        """`x +- t s`, with `t` of Student's distribution of `m - n` degrees of freedom.
+        """`x_k +- t s_k`, with `t` of Student's distribution of `nu_k` degrees of freedom.
+
+            1 / nu_k = sum_i c_ki^2 / (m_i - n_i)
+
+        `c_ki` is the share of the variance of parameter k that comes from the noise of record i, so with
+        one record `nu_k = m - n`.
 
         Args:
             level: probability with which an interval contains the true parameter.
 
         Returns:
             Ends of every interval by path, SI. They hold to first order in the noise, where it is normal,
-            independent from sample to sample and alike within a record; `cautions` says where it is not.
+            independent from sample to sample and from channel to channel, and alike within a record;
+            `cautions` says where it is not.
 
         Raises:
             ValueError: `level` is not between 0 and 1.
 
-        Source: Bard (1974), Nonlinear Parameter Estimation, chapter 7.
+        Source: Bard (1974), Nonlinear Parameter Estimation, chapter 7; Satterthwaite (1946), Biometrics
+        Bulletin 2, 110-114.
         """
         if not 0 < level < 1:
             raise ValueError(f"`level` must be between 0 and 1, but is {level!r}.")
-        reach = float(stats.t.ppf((1 + level) / 2, self.freedom))
-        sizes = {path: reach * float(s) for path, s in self.uncertainty.deviations.items()}
+        reach = stats.t.ppf((1 + level) / 2, self.degrees_of_freedom)
+        deviations = self.uncertainty.deviations.items()
+        sizes = {path: float(t * s) for t, (path, s) in zip(reach, deviations, strict=True)}
         return {p: (float(x) - sizes[p], float(x) + sizes[p]) for p, x in self.values.items()}
 
     @property
     def cautions(self) -> tuple[str, ...]:
         """Sentences on what makes the intervals doubtful, none if nothing was found."""
         said = [
-            f"The residuals of record {i} are correlated from sample to sample ({r:.2f}, {z:.0f} standard "
-            "deviations from noise): the model or the noise is not as assumed, and the intervals fail."
-            for i, (r, z) in enumerate(zip(self.correlations, self.strangeness, strict=True))
-            if abs(z) > CORRELATED
+            f"The residuals of record {i} are correlated from {which} "
+            f"({self.residual_correlations[i, k]:.2f}, {self.z_scores[i, k]:.0f} standard deviations from "
+            "noise): the model or the noise is not as assumed, and the intervals fail."
+            for i in range(len(self.records))
+            for k, which in enumerate(("sample to sample", "channel to channel"))
+            if abs(self.z_scores[i, k]) > CORRELATED
         ]
-        if self.change > ROUGH:
+        said += [
+            f"Record {i} has {left:.1f} degrees of freedom for its noise, so the weights of the records "
+            "are poorly known and the intervals too narrow; measure more."
+            for i, left in enumerate(self.record_freedom)
+            if len(self.records) > 1 and left < SCANT
+        ]
+        if self.remaining_step > MENTIONED:
+            size = f"would be of {float(self.remaining_step):.2g} standard deviations"
             said.append(
-                f"The sum of squares has a kink at its minimum, where a next step would be of "
-                f"{float(self.change):.2g} standard deviations; take located steps, `Exponential(4, "
-                "located=True)`, or more of them."
+                f"The sum of squares has a kink at its minimum, where a next step {size}; take located "
+                "steps, `Exponential(4, located=True)`, or more of them."
+                if self.ended
+                else f"The search used all its steps, and the next one {size}; take more `steps`."
             )
         ends = _ends(self.bounds)
         for path, (low, high) in self.intervals().items():
@@ -129,8 +151,8 @@ class Fitted(eqx.Module):
     @property
     def _noises(self) -> str:
         noises = ", ".join(f"{sigma:.4g} m" for sigma in self.noise)
-        count = self.freedom + len(self.values)
-        return f"{len(self.values)} parameters from {count} numbers; noise {noises}"
+        count, several = sum(record.count for record in self.records), len(self.values) > 1
+        return f"{len(self.values)} parameter{'s' * several} from {count} numbers; noise {noises}"
 
     def __str__(self) -> str:
         lines = [self._noises]
@@ -153,9 +175,9 @@ def fit(
     seed: int = 0,
     progress: bool | None = None,
 ) -> Fitted:
-    """`min sum_i |z_i(x) - z_i|^2 / sigma_i^2`, the parameters and the noise of what was measured.
+    """`min sum_i |z_i(x) - z_i|^2 / sigma_i^2` by weights that are repeated, and the noise of the records.
 
-        sigma_i^2 = sum |r_i|^2 / (m_i - n_i),   sum_i n_i = n,   x +- t_{m - n} sqrt(C_kk)
+        sigma_i^2 = sum |r_i|^2 / (m_i - n_i),   sum_i n_i = n,   x_k +- t_nu_k sqrt(C_kk)
 
     by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
     residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the
@@ -169,7 +191,8 @@ def fit(
             `start.shaft.radius` is a number of the start of a time record.
         steps: greatest number of steps, each one prediction of all records with its derivatives.
         starts: number of starts: the scene's own values, and more by a Latin hypercube within the bounds,
-            for records of contact that fit well in several places.
+            for records of motion in time, which fit well in several places. The best of them counts, and
+            an orbit with contact is sought from that of the scene's own values in all.
         seed: of these starts.
         progress: whether to show after two seconds that the fit is under way; by default on a terminal.
 
@@ -182,17 +205,21 @@ def fit(
         RuntimeError: if the fit ends on a bound, or finds no minimum.
 
     Source: Nocedal, Wright (2006), Numerical Optimization, section 10.3; Bard (1974), Nonlinear Parameter
-    Estimation, chapters 4 and 7.
+    Estimation, chapters 4 and 7; noise of several records: Patterson, Thompson (1971), Biometrika
+    58, 545-554.
     """
     check_counts(steps=steps, starts=starts)
-    every = (records,) if isinstance(records, AbstractRecord) else tuple(records)
+    if not isinstance(parameters, Mapping):
+        raise ValueError(f"`parameters` must be bounds by path, but is {parameters!r}.")
+    several = isinstance(records, Sequence) and not isinstance(records, str)
+    every = tuple(records) if several else (records,)
     for record in every:
         if not isinstance(record, AbstractRecord):
             raise ValueError(f"A record must be a `TimeRecord` or its like, but is {record!r}.")
     if not every:
         raise ValueError("`fit` needs at least one record.")
     scene = with_start(every, scene, parameters)
-    limits = bounds(scene, parameters)
+    limits = bounds(scene, parameters, "parameters")
     scene = with_shared_nodes(scene, parameters)
     every = tuple(record.prepared(scene) for record in every)
     _check_counts(every, len(limits.paths))
@@ -211,8 +238,9 @@ def concluded(
     """The result of a fit from the `Minimum` of every start; raise where none is one, or on a bound."""
     counts = [record.count for record in records]
     merit = np.log(every.noise) @ counts  # of the likelihood; the sum of squares of a single record
-    good = every.change <= KINK
-    best = int(np.argmin(np.where(good, merit, np.inf) if good.any() else merit))
+    merit = np.where(np.isfinite(every.residuals).all(axis=1), merit, np.inf)
+    alike = merit <= merit.min() + ALIKE
+    best = int(np.argmin(np.where(alike, every.remaining, np.inf)))
     found: Any = Minimum(*(part[best] for part in every))
     if not np.isfinite(found.residuals).all():
         raise ValueError(
@@ -225,28 +253,42 @@ def concluded(
     weights = np.repeat(1 / found.noise, counts)
     left, slopes = found.residuals * weights, found.slopes * weights[:, None]
     known = of_slopes(jnp.asarray(left), jnp.asarray(slopes), values, 1.0)
-    if not found.change <= KINK:
+    if not found.remaining <= KINK:
         raise RuntimeError(
-            f"The fit found no minimum: after {int(found.evaluations)} steps a next one would move the "
-            f"parameters by {float(found.change):.2g} standard deviations; take more `steps` or "
+            f"The fit found no minimum: after {int(found.evaluations) - 1} steps a next one would move "
+            f"the parameters by {float(found.remaining):.2g} standard deviations; take more `steps` or "
             "`starts`, or begin nearer."
         )
     tables = [part.reshape(len(r.measured), -1) for part, r in zip(parts, records, strict=True)]
-    correlated, strange = correlations(left, slopes, [table.shape for table in tables])
+    correlated, scores = correlations(left, slopes, [table.shape for table in tables])
+    freedom, of_records = _degrees_of_freedom(slopes, counts)
     return Fitted(
         values=values,
         noise=np.asarray(found.noise),
         uncertainty=known,
         residuals=tuple(map(_as_measured, tables, records)),
-        correlations=correlated,
-        strangeness=strange,
+        residual_correlations=correlated,
+        z_scores=scores,
         records=records,
         bounds=limits,
         model=scene,
         evaluations=int(found.evaluations),
-        change=jnp.asarray(found.change),
-        freedom=left.size - len(values),
+        ended=bool(found.ended),
+        remaining_step=jnp.asarray(found.remaining),
+        degrees_of_freedom=freedom,
+        record_freedom=of_records,
     )
+
+
+def _degrees_of_freedom(slopes: np.ndarray, counts: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """`nu_k` of every parameter and `m_i - n_i` of every record, see `Fitted.intervals`."""
+    basis, triangle = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))
+    inverse = np.linalg.solve(triangle, basis.T)  # of the slopes, by parameters and numbers
+    first = np.cumsum([0, *counts[:-1]])
+    left = counts - np.add.reduceat(np.sum(basis**2, axis=1), first)
+    variances = np.add.reduceat(inverse**2, first, axis=1)
+    shares = variances / variances.sum(axis=1, keepdims=True)
+    return 1 / np.sum(shares**2 / left, axis=1), left
 
 
 def _as_measured(table: np.ndarray, record: AbstractRecord) -> Array:

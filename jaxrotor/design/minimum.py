@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core.extremes import smaller
 from ..core.quantities import Scalar
@@ -15,12 +15,12 @@ from .records import AbstractRecord
 from .target import evaluator
 
 
-ROUNDING = 1e-10  # of a record: noise below it is not told from rounding
+ROUNDING = 1e-10  # of a record: smaller noise cannot be distinguished from rounding
 SETTLED = 1e-5  # step of all parameters in their standard deviations at which a search ends
 FIRST_DAMPING = 1e-3  # of Levenberg and Marquardt, over the squares of the scaled slopes
 MOST_DAMPING = 1e8  # at which a search ends
 LONGEST = 2.0  # change of a free number in a step
-PASSES = 4  # for the noises of several records at a point, each of which changes the weights of all
+PASSES = 4  # in which the noises of several records are found, as each changes the weights of all
 
 
 class Minimum(NamedTuple):
@@ -30,18 +30,19 @@ class Minimum(NamedTuple):
     residuals: Float[Array, " m"]  # [m]
     slopes: Float[Array, "m n"]  # by the parameters
     noise: Float[Array, " r"]  # [m]
-    change: Scalar  # in standard deviations, that the next step would make
+    remaining: Scalar  # step that would come next, in standard deviations
     evaluations: Int[Array, ""]
+    ended: Bool[Array, ""]  # whether the search ended of itself, not for want of steps
 
 
 class _Point(NamedTuple):
-    """Parameters as free numbers, and what is left there."""
+    """Parameters as free numbers, and the residuals there."""
 
     at: Float[Array, " n"]
     left: Float[Array, " m"]
     slopes: Float[Array, "m n"]  # by free numbers
     noise: Float[Array, " r"]
-    change: Scalar
+    remaining: Scalar
 
 
 class _Split(NamedTuple):
@@ -49,8 +50,8 @@ class _Split(NamedTuple):
 
     basis: Float[Array, "m n"]  # B
     sizes: Float[Array, " n"]  # S
-    ways: Float[Array, "n n"]  # V^T D^-1
-    shares: Float[Array, " n"]  # of the residuals, B^T r
+    directions: Float[Array, "n n"]  # V^T D^-1
+    components: Float[Array, " n"]  # of the residuals, B^T r
 
 
 def minimum(
@@ -75,9 +76,10 @@ def minimum(
 
     def split(left, slopes, noise):
         """The singular values of the weighted slopes by scaled parameters, and the residuals by them."""
-        heavy = slopes / noise[owner, None]
-        units = jnp.linalg.norm(heavy, axis=0)
-        basis, sizes, ways = jnp.linalg.svd(heavy / units, full_matrices=False)
+        weighted = slopes / noise[owner, None]
+        norms = jnp.linalg.norm(weighted, axis=0)
+        units = jnp.where(norms > 0, norms, 1.0)  # a stop that is not reached has no slopes
+        basis, sizes, ways = jnp.linalg.svd(weighted / units, full_matrices=False)
         return _Split(basis, sizes, ways / units, basis.T @ (left / noise[owner]))
 
     def weighed(at, left, slopes, noise):
@@ -85,28 +87,32 @@ def minimum(
         for _ in range(PASSES if len(records) > 1 else 1):
             used = totals(jnp.sum(split(left, slopes, noise).basis ** 2, axis=1))
             noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
-        return _Point(at, left, slopes, noise, jnp.linalg.norm(split(left, slopes, noise).shares))
+        parts = split(left, slopes, noise)
+        return _Point(at, left, slopes, noise, jnp.linalg.norm(parts.components))
 
     def body(state):
         best, damping, number = state
         parts = split(best.left, best.slopes, best.noise)
-        move = -parts.ways.T @ (parts.shares * parts.sizes / (parts.sizes**2 + damping))
+        damped = parts.components * parts.sizes / (parts.sizes**2 + damping)
+        move = -parts.directions.T @ damped
         move = move * smaller(LONGEST / jnp.max(jnp.abs(move)), 1.0)
         at = jnp.where(number > 0, best.at + move, best.at)
         left, slopes = evaluate(at)
         first = jnp.sqrt(totals(left**2) / counts + floors**2)
         noise = jnp.where(number > 0, best.noise, first)
         total = lambda left: jnp.sum((left / noise[owner]) ** 2)
-        lower = total(left) < total(best.left)
+        lower = (total(left) < total(best.left)) & jnp.all(jnp.isfinite(slopes))
         trial = weighed(at, left, slopes, noise)
         best = jax.tree.map(lambda new, old: jnp.where(lower, new, old), trial, best)
         return best, jnp.where(lower, damping / 10, damping * 10), number + 1
 
-    going = lambda s: (s[0].change > SETTLED) & (s[1] < MOST_DAMPING) & (s[2] <= steps)
+    going = lambda s: (s[0].remaining > SETTLED) & (s[1] < MOST_DAMPING) & (s[2] <= steps)
     zero, noise = jnp.zeros((owner.size, u.size)), jnp.full(len(records), jnp.inf)
     begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, noise, jnp.asarray(jnp.inf))
-    best, _, number = jax.lax.while_loop(
+    best, damping, number = jax.lax.while_loop(
         going, body, (begin, jnp.asarray(FIRST_DAMPING), jnp.asarray(0))
     )
-    stretch = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
-    return Minimum(best.at, best.left, best.slopes / stretch, best.noise, best.change, number)
+    rates = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
+    ended = (best.remaining <= SETTLED) | (damping >= MOST_DAMPING)
+    slopes = best.slopes / rates
+    return Minimum(best.at, best.left, slopes, best.noise, best.remaining, number, ended)

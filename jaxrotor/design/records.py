@@ -45,7 +45,12 @@ def table(value: Any) -> Any:
 
 def angles(value: Any) -> Any:
     """Directions of probes as an array; None where there are none."""
-    return None if value is None else jnp.atleast_1d(jnp.asarray(value, float))
+    if value is None:
+        return None
+    found = jnp.atleast_1d(jnp.asarray(value, float))
+    if known(found) and not np.isfinite(found).all():
+        raise ValueError(f"`angle [rad]` must be finite, but is {value!r}.")
+    return found
 
 
 class AbstractRecord(AbstractPart):
@@ -103,7 +108,7 @@ class AbstractRecord(AbstractPart):
             )
 
 
-class Begun(AbstractEffect):
+class FittedStart(AbstractEffect):
     """The start of a record as a member of its scene, so that its numbers are parameters."""
 
     kind: ClassVar[str] = "start"
@@ -125,6 +130,15 @@ def check_directions(measured: Array, angle: Array | None) -> None:
         "Displacements must be complex, x + i y, or real with the `angle` of every probe, but are "
         + ("real without one." if angle is None else "complex and have one.")
     )
+
+
+def check_amplitudes(amplitude: Array) -> None:
+    """Raise where an amplitude without a phase is negative."""
+    if not jnp.iscomplexobj(amplitude) and known(amplitude) and np.min(amplitude) < 0:
+        raise ValueError(
+            f"An amplitude without phase cannot be negative, but one is {float(np.min(amplitude)):g}; "
+            "give complex numbers, or their absolute values."
+        )
 
 
 def check_samples(measured: Array, numbers: Any, name: str) -> None:
@@ -219,7 +233,7 @@ class TimeRecord(AbstractRecord):
 
     def _start(self, scene: Scene) -> AbstractStart:
         """The record's own start, or the one whose numbers are parameters."""
-        begun = scene.of(Begun)
+        begun = scene.of(FittedStart)
         if not begun:
             return self.start
         if isinstance(self.start, Launch):
@@ -244,4 +258,4 @@ def with_start(records: tuple[AbstractRecord, ...], scene: Scene, paths: Any) ->
             f"The start of the record, {type(shaft).__name__}, has no numbers to fit; begin the record "
             "with a `Whirl`."
         )
-    return scene.of_parts(*scene.effects, Begun(shaft))
+    return scene.of_parts(*scene.effects, FittedStart(shaft))

@@ -18,7 +18,15 @@ from ..motion.revolutions import check_constant_speed
 from ..motion.simulate import simulate
 from ..orbits import periodic
 from ..scene import Scene
-from .records import AbstractRecord, angles, check_directions, check_samples, read, table
+from .records import (
+    AbstractRecord,
+    angles,
+    check_amplitudes,
+    check_directions,
+    check_samples,
+    read,
+    table,
+)
 
 
 SETTLING = 100  # revolutions before the first search of an orbit
@@ -46,7 +54,7 @@ class _Steady(eqx.Module):
     def samples(self, scene: Scene, count: int) -> Array:
         """Displacements [m] at `count` samples from angle zero, (count, c), the period's end left out."""
         if scene.of(AbstractContact):
-            each, rest = divmod(count, self.revolutions)
+            each = count // self.revolutions
             step = -(-STEPS // each)
             options = {"revolutions": self.revolutions, "solver": self.solver, "at": self.at}
             options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
@@ -78,16 +86,16 @@ class OrbitRecord(AbstractRecord):
 
     `T` samples are evenly spaced by the angle of rotation over a period of `n` revolutions, from angle
     zero on, the end left out. A linear scene answers in closed form, one with contact by `periodic`, from
-    the orbit at the scene's own values.
+    the orbit at the scene's own values. Whether that orbit is stable is not checked.
 
     Args:
         displacement: x + i y of every channel [m], or the readings of probes, real.
         revolutions: in a period; a whole number of samples in each.
         at: station(s) [m], one a channel; by default as in `simulate`.
         angle: direction(s) of probes from x to y [rad], one a channel.
-        guess: of the orbit of a scene with contact, as of `periodic`; by default the end of 100
+        guess: of the orbit of a scene with contact, as in `periodic`; by default the end of 100
             revolutions.
-        solver: as of `periodic`.
+        solver: as in `periodic`.
     """
 
     kind: ClassVar[str] = "plane"
@@ -141,9 +149,9 @@ class SpectrumRecord(AbstractRecord):
         orders: of the speed of rotation, one a sample.
         revolutions: in a period.
         at: station(s) [m], one a channel; by default as in `simulate`.
-        guess: of the orbit of a scene with contact, as of `periodic`; by default the end of 100
+        guess: of the orbit of a scene with contact, as in `periodic`; by default the end of 100
             revolutions.
-        solver: as of `periodic`.
+        solver: as in `periodic`.
     """
 
     kind: ClassVar[str] = "amplitude"
@@ -160,6 +168,12 @@ class SpectrumRecord(AbstractRecord):
     def __check_init__(self):
         check_counts(revolutions=self.revolutions)
         check_samples(self.amplitude, self.orders, "orders")
+        check_amplitudes(self.amplitude)
+        if known(self.orders) and np.max(np.abs(self.orders)) >= STEPS / 2:
+            raise ValueError(
+                f"`orders` must be below {STEPS // 2}, as a revolution has {STEPS} samples, but one is "
+                f"{float(np.max(np.abs(self.orders))):g}."
+            )
         turns = self.revolutions * np.asarray(self.orders) if known(self.orders) else np.zeros(1)
         if np.max(np.abs(turns - np.round(turns))) > 1e-9:
             raise ValueError(
@@ -217,6 +231,7 @@ class ResponseRecord(AbstractRecord):
 
     def __check_init__(self):
         check_samples(self.amplitude, self.frequencies, "frequencies")
+        check_amplitudes(self.amplitude)
 
     @property
     def name(self) -> str:

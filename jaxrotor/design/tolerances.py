@@ -1,6 +1,7 @@
 """Tolerances: parameters that scatter, and what draws of them tell about a machine."""
 
 from collections.abc import Callable, Mapping
+from numbers import Real
 from typing import Any
 
 import jax
@@ -239,7 +240,8 @@ def _correlated(paths: list[str], correlations: Mapping[tuple[str, str], float])
     """`L` with `L L^T` the correlations of normal scores, by Cholesky's decomposition."""
     matrix = np.eye(len(paths))
     for pair, value in correlations.items():
-        if len(set(pair)) != 2 or not set(pair) <= set(paths) or not -1 < value < 1:
+        known = isinstance(pair, tuple) and len(pair) == len(set(pair)) == 2 and {*pair} <= {*paths}
+        if not known or not isinstance(value, Real) or not -1 < value < 1:
             raise ValueError(
                 f"`correlations[{pair!r}]` must be a number between -1 and 1 for two paths of `spread`, "
                 f"but is {value!r}."

@@ -106,7 +106,8 @@ def of_slopes(
     if not np.all(np.isfinite(slopes)) or not np.all(units > 0):
         wrong = list(values)[int(np.argmin(np.isfinite(units) & (units > 0)))]
         raise ValueError(
-            f"The residuals do not depend on `{wrong}`, or not smoothly; leave it out."
+            f"The residuals do not depend on `{wrong}`, or not smoothly; leave it out, or begin where "
+            "it matters, as in contact with a stop."
         )
     _, sizes, ways = np.linalg.svd(np.asarray(slopes / units), full_matrices=False)
     if sizes[-1] <= np.finfo(float).eps * left.size * sizes[0]:

@@ -80,9 +80,9 @@ def bifurcation(
     if "branch" in lanes:
         branch = np.indices(index.shape)[lanes.index("branch")].ravel()
         names = [str(name) for name in dataset["branch"].values]
-        ways = {marker: branch == names.index(name) for name, marker in _MARKERS.items()}
-        for name, marker in _MARKERS.items():
-            upper.plot([], [], marker, color=colours.DARK, label=f"below: {name}")
+        ways = {_MARKERS[name]: branch == k for k, name in enumerate(names)}
+        for name in names:
+            upper.plot([], [], _MARKERS[name], color=colours.DARK, label=f"below: {name}")
     for about, colour, chosen in coloured_groups(dataset, lanes):
         x, y = _cloud(values[chosen], displacement[chosen])
         style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}

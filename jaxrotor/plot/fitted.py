@@ -14,8 +14,8 @@ def fitted(
 ) -> tuple[Axes, Axes]:
     """Measured points with the prediction as a line above, residuals below with twice the noise as a band.
 
-    Of a complex record x and y are drawn, of an orbit its path, on the left, of a response or a spectrum
-    the amplitude.
+    A motion in time is drawn by its x and y, or by what the probe reads; a response or a spectrum by its
+    amplitude. Of an orbit the path is drawn, and the residuals stand beside it.
 
     Args:
         result: result of `jaxrotor.fit`.

@@ -144,9 +144,9 @@ def run_rows(
 ) -> Lanes:
     """Results of lanes that go through a row of points each, (lanes, points, paths).
 
-    A lane starts at every point from the state it had at the end of the point before, its first ball
-    moved by `kick` [rad]; after a point where it failed, from the state it had at the beginning of that
-    point.
+    A lane starts at every point from the state it had at the end of the point before; after a point where
+    it failed, from the state it had at the beginning of that point. Each time its first ball is moved by
+    `kick` [rad].
     """
     results: list[Lanes] = []
     begin = None

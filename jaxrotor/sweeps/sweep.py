@@ -5,6 +5,7 @@ import functools
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import Any, Literal
 
 import diffrax as dfx
@@ -224,8 +225,8 @@ def _checked_observables(
 
 def _check_kick(kick: float, carry: str | None, scene: Scene) -> None:
     """Raise unless there are balls to move, and states that are carried on."""
-    if not np.isfinite(kick):
-        raise ValueError(f"`kick [rad]` must be a finite angle, but is {kick}.")
+    if not isinstance(kick, Real) or not np.isfinite(kick):
+        raise ValueError(f"`kick [rad]` must be a finite angle, but is {kick!r}.")
     if kick and (carry is None or not scene.of(AbstractBodies)):
         raise ValueError(
             f"`kick` moves a ball where `carry` takes its state on, but is {kick:g} without "

@@ -6,8 +6,11 @@ shaft. The rotor is released anywhere: 2 to 100 mm off the axis, whirling at -24
 source, at any angle, with any eccentricity up to the largest published one. A motion that fails counts as
 backward.
 
-Draws are independent, so the bounds of the probability are exact. The Sobol indices are those of all that
-is random, the release included.
+Draws are independent, so the bounds of the probability are exact. Of 16 384 draws around the designed
+stops 22 end backward, 0.13 % (0.08 to 0.20 % with 95 % confidence). By hand a deep backward whirl dies out
+where `c w > f k` (see `limiters.py`); so that this holds as well where friction and stiffness are 10 % more
+and damping 10 % less, the safer stops have 1.1 * 1.1 / 0.9 times the damping. The Sobol indices are those
+of all that is random, the release included.
 
     python notebooks/designs/tolerances.py [--quick]
 """
@@ -28,6 +31,7 @@ DESIGNED = {  # by `limiters.py`: three stops
     "limiters.gap": 6.6154e-3,
 }
 WITHIN = 0.1  # of each parameter
+SAFER = DESIGNED | {"limiters.damping": 204.0}  # 1.1 * 1.1 / 0.9 times as much
 SCATTERED = (
     *("limiters.stiffness", "limiters.damping", "limiters.gap", "limiters.friction"),
     *("spin.speed", "disc.mass", "external_damping.per_length", "internal_damping.voigt_time"),
@@ -78,7 +82,9 @@ def main(quick: bool) -> None:
     count = 256 if quick else 4096
     print("published stops:", probability(published, count))
     print("designed stops:", probability(designed, count))
-    found = importance(designed, 16 if quick else 1024)
+    safer = published.replace(SAFER)
+    print("stops with more damping:", probability(safer, count, seed=1))
+    found = importance(safer, 16 if quick else 1024)
     for path in found.sortby("total", ascending=False)["path"].values:
         one = found.sel(path=path)
         low, value, high = (float(one[f"total{end}"]) for end in ("_low", "", "_high"))

@@ -86,6 +86,8 @@ def test_show(quick_onset):
     text = call("show", "limiter-rotor").stdout
     assert "8 (shaft.nodes = auto)" in text
     assert "unbalance.eccentricity" in text and "at 600 rad/s" in text
+    (angles,) = [line.split() for line in text.splitlines() if "limiters.angle" in line]
+    assert angles[1:] == ["60,", "180,", "300", "deg"]  # as they were typed
     found = answered("show", "limiter-rotor")
     critical, whirl = found["critical_speeds"], found["whirl_frequencies"]
     for way, speeds in critical.items():

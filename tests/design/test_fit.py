@@ -102,8 +102,8 @@ def test_response_as_scipy_fits_it(response):
     scale = np.outer(deviations, deviations)
     np.testing.assert_allclose(response.covariance / scale, covariance / scale, atol=1e-4)
     left = real(SPEEDS, *values) - data
-    assert response.freedom == 2 * SPEEDS.size - 4
-    sigma = np.sqrt(np.sum(left**2) / response.freedom)
+    np.testing.assert_allclose(response.degrees_of_freedom, 2 * SPEEDS.size - 4, rtol=1e-9)
+    sigma = np.sqrt(np.sum(left**2) / response.degrees_of_freedom[0])
     assert response.noise[0] == pytest.approx(sigma, rel=1e-6)
     np.testing.assert_allclose(
         response.residuals[0][:, 0], left[:20] + 1j * left[20:], atol=1e-5 * SIGMA
@@ -115,10 +115,9 @@ def test_response_as_scipy_fits_it(response):
 
 def test_noise_is_within_its_bounds(response):
     """`(m - n) s^2 / sigma^2` is a chi-square of `m - n` degrees of freedom."""
-    square = response.freedom * (response.noise[0] / SIGMA) ** 2
-    assert (
-        stats.chi2.ppf(0.005, response.freedom) < square < stats.chi2.ppf(0.995, response.freedom)
-    )
+    freedom = response.degrees_of_freedom[0]
+    square = freedom * (response.noise[0] / SIGMA) ** 2
+    assert stats.chi2.ppf(0.005, freedom) < square < stats.chi2.ppf(0.995, freedom)
 
 
 def test_result_is_shown(response):
@@ -160,7 +159,7 @@ def test_intervals_of_a_response_cover(response):
     np.testing.assert_allclose(
         mean / np.outer(sizes, sizes), scatter / np.outer(sizes, sizes), atol=0.1
     )
-    off = np.array([one.strangeness[0] for one in results])
+    off = np.array([one.z_scores[0, 0] for one in results])
     assert abs(off.mean()) < 0.1 and off.std() == pytest.approx(1.0, abs=0.07)
     assert np.mean([bool(one.cautions) for one in results]) < 0.01
     again = fitted_to_all(
@@ -298,8 +297,10 @@ def test_intervals_of_a_rub_cover():
     results = fitted_to_all(found, RUB, [("displacement", many)], list(true.values()))
     for path, share in shares_covered(results, true).items():
         assert 0.93 < share < 0.97, path
-    squares = found.freedom * np.array([one.noise[0] for one in results]) ** 2 / SIGMA**2
-    assert stats.kstest(squares, stats.chi2(found.freedom).cdf).pvalue > 1e-3
+    squares = (
+        found.degrees_of_freedom[0] * np.array([one.noise[0] for one in results]) ** 2 / SIGMA**2
+    )
+    assert stats.kstest(squares, stats.chi2(found.degrees_of_freedom[0]).cdf).pvalue > 1e-3
     assert float(found.uncertainty.distance(true)) < stats.chi2.ppf(0.999, 3)
 
 
@@ -405,6 +406,9 @@ def test_probes_and_forces():
         (lambda: jr.OrbitRecord(np.ones(5) + 0j, 2), "orbit of 2 revolutions must have a whole"),
         (lambda: jr.SpectrumRecord(1j * np.ones(1), [0.5]), "must be multiples of 1 / 1"),
         (lambda: jr.OrbitRecord(["a"]), "must be numbers by sample"),
+        (lambda: jr.OrbitRecord([1.0, 2.0], angle=np.nan), r"`angle \[rad\]` must be finite"),
+        (lambda: jr.SpectrumRecord(1j * np.ones(1), [128]), "`orders` must be below 128"),
+        (lambda: jr.ResponseRecord([-1.0, 2.0], [1.0, 2.0]), "cannot be negative, but one is -1"),
     ],
 )  # fmt: skip
 def test_records_that_are_none(make, said):
@@ -424,6 +428,10 @@ def test_refusals():
     ramp = jr.Scene(SHAFT, *PARTS, spin=jr.SpeedProfile.ramp(0.0, 100.0, 1.0))
     with refused("constant speed"):
         jr.fit(ramp, jr.SpectrumRecord([1e-4, 1e-4j], [0, 1]), {"disc.mass": None})
+    with refused("`parameters` must name at least one parameter"):
+        jr.fit(ROTOR, record, {})
+    with refused("must be a `TimeRecord` or its like, but is None"):
+        jr.fit(ROTOR, None, WHERE)
     with refused("needs at least one record"):
         jr.fit(ROTOR, [], WHERE)
     with refused("1 channels, but `at` names 2 stations"):
@@ -466,6 +474,72 @@ def test_more_starts_leave_a_wrong_minimum():
     found = jr.fit(far, record, where, starts=8, progress=False)
     true = {"shaft.k11": K, "disc_damping.translational": C}
     assert float(found.uncertainty.distance(true)) < stats.chi2.ppf(0.999, 2)
+
+
+def test_a_better_start_on_a_bound_is_not_left_for_a_worse_one():
+    """The true stiffness is beyond the bounds; a wrong minimum within fits ten times worse."""
+    times = 2 * np.pi / 100.0 * np.linspace(0.0, 4.0, 65)
+    record = jr.TimeRecord(noisy(decay(times)), 4, start=jr.Whirl(RADIUS, angle=TURN), substeps=1)
+    near, where = FREE.replace({"shaft.k11": 7e5}), {"shaft.k11": (1e5, 7.95e5)}
+    for starts in (1, 8):
+        with pytest.raises(RuntimeError, match="`shaft.k11` ended on its bound 795000"):
+            jr.fit(near, record, where, starts=starts, progress=False)
+
+
+def test_steps_that_run_out_are_not_a_kink():
+    record = jr.ResponseRecord(noisy(whirl(SPEEDS)), SPEEDS)
+    with pytest.raises(RuntimeError, match="found no minimum: after 2 steps a next one"):
+        jr.fit(GUESS, record, WHERE, steps=2, progress=False)
+    (said,) = jr.fit(GUESS, record, WHERE, steps=6, progress=False).cautions
+    assert said.startswith("The search used all its steps")
+
+
+def test_noise_that_channels_share_is_told():
+    """Two probes in the same place with the same noise: half of what they seem to say."""
+    one = noisy(whirl(SPEEDS), seed=5)
+    both = jr.ResponseRecord(np.stack([one, one], axis=1), SPEEDS, at=[0.5, 0.5])
+    (said,) = jr.fit(ROTOR, both, WHERE, progress=False).cautions
+    assert "correlated from channel to channel" in said
+    apart = np.stack([one, noisy(whirl(SPEEDS), seed=6)], axis=1)
+    assert not jr.fit(
+        ROTOR, jr.ResponseRecord(apart, SPEEDS, at=[0.5, 0.5]), WHERE, progress=False
+    ).cautions
+
+
+@pytest.mark.slow
+def test_a_short_record_has_the_degrees_of_freedom_of_its_own():
+    """Damping is found by six numbers beside 200 of another kind: `t` of 5 degrees, not of 204."""
+    far, near = np.linspace(1500.0, 2500.0, 100), np.array([395.0, 400.0, 405.0])
+    force = jr.HarmonicForce(0.5, amplitude=20.0, whirl="forward")
+    pushed = 20.0 / (K - M * near**2 + 1j * C * near)
+    where = {"unbalance.eccentricity": (1e-6, 1e-2), "disc_damping.translational": (1.0, 1e3)}
+    true = {"unbalance.eccentricity": E, "disc_damping.translational": C}
+    first = jr.ResponseRecord(noisy(whirl(far), sigma=2e-6), far)
+    second = jr.ResponseRecord(noisy(pushed, sigma=5e-5), near, force=force)
+    found = jr.fit(ROTOR, [first, second], where, progress=False)
+    np.testing.assert_allclose(found.degrees_of_freedom, [199.0, 5.0], rtol=0.02)
+    assert found.cautions[0].startswith("Record 1 has 5.0 degrees of freedom for its noise")
+    many = [
+        ("amplitude", noisy(whirl(far), 2000, 2e-6, seed=11)),
+        ("amplitude", noisy(pushed, 2000, 5e-5, seed=12)),
+    ]
+    results = fitted_to_all(found, ROTOR, many, list(true.values()))
+    for path, share in shares_covered(results, true).items():
+        assert 0.93 < share < 0.97, path
+
+
+def test_a_stop_that_the_guess_does_not_reach():
+    """With a gap too wide no motion says how wide; other starts find it, and the sentence says so."""
+    times = 2 * np.pi / 400.0 * np.arange(2 * 32 + 1) / 32
+    first = 2e-3 * np.exp(0.6j)
+    clean, _ = moved(times, [first.real, first.imag, 0.0, 0.0], 400.0)
+    record = jr.TimeRecord(noisy(clean), 2, start=jr.Whirl(2e-3, angle=0.6), substeps=2)
+    wide = RUB.replace({"limiter.gap": 2.2e-3})
+    where = {"limiter.gap": (5e-4, 3e-3)}
+    with pytest.raises(ValueError, match="do not depend on `limiter.gap`.* begin where it matters"):
+        jr.fit(wide, record, where, progress=False)
+    found = jr.fit(wide, record, where, starts=6, progress=False)
+    assert float(found.values["limiter.gap"]) == pytest.approx(GAP, rel=5e-3)
 
 
 def test_an_interval_beyond_the_bounds_is_told(response):

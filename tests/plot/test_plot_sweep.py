@@ -297,6 +297,9 @@ def test_bifurcation_takes_one_swept_dimension(lanes):
     upper, lower = plot.bifurcation(ways)
     assert {line.get_marker() for line in lower.lines} >= {"^", "v"}
     assert "below: up" in [text.get_text() for text in upper.get_legend().get_texts()]
+    _, lower = plot.bifurcation(ways.isel(branch=[1]))
+    markers = {line.get_marker() for line in lower.lines}
+    assert "v" in markers and "^" not in markers
     _, lower = plot.bifurcation(lanes.rename({ECCENTRICITY: "start.radius"}))
     assert lower.get_xlabel() == "start radius [mm]"
     with pytest.raises(ValueError, match="`extrema` has none; select a range"):
