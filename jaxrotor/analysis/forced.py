@@ -306,7 +306,7 @@ def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
 
 def largest_radius(rotor: System, places: Places, speed: Scalar) -> Float[Array, " s"]:
     """Major half axes of the response to unbalance at one speed (s,), see `unbalance_system`."""
-    forward, backward, mirrored, *_ = _parts_at(rotor, speed, speed, places, _of_unbalance)
+    forward, backward, mirrored, *_ = _parts_at(rotor, (speed, speed), places, _of_unbalance)
     return jnp.abs(forward + mirrored) + jnp.abs(backward)
 
 
@@ -345,12 +345,12 @@ def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
 
 @compiled_quickly
 def _parts_of_all(rotor: System, speeds, frequencies, places: Places, forces):
-    return jax.lax.map(lambda case: _parts_at(rotor, *case, places, forces), (speeds, frequencies))
+    return jax.lax.map(lambda case: _parts_at(rotor, case, places, forces), (speeds, frequencies))
 
 
-def _parts_at(rotor: System, speed: Scalar, frequency: Scalar, places: Places, forces):
-    system = rotor.at_speed(speed)
-    *parts, distance = _parts(system, frequency, *forces(system))
+def _parts_at(rotor: System, case: tuple[Scalar, Scalar], places: Places, forces):
+    system = rotor.at_speed(case[0])
+    *parts, distance = _parts(system, case[1], *forces(system))
     rows = places.rows(system.line)
     return *(rows @ part for part in parts), distance
 

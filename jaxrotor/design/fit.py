@@ -1,6 +1,6 @@
 """Fit: parameters of a scene, the noise and confidence intervals from what was measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -43,8 +43,8 @@ class Fitted(eqx.Module):
     residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record, (T, c)
     residual_correlations: Float[np.ndarray, "r 2"]  # in time, between channels; of noise about 0
     z_scores: Float[np.ndarray, "r 2"]  # of these
-    records: tuple[AbstractRecord, ...]
-    bounds: Bounds
+    records: tuple[AbstractRecord, ...]  # to which it was fitted
+    bounds: Bounds  # of the parameters
     model: Scene  # before the fit, with the start of a record as a member if it was fitted
     remaining_step: Scalar  # that would come next, in standard deviations
     degrees_of_freedom: Float[np.ndarray, " n"]  # of every parameter; m - n for one record
@@ -211,8 +211,7 @@ def fit(
     check_counts(steps=steps, starts=starts)
     if not isinstance(parameters, Mapping):
         raise ValueError(f"`parameters` must be bounds by path, but is {parameters!r}.")
-    several = isinstance(records, Sequence) and not isinstance(records, str)
-    every = tuple(records) if several else (records,)
+    every: Any = tuple(records) if isinstance(records, list | tuple) else (records,)
     for record in every:
         if not isinstance(record, AbstractRecord):
             raise ValueError(f"A record must be a `TimeRecord` or its like, but is {record!r}.")

@@ -169,12 +169,14 @@ class TimeRecord(AbstractRecord):
 
     kind: ClassVar[str] = "samples"
 
-    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
+    displacement: Inexact[Array, "T c"] = eqx.field(
+        converter=table
+    )  # x + i y, or read by probes [m]
     revolutions: int | None = eqx.field(default=None, static=True)
     times: Series | None = series("times [s]", ascending=True, nonnegative=True, default=None)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    start: AbstractStart = eqx.field(default_factory=AtRest)
+    start: AbstractStart = eqx.field(default_factory=AtRest)  # in which the motion begins
     substeps: int = eqx.field(default=4, static=True)
     solver: Any = None
 

@@ -102,7 +102,9 @@ class OrbitRecord(AbstractRecord):
     name: ClassVar[str] = "revolutions"
     unit: ClassVar[str] = "1"
 
-    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
+    displacement: Inexact[Array, "T c"] = eqx.field(
+        converter=table
+    )  # x + i y, or read by probes [m]
     revolutions: int = eqx.field(default=1, static=True)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
@@ -158,7 +160,7 @@ class SpectrumRecord(AbstractRecord):
     name: ClassVar[str] = "order"
     unit: ClassVar[str] = "1"
 
-    amplitude: Inexact[Array, "T c"] = eqx.field(converter=table)
+    amplitude: Inexact[Array, "T c"] = eqx.field(converter=table)  # with its phase, or without [m]
     orders: Series = series("orders [1]", least=1)
     revolutions: int = eqx.field(default=1, static=True)
     at: Any = None
@@ -223,7 +225,7 @@ class ResponseRecord(AbstractRecord):
     kind: ClassVar[str] = "amplitude"
     unit: ClassVar[str] = "rad/s"
 
-    amplitude: Inexact[Array, "T c"] = eqx.field(converter=table)
+    amplitude: Inexact[Array, "T c"] = eqx.field(converter=table)  # with its phase, or without [m]
     frequencies: Series = series("frequencies [rad/s]", least=1)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)

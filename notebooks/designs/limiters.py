@@ -176,7 +176,7 @@ def ensemble(scene: jr.Scene, eccentricities: int = 84, angles: int = 8, settle:
     run = {"settle": settle, "keep": 50, "observe": seen, "progress": False}
     run |= {
         "solver": jr.Exponential(order=4),
-        "steps_per_revolution": 64,
+        "steps_per_revolution": 96,
     }  # not those of the design
     parts = [jr.sweep(scene, over, start=jr.Whirl(*start), **run) for start in STARTS.values()]
     return xr.concat(parts, xr.Variable("start", list(STARTS)), combine_attrs="drop_conflicts")

@@ -7,10 +7,10 @@ source, at any angle, with any eccentricity up to the largest published one. A m
 backward.
 
 Draws are independent, so the bounds of the probability are exact. Of 16 384 draws around the designed
-stops 22 end backward, 0.13 % (0.08 to 0.20 % with 95 % confidence). By hand a deep backward whirl dies out
-where `c w > f k` (see `limiters.py`); so that this holds as well where friction and stiffness are 10 % more
-and damping 10 % less, the safer stops have 1.1 * 1.1 / 0.9 times the damping. The Sobol indices are those
-of all that is random, the release included.
+stops 22 end backward, 0.13 % (0.08 to 0.20 % with 95 % confidence). By hand a deep backward whirl dies
+out where `c w > f k` (see `limiters.py`); so that this holds as well where friction and stiffness are
+10 % more and damping 10 % less, the safer stops have 1.1 * 1.1 / 0.9 times the damping. The Sobol indices
+are those of all that is random, the release included.
 
     python notebooks/designs/tolerances.py [--quick]
 """
