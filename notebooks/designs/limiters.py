@@ -167,7 +167,7 @@ def slopes(dampings=(100.0, 101.0)) -> list[tuple[float, float]]:
 # === verification
 
 
-def ensemble(scene: jr.Scene, eccentricities: int = 84, angles: int = 8, settle: int = 600):
+def ensemble(scene: jr.Scene, eccentricities: int = 63, angles: int = 8, settle: int = 500):
     """Long motions from every start, angle and eccentricity: a dataset over all three."""
     over = {
         "unbalance.eccentricity": np.linspace(0.0, MOST, eccentricities),
