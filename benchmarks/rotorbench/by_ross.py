@@ -14,11 +14,11 @@ from peers.with_ross import branches, ellipses
 
 from .cases import cases, plain, speeds_of
 from .machines import Machine
+from .searches import peak, threshold
 
 
 warnings.simplefilter("ignore")
 import ross  # noqa: E402
-from scipy.optimize import brentq, minimize_scalar  # noqa: E402
 
 
 CASES = {case.name: case for case in cases()}
@@ -142,11 +142,12 @@ def _one(name: str, cut: int) -> Callable[[], Any]:
         count = 2 * ask["count"] + 2
         return lambda: rotor.run_critical_speed(num_modes=count, rtol=1e-4).wn()
     if case.question == "threshold":
-        return lambda: threshold(built, ask["within"])
+        return lambda: threshold(lambda speed: built.lateral(speed, 10), ask["within"])
     if case.question == "response":
         return lambda: radii(built, ask["at"], speeds_of(ask))
     if case.question == "peak":
-        return lambda: peak(built, ask)
+        at_one = lambda speed: radii(built, ask["at"], np.array([speed]))
+        return lambda: peak(at_one, ask["within"])
     return lambda: history(built, ask)
 
 
@@ -156,24 +157,6 @@ def radii(built: Built, at: float, speeds: np.ndarray) -> np.ndarray:
     run = built.rotor.run_unbalance_response
     found = run(built.node(one["at"]), one["moment"], 0.0, speeds)
     return ellipses(found.forced_resp, built.node(at))
-
-
-def peak(built: Built, ask: dict[str, Any]) -> np.ndarray:
-    """Speed and amplitude of the largest half axis between two speeds."""
-    half = lambda speed: -float(np.sum(radii(built, ask["at"], np.array([speed]))))
-    found = minimize_scalar(half, bounds=ask["within"], method="bounded", options={"xatol": 1e-5})
-    return np.array([found.x, -found.fun])
-
-
-def threshold(built: Built, within: tuple[float, float]) -> np.ndarray:
-    """Speed where the largest growth rate of the slowest roots crosses zero, and the whirl there."""
-
-    def fastest(speed: float) -> complex:
-        roots = built.lateral(speed, 10)
-        return complex(roots[np.argmax(roots.real)])
-
-    speed = float(brentq(lambda speed: fastest(speed).real, *within, xtol=1e-6))
-    return np.array([speed, abs(fastest(speed).imag)])
 
 
 def history(built: Built, ask: dict[str, Any]) -> np.ndarray:

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import eig, lu_factor, lu_solve
-from scipy.optimize import brentq, minimize_scalar, newton
+from scipy.optimize import newton
 from scipy.sparse.linalg import LinearOperator, eigs
 
 from .cases import speeds_of
 from .machines import Machine
+from .searches import peak, threshold
 
 
 sys.path.append(str(Path(__file__).parents[2] / "tests"))
@@ -160,13 +161,15 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
     if question == "critical speeds":
         return lambda: criticals(build(), ask["count"])
     if question == "threshold":
-        return lambda: threshold(build(), ask["within"])
+        onset = lambda model: threshold(lambda speed: model.roots(speed, 8), ask["within"])
+        return lambda: onset(build())
     if question == "response":
         return lambda: (lambda one: [one.response(speed, ask["at"]) for speed in speeds_of(ask)])(
             build()
         )
     if question == "peak":
-        return lambda: peak(build(), ask)
+        highest = lambda model: peak(lambda x: model.response(x, ask["at"]), ask["within"])
+        return lambda: highest(build())
     return lambda: build().history(machine.speed, ask["at"], np.array(ask["times"]))
 
 
@@ -187,26 +190,6 @@ def criticals(model: Model, count: int) -> np.ndarray:
             for k, one in enumerate(found)
         ]
     )
-
-
-def threshold(model: Model | Damped, within: tuple[float, float]) -> np.ndarray:
-    """Speed where the largest growth rate of the slowest roots crosses zero, and the whirl there."""
-
-    def fastest(speed: float) -> complex:
-        roots = model.roots(speed, 8)
-        return complex(roots[np.argmax(roots.real)])
-
-    speed = float(brentq(lambda speed: fastest(speed).real, *within, xtol=1e-6))
-    return np.array([speed, abs(fastest(speed).imag)])
-
-
-def peak(model: Model, ask: dict[str, Any]) -> np.ndarray:
-    """Speed and amplitude of the largest half axis between two speeds."""
-    half = lambda speed: -float(np.sum(model.response(speed, ask["at"])))
-    found: Any = minimize_scalar(
-        half, bounds=ask["within"], method="bounded", options={"xatol": 1e-5}
-    )
-    return np.array([found.x, -found.fun])
 
 
 def _ordered(roots: np.ndarray) -> np.ndarray:

@@ -40,15 +40,21 @@ def roots(case: Case) -> np.ndarray:
 def root_near(rotor: Rotor, speed: float, guess: complex) -> Any:
     """A root; where planes are apart it may be one of p = x + i y or its conjugate."""
     determinant = lambda root: rotor.determinant(root, number(speed))
+    starts = (guess, guess.conjugate()) if rotor.circular else (guess,)
+    return nearest_zero([(determinant, start) for start in starts])
+
+
+def nearest_zero(searches: list[tuple[Callable, Any]]) -> Any:
+    """Of the zeros of functions, each sought from a start, the one that is nearest to its start."""
     found = []
-    for start in (guess, guess.conjugate()) if rotor.circular else (guess,):
+    for function, start in searches:
         try:
-            one = zero_near(determinant, start)
+            one = zero_near(function, start)
         except ArithmeticError:
             continue
         found.append((abs(one - start), one))
     if not found:
-        raise ArithmeticError(f"No root near {guess}.")
+        raise ArithmeticError(f"There is no zero near {searches[0][1]}.")
     return min(found, key=lambda pair: pair[0])[1]
 
 
@@ -114,16 +120,9 @@ def critical_speeds(case: Case) -> np.ndarray:
 
 def critical_near(rotor: Rotor, guess: float) -> Any:
     """A critical speed; where planes are apart it may be forward or backward."""
-    found = []
-    for sense in (1j, -1j) if rotor.circular else (1j,):
-        try:
-            one = zero_near(lambda w, sense=sense: mp.re(rotor.determinant(sense * w, w)), guess)
-        except ArithmeticError:
-            continue
-        found.append((abs(one - guess), one))
-    if not found:
-        raise ArithmeticError(f"No critical speed near {guess}.")
-    return min(found, key=lambda pair: pair[0])[1]
+    of = lambda sense: lambda w: mp.re(rotor.determinant(sense * w, w))
+    senses = (1j, -1j) if rotor.circular else (1j,)
+    return nearest_zero([(of(sense), guess) for sense in senses])
 
 
 def threshold(case: Case) -> np.ndarray:

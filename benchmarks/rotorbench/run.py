@@ -1,4 +1,4 @@
-"""Thirty cases by jaxrotor, ROSS and SciPy: error against time, the table and the figure of the page.
+"""Cases of known answers by jaxrotor, ROSS and SciPy: error against time, the table and the figure.
 
     python benchmarks/rotorbench
     python benchmarks/rotorbench --only 'two discs' --repeats 1

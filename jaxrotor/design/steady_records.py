@@ -33,40 +33,36 @@ SETTLING = 100  # revolutions before the first search of an orbit
 STEPS = 256  # of contact in a revolution, at least
 
 
-class _Steady(eqx.Module):
-    """The steady motion of a scene over a period, evenly sampled by the angle of rotation."""
+def _state(record: Any, scene: Scene) -> AbstractStart | None:
+    """A state on the orbit of a scene with contact; None where there is a closed form."""
+    if not scene.of(AbstractContact):
+        return None
+    guess = record.guess
+    if guess is None:
+        guess = simulate(scene, SETTLING, STEPS, keep=1, at=record.at, progress=False)
+    options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
+    return periodic(scene, guess, **options, progress=False).start
 
-    revolutions: int = eqx.field(static=True)
-    at: Any
-    solver: Any
-    guess: Any
 
-    def found(self, scene: Scene) -> AbstractStart | None:
-        """A state on the orbit of a scene with contact; None where there is a closed form."""
-        if not scene.of(AbstractContact):
-            return None
-        guess = self.guess
-        if guess is None:
-            guess = simulate(scene, SETTLING, STEPS, keep=1, at=self.at, progress=False)
-        options = {"revolutions": self.revolutions, "solver": self.solver, "at": self.at}
-        return periodic(scene, guess, **options, progress=False).start
+def _samples(record: Any, scene: Scene, count: int) -> Array:
+    """Displacements [m] of a steady motion at `count` samples, evenly spaced over its period, (count, c).
 
-    def samples(self, scene: Scene, count: int) -> Array:
-        """Displacements [m] at `count` samples from angle zero, (count, c), the period's end left out."""
-        if scene.of(AbstractContact):
-            each = count // self.revolutions
-            step = -(-STEPS // each)
-            options = {"revolutions": self.revolutions, "solver": self.solver, "at": self.at}
-            options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
-            return periodic(scene, self.guess, **options).displacement[:-1:step]
-        angle = 2 * jnp.pi * self.revolutions * jnp.arange(count)[:, None] / count
-        turn = jnp.exp(1j * angle)
-        whirl = unbalance_response(scene, scene.spin.speed, self.at)
-        z = whirl.forward * turn + whirl.backward / turn
-        if structure(scene).load.constant is None:
-            return z
-        bent = weight_response(scene, scene.spin.speed, self.at)
-        return z + bent.deflection + bent.twice * turn**2
+    They begin at angle zero; the end of the period is left out.
+    """
+    if scene.of(AbstractContact):
+        each = count // record.revolutions
+        step = -(-STEPS // each)
+        options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
+        options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
+        return periodic(scene, record.guess, **options).displacement[:-1:step]
+    angle = 2 * jnp.pi * record.revolutions * jnp.arange(count)[:, None] / count
+    turn = jnp.exp(1j * angle)
+    whirl = unbalance_response(scene, scene.spin.speed, record.at)
+    z = whirl.forward * turn + whirl.backward / turn
+    if structure(scene).load.constant is None:
+        return z
+    bent = weight_response(scene, scene.spin.speed, record.at)
+    return z + bent.deflection + bent.twice * turn**2
 
 
 def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
@@ -77,8 +73,7 @@ def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
         raise ValueError(
             "Balls have many steady positions, so an orbit does not tell theirs; fit a `TimeRecord`."
         )
-    steady = record.steady
-    return dataclasses.replace(record, guess=steady.found(scene))
+    return dataclasses.replace(record, guess=_state(record, scene))
 
 
 class OrbitRecord(AbstractRecord):
@@ -129,15 +124,11 @@ class OrbitRecord(AbstractRecord):
         count = len(self.displacement)
         return jnp.arange(count) * self.revolutions / count
 
-    @property
-    def steady(self) -> _Steady:
-        return _Steady(self.revolutions, self.at, self.solver, self.guess)
-
     def prepared(self, scene: Scene) -> "OrbitRecord":
         return _prepared_steady(self, scene, self.angle)
 
     def prediction(self, scene: Scene):
-        return read(self.steady.samples(scene, len(self.displacement)), self.angle)
+        return read(_samples(self, scene, len(self.displacement)), self.angle)
 
 
 class SpectrumRecord(AbstractRecord):
@@ -191,10 +182,6 @@ class SpectrumRecord(AbstractRecord):
     def abscissa(self):
         return self.orders
 
-    @property
-    def steady(self) -> _Steady:
-        return _Steady(self.revolutions, self.at, self.solver, self.guess)
-
     def prepared(self, scene: Scene) -> "SpectrumRecord":
         return _prepared_steady(self, scene, None)
 
@@ -202,7 +189,7 @@ class SpectrumRecord(AbstractRecord):
         count = STEPS * self.revolutions
         angle = 2 * jnp.pi * jnp.arange(count) / STEPS
         waves = jnp.exp(-1j * self.orders[:, None] * angle) / count
-        found = waves @ self.steady.samples(scene, count)
+        found = waves @ _samples(self, scene, count)
         return found if jnp.iscomplexobj(self.amplitude) else jnp.abs(found)
 
 
