@@ -11,20 +11,13 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.blocks import Blocks
 from ..core.compiled import compiled
-from ..core.elimination import eliminated
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..scene import Scene
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
-from .forces import (
-    applied_force,
-    body_accelerations,
-    body_force,
-    contact_force,
-    nonlinear_columns,
-    resistance,
-)
+from .coupling import with_accelerations
+from .forces import applied_force, contact_force, nonlinear_columns, resistance
 from .kinematics import Kinematics, RotatingState
 from .massless_coordinates import Known, Massless, MasslessCoordinates
 from .moments import MomentBalance, drive_of
@@ -42,9 +35,7 @@ class Transient(eqx.Module):
 
     The last line is that of a free spin. The torque that drives the shaft acts along its bent axis, so
     that no term `Omega. G` appears.
-    Accelerations that depend on each other (bodies by their inertia, a spin with feedback) are the
-    solution of a linear system, two unknowns a race and one for the spin. Its leading minors are
-    inertias with fewer degrees of freedom, and so of one sign.
+    Accelerations that depend on each other are those of `with_accelerations`.
     Sources: Filimonikhin, Goncharov (2011), eqs. (2.1), (2.2); Genta (2005), section 3.7.
     """
 
@@ -142,34 +133,11 @@ class Transient(eqx.Module):
             now = self._with_massless_motion(self.massless, now)
         push = -resistance(self._blocks(turning.speed), now)
         push = push + contact_force(system, now, lambda port: port.column)
-        torque = None if moments is None else moments.torque(system, now, self.sense)
-
-        def respond(unknown: Array) -> tuple[Kinematics, Array]:
-            """The motion that follows from assumed accelerations, and the residual of these."""
-            start = 0 if torque is None else 1
-            races = unknown[start::2] + 1j * unknown[start + 1 :: 2]
-            spin = turning.acceleration if torque is None else unknown[0]
-            bodies = body_accelerations(system, now, races, spin)
-            then = now._replace(
-                turning=turning._replace(acceleration=spin), bodies_acceleration=bodies
-            )
-            force = push + applied_force(system.load, then)
-            force = force + body_force(system, then, lambda race: race.column)
-            then = then._replace(absolute=self.inverse @ force)
-            residual = [race.row @ then.absolute for race in system.races]
-            residual = jnp.stack(residual) - races if residual else races
-            residual = plane(residual, axis=1).ravel()
-            if moments is not None and torque is not None:
-                whole = moments.with_inertia(system, then, torque)
-                residual = jnp.append(self._acceleration(whole) - spin, residual)
-            return then, residual
-
-        size = 2 * len(system.races) + (torque is not None)
-        if not size:
-            return respond(jnp.zeros(0))[0]
-        zero = jnp.zeros(size)
-        gain = jax.jacfwd(lambda unknown: respond(unknown)[1])(zero)
-        return respond(eliminated(gain, -respond(zero)[1]))[0]
+        given, spin = self.inverse @ (push + jnp.zeros_like(r)), None
+        if moments is not None:
+            torque = moments.torque(system, now, self.sense)
+            spin = lambda then: self._acceleration(moments.with_inertia(system, then, torque))
+        return with_accelerations(system, self.inverse, now, given, spin)
 
     def _blocks(self, speed: Scalar) -> Blocks:
         """Blocks at a speed; outside of tables those at their end, where no solver gets lost."""

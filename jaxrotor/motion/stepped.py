@@ -32,16 +32,20 @@ from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
+from ..spins.drive import Drive
 from .exact import exact_motion, has_steady_motion
 
 
 MODES = 8  # in which the change of speed acts within a piece; beyond them the nearest speed counts
+MOST_MODES = 24  # and where there is one speed of decomposition only
 SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates than that
+TURNING = "circulatory", "skew_circulatory", "rotating_damping", "rotating_stiffness"  # blocks
 STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
 RIGID = 2  # coordinates, up to which an explicit solver is as quick
 CONTACT_STEPS = 256  # where there is contact
 LEAST_PART = 16  # steps of a part of a piece, where the part is cut no further
 INSIDE = 1e-3  # share of half a step from its ends at which their acceleration is taken, off a jump
+ALONE = 4096  # steps by which the speed of a drive alone is found
 APART = 1e-9  # share of a run within which a jump counts as at the end of a piece
 
 
@@ -90,8 +94,9 @@ class Stepping(eqx.Module):
         `kinks` are those of the speed: within a trace the scene still knows them, its equations do not.
         """
         constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
-        modes = 0 if constant else min(MODES, system.n)
-        speeds = 1 if constant or modes == system.n else SPEEDS
+        coupled = bool(system.races) or not system.spin.given
+        modes = 0 if constant else min(MOST_MODES if coupled else MODES, system.n)
+        speeds = 1 if constant or coupled or modes == system.n else SPEEDS
         several = math.ceil(4 * speeds / len(times)) if speeds > 1 else 1
         breaks, samples, even = _breaks(kinks, np.asarray(times, float), several)
         if substeps is None:
@@ -114,7 +119,7 @@ class Stepping(eqx.Module):
         exact = False
         if all_known and not isinstance(bases, DenseBasis | None):
             _, rate = self.centres(system)
-            linear = isinstance(system.spin, ConstantSpeed) and not system.ports
+            linear = isinstance(system.spin, ConstantSpeed) and not (system.ports or system.races)
             exact = linear and has_steady_motion(system, np.asarray(bases.values), float(rate))
         bases = bases if solver.basis == "modal" else None
         return dataclasses.replace(self, solver=solver, bases=bases, exact=exact)
@@ -184,10 +189,13 @@ def unsteppable(system: System) -> str | None:
     """Why exponential steps do not take the run of a system; None if they do."""
     if not system.n or system.blocks.inertia is None:
         return "nothing moves but the angle of the rotor"
-    if not system.spin.given:
-        return "the speed of its Drive is not known in advance"
-    if system.races:
-        return f"there are balls ({system.owners_of('bodies')})"
+    spin = system.spin
+    if isinstance(spin, Drive) and spin.can_stop:
+        return "the rotor may come to rest under its Drive"
+    if isinstance(spin, Drive) and spin.feedback and any(map(system.owners_of, TURNING)):
+        return f"parts that turn with the shaft ({system.owners_of(*TURNING)}) act on its rotation"
+    if system.between:
+        return "balls touch each other, which takes steps with an error estimate"
     if frame(system.blocks) != "fixed":
         return "unequal axes turn with the shaft"
     if system.tabled is not None and not isinstance(system.spin, ConstantSpeed):
@@ -222,9 +230,32 @@ def turning(system: System, time: Array) -> Turning:
     return system.spin.turning(time, system.blocks.polar)
 
 
+def expected_speed(system: System, times: Array) -> Array:
+    """Speeds at ascending times from 0 on, of a drive as if it did not feel the rotor [rad/s]."""
+    spin, polar = system.spin, system.blocks.polar
+    if isinstance(spin, Drive):
+        spin = dataclasses.replace(spin, feedback=False)
+        if not spin.given:
+            return _run_alone(spin, polar, times)
+    return spin.turning(times, polar).speed
+
+
+def _run_alone(spin: Drive, polar: Scalar | None, times: Array) -> Array:
+    """Speeds of a drive at times, by many steps of order two."""
+    inertia, span = spin.inertia(polar), times[-1] / ALONE
+
+    def step(speed: Scalar, _):
+        middle = speed + span / 2 * spin.moment(speed) / inertia
+        return (speed + span * spin.moment(middle) / inertia,) * 2
+
+    first = jnp.asarray(spin.speed, float)
+    _, speeds = jax.lax.scan(step, first, length=ALONE)
+    return jnp.interp(times, span * jnp.arange(ALONE + 1), jnp.append(first, speeds))
+
+
 def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:
     """Steps of a piece that follow the unbalance, and contact, at the highest speed."""
-    speed = turning(system, jnp.asarray(breaks)).speed
+    speed = expected_speed(system, jnp.asarray(breaks))
     if not known(speed):
         raise ValueError(
             "`substeps` of Exponential are chosen by the speed, but that is traced; give `substeps`, the "
@@ -244,7 +275,7 @@ def _centres(
 ) -> tuple[Float[Array, " w"], Scalar]:
     """See `Stepping.centres`."""
     if span is None:
-        speed = turning(system, breaks).speed
+        speed = expected_speed(system, breaks)
         low, high = jnp.min(speed), jnp.max(speed)
     else:
         low, high = map(jnp.asarray, span)

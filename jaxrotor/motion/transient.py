@@ -16,6 +16,7 @@ from ..core.extremes import larger
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
+from ..equations.coupled import is_coupled
 from ..equations.kinematics import Kinematics, RotatingState, Turning
 from ..equations.massless_coordinates import Known
 from ..equations.rotating_frame import Transient
@@ -24,6 +25,7 @@ from ..equations.system import System, has_massless
 from ..scene import Scene
 from ..solvers.control import step_control
 from ..spins.drive import Drive
+from .coupled import coupled_path
 from .stepped import Stepping, stepped, turning
 
 
@@ -208,9 +210,16 @@ def _step(
     """A run by exponential steps."""
     field = Transient.of(scene, None, launch.angle, system=system)
     system, none = field.system, jnp.zeros(0)
+    never = jnp.asarray(jnp.inf)
+    if is_coupled(scene):
+        coupled = coupled_path(scene, field, plan, launch, stations[0])
+        instants = jax.vmap(field.instant)(times, coupled.states)
+        seen = motion_of_stations(system, instants, stations)
+        no = jnp.zeros((), int)
+        steps = coupled.touched, no, coupled.contact_stiffness_ratio
+        return Integrated(instants.turning, instants, never, _finite(instants), seen, *steps)
     begin = launch.shaft.state(system, stations[0])
     path = stepped(system, plan, begin, launch.angle)
-    never = jnp.asarray(jnp.inf)
     steps = path.touched, path.unresolved, path.contact_stiffness_ratio
     if plan.exact:  # accelerations would take longer than the motion, and few ask for them
         now = turning(system, times)

@@ -24,11 +24,10 @@ from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from ..spins.constant import constant
 from .base import AbstractMarch, Plan, Window, bounded
 from .run_up import after
-from .stepped import Stepping, course, steps_between, steps_of, turning
+from .stepped import MOST_MODES, Stepping, course, expected_speed, steps_between, steps_of, turning
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
-MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
 
 
 class WindowMarch(AbstractMarch):
@@ -171,7 +170,7 @@ def lane_stepping(
 
     A revolution of the fastest has `revolution` steps or more.
     """
-    speeds = np.stack([np.asarray(turning(one, jnp.asarray(times)).speed) for one in systems])
+    speeds = np.stack([np.asarray(expected_speed(one, jnp.asarray(times))) for one in systems])
     fastest = float(np.abs(speeds).max())
     each = steps_between(times[1], fastest, revolution)
     first = systems[0]

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact, Int
 
 from ..core.quantities import Scalar
+from ..equations.coupled import Stations
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
 from ..equations.system import Port, System, port_forces
 from .basis import Basis, DenseBasis, as_real, packed, unpacked
@@ -39,7 +40,8 @@ class RotorAtSpeed(eqx.Module):
 
     axes: FixedAxes
     basis: Basis
-    output: Inexact[Array, "s m"] | None  # of all ports, then of the speed terms, in the basis
+    # Of all ports, of the speed terms, then accelerations of other stations, in the basis:
+    output: Inexact[Array, "s m"] | None
     input: Inexact[Array, "m p"] | None
     unbalance: Inexact[Array, "m u"] | None
     weight: Inexact[Array, "m w"] | None
@@ -47,9 +49,17 @@ class RotorAtSpeed(eqx.Module):
 
     @classmethod
     def build(
-        cls, system: System, rate: Scalar, terms: SpeedTerms | None, basis: Basis | None
+        cls,
+        system: System,
+        rate: Scalar,
+        terms: SpeedTerms | None,
+        basis: Basis | None,
+        stations: Stations | None = None,
     ) -> "RotorAtSpeed":
-        """The rotor at the speed of its spin, in a dense basis unless one is given."""
+        """The rotor at the speed of its spin, in a dense basis unless one is given.
+
+        Where there are `stations`, the unbalance acts there, and is no load that is known in time.
+        """
         axes = FixedAxes.of(system, rate)
         basis = DenseBasis.build(axes.matrix) if basis is None else basis
         inverse, load = jnp.linalg.inv(system.blocks.inertia), system.load
@@ -64,11 +74,17 @@ class RotorAtSpeed(eqx.Module):
             position, velocity = [*position, terms.position], [*velocity, terms.velocity]
             columns.append(terms.columns)
         enters = lambda force: basis.inverse @ axes.input((inverse @ force)[:, None])
-        output = entry = None
-        if system.ports or terms is not None:
+        output = entry = unbalance = None
+        if stations is not None:
+            columns.append(inverse @ stations.columns)
+        if len(columns) > 1:
             output = axes.output(*map(jnp.concatenate, (position, velocity))) @ basis.vectors
             entry = basis.inverse @ axes.input(jnp.concatenate(columns, axis=1))
-        unbalance = None if load.unbalance is None else enters(load.unbalance)
+        if stations is not None:
+            rows = axes.output(0 * stations.rows, rate * stations.rows) @ basis.vectors
+            output = _stacked(axes, output, rows @ basis.matrix())
+        elif load.unbalance is not None:
+            unbalance = enters(load.unbalance)
         weight = None if load.constant is None else enters(load.constant)
         count = len(system.ports)
         return cls(axes, basis, output, entry, unbalance, weight, count)
@@ -149,6 +165,14 @@ class RotorAtSpeed(eqx.Module):
         if self.weight is not None:
             values.append(jnp.ones((*g.shape[:-1], 1)))
         return jnp.concatenate(values, axis=-1)
+
+
+def _stacked(axes: FixedAxes, *outputs: Inexact[Array, "s m"]) -> Inexact[Array, "s m"]:
+    """Output matrices as one, of complex outputs or of `[Re, Im]` of them."""
+    if axes.equal:
+        return jnp.concatenate(outputs)
+    parts = [part.reshape(2, -1, part.shape[-1]) for part in outputs]
+    return jnp.concatenate(parts, axis=1).reshape(-1, outputs[0].shape[-1])
 
 
 class VaryingStep(eqx.Module):

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.coupled import is_coupled
 from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, Launch, is_whole
 from ..equations.system import System, assemble
@@ -82,6 +83,7 @@ def pace_of(
     varied = any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
     turned = not is_whole(start) or (isinstance(start, Launch) and varied)
     named = isinstance(solver, Exponential)
+    turned &= times is None or not is_coupled(scene)
     if named and turned:
         raise ValueError(
             "Exponential() steps lanes that begin at angle zero and at the time of the start, without "

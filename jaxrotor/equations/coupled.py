@@ -1,0 +1,184 @@
+"""Coupled forces: those of a rotor whose rotation or balls are part of the motion, at a few stations.
+
+    z.. = a + D f,   f = (contacts, balls, (Omega^2 - i Omega.) e^(i theta))
+
+A linear rotor meets its contacts, its balls and its unbalance at a few stations. What it is told there are
+the forces `f`; what they have to know of it are displacements and velocities at contacts, and accelerations
+`a` without `f` at races and at the unbalance. So the equations of `coupling` are those of a rotor whose
+coordinates are the stations, with the accelerance `D` in place of the inverse inertia.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..core.blocks import Blocks, Load
+from ..core.plane import plane
+from ..core.quantities import Scalar
+from ..effects.base import AbstractBodies
+from ..scene import Scene
+from ..spins.base import Turning
+from .coupling import with_accelerations
+from .fixed_axes import SpeedTerms
+from .forces import applied_force, body_force
+from .kinematics import Kinematics
+from .moments import MomentBalance, drive_of
+from .system import System, port_forces
+
+
+class Stations(eqx.Module):
+    """Where balls, and then the unbalance, act on a rotor, and where their accelerations are read."""
+
+    rows: Complex[Array, "r n"]  # of the races, and of the unbalance under a drive with feedback
+    columns: Complex[Array, "n c"]
+
+    @classmethod
+    def of(cls, system: System, moments: MomentBalance | None) -> "Stations":
+        """The stations of a system; `moments` are those of a drive with feedback."""
+        rows = [race.row for race in system.races]
+        columns = [race.column for race in system.races]
+        unbalance = system.load.unbalance
+        if unbalance is not None:
+            columns.append(unbalance)
+            if moments is not None and moments.galerkin.unbalance is not None:
+                rows.append(jnp.conj(moments.galerkin.unbalance))
+        none = jnp.zeros((0, system.n), complex)
+        return cls(
+            jnp.stack(rows) + 0j if rows else none,
+            jnp.stack(columns, 1) + 0j if columns else none.T,
+        )
+
+
+def is_coupled(scene: Scene) -> bool:
+    """Whether balls, or a rotation that is not known in time, are part of the motion of a rotor."""
+    return bool(scene.of(AbstractBodies)) or not scene.spin.given
+
+
+class Rest(eqx.Module):
+    """What moves besides the rotor; a part that the scene lacks has no entries."""
+
+    angle: Float[Array, " d"]  # theta [rad], d = 1 where the spin is free
+    speed: Float[Array, " d"]  # Omega [rad/s]
+    bodies: Float[Array, " b"]  # psi [rad]
+    bodies_rate: Float[Array, " b"]  # psi. [rad/s]
+
+
+class CoupledForces(eqx.Module):
+    """Forces at the stations, and rates of the rest, by what is seen there in fixed axes."""
+
+    system: System  # whose coordinates are the ports, the races and the unbalance
+    moments: MomentBalance | None  # of a drive with feedback, about these
+    accelerance: Complex[Array, "s s"]  # at races and unbalance; rows of ports are zero
+    weight: Complex[Array, " s"] | None  # accelerations by it
+    by_terms: Complex[Array, "s k"] | None  # and by the speed terms
+    centre: Scalar  # speed of decomposition [rad/s]
+    begin: Scalar  # angle at time 0 of a rotation that is known in time [rad]
+    free: bool = eqx.field(static=True)  # whether the spin is integrated
+
+    @classmethod
+    def of(
+        cls, scene: Scene, system: System, terms: SpeedTerms | None, centre: Scalar, begin: Scalar
+    ) -> "tuple[CoupledForces, Stations]":
+        """The forces of a scene, and the stations of balls and unbalance."""
+        moments = MomentBalance.of(scene, system)
+        stations, p = Stations.of(system, moments), len(system.ports)
+        inverse = jnp.linalg.inv(system.blocks.inertia)
+        columns = [inverse @ port.column for port in system.ports]
+        columns = jnp.concatenate(
+            [jnp.reshape(jnp.array(columns), (p, system.n)).T, inverse @ stations.columns], 1
+        )
+        size = columns.shape[1]
+        rows = (
+            jnp.zeros((size, system.n), complex).at[p : p + len(stations.rows)].set(stations.rows)
+        )
+        load = system.load
+        weight = None if load.constant is None else rows @ (inverse @ load.constant)
+        by_terms = None if terms is None else rows @ terms.columns
+        unit = jnp.eye(size)
+        reduced = dataclasses.replace(
+            system,
+            blocks=Blocks(polar=system.blocks.polar),
+            load=Load(None, None if load.unbalance is None else unit[-1] + 0j, load.gravity),
+            ports=_at(system.ports, unit),
+            races=_at(system.races, unit[p:]),
+            n=size,
+            deviators=(),
+            tabled=None,
+            untabled=None,
+        )
+        if moments is not None and moments.galerkin.unbalance is not None:
+            moments = eqx.tree_at(lambda m: m.galerkin.unbalance, moments, unit[-1] + 0j)
+        free = not system.spin.given
+        forces = cls(reduced, moments, rows @ columns, weight, by_terms, centre, begin, free)
+        return forces, stations
+
+    def turning(self, time: Scalar, rest: Rest) -> Turning:
+        """Rotation now; the acceleration of a free spin is not known yet."""
+        if self.free:
+            return Turning(rest.angle[0], rest.speed[0], jnp.zeros(()))
+        angle, speed, acceleration = self.system.spin.turning(time, self.system.blocks.polar)
+        return Turning(self.begin + angle, speed, acceleration)
+
+    def __call__(
+        self, time: Scalar, seen: Complex[Array, " z"], rest: Rest
+    ) -> tuple[Complex[Array, " i"], Rest]:
+        """Inputs of the linear rotor, and the rates of the rest per second.
+
+        `seen` are displacements and velocities of the ports, signals of the speed terms, and accelerations
+        of the stations by the linear rotor at its centre speed.
+        """
+        system, p = self.system, len(self.system.ports)
+        turning = self.turning(time, rest)
+        terms = 0 if self.by_terms is None else self.by_terms.shape[1]
+        place, velocity, signals, acceleration = jnp.split(seen, [p, 2 * p, 2 * p + terms])
+        signals = (turning.speed - self.centre) * signals
+        given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
+        contact = jnp.zeros(0, complex)
+        if p:
+            x, y = port_forces(system.ports, plane(place), plane(velocity), turning.speed)
+            contact = x + 1j * y
+            given = given + self.accelerance[:, :p] @ contact
+        if self.weight is not None:
+            given = given + self.weight
+        if self.by_terms is not None:
+            given = given + self.by_terms @ signals
+        ahead = lambda part: jnp.zeros(system.n, complex).at[:p].set(part)
+        none = jnp.zeros_like(rest.bodies)
+        now = Kinematics(
+            turning, none, none, none, rest.bodies, turning.speed + rest.bodies_rate, none
+        )
+        r = now.back * ahead(place)
+        drift = now.back * ahead(velocity) - 1j * turning.speed * r
+        now = now._replace(r=r, drift=drift, absolute=jnp.zeros_like(r))
+        spin, moments = None, self.moments
+        if self.free:
+            drive = drive_of(system)
+            inertia = drive.inertia(system.blocks.polar)
+            if moments is None:
+                torque = drive.moment(turning.speed)
+                spin = lambda then: torque / inertia
+            else:
+                torque = moments.torque(system, now, None)
+                spin = lambda then: moments.with_inertia(system, then, torque) / inertia
+        then = with_accelerations(system, self.accelerance, now, now.back * given, spin)
+        force = applied_force(system.load, then) + body_force(
+            system, then, lambda race: race.column
+        )
+        force = now.turn * (force + jnp.zeros_like(r))
+        acceleration = then.turning.acceleration
+        d = rest.angle.size
+        rates = Rest(
+            jnp.full(d, turning.speed),
+            jnp.full(d, acceleration),
+            rest.bodies_rate,
+            then.bodies_acceleration - acceleration,
+        )
+        return jnp.concatenate([contact, signals, force[p:]]), rates
+
+
+def _at(parts, unit: Float[Array, "s s"]):
+    """Ports or races at the first coordinates."""
+    pairs = zip(parts, unit, strict=False)
+    return tuple(dataclasses.replace(part, row=own, column=own) for part, own in pairs)

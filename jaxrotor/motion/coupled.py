@@ -1,0 +1,124 @@
+"""Coupled motion by exponential steps: of a rotor with balls, or with a drive that feels its forces."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Complex, Float
+
+from ..core.plane import direction, plane
+from ..core.quantities import Scalar
+from ..equations.coupled import CoupledForces, Rest
+from ..equations.fixed_axes import SpeedTerms
+from ..equations.kinematics import RotatingState
+from ..equations.rotating_frame import Transient
+from ..equations.start import Launch
+from ..equations.system import System
+from ..scene import Scene
+from ..solvers.basis import Basis
+from ..solvers.coupled_step import CoupledStep
+from ..solvers.varying_speed import RotorAtSpeed
+from .stepped import Stepping
+
+
+class CoupledRotor(eqx.Module):
+    """A rotor and all that moves with it, in the coordinates of its steps.
+
+    A state is that of the rotor in its basis, then the numbers of the `Rest`.
+    """
+
+    system: System
+    rotor: RotorAtSpeed
+    forces: CoupledForces
+
+    @classmethod
+    def build(
+        cls, scene: Scene, system: System, stepping: Stepping, angle: Scalar, basis: Basis | None
+    ) -> "CoupledRotor":
+        """The rotor of a scene that is turned by `angle` at time 0, in a dense basis unless one is given."""
+        (centre,), rate = stepping.centres(system)
+        terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
+        forces, stations = CoupledForces.of(scene, system, terms, centre, angle)
+        rotor = RotorAtSpeed.build(system.at_speed(centre), rate, terms, basis, stations)
+        return cls(system, rotor, forces)
+
+    def step(self, order: int, length: Scalar) -> CoupledStep:
+        """A step of a length of time [s]."""
+        return CoupledStep.of(self.rotor, self.forces, order, self.rotor.axes.rate * length)
+
+    def begin(self, launch: Launch, at: Scalar) -> Float[Array, " y"]:
+        """State at a start, which has balls where the scene has some; `at` [m] is the observed station."""
+        q, velocity = launch.shaft.state(self.system, at)
+        alone = lambda value: jnp.reshape(value, -1)[: int(self.forces.free)]
+        join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
+        balls = launch.balls or ()
+        rest = [alone(launch.angle), alone(self.system.spin.speed)]
+        rest += [join(b.angle for b in balls), join(b.rate for b in balls)]
+        return jnp.concatenate([self.rotor.encode(self.rotor.axes.state(q, velocity)), *rest])
+
+    def motion(
+        self, step: CoupledStep, y: Float[Array, " y"]
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Rest]:
+        """Coordinates [m], their velocities [m/s] and the rest of a state."""
+        count = y.size - step.rest_size
+        q, velocity = self.rotor.axes.coordinates(self.rotor.decode(y[:count]))
+        return q, velocity, step.rest(y[count:])
+
+
+class CoupledPath(NamedTuple):
+    """Motion at the samples."""
+
+    states: RotatingState
+    touched: Bool[Array, ""]
+    contact_stiffness_ratio: Float[Array, "2"]
+
+
+def coupled_path(
+    scene: Scene, field: Transient, stepping: Stepping, launch: Launch, station: Scalar
+) -> CoupledPath:
+    """Motion of a scene from a start, step by step; `field` are its equations in the axes of the shaft."""
+    system = field.system
+    basis = None
+    if stepping.bases is not None:
+        basis = jax.tree.map(lambda leaf: leaf[0], stepping.bases)
+    rotor = CoupledRotor.build(scene, system, stepping, launch.angle, basis)
+    lengths = jnp.diff(stepping.breaks)
+    step_of = lambda length: rotor.step(
+        stepping.solver.order, length / (stepping.substeps * stepping.parts)
+    )
+    longest = step_of(jnp.max(lengths))
+
+    def piece(carry, part):
+        time, length = part
+        step = longest if stepping.even else step_of(length)
+        each = length / stepping.parts
+
+        def several(count, carry):
+            y, touched = carry
+            y, loaded = step.several(time + count * each, stepping.substeps, y, batch=False)
+            return y, touched | loaded
+
+        if isinstance(stepping.parts, int):
+            carry = several(0, carry)
+        else:
+            carry = jax.lax.fori_loop(0, stepping.parts, several, carry)
+        return carry, carry[0]
+
+    first = rotor.begin(launch, station)
+    begun = first, jnp.zeros((), bool)
+    (_, touched), states = jax.lax.scan(piece, begun, (stepping.breaks[:-1], lengths))
+    states = jnp.concatenate([first[None], states])[stepping.samples]
+    times = stepping.breaks[stepping.samples]
+
+    def rotating(time: Scalar, y: Float[Array, " y"]) -> RotatingState:
+        """The state in the axes of the shaft."""
+        q, velocity, rest = rotor.motion(longest, y)
+        angle, speed, _ = rotor.forces.turning(time, rest)
+        back, rate = direction(-angle), field.rate
+        drift = back * (velocity - 1j * speed * q)
+        rates = plane(drift) / rate, rest.angle, rest.speed / rate
+        return RotatingState(plane(back * q), *rates, rest.bodies, rest.bodies_rate / rate)
+
+    states = jax.vmap(rotating)(times, states)
+    return CoupledPath(states, touched, longest.plain.contact_stiffness_ratio)

@@ -1,0 +1,110 @@
+"""Coupled steps: a linear rotor exactly, and all that moves with it by the stages of the same step.
+
+    w' = A w + B f(C w, x),   x' = g(C w, x)
+
+`x` are the angle and the speed of a free spin, and the angles and rates of balls. They have no linear
+part, so that the stages of an exponential step are those of the classical method of Runge and Kutta.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float
+
+from ..core.quantities import Scalar
+from ..equations.coupled import CoupledForces, Rest
+from .lanes import lanes_last, per_lane, product
+from .varying_speed import RotorAtSpeed, VaryingStep
+
+
+# Shares of the rates of earlier stages in a stage, and of all in the step, by order.
+STAGES = {
+    2: (((), (1.0,)), (0.5, 0.5)),
+    4: (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
+}
+
+
+class CoupledStep(eqx.Module):
+    """A step of fixed size of a rotor and the rest; all arrays may have lanes last."""
+
+    plain: VaryingStep  # of the rotor alone
+    forces: CoupledForces
+    rate: Scalar  # [rad/s]
+    order: int = eqx.field(static=True)
+    sizes: tuple[int, int] = eqx.field(static=True)  # of angle and of bodies, see `Rest`
+
+    @classmethod
+    def of(cls, rotor: RotorAtSpeed, forces: CoupledForces, order: int, h: Scalar) -> "CoupledStep":
+        """The step of a rotor that has the stations of these forces."""
+        bodies = sum(race.bodies.places for race in forces.system.races)
+        plain = rotor.step(order, h, forces.system.ports)
+        return cls(plain, forces, rotor.axes.rate, order, (int(forces.free), bodies))
+
+    @property
+    def rest_size(self) -> int:
+        """Numbers of the rest in a state, which are its last ones."""
+        return 2 * sum(self.sizes)
+
+    def rest(self, x: Float[Array, " x"]) -> Rest:
+        """The rest by its numbers."""
+        d, b = self.sizes
+        return Rest(x[:d], x[d : 2 * d], x[2 * d : 2 * d + b], x[2 * d + b :])
+
+    def several(
+        self, begin: Scalar, steps: int, y: Float[Array, " y"], *, batch: bool
+    ) -> tuple[Float[Array, " y"], Bool[Array, ""]]:
+        """State after some steps from a time on, and whether a contact was loaded at the start of one."""
+        span = self.plain.tableau.h / self.rate
+        times = begin + jnp.arange(steps) * span
+
+        def run(parts, y):
+            step, times = parts
+
+            def one(carry, time):
+                y, touched = carry
+                y, loaded = step.of_lanes(time, y)
+                return (y, touched | loaded), None
+
+            return jax.lax.scan(one, (y, jnp.zeros(y.shape[1], bool)), times)[0]
+
+        return lanes_last(run, (self, times), y, batch=batch)
+
+    def of_lanes(self, time: Array, y: Float[Array, "y lanes"]) -> tuple[Array, Array]:
+        """States after a step from a time on, and whether a contact was loaded at its start, lanes last."""
+        tableau, count = self.plain.tableau, self.plain.tableau.weights.shape[0]
+        w, x = y[:count], y[count:]
+        inputs = tableau.weights.shape[1] // len(tableau.stages)
+        within, ahead = STAGES[self.order]
+        end = tableau.advance(w)
+        free = jnp.split(product(tableau.outputs, w), len(tableau.times))
+        if self.plain.load.shape[1]:  # weight
+            end = end + self.plain.load
+            loads = self.plain.load_outputs
+            free = [free[0], *(one + more for one, more in zip(free[1:], loads, strict=True))]
+        span = tableau.h / self.rate
+        rates: list[Array] = []
+        loaded: list[Array] = []
+
+        def forces(stage: Array, number: int) -> Array:
+            shares = within[len(rates)]
+            now = x + span * sum((c * k for c, k in zip(shares, rates, strict=True) if c), 0 * x)
+            instant = self.forces, time + tableau.times[number] * span
+            both = per_lane(self._law, instant, jnp.concatenate([stage, now]))
+            rates.append(both[inputs:])
+            if not loaded:
+                halves = both[:inputs].reshape(2, -1, both.shape[-1])
+                loaded.append(jnp.any(halves[:, : len(self.plain.ports)] != 0, axis=(0, 1)))
+            return both[:inputs]
+
+        end = end + tableau.increment(free, forces)
+        x = x + span * sum(c * k for c, k in zip(ahead, rates, strict=True))
+        return jnp.concatenate([end, x]), loaded[0]
+
+    def _law(self, instant: tuple[CoupledForces, Scalar], seen: Float[Array, " z"]) -> Array:
+        """`[Re, Im]` of the inputs, and the rates of the rest per second."""
+        forces, time = instant
+        stage, x = seen[: seen.size - self.rest_size], seen[seen.size - self.rest_size :]
+        real, imag = jnp.split(stage, 2)
+        found, rates = forces(time, jax.lax.complex(real, imag), self.rest(x))
+        return jnp.concatenate([found.real, found.imag, ravel_pytree(rates)[0]])
