@@ -2,10 +2,10 @@
 
     z.. = a + D f,   f = (contacts, balls, (Omega^2 - i Omega.) e^(i theta))
 
-A linear rotor meets its contacts, its balls and its unbalance at a few stations. What it is told there are
-the forces `f`; what they have to know of it are displacements and velocities at contacts, and accelerations
-`a` without `f` at races and at the unbalance. So the equations of `coupling` are those of a rotor whose
-coordinates are the stations, with the accelerance `D` in place of the inverse inertia.
+Contacts, balls and the unbalance act on a linear rotor at a few stations, by the forces `f`. What these
+depend on are displacements and velocities at contacts, and accelerations at races and at the unbalance,
+which are `a` without the forces. So the equations of `coupling` are those of a rotor whose coordinates are
+the stations, with the accelerance `D` in place of the inverse inertia.
 """
 
 import dataclasses
@@ -85,10 +85,8 @@ class CoupledForces(eqx.Module):
         moments = MomentBalance.of(scene, system)
         stations, p = Stations.of(system, moments), len(system.ports)
         inverse = jnp.linalg.inv(system.blocks.inertia)
-        columns = [inverse @ port.column for port in system.ports]
-        columns = jnp.concatenate(
-            [jnp.reshape(jnp.array(columns), (p, system.n)).T, inverse @ stations.columns], 1
-        )
+        columns = [port.column[:, None] for port in system.ports]
+        columns = inverse @ jnp.concatenate([*columns, stations.columns], axis=1)
         size = columns.shape[1]
         rows = (
             jnp.zeros((size, system.n), complex).at[p : p + len(stations.rows)].set(stations.rows)

@@ -36,7 +36,7 @@ class CoupledRotor(eqx.Module):
     def build(
         cls, scene: Scene, system: System, stepping: Stepping, angle: Scalar, basis: Basis | None
     ) -> "CoupledRotor":
-        """The rotor of a scene that is turned by `angle` at time 0, in a dense basis unless one is given."""
+        """The rotor of a scene, turned by `angle` at time 0, in a dense basis unless one is given."""
         (centre,), rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         forces, stations = CoupledForces.of(scene, system, terms, centre, angle)

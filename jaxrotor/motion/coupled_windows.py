@@ -1,5 +1,6 @@
 """Coupled march: a motion with balls, or with a drive that feels the rotor, window by window."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float

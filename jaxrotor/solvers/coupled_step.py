@@ -71,7 +71,7 @@ class CoupledStep(eqx.Module):
         return lanes_last(run, (self, times), y, batch=batch)
 
     def of_lanes(self, time: Array, y: Float[Array, "y lanes"]) -> tuple[Array, Array]:
-        """States after a step from a time on, and whether a contact was loaded at its start, lanes last."""
+        """States after a step from a time on, and whether a contact was loaded at its start."""
         tableau, count = self.plain.tableau, self.plain.tableau.weights.shape[0]
         w, x = y[:count], y[count:]
         inputs = tableau.weights.shape[1] // len(tableau.stages)
