@@ -118,8 +118,11 @@ class AbstractLaw(eqx.Module):
         """Force [N] from displacement [m], velocity [m/s] and spin speed [rad/s]."""
 
     @abc.abstractmethod
-    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
-        """Torque on the shaft about its axis [N m], positive in the sense of positive spin."""
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+        """Torque on the shaft about its axis [N m], positive in the sense of positive spin.
+
+        `force` is that of the law, or of one of its branches.
+        """
 
     @abc.abstractmethod
     def hardness(self) -> "Hardness":

@@ -43,7 +43,7 @@ class CubicLaw(AbstractSmoothLaw):
         u = self.cos * displacement[0] + self.sin * displacement[1]
         return -self.stiffness * u**3 * jnp.stack([self.cos, self.sin])
 
-    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:

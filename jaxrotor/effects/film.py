@@ -101,7 +101,7 @@ class FilmLaw(AbstractSmoothLaw):
         even = half - whole / speed / 2
         return whole / 2 + jnp.where(moves, square / rho, 0.0) * even
 
-    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         """`T = -2 pi mu R^3 L Omega / (c s) - Im(z* F) / 2` with Couette shear all round.
 
         The ring of a damper does not turn, and what holds it takes the moment.
@@ -112,7 +112,6 @@ class FilmLaw(AbstractSmoothLaw):
         x, y = zeta = self.eccentricity(displacement)
         square = zeta[0] ** 2 + zeta[1] ** 2
         s = jnp.sqrt(jnp.where(square < 1, 1 - square, jnp.nan))
-        force = self(displacement, velocity, speed)
         shear = 2 * jnp.pi * film.viscosity * film.radius**3 * film.length / film.clearance
         return -shear * speed / s - film.clearance * (x * force[1] - y * force[0]) / 2
 

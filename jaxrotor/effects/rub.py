@@ -54,9 +54,9 @@ class AbstractRubLaw(AbstractLaw):
         touch = self.touch(displacement, velocity, speed)
         return _directed(touch, *self._forces(touch))
 
-    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         touch = self.touch(displacement, velocity, speed)
-        return -self.contact.rim_radius * self._forces(touch)[1]
+        return self.contact.rim_radius * (touch.cos * force[1] - touch.sin * force[0])
 
     @property
     def kinked(self) -> bool:

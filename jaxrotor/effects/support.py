@@ -358,7 +358,7 @@ class DeviatorLaw(AbstractSmoothLaw):
                 force -= jnp.stack([part[0] * x + part[1] * y, part[1] * x - part[0] * y])
         return force
 
-    def torque(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:

@@ -9,6 +9,7 @@ the stations, with the accelerance `D` in place of the inverse inertia.
 """
 
 import dataclasses
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,7 +26,7 @@ from .fixed_axes import SpeedTerms
 from .forces import applied_force, body_force
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of
-from .system import System, port_forces
+from .system import Port, System
 
 
 class Stations(eqx.Module):
@@ -54,6 +55,16 @@ class Stations(eqx.Module):
 def is_coupled(scene: Scene) -> bool:
     """Whether balls, or a rotation that is not known in time, are part of the motion of a rotor."""
     return bool(scene.of(AbstractBodies)) or not scene.spin.given
+
+
+# Force of every contact of a port, by its number, itself, displacement and velocity there, and speed:
+Law = Callable[[int, Port, Array, Array, Scalar], Float[Array, "k 2"]]
+
+
+def actual(number: int, port: Port, place: Array, velocity: Array, speed: Scalar) -> Array:
+    """Forces of a port by its laws."""
+    del number
+    return port.forces(place, velocity, speed)
 
 
 class Rest(eqx.Module):
@@ -120,12 +131,12 @@ class CoupledForces(eqx.Module):
         return Turning(self.begin + angle, speed, acceleration)
 
     def __call__(
-        self, time: Scalar, seen: Complex[Array, " z"], rest: Rest
+        self, time: Scalar, seen: Complex[Array, " z"], rest: Rest, law: Law = actual
     ) -> tuple[Complex[Array, " i"], Rest]:
         """Inputs of the linear rotor, and the rates of the rest per second.
 
         `seen` are displacements and velocities of the ports, signals of the speed terms, and accelerations
-        of the stations by the linear rotor at its centre speed.
+        of the stations by the linear rotor at its centre speed. `law` gives the forces of the ports.
         """
         system, p = self.system, len(self.system.ports)
         turning = self.turning(time, rest)
@@ -133,9 +144,12 @@ class CoupledForces(eqx.Module):
         place, velocity, signals, acceleration = jnp.split(seen, [p, 2 * p, 2 * p + terms])
         signals = (turning.speed - self.centre) * signals
         given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
+        pairs = zip(system.ports, plane(place).T, plane(velocity).T, strict=True)
+        contacts = [law(i, *port, turning.speed) for i, port in enumerate(pairs)]
         contact = jnp.zeros(0, complex)
         if p:
-            x, y = port_forces(system.ports, plane(place), plane(velocity), turning.speed)
+            pairs = zip(system.ports, contacts, plane(place).T, plane(velocity).T, strict=True)
+            x, y = jnp.stack([port.added(f, d, v) for port, f, d, v in pairs], axis=1)
             contact = x + 1j * y
             given = given + self.accelerance[:, :p] @ contact
         if self.weight is not None:
@@ -158,7 +172,7 @@ class CoupledForces(eqx.Module):
                 torque = drive.moment(turning.speed)
                 spin = lambda then: torque / inertia
             else:
-                torque = moments.torque(system, now, None)
+                torque = moments.torque(system, now, contacts, None)
                 spin = lambda then: moments.with_inertia(system, then, torque) / inertia
         then = with_accelerations(system, self.accelerance, now, now.back * given, spin)
         force = applied_force(system.load, then) + body_force(

@@ -47,14 +47,32 @@ def applied_force(load: Load, now: Kinematics) -> Array:
 # === contacts
 
 
-def contact_force(system: System, now: Kinematics, column: Callable[[Port], Array]) -> Array:
-    """`Sum_ports column F exp(-i theta)`: force of all contacts."""
+Contacts = list[Float[Array, "k 2"]]  # force of every law of every port, in fixed axes [N]
+
+
+def contacts_of(system: System, now: Kinematics) -> Contacts:
+    """Forces of all contacts."""
+    motions = zip(system.ports, *port_motion(system, now), strict=True)
+    return [port.forces(d, v, now.turning.speed) for port, d, v in motions]
+
+
+def contact_force(
+    system: System, now: Kinematics, contacts: Contacts, column: Callable[[Port], Array]
+) -> Array:
+    """`Sum_ports column F exp(-i theta)`: force of all contacts together."""
     force = jnp.zeros(())
-    displacement, velocity = port_motion(system, now)
-    for i, port in enumerate(system.ports):
-        both = port.forces(displacement[i], velocity[i], now.turning.speed).sum(0)
+    for port, forces in zip(system.ports, contacts, strict=True):
+        both = forces.sum(0)
         force = force + column(port) * (both[0] + 1j * both[1]) * now.back
     return force
+
+
+def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Scalar:
+    """Torque of all contacts on the shaft about its axis [N m]."""
+    torque = jnp.zeros(())
+    for port, forces, d, v in zip(system.ports, contacts, *port_motion(system, now), strict=True):
+        torque = torque + port.torque(forces, d, v, now.turning.speed)
+    return torque
 
 
 def port_motion(system: System, now: Kinematics) -> tuple[list[Array], list[Array]]:

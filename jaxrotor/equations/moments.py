@@ -10,7 +10,7 @@ from ..core.quantities import Scalar
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from ..spins.drive import Drive
-from .forces import port_motion, races_of, resistance
+from .forces import Contacts, contact_torque, races_of, resistance
 from .kinematics import Kinematics
 from .system import System, assemble_blocks, assemble_load
 
@@ -38,17 +38,18 @@ class MomentBalance(eqx.Module):
             _corotating(assemble_blocks(scene, line)),
         )
 
-    def torque(self, system: System, now: Kinematics, sense: Scalar | None) -> Array:
+    def torque(
+        self, system: System, now: Kinematics, contacts: Contacts, sense: Scalar | None
+    ) -> Array:
         """Torque on the shaft without the part that depends on accelerations [N m].
 
-        Coulomb friction of the drive opposes `sense`, by default that of the speed.
+        `contacts` are the forces of these. Coulomb friction of the drive opposes `sense`, by default
+        that of the speed.
         """
         torque = drive_of(system).moment(now.turning.speed, sense)
         if self.corotating is not None:
             torque = torque + jnp.imag(jnp.vdot(now.r, resistance(self.corotating, now)))
-        displacement, velocity = port_motion(system, now)
-        for i, port in enumerate(system.ports):
-            torque = torque + port.torque(displacement[i], velocity[i], now.turning.speed)
+        torque = torque + contact_torque(system, now, contacts)
         for race, part in races_of(system):
             rate = now.bodies_speed[part] - now.turning.speed
             torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))

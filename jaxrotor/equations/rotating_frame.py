@@ -17,7 +17,13 @@ from ..scene import Scene
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
 from .coupling import with_accelerations
-from .forces import applied_force, contact_force, nonlinear_columns, resistance
+from .forces import (
+    applied_force,
+    contact_force,
+    contacts_of,
+    nonlinear_columns,
+    resistance,
+)
 from .kinematics import Kinematics, RotatingState
 from .massless_coordinates import Known, Massless, MasslessCoordinates
 from .moments import MomentBalance, drive_of
@@ -118,7 +124,8 @@ class Transient(eqx.Module):
             return drive_of(self.system).moment(jnp.zeros(()), 0.0)
         held = self.hold(jnp.asarray(True), jnp.zeros(()))
         now = held.instant(time, y)
-        torque = self.moments.torque(self.system, now, held.sense)
+        contacts = contacts_of(self.system, now)
+        torque = self.moments.torque(self.system, now, contacts, held.sense)
         return self.moments.with_inertia(self.system, now, torque)
 
     def instant(self, time: Scalar, y: RotatingState) -> Kinematics:
@@ -132,10 +139,11 @@ class Transient(eqx.Module):
         if self.massless is not None:
             now = self._with_massless_motion(self.massless, now)
         push = -resistance(self._blocks(turning.speed), now)
-        push = push + contact_force(system, now, lambda port: port.column)
+        contacts = contacts_of(system, now)
+        push = push + contact_force(system, now, contacts, lambda port: port.column)
         given, spin = self.inverse @ (push + jnp.zeros_like(r)), None
         if moments is not None:
-            torque = moments.torque(system, now, self.sense)
+            torque = moments.torque(system, now, contacts, self.sense)
             spin = lambda then: self._acceleration(moments.with_inertia(system, then, torque))
         return with_accelerations(system, self.inverse, now, given, spin)
 

@@ -98,13 +98,17 @@ class Port(eqx.Module):
         stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
         return jnp.concatenate(stacks)
 
-    def torque(self, displacement: Array, velocity: Array, speed: Scalar) -> Scalar:
-        """Torque of all laws about the axis [N m]."""
-        torques = [
-            jax.vmap(lambda law: law.torque(displacement, velocity, speed))(stack)
-            for stack in self.laws
-        ]
-        return jnp.sum(jnp.concatenate(torques))
+    def torque(
+        self, forces: Float[Array, "k 2"], displacement: Array, velocity: Array, speed: Scalar
+    ) -> Scalar:
+        """Torque about the axis of all laws, by their forces [N m]."""
+        motion, total, start = (displacement, velocity, speed), jnp.zeros(()), 0
+        for stack in self.laws:
+            stop = start + jax.tree.leaves(stack)[0].shape[0]
+            torques = jax.vmap(lambda law, force: law.torque(force, *motion))
+            total = total + jnp.sum(torques(stack, forces[start:stop]))
+            start = stop
+        return total
 
 
 def port_forces(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.plane import direction, plane
 from ..core.quantities import Scalar
@@ -18,6 +18,8 @@ from ..equations.system import System
 from ..scene import Scene
 from ..solvers.basis import Basis
 from ..solvers.coupled_step import CoupledStep
+from ..solvers.exponential import Exponential
+from ..solvers.located_coupled import LocatedCoupledStep
 from ..solvers.varying_speed import RotorAtSpeed
 from .stepped import Stepping
 
@@ -43,9 +45,12 @@ class CoupledRotor(eqx.Module):
         rotor = RotorAtSpeed.build(system.at_speed(centre), rate, terms, basis, stations)
         return cls(system, rotor, forces)
 
-    def step(self, order: int, length: Scalar) -> CoupledStep:
-        """A step of a length of time [s]."""
-        return CoupledStep.of(self.rotor, self.forces, order, self.rotor.axes.rate * length)
+    def step(self, solver: Exponential, length: Scalar) -> CoupledStep | LocatedCoupledStep:
+        """A step of a length of time [s], located where the solver is so and a law has kinks."""
+        h = self.rotor.axes.rate * length
+        plain = CoupledStep.of(self.rotor, self.forces, solver.order, h)
+        kinked = any(law.kinked for port in self.system.ports for law in port.laws)
+        return LocatedCoupledStep(plain, self.rotor) if solver.located and kinked else plain
 
     def begin(self, launch: Launch, at: Scalar) -> Float[Array, " y"]:
         """State at a start, which has balls where the scene has some; `at` [m] is the observed station."""
@@ -58,7 +63,7 @@ class CoupledRotor(eqx.Module):
         return jnp.concatenate([self.rotor.encode(self.rotor.axes.state(q, velocity)), *rest])
 
     def motion(
-        self, step: CoupledStep, y: Float[Array, " y"]
+        self, step: CoupledStep | LocatedCoupledStep, y: Float[Array, " y"]
     ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Rest]:
         """Coordinates [m], their velocities [m/s] and the rest of a state."""
         count = y.size - step.rest_size
@@ -71,6 +76,7 @@ class CoupledPath(NamedTuple):
 
     states: RotatingState
     touched: Bool[Array, ""]
+    unresolved: Int[Array, ""]
     contact_stiffness_ratio: Float[Array, "2"]
 
 
@@ -85,7 +91,7 @@ def coupled_path(
     rotor = CoupledRotor.build(scene, system, stepping, launch.angle, basis)
     lengths = jnp.diff(stepping.breaks)
     step_of = lambda length: rotor.step(
-        stepping.solver.order, length / (stepping.substeps * stepping.parts)
+        stepping.solver, length / (stepping.substeps * stepping.parts)
     )
     longest = step_of(jnp.max(lengths))
 
@@ -95,9 +101,10 @@ def coupled_path(
         each = length / stepping.parts
 
         def several(count, carry):
-            y, touched = carry
-            y, loaded = step.several(time + count * each, stepping.substeps, y, batch=False)
-            return y, touched | loaded
+            y, touched, unresolved = carry
+            begin = time + count * each
+            y, loaded, more = step.several(begin, stepping.substeps, y, batch=False)
+            return y, touched | loaded, unresolved + more
 
         if isinstance(stepping.parts, int):
             carry = several(0, carry)
@@ -106,8 +113,8 @@ def coupled_path(
         return carry, carry[0]
 
     first = rotor.begin(launch, station)
-    begun = first, jnp.zeros((), bool)
-    (_, touched), states = jax.lax.scan(piece, begun, (stepping.breaks[:-1], lengths))
+    begun = first, jnp.zeros((), bool), jnp.zeros((), int)
+    (_, touched, unresolved), states = jax.lax.scan(piece, begun, (stepping.breaks[:-1], lengths))
     states = jnp.concatenate([first[None], states])[stepping.samples]
     times = stepping.breaks[stepping.samples]
 
@@ -121,4 +128,4 @@ def coupled_path(
         return RotatingState(plane(back * q), *rates, rest.bodies, rest.bodies_rate / rate)
 
     states = jax.vmap(rotating)(times, states)
-    return CoupledPath(states, touched, longest.plain.contact_stiffness_ratio)
+    return CoupledPath(states, touched, unresolved, longest.contact_stiffness_ratio)

@@ -13,6 +13,7 @@ from ..equations.system import assemble
 from ..scene import Scene
 from ..solvers.basis import Count, modal
 from ..solvers.coupled_step import CoupledStep
+from ..solvers.located_coupled import LocatedCoupledStep
 from .base import AbstractMarch, Bodies, Plan, Window, bounded
 from .coupled import CoupledRotor
 from .history import imbalance_of
@@ -29,7 +30,7 @@ class CoupledMarch(AbstractMarch):
     plan: Plan
     scene: Scene
     rotor: CoupledRotor
-    step: CoupledStep
+    step: CoupledStep | LocatedCoupledStep
     reading: Float[Array, "4 m2"]  # [Re, Im] of displacement and velocity of the station
     length: Scalar  # from sample to sample [s]
     substeps: int = eqx.field(static=True)  # there
@@ -54,7 +55,7 @@ class CoupledMarch(AbstractMarch):
             basis = modal(linear_matrix(system.at_speed(centre), rate))
         rotor = CoupledRotor.build(scene, system, stepping, launch.angle, basis)
         length = stepping.breaks[1] - stepping.breaks[0]
-        step = rotor.step(plan.solver.order, length / stepping.substeps)
+        step = rotor.step(plan.solver, length / stepping.substeps)
         row = system.line.row(station[0])[None]
         axes = rotor.rotor.axes
         seen = axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
@@ -87,13 +88,13 @@ class CoupledMarch(AbstractMarch):
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "2"]:
         """See `VaryingStep.contact_stiffness_ratio`."""
-        return self.step.plain.contact_stiffness_ratio
+        return self.step.contact_stiffness_ratio
 
     def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
         """State at the first sample, and outcome; there is one window before it, of its own length."""
         del windows
-        end, touched, _ = self._stepped(y[:-1], jnp.arange(self.before) * self.length)
-        return jnp.append(end, 0.0), self._outcome(end, touched)
+        end, found, _ = self._stepped(y[:-1], jnp.arange(self.before) * self.length)
+        return jnp.append(end, 0.0), self._outcome(end, *found)
 
     def advance(self, y: Array) -> tuple[Array, Outcome]:
         end, _, ok = self.observe(y)  # what is not read is not computed
@@ -101,7 +102,7 @@ class CoupledMarch(AbstractMarch):
 
     def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
         number, times = y[-1], self._times(y[-1])
-        end, touched, states = self._stepped(y[:-1], times[:-1])
+        end, found, states = self._stepped(y[:-1], times[:-1])
         states = jnp.concatenate([states, end[None]])
         count = states.shape[1] - self.step.rest_size
         w, rest = states[:, :count], jax.vmap(self.step.rest)(states[:, count:])
@@ -110,7 +111,7 @@ class CoupledMarch(AbstractMarch):
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
         system, forces = self.rotor.system, None
         if self.plan.contacts and system.ports:
-            ports = (w @ self.step.plain.reading.T).reshape(len(states), 2, 2, -1)
+            ports = (w @ self.step.reading.T).reshape(len(states), 2, 2, -1)
             ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
             both = jax.vmap(system.contact_forces)(ports[:, 0], ports[:, 1], turning.speed)
             forces = both[..., 0] + 1j * both[..., 1]
@@ -130,23 +131,27 @@ class CoupledMarch(AbstractMarch):
             turning.speed,
             bodies,
         )
-        return jnp.append(end, number + 1), window, self._outcome(end, touched)
+        return jnp.append(end, number + 1), window, self._outcome(end, *found)
 
     def _times(self, number: Scalar) -> Float[Array, " T"]:
         """Times of the samples of a window, by its number [s]."""
         size = self.plan.steps
         return (self.before + number * size + jnp.arange(size + 1)) * self.length
 
-    def _stepped(self, y: Array, times: Array) -> tuple[Array, Array, Array]:
-        """State after the intervals that begin at some times, whether a contact was loaded, all states."""
+    def _stepped(self, y: Array, times: Array) -> tuple[Array, tuple[Array, Array], Array]:
+        """State after the intervals that begin at some times, and all states before each.
+
+        In between, whether a contact was loaded, and how many steps are not resolved.
+        """
 
         def one(carry, time):
-            y, touched = carry
-            end, loaded = self.step.several(time, self.substeps, y, batch=True)
-            return (end, touched | loaded), y
+            y, touched, unresolved = carry
+            end, loaded, more = self.step.several(time, self.substeps, y, batch=True)
+            return (end, touched | loaded, unresolved + more), y
 
-        (y, touched), states = jax.lax.scan(one, (y, jnp.zeros((), bool)), times)
-        return y, touched, states
+        first = y, jnp.zeros((), bool), jnp.zeros((), int)
+        (y, *found), states = jax.lax.scan(one, first, times)
+        return y, tuple(found), states
 
-    def _outcome(self, y: Array, touched: Array) -> Outcome:
-        return Outcome(bounded(y), jnp.ones((), bool), jnp.zeros((), int), touched)
+    def _outcome(self, y: Array, touched: Array, unresolved: Array) -> Outcome:
+        return Outcome(bounded(y), jnp.ones((), bool), unresolved, touched)

@@ -12,7 +12,13 @@ from ..core.compiled import compiled
 from ..core.quantities import known
 from ..core.tables import notebook_table
 from ..effects import AbstractContact, Support
-from ..equations.forces import applied_force, body_force, contact_force, resistance
+from ..equations.forces import (
+    applied_force,
+    body_force,
+    contact_force,
+    contacts_of,
+    resistance,
+)
 from ..equations.kinematics import Kinematics
 from ..equations.pencil import Pencil, frame
 from ..equations.rotating_frame import Transient
@@ -201,7 +207,8 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
         if system.tabled is not None:
             own = assemble_blocks(scene.at_speed(now.turning.speed), line)
         reaction = resistance(own, now) - applied_force(load, now)
-        reaction -= contact_force(system, now, lambda port: ends(line, port.at, port.on)[1])
+        contacts, column = contacts_of(system, now), lambda port: ends(line, port.at, port.on)[1]
+        reaction -= contact_force(system, now, contacts, column)
         reaction -= body_force(system, now, lambda race: line.column(race.at))
         if inertia is not None:
             reaction += inertia @ now.absolute

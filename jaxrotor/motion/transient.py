@@ -215,8 +215,7 @@ def _step(
         coupled = coupled_path(scene, field, plan, launch, stations[0])
         instants = jax.vmap(field.instant)(times, coupled.states)
         seen = motion_of_stations(system, instants, stations)
-        no = jnp.zeros((), int)
-        steps = coupled.touched, no, coupled.contact_stiffness_ratio
+        steps = coupled.touched, coupled.unresolved, coupled.contact_stiffness_ratio
         return Integrated(instants.turning, instants, never, _finite(instants), seen, *steps)
     begin = launch.shaft.state(system, stations[0])
     path = stepped(system, plan, begin, launch.angle)

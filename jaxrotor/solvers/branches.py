@@ -6,7 +6,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.quantities import Scalar
 from ..equations.system import Branches, Port, port_forces
@@ -108,11 +108,7 @@ class BranchedPorts(eqx.Module):
         """Margins of the conditions of given branches, and their rates, at a speed that may change."""
         d, v, a = self._parts(seen)
 
-        def margins(d, v, speed=self.speed):
-            ports = enumerate(zip(self.laws, branches, strict=True))
-            found = [port.margins(b, d[:, i], v[:, i], speed) for i, (port, b) in ports]
-            return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
-
+        margins = lambda d, v, speed=self.speed: self.margins(branches, d, v, speed)
         force = self.forces(branches, seen)
         through, mobility = self.contacts.through, self.mobility
         if through is None or mobility is None:
@@ -129,6 +125,24 @@ class BranchedPorts(eqx.Module):
         more = jnp.moveaxis((mobility @ force).reshape(2, 2, -1), 1, 0)
         rates = v / self.rate + more[0], a + more[1], self._turning(through)
         return Crossing(*jax.jvp(yielding, (d, v, through), rates))
+
+    def margins(
+        self, branches: tuple[Branches, ...], d: Array, v: Array, speed: Scalar
+    ) -> Float[Array, " c"]:
+        """Margins of the conditions of given branches, by displacement and velocity of the ports."""
+        ports = enumerate(zip(self.laws, branches, strict=True))
+        found = [port.margins(b, d[:, i], v[:, i], speed) for i, (port, b) in ports]
+        return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
+
+    def forces_of(
+        self,
+        branches: tuple[Branches, ...],
+        seen: Float[Array, " p6"],
+        exhausted: Bool[Array, ""] | None,
+    ) -> Float[Array, " p2"]:
+        """The forces of given branches; the actual ones where `exhausted`."""
+        along = self.forces(branches, seen)
+        return along if exhausted is None else jnp.where(exhausted, self.actual_forces(seen), along)
 
     def _along(self, branches: tuple[Branches, ...]) -> Law:
         """Port forces by the formulas of given branches."""

@@ -10,10 +10,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core.quantities import Scalar
-from ..equations.coupled import CoupledForces, Rest
+from ..equations.coupled import CoupledForces, Law, Rest, actual
 from .lanes import lanes_last, per_lane, product
 from .varying_speed import RotorAtSpeed, VaryingStep
 
@@ -42,6 +42,16 @@ class CoupledStep(eqx.Module):
         return cls(plain, forces, rotor.axes.rate, order, (int(forces.free), bodies))
 
     @property
+    def reading(self) -> Float[Array, "p4 m2"]:
+        """Reading of the ports on a state of the rotor."""
+        return self.plain.reading
+
+    @property
+    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+        """See `Tableau.contact_stiffness_ratio`; zero without contact."""
+        return self.plain.contact_stiffness_ratio
+
+    @property
     def rest_size(self) -> int:
         """Numbers of the rest in a state, which are its last ones."""
         return 2 * sum(self.sizes)
@@ -53,8 +63,11 @@ class CoupledStep(eqx.Module):
 
     def several(
         self, begin: Scalar, steps: int, y: Float[Array, " y"], *, batch: bool
-    ) -> tuple[Float[Array, " y"], Bool[Array, ""]]:
-        """State after some steps from a time on, and whether a contact was loaded at the start of one."""
+    ) -> tuple[Float[Array, " y"], Bool[Array, ""], Int[Array, ""]]:
+        """State after some steps from a time on, and whether a contact was loaded at the start of one.
+
+        No step is split, so none is unresolved.
+        """
         span = self.plain.tableau.h / self.rate
         times = begin + jnp.arange(steps) * span
 
@@ -68,10 +81,15 @@ class CoupledStep(eqx.Module):
 
             return jax.lax.scan(one, (y, jnp.zeros(y.shape[1], bool)), times)[0]
 
-        return lanes_last(run, (self, times), y, batch=batch)
+        return *lanes_last(run, (self, times), y, batch=batch), jnp.zeros((), int)
 
-    def of_lanes(self, time: Array, y: Float[Array, "y lanes"]) -> tuple[Array, Array]:
-        """States after a step from a time on, and whether a contact was loaded at its start."""
+    def of_lanes(
+        self, time: Array, y: Float[Array, "y lanes"], law: Law = actual
+    ) -> tuple[Array, Array]:
+        """States after a step from a time on, and whether a contact was loaded at its start.
+
+        `law` gives the forces of the contacts.
+        """
         tableau, count = self.plain.tableau, self.plain.tableau.weights.shape[0]
         w, x = y[:count], y[count:]
         inputs = tableau.weights.shape[1] // len(tableau.stages)
@@ -90,7 +108,8 @@ class CoupledStep(eqx.Module):
             shares = within[len(rates)]
             now = x + span * sum((c * k for c, k in zip(shares, rates, strict=True) if c), 0 * x)
             instant = self.forces, time + tableau.times[number] * span
-            both = per_lane(self._law, instant, jnp.concatenate([stage, now]))
+            found = lambda instant, seen: self._found(*instant, seen, law)
+            both = per_lane(found, instant, jnp.concatenate([stage, now]))
             rates.append(both[inputs:])
             if not loaded:
                 halves = both[:inputs].reshape(2, -1, both.shape[-1])
@@ -101,10 +120,11 @@ class CoupledStep(eqx.Module):
         x = x + span * sum(c * k for c, k in zip(ahead, rates, strict=True))
         return jnp.concatenate([end, x]), loaded[0]
 
-    def _law(self, instant: tuple[CoupledForces, Scalar], seen: Float[Array, " z"]) -> Array:
+    def _found(
+        self, forces: CoupledForces, time: Scalar, seen: Float[Array, " z"], law: Law
+    ) -> Float[Array, " i"]:
         """`[Re, Im]` of the inputs, and the rates of the rest per second."""
-        forces, time = instant
-        stage, x = seen[: seen.size - self.rest_size], seen[seen.size - self.rest_size :]
+        stage, x = jnp.split(seen, [seen.size - self.rest_size])
         real, imag = jnp.split(stage, 2)
-        found, rates = forces(time, jax.lax.complex(real, imag), self.rest(x))
+        found, rates = forces(time, jax.lax.complex(real, imag), self.rest(x), law)
         return jnp.concatenate([found.real, found.imag, ravel_pytree(rates)[0]])

@@ -3,7 +3,7 @@
 import diffrax as dfx
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Inexact, Int
+from jaxtyping import Array, Float, Inexact, Int
 
 from ..core.quantities import Scalar
 from .basis import Basis, as_real, unpacked
@@ -27,11 +27,14 @@ class PortsAtAngle(AbstractInstant):
     def crossing(self, branches, seen):
         return self.ports.crossing(branches, seen)
 
-    def inputs(self, force, w):
-        del w
-        return self.jump(force)
+    def inputs(self, branches, w, exhausted=None):
+        return self._turned(self.ports.forces_of(branches, self.read(w), exhausted))
 
-    def jump(self, force):
+    def jump(self, before, after, w):
+        seen, forces = self.read(w), self.ports.forces
+        return self._turned(forces(before, seen) - forces(after, seen))
+
+    def _turned(self, force: Float[Array, " p2"]) -> Inexact[Array, " p"]:
         turned = self.ports.contacts.reading.turned
         return unpacked(self.basis, turned(lambda: phase_at(self.theta), force))
 
@@ -46,7 +49,8 @@ class SplitOfRevolution(AbstractSplitStep):
     order: int = eqx.field(static=True)
     batch: bool = eqx.field(static=True)
 
-    def at(self, theta):
+    def at(self, theta, w):
+        del w
         ports = self.ports.at(lambda: phase_at(theta))
         return PortsAtAngle(ports=ports, basis=self.basis, theta=jnp.asarray(theta))
 

@@ -69,11 +69,14 @@ class InstantOfCourse(AbstractInstant):
     def crossing(self, branches, seen):
         return self.ports.crossing(branches, seen, self.speed_rate)
 
-    def inputs(self, force, w):
+    def inputs(self, branches, w, exhausted=None):
+        force = self.ports.forces_of(branches, self.read(w), exhausted)
         return self._entering(force, self.change * (self.outputs.signals @ packed(w)))
 
-    def jump(self, force):
-        return self._entering(force, jnp.zeros(self.outputs.signals.shape[:2]))
+    def jump(self, before, after, w):
+        seen, forces = self.read(w), self.ports.forces
+        change = forces(before, seen) - forces(after, seen)
+        return self._entering(change, jnp.zeros(self.outputs.signals.shape[:2]))
 
     def _entering(self, force: Array, signals: Float[Array, "2 k"]) -> Inexact[Array, " i"]:
         both = jnp.concatenate([force.reshape(2, -1), signals], axis=1)
@@ -95,7 +98,8 @@ class SplitOfCourse(AbstractSplitStep):
     order: int = eqx.field(static=True)
     batch: bool = eqx.field(static=True)
 
-    def at(self, theta):
+    def at(self, theta, w):
+        del w
         x = theta / self.h
         powers, rates = jnp.stack([1.0 + 0 * x, x, x**2]), jnp.stack([0 * x, 1.0 + 0 * x, 2 * x])
         ports = eqx.tree_at(lambda ports: ports.speed, self.ports, powers @ self.speed)
@@ -183,14 +187,15 @@ class LocatedVaryingStep(eqx.Module):
             order=self.order,
             batch=batch,
         )
-        begin, finish = split.at(jnp.zeros(())), split.at(h)
-        seen = begin.read(unpacked(basis, y))
+        state = unpacked(basis, y)
+        begin, finish = split.at(jnp.zeros(()), state), split.at(h, state)
+        seen = begin.read(state)
         branches = begin.ports.branches(seen)
 
         def law(stage: Float[Array, "p4 1"], half: int) -> Float[Array, "p2 1"]:
             motion = stage[:, 0].reshape(2, 2, -1)
             third = jnp.zeros((2, 1, motion.shape[-1]))
-            at = split.at(h * half / 2).ports
+            at = split.at(h * half / 2, state).ports
             return at.forces(branches, jnp.concatenate([motion, third], axis=1).ravel())[:, None]
 
         plain, course = one_lane((self.plain, now))

@@ -65,12 +65,22 @@ class AbstractInstant(eqx.Module):
         """Margins of the conditions of given branches, and their rates."""
 
     @abc.abstractmethod
-    def inputs(self, force: Float[Array, " p2"], w: Inexact[Array, " m"]) -> Inexact[Array, " i"]:
-        """Inputs of the linear rotor by port forces, and by what else depends on the state."""
+    def inputs(
+        self,
+        branches: tuple[Branches, ...],
+        w: Inexact[Array, " m"],
+        exhausted: Bool[Array, ""] | None = None,
+    ) -> Inexact[Array, " i"]:
+        """Inputs of the linear rotor by forces along given branches, and by what else moves it.
+
+        Where `exhausted`, the forces are the actual ones, with their jumps.
+        """
 
     @abc.abstractmethod
-    def jump(self, force: Float[Array, " p2"]) -> Inexact[Array, " i"]:
-        """Change of the inputs by a change of the port forces."""
+    def jump(
+        self, before: tuple[Branches, ...], after: tuple[Branches, ...], w: Inexact[Array, " m"]
+    ) -> Inexact[Array, " i"]:
+        """Inputs along one branch less those along another."""
 
 
 class AbstractSplitStep(eqx.Module):
@@ -82,8 +92,8 @@ class AbstractSplitStep(eqx.Module):
     batch: eqx.AbstractVar[bool]
 
     @abc.abstractmethod
-    def at(self, theta: Scalar) -> AbstractInstant:
-        """The ports at an angle."""
+    def at(self, theta: Scalar, w: Inexact[Array, " m"]) -> AbstractInstant:
+        """The ports at an angle, in a state."""
 
     @abc.abstractmethod
     def part(
@@ -97,19 +107,13 @@ class AbstractSplitStep(eqx.Module):
         exhausted = split.tries >= TRIES
         share = first_crossing(split.begin, split.end, split.span)
         span = jnp.where(exhausted | (share > 1), split.left, share * split.span)
-        at = lambda after: self.at(split.theta + after)
-
-        def force(w, after):
-            here = at(after)
-            seen, ports = here.read(w), here.ports
-            found = jnp.where(exhausted, ports.actual_forces(seen), ports.forces(branches, seen))
-            return here.inputs(found, w)
-
+        at = lambda after, w: self.at(split.theta + after, w)
+        force = lambda w, after: at(after, w).inputs(branches, w, exhausted)
         w = unpacked(self.basis, split.y)
-        start = at(0.0)
+        start = at(0.0, w)
         begin = start.crossing(branches, start.read(w))
         w = self.part(w, split.theta, span, force)
-        there = at(span)
+        there = at(span, w)
         finish, ports = there.read(w), there.ports
         end = there.crossing(branches, finish)
         falling = falls_through_zero(begin, end, span)
@@ -121,7 +125,7 @@ class AbstractSplitStep(eqx.Module):
         ends &= (jnp.arange(ends.size) == first) & ~exhausted
         accepted = exhausted | ~jnp.any(falling & ~ends)
         after = _branches_after(ports, ends, end, branches, finish)
-        jump = there.jump(ports.forces(branches, finish) - ports.forces(after, finish))
+        jump = there.jump(branches, after, w)
         w = w + self.input_matrix @ (jump * jnp.sum(jnp.where(ends, off, 0.0)))
         left = jnp.where(last, 0.0, split.left - span)
         keep = lambda new, old: jax.tree.map(lambda a, b: jnp.where(accepted, a, b), new, old)

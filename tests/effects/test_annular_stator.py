@@ -31,7 +31,7 @@ def laws(ring: jr.AnnularStator, z, v, speed) -> tuple[np.ndarray, np.ndarray]:
     """Forces `x + i y` and torques of many states."""
     states = [jnp.stack([jnp.real(w), jnp.imag(w)], axis=1) for w in map(np.asarray, (z, v))]
     law, speed = ring.law(), jnp.asarray(speed, float)
-    both = jax.vmap(lambda z, v: (law(z, v, speed), law.torque(z, v, speed)))
+    both = jax.vmap(lambda z, v: (law(z, v, speed), law.torque(law(z, v, speed), z, v, speed)))
     force, torque = jax.jit(both)(*states)
     return np.asarray(force) @ [1, 1j], np.asarray(torque)
 
