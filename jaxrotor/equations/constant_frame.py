@@ -171,8 +171,8 @@ def _condensed(system: System, massless: Massless, pencil: Pencil, rate: Scalar)
 
 
 def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
-    """`A` of the linear equations without loads: complex where all axes are equal, else real."""
-    system = in_constant_axes(system)
+    """`A` of the linear equations without loads and balls: complex where all axes are equal, else real."""
+    system = dataclasses.replace(in_constant_axes(system), races=())
     if isotropic(system.blocks) and system.massless is None:
         return Motion(system, rate, loads=False).matrix()
     unloaded = eqx.tree_at(lambda s: s.load, system, Load())

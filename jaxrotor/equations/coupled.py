@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core.blocks import Blocks, Load
@@ -23,33 +24,36 @@ from ..scene import Scene
 from ..spins.base import Turning
 from .coupling import with_accelerations
 from .fixed_axes import SpeedTerms
-from .forces import applied_force, body_force
+from .forces import applied_force, body_force, resistance
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of
 from .system import Port, System
 
 
 class Stations(eqx.Module):
-    """Where balls, and then the unbalance, act on a rotor, and where their accelerations are read."""
+    """Where balls, and then the unbalance, act on a rotor, and what of it they read.
 
-    rows: Complex[Array, "r n"]  # of the races, and of the unbalance under a drive with feedback
+    Parts that turn with the shaft act on a drive with feedback by all coordinates and their rates.
+    """
+
+    rows: Complex[Array, "r n"]  # of races, and of the unbalance under such a drive: accelerations
     columns: Complex[Array, "n c"]
+    whole: Float[Array, "a n"]  # of all coordinates where these are read, else none
 
     @classmethod
     def of(cls, system: System, moments: MomentBalance | None) -> "Stations":
         """The stations of a system; `moments` are those of a drive with feedback."""
         rows = [race.row for race in system.races]
         columns = [race.column for race in system.races]
-        unbalance = system.load.unbalance
+        unbalance, whole = system.load.unbalance, jnp.zeros((0, system.n))
         if unbalance is not None:
             columns.append(unbalance)
-            if moments is not None and moments.galerkin.unbalance is not None:
-                rows.append(jnp.conj(moments.galerkin.unbalance))
-        none = jnp.zeros((0, system.n), complex)
-        return cls(
-            jnp.stack(rows) + 0j if rows else none,
-            jnp.stack(columns, 1) + 0j if columns else none.T,
-        )
+        if moments is not None and moments.galerkin.unbalance is not None:
+            rows.append(jnp.conj(moments.galerkin.unbalance))
+        if moments is not None and moments.corotating is not None:
+            whole = jnp.eye(system.n)
+        stacked = lambda parts: jnp.reshape(jnp.array(parts), (-1, system.n)) + 0j
+        return cls(stacked(rows), stacked(columns).T, whole)
 
 
 def is_coupled(scene: Scene) -> bool:
@@ -80,12 +84,14 @@ class CoupledForces(eqx.Module):
     """Forces at the stations, and rates of the rest, by what is seen there in fixed axes."""
 
     system: System  # whose coordinates are the ports, the races and the unbalance
-    moments: MomentBalance | None  # of a drive with feedback, about these
+    moments: MomentBalance | None  # of a drive with feedback, by these alone
+    corotating: Blocks | None  # parts that turn with the shaft, see `MomentBalance`
     accelerance: Complex[Array, "s s"]  # at races and unbalance; rows of ports are zero
     weight: Complex[Array, " s"] | None  # accelerations by it
     by_terms: Complex[Array, "s k"] | None  # and by the speed terms
     centre: Scalar  # speed of decomposition [rad/s]
     begin: Scalar  # angle at time 0 of a rotation that is known in time [rad]
+    size: int = eqx.field(static=True)  # coordinates that are read, all or none
     free: bool = eqx.field(static=True)  # whether the spin is integrated
 
     @classmethod
@@ -117,11 +123,14 @@ class CoupledForces(eqx.Module):
             tabled=None,
             untabled=None,
         )
-        if moments is not None and moments.galerkin.unbalance is not None:
-            moments = eqx.tree_at(lambda m: m.galerkin.unbalance, moments, unit[-1] + 0j)
+        corotating = None if moments is None else moments.corotating
+        if moments is not None:
+            moments = dataclasses.replace(moments, corotating=None)
+            if moments.galerkin.unbalance is not None:
+                moments = eqx.tree_at(lambda m: m.galerkin.unbalance, moments, unit[-1] + 0j)
         free = not system.spin.given
-        forces = cls(reduced, moments, rows @ columns, weight, by_terms, centre, begin, free)
-        return forces, stations
+        parts = reduced, moments, corotating, rows @ columns, weight, by_terms
+        return cls(*parts, centre, begin, len(stations.whole), free), stations
 
     def turning(self, time: Scalar, rest: Rest) -> Turning:
         """Rotation now; the acceleration of a free spin is not known yet."""
@@ -141,7 +150,9 @@ class CoupledForces(eqx.Module):
         system, p = self.system, len(self.system.ports)
         turning = self.turning(time, rest)
         terms = 0 if self.by_terms is None else self.by_terms.shape[1]
-        place, velocity, signals, acceleration = jnp.split(seen, [p, 2 * p, 2 * p + terms])
+        whole = self.size
+        ends = np.cumsum([p, p, terms, seen.size - 2 * (p + whole) - terms])
+        place, velocity, signals, acceleration, q = jnp.split(seen, ends)
         signals = (turning.speed - self.centre) * signals
         given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
         pairs = zip(system.ports, plane(place).T, plane(velocity).T, strict=True)
@@ -173,6 +184,8 @@ class CoupledForces(eqx.Module):
                 spin = lambda then: torque / inertia
             else:
                 torque = moments.torque(system, now, contacts, None)
+                if self.corotating is not None:
+                    torque = torque + self._turning_parts(now, *jnp.split(now.back * q, 2))
                 spin = lambda then: moments.with_inertia(system, then, torque) / inertia
         then = with_accelerations(system, self.accelerance, now, now.back * given, spin)
         force = applied_force(system.load, then) + body_force(
@@ -189,8 +202,14 @@ class CoupledForces(eqx.Module):
         )
         return jnp.concatenate([contact, signals, force[p:]]), rates
 
+    def _turning_parts(self, now: Kinematics, r: Array, velocity: Array) -> Scalar:
+        """Torque of parts that turn with the shaft, by all coordinates and their rates [N m]."""
+        assert self.corotating is not None
+        whole = now._replace(r=r, drift=velocity - 1j * now.turning.speed * r)
+        return jnp.imag(jnp.vdot(r, resistance(self.corotating, whole)))
 
-def _at(parts, unit: Float[Array, "s s"]):
+
+def _at(parts, unit: Float[Array, "_ s"]):
     """Ports or races at the first coordinates."""
     pairs = zip(parts, unit, strict=False)
     return tuple(dataclasses.replace(part, row=own, column=own) for part, own in pairs)

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.outcome import Outcome
@@ -81,7 +82,7 @@ class CoupledMarch(AbstractMarch):
         return q, velocity, rest.bodies, rest.bodies_rate + speed
 
     @property
-    def eigenvectors(self) -> Array:
+    def eigenvectors(self) -> Array | np.ndarray:
         """Those of the linear equations, by which the basis is judged."""
         return self.rotor.rotor.basis.vectors
 

@@ -21,6 +21,7 @@ from ..core.extremes import larger
 from ..core.quantities import Scalar, Series, known
 from ..effects.base import AbstractContact
 from ..equations.constant_frame import linear_matrix
+from ..equations.coupled import is_coupled
 from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
 from ..equations.pencil import frame
 from ..equations.stationary_frame import check_known_in_time
@@ -30,22 +31,20 @@ from ..solvers.basis import Basis, Count, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
 from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
-from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
 from ..spins.drive import Drive
 from .exact import exact_motion, has_steady_motion
+from .speeds import expected_speed, turning
 
 
 MODES = 8  # in which the change of speed acts within a piece; beyond them the nearest speed counts
 MOST_MODES = 24  # and where there is one speed of decomposition only
 SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates than that
-TURNING = "circulatory", "skew_circulatory", "rotating_damping", "rotating_stiffness"  # blocks
 STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
 RIGID = 2  # coordinates, up to which an explicit solver is as quick
 CONTACT_STEPS = 256  # where there is contact
 LEAST_PART = 16  # steps of a part of a piece, where the part is cut no further
 INSIDE = 1e-3  # share of half a step from its ends at which their acceleration is taken, off a jump
-ALONE = 4096  # steps by which the speed of a drive alone is found
 APART = 1e-9  # share of a run within which a jump counts as at the end of a piece
 
 
@@ -149,15 +148,28 @@ def stepping_of(
 
 
 def steppable(scene: Scene, system: System) -> bool:
-    """Whether exponential steps take the run of a scene without being asked for."""
-    return not system.steep and unsteppable(system) is None and has_massless(scene, system) is False
+    """Whether exponential steps take the run of a scene without being asked for.
+
+    Balls and drives that the rotor holds back are integrated where a rotor has few coordinates: in the
+    axes of the shaft nothing there is quick, so that long steps serve.
+    """
+    if system.steep or (is_coupled(scene) and system.n <= RIGID):
+        return False
+    return unsteppable(system) is None and has_massless(scene, system) is False
 
 
-def check_steppable(scene: Scene, solver: Exponential, system: System | None = None) -> System:
-    """The equations of a scene; raises where exponential steps do not take its run."""
+def check_steppable(
+    scene: Scene, solver: Exponential, system: System | None = None, *, revolutions: bool = False
+) -> System:
+    """The equations of a scene; raises where exponential steps do not take its run.
+
+    With `revolutions` it goes by whole revolutions, and has no balls.
+    """
     system = assemble(scene) if system is None else system
     check_known_in_time(system)
     reason = unsteppable(system)
+    if revolutions and system.races:
+        reason = f"there are balls ({system.owners_of('bodies')}), which `times` would allow"
     if reason is None:
         massless = has_massless(scene, system)
         reason = "a part of the rotor has no mass" if massless else None
@@ -177,7 +189,7 @@ def check_steppable(scene: Scene, solver: Exponential, system: System | None = N
 
 def stepped_by_default(scene: Scene, times: Any, system: System) -> bool:
     """Whether a scene is a shaft of many coordinates without contact that exponential steps take."""
-    free = scene.spin.given and not scene.of(AbstractContact)
+    free = not (is_coupled(scene) or scene.of(AbstractContact))
     if not (free and scene.shaft.has_mass and known(times)) or system.n <= RIGID:
         return False
     given = jax.tree.leaves((system.spin, system.blocks.polar))
@@ -192,8 +204,6 @@ def unsteppable(system: System) -> str | None:
     spin = system.spin
     if isinstance(spin, Drive) and spin.can_stop:
         return "the rotor may come to rest under its Drive"
-    if isinstance(spin, Drive) and spin.feedback and any(map(system.owners_of, TURNING)):
-        return f"parts that turn with the shaft ({system.owners_of(*TURNING)}) act on its rotation"
     if system.between:
         return "balls touch each other, which takes steps with an error estimate"
     if frame(system.blocks) != "fixed":
@@ -223,34 +233,6 @@ def _breaks(
     if even:
         breaks = np.linspace(0.0, times[-1], breaks.size)
     return breaks, np.searchsorted((breaks[1:] + breaks[:-1]) / 2, times), even
-
-
-def turning(system: System, time: Array) -> Turning:
-    """Rotation of a rotor at times."""
-    return system.spin.turning(time, system.blocks.polar)
-
-
-def expected_speed(system: System, times: Array) -> Array:
-    """Speeds at ascending times from 0 on, of a drive as if it did not feel the rotor [rad/s]."""
-    spin, polar = system.spin, system.blocks.polar
-    if isinstance(spin, Drive):
-        spin = dataclasses.replace(spin, feedback=False)
-        if not spin.given:
-            return _run_alone(spin, polar, times)
-    return spin.turning(times, polar).speed
-
-
-def _run_alone(spin: Drive, polar: Scalar | None, times: Array) -> Array:
-    """Speeds of a drive at times, by many steps of order two."""
-    inertia, span = spin.inertia(polar), times[-1] / ALONE
-
-    def step(speed: Scalar, _):
-        middle = speed + span / 2 * spin.moment(speed) / inertia
-        return (speed + span * spin.moment(middle) / inertia,) * 2
-
-    first = jnp.asarray(spin.speed, float)
-    _, speeds = jax.lax.scan(step, first, length=ALONE)
-    return jnp.interp(times, span * jnp.arange(ALONE + 1), jnp.append(first, speeds))
 
 
 def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:

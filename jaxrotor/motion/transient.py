@@ -26,7 +26,8 @@ from ..scene import Scene
 from ..solvers.control import step_control
 from ..spins.drive import Drive
 from .coupled import coupled_path
-from .stepped import Stepping, stepped, turning
+from .speeds import turning
+from .stepped import Stepping, stepped
 
 
 def default_solver(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:

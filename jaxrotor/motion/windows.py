@@ -24,7 +24,8 @@ from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from ..spins.constant import constant
 from .base import AbstractMarch, Plan, Window, bounded
 from .run_up import after
-from .stepped import MOST_MODES, Stepping, course, expected_speed, steps_between, steps_of, turning
+from .speeds import expected_speed, turning
+from .stepped import MOST_MODES, Stepping, course, steps_between, steps_of
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window

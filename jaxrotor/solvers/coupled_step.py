@@ -97,8 +97,8 @@ class CoupledStep(eqx.Module):
         end = tableau.advance(w)
         free = jnp.split(product(tableau.outputs, w), len(tableau.times))
         if self.plain.load.shape[1]:  # weight
-            end = end + self.plain.load
-            loads = self.plain.load_outputs
+            end = end + self.plain.load[:, 0]
+            loads = [part[:, 0] for part in self.plain.load_outputs]
             free = [free[0], *(one + more for one, more in zip(free[1:], loads, strict=True))]
         span = tableau.h / self.rate
         rates: list[Array] = []
@@ -120,6 +120,7 @@ class CoupledStep(eqx.Module):
         x = x + span * sum(c * k for c, k in zip(ahead, rates, strict=True))
         return jnp.concatenate([end, x]), loaded[0]
 
+    @eqx.filter_jit
     def _found(
         self, forces: CoupledForces, time: Scalar, seen: Float[Array, " z"], law: Law
     ) -> Float[Array, " i"]:

@@ -5,7 +5,6 @@ linear part.
 """
 
 import dataclasses
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Inexact, Int
 from ..core.quantities import Scalar
 from ..equations.coupled import Rest
 from ..equations.system import Branches, Port
-from .basis import Basis, packed, unpacked
+from .basis import BasisWithRest, packed, unpacked
 from .branches import BranchedPorts
 from .coupled_step import CoupledStep
 from .crossing import Crossing
@@ -25,40 +24,6 @@ from .ports import Contacts, Reading
 from .splits import AbstractInstant, AbstractSplitStep
 from .tableau import LoadInStep, step_of
 from .varying_speed import RotorAtSpeed
-
-
-class BasisWithRest(eqx.Module):
-    """A basis of the rotor, and numbers without a linear part behind its coordinates."""
-
-    own: Basis
-    count: int = eqx.field(static=True)
-
-    @property
-    def vectors(self) -> Array:
-        """Those of the rotor, which are complex where the coordinates are."""
-        return self.own.vectors
-
-    def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int) -> tuple[Any, list[Array]]:
-        """See `ModalBasis.flow`: `phi_k(0) = 1 / k!`."""
-        own, rest = self._parts(b)
-        flow, parts = self.own.flow(span, own, count)
-        factor, found = span, []
-        for k, part in enumerate(parts, start=1):
-            factor = factor / k
-            found.append(jnp.concatenate([part, factor * rest]))
-        return flow, found
-
-    def apply(self, flow: Any, b: Inexact[Array, "m p"]) -> Inexact[Array, "m p"]:
-        """`exp(span A) b`."""
-        own, rest = self._parts(b)
-        return jnp.concatenate([self.own.apply(flow, own), rest])
-
-    def twice(self, flow: Any) -> Any:
-        """`exp(2 span A)`."""
-        return self.own.twice(flow)
-
-    def _parts(self, b: Inexact[Array, "m p"]) -> list[Array]:
-        return jnp.split(b, [b.shape[0] - self.count])
 
 
 class InstantOfCoupled(AbstractInstant):
@@ -174,8 +139,7 @@ class SplitOfCoupled(AbstractSplitStep):
         if self.load_matrix.shape[1]:
             one, none = jnp.ones(1), jnp.zeros(1)
             load = LoadInStep(self.load_matrix, (one, none, none))
-        basis: Any = self.basis
-        return step_of(self.step.order, basis, self.input_matrix, w, span, force, load)
+        return step_of(self.step.order, self.basis, self.input_matrix, w, span, force, load)
 
     def parts(self, w: Inexact[Array, "m ..."]) -> list[Array]:
         """Coordinates of the rotor, and the numbers of the rest."""

@@ -40,7 +40,7 @@ class RotorAtSpeed(eqx.Module):
 
     axes: FixedAxes
     basis: Basis
-    # Of all ports, of the speed terms, then accelerations of other stations, in the basis:
+    # Of all ports, of the speed terms, then of what `Stations` read, in the basis:
     output: Inexact[Array, "s m"] | None
     input: Inexact[Array, "m p"] | None
     unbalance: Inexact[Array, "m u"] | None
@@ -82,7 +82,9 @@ class RotorAtSpeed(eqx.Module):
             entry = basis.inverse @ axes.input(jnp.concatenate(columns, axis=1))
         if stations is not None:
             rows = axes.output(0 * stations.rows, rate * stations.rows) @ basis.vectors
-            output = _stacked(axes, output, rows @ basis.matrix())
+            whole, no = stations.whole, 0 * stations.whole
+            whole = axes.output(jnp.concatenate([whole, no]), jnp.concatenate([no, whole]))
+            output = _stacked(axes, output, rows @ basis.matrix(), whole @ basis.vectors)
         elif load.unbalance is not None:
             unbalance = enters(load.unbalance)
         weight = None if load.constant is None else enters(load.constant)
@@ -167,7 +169,7 @@ class RotorAtSpeed(eqx.Module):
         return jnp.concatenate(values, axis=-1)
 
 
-def _stacked(axes: FixedAxes, *outputs: Inexact[Array, "s m"]) -> Inexact[Array, "s m"]:
+def _stacked(axes: FixedAxes, *outputs: Inexact[Array, "_ m"]) -> Inexact[Array, "s m"]:
     """Output matrices as one, of complex outputs or of `[Re, Im]` of them."""
     if axes.equal:
         return jnp.concatenate(outputs)

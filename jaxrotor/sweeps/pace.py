@@ -95,7 +95,7 @@ def pace_of(
     elif named or (solver is controller is None and not turned and steppable(scene, system)):
         return _stepping(scene, start, columns, times, solver, controller, steps)
     if named:
-        check_steppable(scene, solver, system)
+        check_steppable(scene, solver, system, revolutions=True)
     if controller is None:
         check_integrated(solver)
     scenes = _extremes(scene, start, columns)
@@ -202,7 +202,8 @@ def _stepping(
 ) -> Stepping:
     """Steps of all lanes of a sweep over runs, fine enough at the corners of the grid."""
     if solver is None:
-        solver = Exponential(order=2 if scene.of(AbstractContact) else 4)
+        smooth = is_coupled(scene) or not scene.of(AbstractContact)
+        solver = Exponential(order=4 if smooth else 2)
     if controller is not None:
         raise ValueError("`controller` is for diffrax solvers, not Exponential().")
     check_steppable(scene, solver)
@@ -215,14 +216,16 @@ def _stepping(
         )
     times = np.linspace(0.0, times[-1], times.size + round(before))
     inertia = isinstance(scene.spin, Drive) and scene.spin.polar is None
-    pacing = {path: v for path, v in columns.items() if inertia or path.startswith("spin.")}
+    paths = "spin.", "start.speed", "start.time"
+    pacing = {path: v for path, v in columns.items() if inertia or path.startswith(paths)}
     corners = list(itertools.product(*({v.min(), v.max()} for v in pacing.values())))
     if len(corners) > MOST_CORNERS:
         raise ValueError(
             f"{len(pacing)} swept parameters decide the speed; sweep fewer, or give the Drive its `polar`."
         )
     points = [dict(zip(pacing, one, strict=True)) for one in corners]
-    scenes = [after(at_point(scene, start, one)[0], Launch.of(start)) for one in points]
+    ends = [at_point(scene, start, one) for one in points]
+    scenes = [after(scene, Launch.of(start)) for scene, start in ends]
     found = lane_stepping([assemble(one) for one in scenes], times, solver, steps)
     return dataclasses.replace(found, before=round(before))
 

@@ -20,7 +20,10 @@ def bearing(slenderness, modes, kind=jr.JournalBearing, **values):
 
 @jax.jit
 def evaluated(film, z, v, speed):
-    one = lambda z, v: (film.law()(z, v, speed), film.law().torque(film.law()(z, v, speed), z, v, speed))
+    one = lambda z, v: (
+        film.law()(z, v, speed),
+        film.law().torque(film.law()(z, v, speed), z, v, speed),
+    )
     return jax.vmap(one)(z, v)
 
 

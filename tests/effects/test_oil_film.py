@@ -19,7 +19,10 @@ def bearing(kind=jr.JournalBearing, **values):
 
 @jax.jit
 def evaluated(film, z, v, speed):
-    one = lambda z, v: (film.law()(z, v, speed), film.law().torque(film.law()(z, v, speed), z, v, speed))
+    one = lambda z, v: (
+        film.law()(z, v, speed),
+        film.law().torque(film.law()(z, v, speed), z, v, speed),
+    )
     return jax.vmap(one)(z, v)
 
 

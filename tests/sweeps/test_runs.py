@@ -218,6 +218,6 @@ def test_what_whole_revolutions_do_not_take():
         jr.sweep(scene(), OVER)
     with pytest.raises(ValueError, match="`Peak` is an observable of motions along `times`"):
         jr.sweep(scene().at_speed(100.0), OVER, observe=[jr.observe.Peak()])
-    feedback = scene(jr.Drive(10.0, 1.0, feedback=True))
-    with pytest.raises(ValueError, match="the speed of its Drive is not known in advance"):
-        jr.sweep(feedback, OVER, times=TIMES, solver=jr.Exponential(2))
+    stopping = scene(jr.Drive(10.0, 1.0, stops=True))
+    with pytest.raises(ValueError, match="the rotor may come to rest under its Drive"):
+        jr.sweep(stopping, OVER, times=TIMES, solver=jr.Exponential(2))
