@@ -30,7 +30,6 @@ class CoupledRotor(eqx.Module):
     A state is that of the rotor in its basis, then the numbers of the `Rest`.
     """
 
-    system: System
     rotor: RotorAtSpeed
     forces: CoupledForces
 
@@ -43,22 +42,22 @@ class CoupledRotor(eqx.Module):
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         forces, stations = CoupledForces.of(scene, system, terms, centre, angle)
         rotor = RotorAtSpeed.build(system.at_speed(centre), rate, terms, basis, stations)
-        return cls(system, rotor, forces)
+        return cls(rotor, forces)
 
     def step(self, solver: Exponential, length: Scalar) -> CoupledStep | LocatedCoupledStep:
         """A step of a length of time [s], located where the solver is so and a law has kinks."""
         h = self.rotor.axes.rate * length
         plain = CoupledStep.of(self.rotor, self.forces, solver.order, h)
-        kinked = any(law.kinked for port in self.system.ports for law in port.laws)
+        kinked = any(law.kinked for port in self.forces.system.ports for law in port.laws)
         return LocatedCoupledStep(plain, self.rotor) if solver.located and kinked else plain
 
-    def begin(self, launch: Launch, at: Scalar) -> Float[Array, " y"]:
+    def begin(self, system: System, launch: Launch, at: Scalar) -> Float[Array, " y"]:
         """State at a start, which has balls where the scene has some; `at` [m] is the observed station."""
-        q, velocity = launch.shaft.state(self.system, at)
+        q, velocity = launch.shaft.state(system, at)
         alone = lambda value: jnp.reshape(value, -1)[: int(self.forces.free)]
         join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
         balls = launch.balls or ()
-        rest = [alone(launch.angle), alone(self.system.spin.speed)]
+        rest = [alone(launch.angle), alone(system.spin.speed)]
         rest += [join(b.angle for b in balls), join(b.rate for b in balls)]
         return jnp.concatenate([self.rotor.encode(self.rotor.axes.state(q, velocity)), *rest])
 
@@ -112,7 +111,7 @@ def coupled_path(
             carry = jax.lax.fori_loop(0, stepping.parts, several, carry)
         return carry, carry[0]
 
-    first = rotor.begin(launch, station)
+    first = rotor.begin(system, launch, station)
     begun = first, jnp.zeros((), bool), jnp.zeros((), int)
     (_, touched, unresolved), states = jax.lax.scan(piece, begun, (stepping.breaks[:-1], lengths))
     states = jnp.concatenate([first[None], states])[stepping.samples]

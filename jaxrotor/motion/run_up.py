@@ -56,8 +56,10 @@ def run_up(
 
         M q.. + (C - i Omega G) q. + (K - i Omega H) q = (Omega^2 - i Omega.) u exp(i theta) + ..
 
-    `Exponential` takes the linear part exactly at one of a few speeds and the rest by its stages. It needs
-    a rotation known in time and mass at all coordinates, and takes no balls and no unequal axes that turn.
+    `Exponential` takes the linear part exactly at one of a few speeds and the rest by its stages, also
+    balls and a drive that the rotor holds back, for which order 4 is best. It needs mass at every
+    coordinate, and takes no unequal axes that turn, no drive under which the rotor may come to rest, and
+    no balls that touch.
     Without contact and at constant speed it is exact at any times where values are known and no undamped
     mode is in resonance; `substeps` are then not used.
     Diffrax solvers take every scene and integrate in the axes of the shaft, where the response to
@@ -75,7 +77,8 @@ def run_up(
             Kvaerno5.
         controller: step control of a diffrax solver, by default rtol 1e-7 and atol 1e-10 of m and rad.
         substeps: steps from sample to sample of a solver without an error estimate; of `Exponential` by
-            default as many as follow the unbalance at the highest speed, or 256 a revolution with contact.
+            default as many as follow the unbalance at the highest speed, of a drive at that which it would
+            have alone, or 256 a revolution with contact.
             "auto" doubles them until two successive motions agree within `tolerance` at all samples.
         tolerance: relative tolerance of "auto".
         adjoint: diffrax adjoint for derivatives, forward mode by default.

@@ -36,7 +36,8 @@ def _run_alone(spin: Drive, polar: Scalar | None, times: Array) -> Array:
 
     def step(speed: Scalar, _):
         middle = speed + span / 2 * spin.moment(speed) / inertia
-        return (speed + span * spin.moment(middle) / inertia,) * 2
+        speed = speed + span * spin.moment(middle) / inertia
+        return speed, speed
 
     first = jnp.asarray(spin.speed, float)
     _, speeds = jax.lax.scan(step, first, length=ALONE)

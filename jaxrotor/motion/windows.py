@@ -1,8 +1,10 @@
 """Windows: a motion at a speed known in time, advanced from window to window of its samples."""
 
+import abc
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -22,7 +24,7 @@ from ..solvers.exponential import Exponential
 from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from ..spins.constant import constant
-from .base import AbstractMarch, Plan, Window, bounded
+from .base import AbstractMarch, Bodies, Plan, Window, bounded
 from .run_up import after
 from .speeds import expected_speed, turning
 from .stepped import MOST_MODES, Stepping, course, steps_between, steps_of
@@ -31,22 +33,89 @@ from .stepped import MOST_MODES, Stepping, course, steps_between, steps_of
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
 
 
-class WindowMarch(AbstractMarch):
+class AbstractWindowMarch(AbstractMarch):
     """Motion of one scene along evenly spaced samples, advanced by whole windows of them.
 
     The rotor is decomposed at one speed, so that lanes whose speeds differ share the coefficients of a
     step. The last entry of a state counts the windows.
     """
 
+    system: eqx.AbstractVar[System]
+    step: eqx.AbstractVar[Any]
+    reading: eqx.AbstractVar[Float[Array, "4 m2"]]  # [Re, Im] of the station's motion
+    length: eqx.AbstractVar[Scalar]  # from sample to sample [s]
+    substeps: eqx.AbstractVar[int]  # there
+    before: eqx.AbstractVar[int]  # intervals before the first sample
+
+    @abc.abstractmethod
+    def interval(self, time: Scalar, y: Array) -> tuple[Array, Array, Array]:
+        """State after an interval from a time on, whether a contact was loaded, steps not resolved."""
+
+    @abc.abstractmethod
+    def seen(self, times: Array, states: Array) -> tuple[Array, Array, Bodies | None]:
+        """States of the rotor in its basis, speeds of rotation, and balls at some times."""
+
+    @property
+    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+        """See `Tableau.contact_stiffness_ratio`; zero without contact."""
+        return self.step.contact_stiffness_ratio
+
+    def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
+        """State at the first sample, and outcome; there is one window before it, of its own length."""
+        del windows
+        end, outcome, _ = self._stepped(y[:-1], jnp.arange(self.before) * self.length)
+        return jnp.append(end, 0.0), outcome
+
+    def advance(self, y: Array) -> tuple[Array, Outcome]:
+        end, _, ok = self.observe(y)  # what is not read is not computed
+        return end, ok
+
+    def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
+        number, times, system = y[-1], self.times(y[-1]), self.system
+        end, outcome, states = self._stepped(y[:-1], times[:-1])
+        w, speed, bodies = self.seen(times, jnp.concatenate([states, end[None]]))
+        seen = jnp.moveaxis((w @ self.reading.T).reshape(-1, 2, 2), 1, -1)
+        forces = None
+        if self.plan.contacts and system.ports:
+            ports = (w @ self.step.reading.T).reshape(len(w), 2, 2, -1)
+            ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
+            both = jax.vmap(system.contact_forces)(ports[:, 0], ports[:, 1], speed)
+            forces = both[..., 0] + 1j * both[..., 1]
+        z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
+        motion = z[:, :1], z[:, 1:], None, forces, None
+        window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies)
+        return jnp.append(end, number + 1), window, outcome
+
+    def times(self, number: Scalar) -> Float[Array, " T"]:
+        """Times of the samples of a window, by its number [s]."""
+        size = self.plan.steps
+        return (self.before + number * size + jnp.arange(size + 1)) * self.length
+
+    def _stepped(self, y: Array, times: Array) -> tuple[Array, Outcome, Array]:
+        """State after the intervals that begin at some times, their outcome, and the states before."""
+
+        def one(carry, time):
+            y, touched, unresolved = carry
+            end, loaded, more = self.interval(time, y)
+            return (end, touched | loaded, unresolved + more), y
+
+        first = y, jnp.zeros((), bool), jnp.zeros((), int)
+        (y, touched, unresolved), states = jax.lax.scan(one, first, times)
+        return y, Outcome(bounded(y), jnp.ones((), bool), unresolved, touched), states
+
+
+class WindowMarch(AbstractWindowMarch):
+    """Motion of a rotor whose speed is known in time."""
+
     plan: Plan
     system: System
     rotor: RotorAtSpeed
     step: VaryingStep | LocatedVaryingStep
-    reading: Float[Array, "4 m2"]  # [Re, Im] of displacement and velocity of the station
+    reading: Float[Array, "4 m2"]
     centre: Scalar  # speed of decomposition [rad/s]
-    length: Scalar  # from sample to sample [s]
-    substeps: int = eqx.field(static=True)  # there
-    before: int = eqx.field(static=True)  # intervals before the first sample
+    length: Scalar
+    substeps: int = eqx.field(static=True)
+    before: int = eqx.field(static=True)
 
     @classmethod
     def build(
@@ -73,8 +142,17 @@ class WindowMarch(AbstractMarch):
         step = steps_of(rotor, plain, plan.solver)
         row = system.line.row(station[0])[None]
         seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
-        parts = plan, system, rotor, step, rotor.read(seen), centres[0]
-        return cls(*parts, length, stepping.substeps, stepping.before)
+        return cls(
+            plan=plan,
+            system=system,
+            rotor=rotor,
+            step=step,
+            reading=rotor.read(seen),
+            centre=centres[0],
+            length=length,
+            substeps=stepping.substeps,
+            before=stepping.before,
+        )
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State at the start."""
@@ -94,59 +172,13 @@ class WindowMarch(AbstractMarch):
         """Those of the linear equations, by which the basis is judged."""
         return self.rotor.basis.vectors
 
-    @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
-        """See `VaryingStep.contact_stiffness_ratio`."""
-        return self.step.contact_stiffness_ratio
+    def interval(self, time: Scalar, y: Array) -> tuple[Array, Array, Array]:
+        part = time, self.length, self.substeps
+        now = course(self.system, self.rotor, self.centre, 0.0, part)
+        return self.step.several(now, y, batch=True)
 
-    def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
-        """State at the first sample, and outcome; there is one window before it, of its own length."""
-        del windows
-        times = jnp.arange(self.before) * self.length
-        w, found, _ = self._stepped(y[:-1], times)
-        return jnp.append(w, 0.0), self._outcome(w, *found)
-
-    def advance(self, y: Array) -> tuple[Array, Outcome]:
-        end, _, ok = self.observe(y)  # what is not read is not computed
-        return end, ok
-
-    def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
-        number, size = y[-1], self.plan.steps
-        times = (self.before + number * size + jnp.arange(size + 1)) * self.length
-        w, found, states = self._stepped(y[:-1], times[:-1])
-        states = jnp.concatenate([states, w[None]])
-        seen = jnp.moveaxis((states @ self.reading.T).reshape(-1, 2, 2), 1, -1)
-        speed = turning(self.system, times).speed
-        forces = None
-        if self.plan.contacts and self.system.ports:
-            ports = (states @ self.step.reading.T).reshape(len(states), 2, 2, -1)
-            ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
-            both = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
-            forces = both[..., 0] + 1j * both[..., 1]
-        z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
-        seen = z[:, :1], z[:, 1:], None, forces, None
-        samples = Window(*seen, self.length, jnp.sign(speed[-1]), times, speed)
-        return jnp.append(w, number + 1), samples, self._outcome(w, *found)
-
-    def _stepped(self, w: Array, times: Array) -> tuple[Array, tuple[Array, Array], Array]:
-        """State after the intervals that begin at some times, and all states before each.
-
-        In between, whether a contact was loaded, and how many steps are not resolved.
-        """
-
-        def one(carry, time):
-            w, touched, unresolved = carry
-            part = time, self.length, self.substeps
-            now = course(self.system, self.rotor, self.centre, 0.0, part)
-            end, loaded, more = self.step.several(now, w, batch=True)
-            return (end, touched | loaded, unresolved + more), w
-
-        begin = w, jnp.zeros((), bool), jnp.zeros((), int)
-        (w, touched, unresolved), states = jax.lax.scan(one, begin, times)
-        return w, (touched, unresolved), states
-
-    def _outcome(self, w: Array, touched: Array, unresolved: Array) -> Outcome:
-        return Outcome(bounded(w), jnp.ones((), bool), unresolved, touched)
+    def seen(self, times: Array, states: Array) -> tuple[Array, Array, None]:
+        return states, turning(self.system, times).speed, None
 
 
 def window_of(samples: int) -> int:

@@ -108,7 +108,7 @@ class CoupledStep(eqx.Module):
             shares = within[len(rates)]
             now = x + span * sum((c * k for c, k in zip(shares, rates, strict=True) if c), 0 * x)
             instant = self.forces, time + tableau.times[number] * span
-            found = lambda instant, seen: self._found(*instant, seen, law)
+            found = lambda parts, seen: self._found(parts[0], parts[1], seen, law)
             both = per_lane(found, instant, jnp.concatenate([stage, now]))
             rates.append(both[inputs:])
             if not loaded:

@@ -80,7 +80,7 @@ class RotorAtSpeed(eqx.Module):
         if len(columns) > 1:
             output = axes.output(*map(jnp.concatenate, (position, velocity))) @ basis.vectors
             entry = basis.inverse @ axes.input(jnp.concatenate(columns, axis=1))
-        if stations is not None:
+        if stations is not None and output is not None:
             rows = axes.output(0 * stations.rows, rate * stations.rows) @ basis.vectors
             whole, no = stations.whole, 0 * stations.whole
             whole = axes.output(jnp.concatenate([whole, no]), jnp.concatenate([no, whole]))

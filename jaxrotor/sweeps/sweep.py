@@ -113,8 +113,8 @@ def sweep(
             sweep that was stopped continues when it is called again; a folder with another sweep is
             refused.
         solver: as in `simulate`. `Exponential(shapes="auto")` follows as many shapes as `PILOT_LANES`
-            lanes need. Along `times` it is by default Exponential(..) of order 2 with contact, else of
-            order 4, where it can be taken.
+            lanes need. Along `times` it is by default Exponential(..), where it can be taken: of order 2
+            with contact, else, and where balls or a drive move with the rotor, of order 4.
         controller: as in `simulate`.
         at: station [m] to observe, by default as in `simulate`.
         period: as in `simulate`.

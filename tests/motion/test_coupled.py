@@ -193,7 +193,8 @@ def test_lanes_of_a_located_rub(flexible):
     times, torques = np.linspace(0.0, 0.1, 33), [8.0, 12.0, 16.0]
     solver = jr.Exponential(order=4, located=True)
     settings = {"times": times, "solver": solver, "steps_per_revolution": 64}
-    found = jr.sweep(scene, {"spin.torque": torques}, **settings, **QUIET)
+    observe = [jr.observe.Capture(200.0)]
+    found = jr.sweep(scene, {"spin.torque": torques}, observe=observe, **settings, **QUIET)
     assert found.status.values.tolist() == [0, 0, 0]
     for k, torque in enumerate(torques):
         one = scene.replace({"spin.torque": torque})
