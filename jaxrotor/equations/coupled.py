@@ -72,7 +72,7 @@ def actual(number: int, port: Port, place: Array, velocity: Array, speed: Scalar
 
 
 class Rest(eqx.Module):
-    """What moves besides the rotor; a part that the scene lacks has no entries."""
+    """Motion of a free spin and of balls; a part that the scene lacks has no entries."""
 
     angle: Float[Array, " d"]  # theta [rad], d = 1 where the spin is free
     speed: Float[Array, " d"]  # Omega [rad/s]

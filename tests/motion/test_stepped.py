@@ -415,7 +415,7 @@ def test_nothing_depends_on_the_speed_of_a_point_mass():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"spin": jr.Drive(1.0, 5.0, feedback=True)}, "the speed of its Drive is not known"),
+        ({"spin": jr.Drive(1.0, 5.0, coulomb=0.1)}, "the rotor may come to rest under its Drive"),
         ({"shaft": jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2, anisotropy=0.1)}, "turn with"),
         ({"shaft": jr.MasslessShaft(0.6, 0.3, 1e5, 1e3, 1e4)}, "has no mass"),
     ],
