@@ -10,6 +10,7 @@ the stations, with the accelerance `D` in place of the inverse inertia.
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,12 +23,17 @@ from ..core.quantities import Scalar
 from ..effects.base import AbstractBodies
 from ..scene import Scene
 from ..spins.base import Turning
-from .coupling import with_accelerations
+from .accelerations import with_accelerations
 from .fixed_axes import SpeedTerms
 from .forces import applied_force, body_force, resistance
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of
 from .system import Port, System
+
+
+INSIDE = (
+    1e-3  # share of the way to the middle of a step by which an acceleration is taken off a jump
+)
 
 
 class Stations(eqx.Module):
@@ -38,22 +44,22 @@ class Stations(eqx.Module):
 
     rows: Complex[Array, "r n"]  # of races, and of the unbalance under such a drive: accelerations
     columns: Complex[Array, "n c"]
-    whole: Float[Array, "a n"]  # of all coordinates where these are read, else none
+    all_coordinates: Float[Array, "a n"]  # their rows where all are read, else none
 
     @classmethod
     def of(cls, system: System, moments: MomentBalance | None) -> "Stations":
         """The stations of a system; `moments` are those of a drive with feedback."""
         rows = [race.row for race in system.races]
         columns = [race.column for race in system.races]
-        unbalance, whole = system.load.unbalance, jnp.zeros((0, system.n))
+        unbalance, every = system.load.unbalance, jnp.zeros((0, system.n))
         if unbalance is not None:
             columns.append(unbalance)
         if moments is not None and moments.galerkin.unbalance is not None:
             rows.append(jnp.conj(moments.galerkin.unbalance))
         if moments is not None and moments.corotating is not None:
-            whole = jnp.eye(system.n)
+            every = jnp.eye(system.n)
         stacked = lambda parts: jnp.reshape(jnp.array(parts), (-1, system.n)) + 0j
-        return cls(stacked(rows), stacked(columns).T, whole)
+        return cls(stacked(rows), stacked(columns).T, every)
 
 
 def is_coupled(scene: Scene) -> bool:
@@ -71,8 +77,28 @@ def actual(number: int, port: Port, place: Array, velocity: Array, speed: Scalar
     return port.forces(place, velocity, speed)
 
 
-class Rest(eqx.Module):
-    """Motion of a free spin and of balls; a part that the scene lacks has no entries."""
+class Instant(NamedTuple):
+    """A time, and one beside it at which the acceleration of a given speed is taken, off a jump [s]."""
+
+    time: Scalar
+    inside: Scalar
+
+    @classmethod
+    def at(cls, time: Scalar) -> "Instant":
+        """An instant that is not one of a step."""
+        return cls(time, time)
+
+    @classmethod
+    def of_step(cls, time: Scalar, middle: Scalar) -> "Instant":
+        """An instant of a step; of one at its end, the acceleration is that of this side of a jump."""
+        return cls(time, time + INSIDE * (middle - time))
+
+
+class SpinAndBalls(eqx.Module):
+    """Motion of a free spin and of balls, the others beside a rotor.
+
+    A part that the scene lacks has no entries.
+    """
 
     angle: Float[Array, " d"]  # theta [rad], d = 1 where the spin is free
     speed: Float[Array, " d"]  # Omega [rad/s]
@@ -81,7 +107,7 @@ class Rest(eqx.Module):
 
 
 class CoupledForces(eqx.Module):
-    """Forces at the stations, and rates of the rest, by what is seen there in fixed axes."""
+    """Forces at the stations, and rates of the others, by what is seen there in fixed axes."""
 
     system: System  # whose coordinates are the ports, the races and the unbalance
     moments: MomentBalance | None  # of a drive with feedback, by these alone
@@ -91,7 +117,7 @@ class CoupledForces(eqx.Module):
     by_terms: Complex[Array, "s k"] | None  # and by the speed terms
     centre: Scalar  # speed of decomposition [rad/s]
     begin: Scalar  # angle at time 0 of a rotation that is known in time [rad]
-    size: int = eqx.field(static=True)  # coordinates that are read, all or none
+    read_coordinates: int = eqx.field(static=True)  # all or none
     free: bool = eqx.field(static=True)  # whether the spin is integrated
 
     @classmethod
@@ -130,28 +156,31 @@ class CoupledForces(eqx.Module):
                 moments = eqx.tree_at(lambda m: m.galerkin.unbalance, moments, unit[-1] + 0j)
         free = not system.spin.given
         parts = reduced, moments, corotating, rows @ columns, weight, by_terms
-        return cls(*parts, centre, begin, len(stations.whole), free), stations
+        return cls(*parts, centre, begin, len(stations.all_coordinates), free), stations
 
-    def turning(self, time: Scalar, rest: Rest) -> Turning:
+    def turning(self, now: Instant, others: SpinAndBalls) -> Turning:
         """Rotation now; the acceleration of a free spin is not known yet."""
         if self.free:
-            return Turning(rest.angle[0], rest.speed[0], jnp.zeros(()))
-        angle, speed, acceleration = self.system.spin.turning(time, self.system.blocks.polar)
+            return Turning(others.angle[0], others.speed[0], jnp.zeros(()))
+        spin, polar = self.system.spin, self.system.blocks.polar
+        angle, speed, acceleration = spin.turning(now.time, polar)
+        if spin.kinks is not None:
+            acceleration = spin.turning(now.inside, polar).acceleration
         return Turning(self.begin + angle, speed, acceleration)
 
     def __call__(
-        self, time: Scalar, seen: Complex[Array, " z"], rest: Rest, law: Law = actual
-    ) -> tuple[Complex[Array, " i"], Rest]:
-        """Inputs of the linear rotor, and the rates of the rest per second.
+        self, at: Instant, seen: Complex[Array, " z"], others: SpinAndBalls, law: Law = actual
+    ) -> tuple[Complex[Array, " i"], SpinAndBalls]:
+        """Inputs of the linear rotor, and the rates of the others per second.
 
         `seen` are displacements and velocities of the ports, signals of the speed terms, and accelerations
         of the stations by the linear rotor at its centre speed. `law` gives the forces of the ports.
         """
         system, p = self.system, len(self.system.ports)
-        turning = self.turning(time, rest)
+        turning = self.turning(at, others)
         terms = 0 if self.by_terms is None else self.by_terms.shape[1]
-        whole = self.size
-        ends = np.cumsum([p, p, terms, seen.size - 2 * (p + whole) - terms])
+        rest = 2 * (p + self.read_coordinates) + terms
+        ends = np.cumsum([p, p, terms, seen.size - rest])
         place, velocity, signals, acceleration, q = jnp.split(seen, ends)
         signals = (turning.speed - self.centre) * signals
         given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
@@ -168,9 +197,9 @@ class CoupledForces(eqx.Module):
         if self.by_terms is not None:
             given = given + self.by_terms @ signals
         ahead = lambda part: jnp.zeros(system.n, complex).at[:p].set(part)
-        none = jnp.zeros_like(rest.bodies)
+        none = jnp.zeros_like(others.bodies)
         now = Kinematics(
-            turning, none, none, none, rest.bodies, turning.speed + rest.bodies_rate, none
+            turning, none, none, none, others.bodies, turning.speed + others.bodies_rate, none
         )
         r = now.back * ahead(place)
         drift = now.back * ahead(velocity) - 1j * turning.speed * r
@@ -193,11 +222,11 @@ class CoupledForces(eqx.Module):
         )
         force = now.turn * (force + jnp.zeros_like(r))
         acceleration = then.turning.acceleration
-        d = rest.angle.size
-        rates = Rest(
+        d = others.angle.size
+        rates = SpinAndBalls(
             jnp.full(d, turning.speed),
             jnp.full(d, acceleration),
-            rest.bodies_rate,
+            others.bodies_rate,
             then.bodies_acceleration - acceleration,
         )
         return jnp.concatenate([contact, signals, force[p:]]), rates

@@ -16,7 +16,7 @@ from ..core.quantities import Scalar, known
 from ..scene import Scene
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
-from .coupling import with_accelerations
+from .accelerations import with_accelerations
 from .forces import (
     applied_force,
     contact_force,

@@ -1,5 +1,6 @@
 """Coupled motion by exponential steps: of a rotor with balls, or with a drive that feels its forces."""
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -9,7 +10,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.plane import direction, plane
 from ..core.quantities import Scalar
-from ..equations.coupled import CoupledForces, Rest
+from ..equations.coupled import CoupledForces, Instant, SpinAndBalls
 from ..equations.fixed_axes import SpeedTerms
 from ..equations.kinematics import RotatingState
 from ..equations.rotating_frame import Transient
@@ -21,13 +22,14 @@ from ..solvers.coupled_step import CoupledStep
 from ..solvers.exponential import Exponential
 from ..solvers.located_coupled import LocatedCoupledStep
 from ..solvers.varying_speed import RotorAtSpeed
+from ..spins.constant import constant
 from .stepped import Stepping
 
 
 class CoupledRotor(eqx.Module):
     """A rotor and all that moves with it, in the coordinates of its steps.
 
-    A state is that of the rotor in its basis, then the numbers of the `Rest`.
+    A state is that of the rotor in its basis, then the numbers of the `SpinAndBalls`.
     """
 
     rotor: RotorAtSpeed
@@ -41,7 +43,7 @@ class CoupledRotor(eqx.Module):
         (centre,), rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         forces, stations = CoupledForces.of(scene, system, terms, centre, angle)
-        rotor = RotorAtSpeed.build(system.at_speed(centre), rate, terms, basis, stations)
+        rotor = RotorAtSpeed.build(at_centre(system, centre), rate, terms, basis, stations)
         return cls(rotor, forces)
 
     def step(self, solver: Exponential, length: Scalar) -> CoupledStep | LocatedCoupledStep:
@@ -57,17 +59,22 @@ class CoupledRotor(eqx.Module):
         alone = lambda value: jnp.reshape(value, -1)[: int(self.forces.free)]
         join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
         balls = launch.balls or ()
-        rest = [alone(launch.angle), alone(system.spin.speed)]
-        rest += [join(b.angle for b in balls), join(b.rate for b in balls)]
-        return jnp.concatenate([self.rotor.encode(self.rotor.axes.state(q, velocity)), *rest])
+        others = [alone(launch.angle), alone(system.spin.speed)]
+        others += [join(b.angle for b in balls), join(b.rate for b in balls)]
+        return jnp.concatenate([self.rotor.encode(self.rotor.axes.state(q, velocity)), *others])
 
     def motion(
         self, step: CoupledStep | LocatedCoupledStep, y: Float[Array, " y"]
-    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Rest]:
-        """Coordinates [m], their velocities [m/s] and the rest of a state."""
-        count = y.size - step.rest_size
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], SpinAndBalls]:
+        """Coordinates [m], their velocities [m/s] and the others of a state."""
+        count = y.size - step.sizes.total
         q, velocity = self.rotor.axes.coordinates(self.rotor.decode(y[:count]))
-        return q, velocity, step.rest(y[count:])
+        return q, velocity, step.sizes.named(y[count:])
+
+
+def at_centre(system: System, centre: Scalar) -> System:
+    """The rotor at the speed of decomposition; coefficients over speed stay those of its own one."""
+    return dataclasses.replace(system, spin=constant(centre))
 
 
 class CoupledPath(NamedTuple):
@@ -119,12 +126,12 @@ def coupled_path(
 
     def rotating(time: Scalar, y: Float[Array, " y"]) -> RotatingState:
         """The state in the axes of the shaft."""
-        q, velocity, rest = rotor.motion(longest, y)
-        angle, speed, _ = rotor.forces.turning(time, rest)
+        q, velocity, others = rotor.motion(longest, y)
+        angle, speed, _ = rotor.forces.turning(Instant.at(time), others)
         back, rate = direction(-angle), field.rate
         drift = back * (velocity - 1j * speed * q)
-        rates = plane(drift) / rate, rest.angle, rest.speed / rate
-        return RotatingState(plane(back * q), *rates, rest.bodies, rest.bodies_rate / rate)
+        rates = plane(drift) / rate, others.angle, others.speed / rate
+        return RotatingState(plane(back * q), *rates, others.bodies, others.bodies_rate / rate)
 
     states = jax.vmap(rotating)(times, states)
     return CoupledPath(states, touched, unresolved, longest.contact_stiffness_ratio)

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar
 from ..equations.constant_frame import linear_matrix
+from ..equations.coupled import Instant
 from ..equations.start import AbstractStart, Continued, Launch
 from ..equations.system import System, assemble
 from ..scene import Scene
@@ -16,7 +17,7 @@ from ..solvers.coupled_step import CoupledStep
 from ..solvers.exponential import Exponential
 from ..solvers.located_coupled import LocatedCoupledStep
 from .base import Bodies, Plan
-from .coupled import CoupledRotor
+from .coupled import CoupledRotor, at_centre
 from .history import imbalance_of
 from .run_up import after, with_balls
 from .stepped import Stepping
@@ -53,7 +54,7 @@ class CoupledMarch(AbstractWindowMarch):
         basis = None
         assert isinstance(plan.solver, Exponential)
         if plan.solver.basis != "dense":
-            basis = modal(linear_matrix(system.at_speed(centre), rate))
+            basis = modal(linear_matrix(at_centre(system, centre), rate))
         rotor = CoupledRotor.build(scene, system, stepping, launch.angle, basis)
         length = stepping.breaks[1] - stepping.breaks[0]
         step = rotor.step(plan.solver, length / stepping.substeps)
@@ -77,18 +78,19 @@ class CoupledMarch(AbstractWindowMarch):
         return jnp.append(self.rotor.begin(self.system, launch, at), 0.0)
 
     def encode(self, *parts: Array) -> Array:
-        """State at angle zero of coordinates, their velocities, angles and speeds of the balls."""
+        """State of coordinates, their velocities, angles and speeds of the balls."""
         q, velocity, angles, speeds = parts
-        y = self.rotor.begin(self.system, Launch(Continued(q, velocity)), jnp.zeros(()))
+        launch = Launch(Continued(q, velocity), self.rotor.forces.begin)
+        y = self.rotor.begin(self.system, launch, jnp.zeros(()))
         rates = speeds - self.system.spin.speed
         return jnp.concatenate([y, angles, rates, jnp.zeros(1)])
 
     def decode(self, y: Array) -> tuple[Array, ...]:
         """Coordinates [m], their velocities [m/s], angles of the balls [rad] and their speeds [rad/s]."""
-        q, velocity, rest = self.rotor.motion(self.step, y[:-1])
-        time = self.times(y[-1])[0]
-        speed = self.rotor.forces.turning(time, rest).speed
-        return q, velocity, rest.bodies, rest.bodies_rate + speed
+        q, velocity, others = self.rotor.motion(self.step, y[:-1])
+        now = Instant.at(self.times(y[-1])[0])
+        speed = self.rotor.forces.turning(now, others).speed
+        return q, velocity, others.bodies, others.bodies_rate + speed
 
     @property
     def eigenvectors(self) -> Array | np.ndarray:
@@ -99,10 +101,11 @@ class CoupledMarch(AbstractWindowMarch):
         return self.step.several(time, self.substeps, y, batch=True)
 
     def seen(self, times: Array, states: Array) -> tuple[Array, Array, Bodies | None]:
-        count = states.shape[1] - self.step.rest_size
-        w, rest = states[:, :count], jax.vmap(self.step.rest)(states[:, count:])
-        speed = jax.vmap(self.rotor.forces.turning)(times, rest).speed
+        count = states.shape[1] - self.step.sizes.total
+        w, others = states[:, :count], jax.vmap(self.step.sizes.named)(states[:, count:])
+        turning = lambda time, one: self.rotor.forces.turning(Instant.at(time), one)
+        speed = jax.vmap(turning)(times, others).speed
         if not self.system.races:
             return w, speed, None
-        imbalance = imbalance_of(self.scene, rest.bodies)
-        return w, speed, Bodies(rest.bodies, rest.bodies_rate, imbalance)
+        imbalance = imbalance_of(self.scene, others.bodies)
+        return w, speed, Bodies(others.bodies, others.bodies_rate, imbalance)

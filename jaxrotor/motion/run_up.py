@@ -73,7 +73,7 @@ def run_up(
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `motion.end`.
         at: station(s) [m] to observe, by default as in `simulate`.
         solver: `Exponential(..)` or any diffrax solver; by default Exponential(order=4) for a flexible
-            shaft without contact where it can be taken, Dopri8 for a rigid or massless shaft, else
+            shaft without contact, balls or a drive that it holds back where it can be taken, Dopri8 for a rigid or massless shaft, else
             Kvaerno5.
         controller: step control of a diffrax solver, by default rtol 1e-7 and atol 1e-10 of m and rad.
         substeps: steps from sample to sample of a solver without an error estimate; of `Exponential` by
@@ -114,7 +114,7 @@ def run_up(
                 "`controller` and `adjoint` are for diffrax solvers, not Exponential()."
             )
         count = None if substeps == "auto" else substeps
-        stepping = stepping_of(begun, times, solver, count, system)
+        stepping = stepping_of(begun, times, solver, count, system, launch)
         if substeps == "auto":
             stepping, pilot = _refined(begun, system, times, launch, stations, stepping, tolerance)
             pilots = (pilot,)

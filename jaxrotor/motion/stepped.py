@@ -21,9 +21,10 @@ from ..core.extremes import larger
 from ..core.quantities import Scalar, Series, known
 from ..effects.base import AbstractContact
 from ..equations.constant_frame import linear_matrix
-from ..equations.coupled import is_coupled
+from ..equations.coupled import INSIDE, is_coupled
 from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
 from ..equations.pencil import frame
+from ..equations.start import Launch
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
@@ -34,17 +35,15 @@ from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.constant import ConstantSpeed
 from ..spins.drive import Drive
 from .exact import exact_motion, has_steady_motion
-from .speeds import expected_speed, turning
+from .speeds import coupled_steps, expected_speed, steps_between, turning
 
 
 MODES = 8  # in which the change of speed acts within a piece; beyond them the nearest speed counts
-MOST_MODES = 24  # and where there is one speed of decomposition only
 SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates than that
 STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
 RIGID = 2  # coordinates, up to which an explicit solver is as quick
 CONTACT_STEPS = 256  # where there is contact
 LEAST_PART = 16  # steps of a part of a piece, where the part is cut no further
-INSIDE = 1e-3  # share of half a step from its ends at which their acceleration is taken, off a jump
 APART = 1e-9  # share of a run within which a jump counts as at the end of a piece
 
 
@@ -87,19 +86,21 @@ class Stepping(eqx.Module):
         times: Any,
         solver: Exponential,
         substeps: int | None,
+        ball_rate: float = 0.0,
     ) -> "Stepping":
         """Settings for samples at `times`; `substeps` are the steps from sample to sample.
 
         `kinks` are those of the speed: within a trace the scene still knows them, its equations do not.
+        `ball_rate` is that of the fastest ball at the start [rad/s].
         """
         constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
         coupled = bool(system.races) or not system.spin.given
-        modes = 0 if constant else min(MOST_MODES if coupled else MODES, system.n)
+        modes = 0 if constant else system.n if coupled else min(MODES, system.n)
         speeds = 1 if constant or coupled or modes == system.n else SPEEDS
         several = math.ceil(4 * speeds / len(times)) if speeds > 1 else 1
         breaks, samples, even = _breaks(kinks, np.asarray(times, float), several)
         if substeps is None:
-            each = _steps_of_piece(system, breaks, solver.order)
+            each = _steps_of_piece(system, breaks, solver.order, ball_rate)
         else:
             each = math.ceil(substeps / several)
         at = jnp.asarray(breaks, float), jnp.asarray(samples)
@@ -134,24 +135,32 @@ def stepping_of(
     solver: Exponential,
     substeps: int | None,
     system: System | None = None,
+    launch: Launch | None = None,
 ) -> Stepping:
     """Settings of exponential steps; raises where they do not take the scene.
 
-    `system` are its equations, where they are at hand.
+    `system` are its equations, where they are at hand, and `launch` is the start.
     """
     system = check_steppable(scene, solver, system)
     if not known(times):
         raise ValueError("`times` of Exponential() must be known, but are traced.")
     if substeps is not None:
         check_counts(substeps=substeps)
-    return Stepping.of(system, scene.spin.kinks, times, solver, substeps)
+    return Stepping.of(system, scene.spin.kinks, times, solver, substeps, _ball_rate(launch))
+
+
+def _ball_rate(launch: Launch | None) -> float:
+    """Rate of the fastest ball at a start relative to the shaft [rad/s]; 0 of one that is traced."""
+    balls = () if launch is None else launch.balls or ()
+    rates = [np.abs(np.asarray(one.rate)).max(initial=0.0) for one in balls if known(one.rate)]
+    return float(max(rates, default=0.0))
 
 
 def steppable(scene: Scene, system: System) -> bool:
     """Whether exponential steps take the run of a scene without being asked for.
 
     Balls and drives that the rotor holds back are integrated where a rotor has few coordinates: in the
-    axes of the shaft nothing there is quick, so that long steps serve.
+    axes of the shaft nothing but contact is quick there, so that long steps serve.
     """
     if system.steep or (is_coupled(scene) and system.n <= RIGID):
         return False
@@ -235,7 +244,7 @@ def _breaks(
     return breaks, np.searchsorted((breaks[1:] + breaks[:-1]) / 2, times), even
 
 
-def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:
+def _steps_of_piece(system: System, breaks: np.ndarray, order: int, ball_rate: float) -> int:
     """Steps of a piece that follow the unbalance, and contact, at the highest speed."""
     speed = expected_speed(system, jnp.asarray(breaks))
     if not known(speed):
@@ -244,12 +253,10 @@ def _steps_of_piece(system: System, breaks: np.ndarray, order: int) -> int:
             "steps from sample to sample."
         )
     revolution = CONTACT_STEPS if system.ports else STEPS[order]
-    return steps_between(np.diff(breaks).max(), np.abs(np.asarray(speed)).max(), revolution)
-
-
-def steps_between(length: float, fastest: float, revolution: int) -> int:
-    """Steps in a length of time [s], of `revolution` in a turn at the speed `fastest` [rad/s]."""
-    return max(1, math.ceil(float(revolution * length * fastest) / (2 * math.pi) - 1e-6))
+    longest, speeds = float(np.diff(breaks).max()), np.asarray(speed)
+    if system.races or not system.spin.given:
+        return coupled_steps(system, longest, speeds, ball_rate, revolution)
+    return steps_between(longest, np.abs(speeds).max(), revolution)
 
 
 def _centres(

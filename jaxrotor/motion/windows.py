@@ -1,4 +1,4 @@
-"""Windows: a motion at a speed known in time, advanced from window to window of its samples."""
+"""Windows: a motion along evenly spaced samples, advanced from window to window of them."""
 
 import abc
 import dataclasses
@@ -26,11 +26,12 @@ from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
 from ..spins.constant import constant
 from .base import AbstractMarch, Bodies, Plan, Window, bounded
 from .run_up import after
-from .speeds import expected_speed, turning
-from .stepped import MOST_MODES, Stepping, course, steps_between, steps_of
+from .speeds import coupled_steps, expected_speed, steps_between, turning
+from .stepped import Stepping, course, steps_of
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
+MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
 
 
 class AbstractWindowMarch(AbstractMarch):
@@ -197,24 +198,35 @@ def window_of(samples: int) -> int:
 
 
 def lane_stepping(
-    systems: Sequence[System], times: np.ndarray, solver: Exponential, revolution: int
+    systems: Sequence[System],
+    times: np.ndarray,
+    solver: Exponential,
+    revolution: int,
+    ball_rate: float = 0.0,
 ) -> Stepping:
     """Steps that all lanes share, of which the `systems` hold the extremes.
 
-    A revolution of the fastest has `revolution` steps or more.
+    A revolution of the fastest has `revolution` steps or more, see `coupled_steps`.
     """
     speeds = np.stack([np.asarray(expected_speed(one, jnp.asarray(times))) for one in systems])
-    fastest = float(np.abs(speeds).max())
-    each = steps_between(times[1], fastest, revolution)
     first = systems[0]
-    depends = depends_on_speed(first.blocks) and np.ptp(speeds) > 0
+    free, length = not first.spin.given, float(times[1])
+    if free or first.races:
+        each = max(
+            coupled_steps(one, length, own, ball_rate, revolution)
+            for one, own in zip(systems, speeds, strict=True)
+        )
+    else:
+        each = steps_between(length, float(np.abs(speeds).max()), revolution)
+    depends = depends_on_speed(first.blocks) and (free or np.ptp(speeds) > 0)
+    most = first.n if free or first.races else MOST_MODES
     return Stepping(
         solver,
         jnp.asarray(times),
         jnp.arange(times.size),
         each,
         even=True,
-        modes=min(MOST_MODES, first.n) if depends else 0,
+        modes=min(most, first.n) if depends else 0,
         speeds=1,
         span=(jnp.asarray(speeds.min()), jnp.asarray(speeds.max())),
     )

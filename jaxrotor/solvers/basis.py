@@ -324,7 +324,7 @@ def as_real(z: Inexact[Array, "..."]) -> Float[Array, "a2 b2"]:
     return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
 
 
-def unpacked(basis: "Basis | BasisWithRest", y: Float[Array, " m2"]) -> Inexact[Array, " m"]:
+def unpacked(basis: "Basis | BasisWithOthers", y: Float[Array, " m2"]) -> Inexact[Array, " m"]:
     """`re + i im` of a state or of forces `[re, im]` in a complex basis; unchanged in a real one."""
     if not jnp.iscomplexobj(basis.vectors):
         return y
@@ -340,7 +340,7 @@ def packed(w: Inexact[Array, " m"]) -> Float[Array, " m2"]:
 Basis = ModalBasis | SlotBasis | DenseBasis
 
 
-class BasisWithRest(eqx.Module):
+class BasisWithOthers(eqx.Module):
     """A basis of the rotor, and numbers without a linear part behind its coordinates."""
 
     own: Basis
@@ -353,18 +353,18 @@ class BasisWithRest(eqx.Module):
 
     def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int) -> tuple[Any, list[Array]]:
         """See `ModalBasis.flow`: `phi_k(0) = 1 / k!`."""
-        own, rest = self._parts(b)
+        own, others = self._parts(b)
         flow, parts = self.own.flow(span, own, count)
         factor, found = span, []
         for k, part in enumerate(parts, start=1):
             factor = factor / k
-            found.append(jnp.concatenate([part, factor * rest]))
+            found.append(jnp.concatenate([part, factor * others]))
         return flow, found
 
     def apply(self, flow: Any, b: Inexact[Array, "m p"]) -> Inexact[Array, "m p"]:
         """`exp(span A) b`."""
-        own, rest = self._parts(b)
-        return jnp.concatenate([self.own.apply(flow, own), rest])
+        own, others = self._parts(b)
+        return jnp.concatenate([self.own.apply(flow, own), others])
 
     def twice(self, flow: Any) -> Any:
         """`exp(2 span A)`."""

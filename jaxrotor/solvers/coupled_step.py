@@ -2,9 +2,12 @@
 
     w' = A w + B f(C w, x),   x' = g(C w, x)
 
-`x` are the angle and the speed of a free spin, and the angles and rates of balls. They have no linear
-part, so that the stages of an exponential step are those of the classical method of Runge and Kutta.
+`x` are the angle and the speed of a free spin, and the angles and rates of balls, the others beside the
+rotor. They have no linear part in its basis, so that the stages of an exponential step are those of the
+classical method of Runge and Kutta for them.
 """
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,7 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core.quantities import Scalar
-from ..equations.coupled import CoupledForces, Law, Rest, actual
+from ..equations.coupled import CoupledForces, Instant, Law, SpinAndBalls, actual
 from .lanes import lanes_last, per_lane, product
 from .varying_speed import RotorAtSpeed, VaryingStep
 
@@ -25,21 +28,38 @@ STAGES = {
 }
 
 
+class Sizes(NamedTuple):
+    """Numbers of the spin and the balls in a state, which are its last ones."""
+
+    spin: int  # 1 where it is free, else 0
+    bodies: int
+
+    @property
+    def total(self) -> int:
+        """All numbers, those of the rates included."""
+        return 2 * (self.spin + self.bodies)
+
+    def named(self, x: Float[Array, " x"]) -> SpinAndBalls:
+        """The spin and the balls by their numbers."""
+        d, b = self.spin, self.bodies
+        return SpinAndBalls(x[:d], x[d : 2 * d], x[2 * d : 2 * d + b], x[2 * d + b :])
+
+
 class CoupledStep(eqx.Module):
-    """A step of fixed size of a rotor and the rest; all arrays may have lanes last."""
+    """A step of fixed size of a rotor and the others; all arrays may have lanes last."""
 
     plain: VaryingStep  # of the rotor alone
     forces: CoupledForces
     rate: Scalar  # [rad/s]
     order: int = eqx.field(static=True)
-    sizes: tuple[int, int] = eqx.field(static=True)  # of angle and of bodies, see `Rest`
+    sizes: "Sizes" = eqx.field(static=True)
 
     @classmethod
     def of(cls, rotor: RotorAtSpeed, forces: CoupledForces, order: int, h: Scalar) -> "CoupledStep":
         """The step of a rotor that has the stations of these forces."""
         bodies = sum(race.bodies.places for race in forces.system.races)
         plain = rotor.step(order, h, forces.system.ports)
-        return cls(plain, forces, rotor.axes.rate, order, (int(forces.free), bodies))
+        return cls(plain, forces, rotor.axes.rate, order, Sizes(int(forces.free), bodies))
 
     @property
     def reading(self) -> Float[Array, "p4 m2"]:
@@ -50,16 +70,6 @@ class CoupledStep(eqx.Module):
     def contact_stiffness_ratio(self) -> Float[Array, "2"]:
         """See `Tableau.contact_stiffness_ratio`; zero without contact."""
         return self.plain.contact_stiffness_ratio
-
-    @property
-    def rest_size(self) -> int:
-        """Numbers of the rest in a state, which are its last ones."""
-        return 2 * sum(self.sizes)
-
-    def rest(self, x: Float[Array, " x"]) -> Rest:
-        """The rest by its numbers."""
-        d, b = self.sizes
-        return Rest(x[:d], x[d : 2 * d], x[2 * d : 2 * d + b], x[2 * d + b :])
 
     def several(
         self, begin: Scalar, steps: int, y: Float[Array, " y"], *, batch: bool
@@ -107,9 +117,9 @@ class CoupledStep(eqx.Module):
         def forces(stage: Array, number: int) -> Array:
             shares = within[len(rates)]
             now = x + span * sum((c * k for c, k in zip(shares, rates, strict=True) if c), 0 * x)
-            instant = self.forces, time + tableau.times[number] * span
-            found = lambda parts, seen: self._found(parts[0], parts[1], seen, law)
-            both = per_lane(found, instant, jnp.concatenate([stage, now]))
+            at = Instant.of_step(time + tableau.times[number] * span, time + span / 2)
+            found = lambda parts, seen: _found(parts, seen, self.sizes, law)
+            both = per_lane(found, (self.forces, at), jnp.concatenate([stage, now]))
             rates.append(both[inputs:])
             if not loaded:
                 halves = both[:inputs].reshape(2, -1, both.shape[-1])
@@ -120,12 +130,17 @@ class CoupledStep(eqx.Module):
         x = x + span * sum(c * k for c, k in zip(ahead, rates, strict=True))
         return jnp.concatenate([end, x]), loaded[0]
 
-    @eqx.filter_jit
-    def _found(
-        self, forces: CoupledForces, time: Scalar, seen: Float[Array, " z"], law: Law
-    ) -> Float[Array, " i"]:
-        """`[Re, Im]` of the inputs, and the rates of the rest per second."""
-        stage, x = jnp.split(seen, [seen.size - self.rest_size])
-        real, imag = jnp.split(stage, 2)
-        found, rates = forces(time, jax.lax.complex(real, imag), self.rest(x), law)
-        return jnp.concatenate([found.real, found.imag, ravel_pytree(rates)[0]])
+
+@eqx.filter_jit
+def _found(
+    parts: tuple[CoupledForces, Instant],
+    seen: Float[Array, " z"],
+    sizes: Sizes,
+    law: Law,
+) -> Float[Array, " i"]:
+    """`[Re, Im]` of the inputs, and the rates of the others per second, by stages and others."""
+    forces, now = parts
+    stage, x = jnp.split(seen, [seen.size - sizes.total])
+    real, imag = jnp.split(stage, 2)
+    found, rates = forces(now, jax.lax.complex(real, imag), sizes.named(x), law)
+    return jnp.concatenate([found.real, found.imag, ravel_pytree(rates)[0]])

@@ -1,7 +1,7 @@
 """Located coupled steps: the steps of `coupled_step`, split as `splits` has it.
 
-A split step has one state, that of the rotor in its basis and then the numbers of the rest, which have no
-linear part.
+A split step has one state, that of the rotor in its basis and then the numbers of the others, which have
+no linear part.
 """
 
 import dataclasses
@@ -13,11 +13,11 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Inexact, Int
 
 from ..core.quantities import Scalar
-from ..equations.coupled import Rest
+from ..equations.coupled import Instant, SpinAndBalls
 from ..equations.system import Branches, Port
-from .basis import BasisWithRest, packed, unpacked
+from .basis import BasisWithOthers, packed, unpacked
 from .branches import BranchedPorts
-from .coupled_step import CoupledStep
+from .coupled_step import CoupledStep, Sizes
 from .crossing import Crossing
 from .lanes import one_lane
 from .ports import Contacts, Reading
@@ -26,12 +26,12 @@ from .tableau import LoadInStep, step_of
 from .varying_speed import RotorAtSpeed
 
 
-class InstantOfCoupled(AbstractInstant):
+class InstantOfCoupledStep(AbstractInstant):
     """The ports of a rotor at an instant of a coupled step, in a state."""
 
     ports: BranchedPorts
-    split: "SplitOfCoupled"
-    time: Scalar  # [s]
+    split: "SplitOfCoupledStep"
+    now: Instant
     w: Inexact[Array, " m"]
 
     def read(self, w):
@@ -50,12 +50,11 @@ class InstantOfCoupled(AbstractInstant):
             change = change + split.parts(split.load_matrix)[0][:, 0]
         p, step = len(self.ports.laws), split.step
         acceleration = packed(split.rotor_output @ change).reshape(2, -1)[:, p : 2 * p]
-        speed_rate = jnp.zeros(())
         if step.forces.free:
-            speed_rate = step.rest(entering[1].real).speed[0]
+            speed_rate = step.sizes.named(entering[1].real).speed[0]
         else:
-            turning = lambda time: step.forces.turning(time, split.rest(self.w)).speed
-            speed_rate = jax.jvp(turning, (self.time,), (jnp.ones(()),))[1] / step.rate
+            turning = step.forces.turning(self.now, split.others(self.w))
+            speed_rate = turning.acceleration / step.rate
         margins = lambda d, v, speed: self.ports.margins(branches, d, v, speed)
         point, by = (d, v, self.ports.speed), (v / step.rate, acceleration, speed_rate)
         return Crossing(*jax.jvp(margins, point, by))
@@ -65,7 +64,7 @@ class InstantOfCoupled(AbstractInstant):
         own = packed(split.rotor_output @ split.parts(w)[0])
         real, imag = jnp.split(own, 2)
         law = along(branches, exhausted)
-        found, rates = step.forces(self.time, jax.lax.complex(real, imag), split.rest(w), law)
+        found, rates = step.forces(self.now, jax.lax.complex(real, imag), split.others(w), law)
         rates = ravel_pytree(rates)[0]
         if jnp.iscomplexobj(split.basis.vectors):
             return jnp.concatenate([found, rates + 0j])
@@ -87,10 +86,10 @@ def along(branches: tuple[Branches, ...], exhausted: Bool[Array, ""] | None = No
     return law
 
 
-class SplitOfCoupled(AbstractSplitStep):
-    """A coupled step that may be split; its input matrix has the rates of the rest behind the forces."""
+class SplitOfCoupledStep(AbstractSplitStep):
+    """A coupled step that may be split; its input matrix has the rates of the others behind the forces."""
 
-    basis: BasisWithRest
+    basis: BasisWithOthers
     input_matrix: Inexact[Array, "m i"]
     load_matrix: Inexact[Array, "m l"]  # of weight
     rotor_output: Inexact[Array, "s k"]
@@ -104,18 +103,18 @@ class SplitOfCoupled(AbstractSplitStep):
     def of(cls, rotor: RotorAtSpeed, step: CoupledStep, begin: Scalar, *, batch: bool):
         """The step of a rotor with contact that begins at a time [s]."""
         assert rotor.output is not None and rotor.input is not None
-        rest, rate = step.rest_size, rotor.axes.rate
+        others, rate = step.sizes.total, rotor.axes.rate
         size, columns = rotor.input.shape
-        inputs = jnp.zeros((size + rest, columns + rest), rotor.input.dtype)
+        inputs = jnp.zeros((size + others, columns + others), rotor.input.dtype)
         inputs = inputs.at[:size, :columns].set(rotor.input)
-        inputs = inputs.at[size:, columns:].set(jnp.eye(rest) / rate)
-        load = jnp.zeros((size + rest, rotor.load_matrix.shape[1]), rotor.input.dtype)
+        inputs = inputs.at[size:, columns:].set(jnp.eye(others) / rate)
+        load = jnp.zeros((size + others, rotor.load_matrix.shape[1]), rotor.input.dtype)
         load = load.at[:size].set(rotor.load_matrix)
         nothing = Reading(jnp.zeros((6 * rotor.port_count, 0)), None, None, None)
         contacts = Contacts(rotor.output, rotor.input, nothing)
         still = jnp.zeros((rotor.port_count,) * 2)
         ports = BranchedPorts(step.plain.ports, jnp.zeros(()), rate, contacts, still)
-        basis, h = BasisWithRest(rotor.basis, rest), step.plain.tableau.h
+        basis, h = BasisWithOthers(rotor.basis, others), step.plain.tableau.h
         return cls(
             basis=basis,
             input_matrix=inputs,
@@ -129,10 +128,11 @@ class SplitOfCoupled(AbstractSplitStep):
         )
 
     def at(self, theta, w):
-        time = self.begin + theta / self.step.rate
-        speed = self.step.forces.turning(time, self.rest(w)).speed
+        time, middle = (self.begin + part / self.step.rate for part in (theta, self.h / 2))
+        now = Instant.of_step(time, middle)
+        speed = self.step.forces.turning(now, self.others(w)).speed
         ports = dataclasses.replace(self.ports, speed=speed)
-        return InstantOfCoupled(ports=ports, split=self, time=time, w=w)
+        return InstantOfCoupledStep(ports=ports, split=self, now=now, w=w)
 
     def part(self, w, theta, span, force):
         load = None
@@ -142,12 +142,12 @@ class SplitOfCoupled(AbstractSplitStep):
         return step_of(self.step.order, self.basis, self.input_matrix, w, span, force, load)
 
     def parts(self, w: Inexact[Array, "m ..."]) -> list[Array]:
-        """Coordinates of the rotor, and the numbers of the rest."""
+        """Coordinates of the rotor, and the numbers of the others."""
         return jnp.split(w, [w.shape[0] - self.basis.count])
 
-    def rest(self, w: Inexact[Array, " m"]) -> Rest:
-        """The rest in a state."""
-        return self.step.rest(self.parts(w)[1].real)
+    def others(self, w: Inexact[Array, " m"]) -> SpinAndBalls:
+        """The others in a state."""
+        return self.step.sizes.named(self.parts(w)[1].real)
 
     def joined(self, y: Float[Array, " y"]) -> Float[Array, " m2"]:
         """State of the split step from one of a coupled step."""
@@ -177,13 +177,9 @@ class LocatedCoupledStep(eqx.Module):
         return self.plain.contact_stiffness_ratio
 
     @property
-    def rest_size(self) -> int:
-        """See `CoupledStep.rest_size`."""
-        return self.plain.rest_size
-
-    def rest(self, x: Float[Array, " x"]) -> Rest:
-        """See `CoupledStep.rest`."""
-        return self.plain.rest(x)
+    def sizes(self) -> Sizes:
+        """Numbers of the spin and the balls."""
+        return self.plain.sizes
 
     def several(
         self, begin: Scalar, steps: int, y: Float[Array, " y"], *, batch: bool
@@ -201,7 +197,7 @@ class LocatedCoupledStep(eqx.Module):
 
     def advance(self, time: Scalar, y: Array, *, batch: bool) -> tuple[Array, Array, Array]:
         """State after a step, whether a contact was loaded in it, and 1 if it is not resolved."""
-        split = SplitOfCoupled.of(self.rotor, self.plain, time, batch=batch)
+        split = SplitOfCoupledStep.of(self.rotor, self.plain, time, batch=batch)
         basis = split.basis.own
         w = unpacked(basis, split.joined(y))
         begin = split.at(jnp.zeros(()), w)

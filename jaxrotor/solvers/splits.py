@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Inexact, Int
 
 from ..core.quantities import Scalar
 from ..equations.system import Branches
-from .basis import Basis, BasisWithRest, packed, unpacked
+from .basis import Basis, BasisWithOthers, packed, unpacked
 from .branches import BranchedPorts
 from .crossing import Crossing, falls_through_zero, first_crossing
 from .tableau import Force
@@ -86,7 +86,7 @@ class AbstractInstant(eqx.Module):
 class AbstractSplitStep(eqx.Module):
     """A step that can be split where a force changes its branch."""
 
-    basis: eqx.AbstractVar[Basis | BasisWithRest]
+    basis: eqx.AbstractVar[Basis | BasisWithOthers]
     input_matrix: eqx.AbstractVar[Inexact[Array, "m i"]]
     h: eqx.AbstractVar[Scalar]  # length of the whole step [rad]
     batch: eqx.AbstractVar[bool]

@@ -15,7 +15,7 @@ from jaxtyping import Array, ArrayLike, Float, Inexact
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.system import Port
-from .basis import Basis, BasisWithRest, Dense, Rotation, SlotRotation, as_real
+from .basis import Basis, BasisWithOthers, Dense, Rotation, SlotRotation, as_real
 from .lanes import product
 from .ports import Reading, phase_at
 
@@ -132,7 +132,7 @@ class Flows(NamedTuple):
     def of(
         cls,
         order: int,
-        basis: Basis | BasisWithRest,
+        basis: Basis | BasisWithOthers,
         b: Inexact[Array, "m p"],
         h: Scalar,
         count: int = 2,
@@ -149,7 +149,7 @@ class Flows(NamedTuple):
         return Flows(take(self.middle), take(self.end))
 
 
-def doubled(basis: Basis | BasisWithRest, flow: Any, parts: Parts) -> Parts:
+def doubled(basis: Basis | BasisWithOthers, flow: Any, parts: Parts) -> Parts:
     """`phi_k(2 z) = (e^z phi_k(z) + Sum_j phi_j(z) / (k - j)!) / 2^k`, j = 1 .. k, times the span.
 
     So one matrix exponential serves a step and half of it.
@@ -239,7 +239,7 @@ class LoadInStep(NamedTuple):
 
 def step_of(
     order: int,
-    basis: Basis | BasisWithRest,
+    basis: Basis | BasisWithOthers,
     input_matrix: Inexact[Array, "m p"],
     w: State,
     span: Scalar,

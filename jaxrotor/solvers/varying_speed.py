@@ -80,13 +80,13 @@ class RotorAtSpeed(eqx.Module):
         if len(columns) > 1:
             output = axes.output(*map(jnp.concatenate, (position, velocity))) @ basis.vectors
             entry = basis.inverse @ axes.input(jnp.concatenate(columns, axis=1))
+        if stations is None and load.unbalance is not None:
+            unbalance = enters(load.unbalance)
         if stations is not None and output is not None:
             rows = axes.output(0 * stations.rows, rate * stations.rows) @ basis.vectors
-            whole, no = stations.whole, 0 * stations.whole
-            whole = axes.output(jnp.concatenate([whole, no]), jnp.concatenate([no, whole]))
-            output = _stacked(axes, output, rows @ basis.matrix(), whole @ basis.vectors)
-        elif load.unbalance is not None:
-            unbalance = enters(load.unbalance)
+            every, no = stations.all_coordinates, 0 * stations.all_coordinates
+            every = axes.output(jnp.concatenate([every, no]), jnp.concatenate([no, every]))
+            output = _stacked(axes, output, rows @ basis.matrix(), every @ basis.vectors)
         weight = None if load.constant is None else enters(load.constant)
         count = len(system.ports)
         return cls(axes, basis, output, entry, unbalance, weight, count)

@@ -83,11 +83,13 @@ def pace_of(
     varied = any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
     turned = not is_whole(start) or (isinstance(start, Launch) and varied)
     named = isinstance(solver, Exponential)
-    turned &= times is None or not is_coupled(scene)
+    begins_anyhow = times is not None and is_coupled(scene)
+    turned = turned and not begins_anyhow
     if named and turned:
         raise ValueError(
-            "Exponential() steps lanes that begin at angle zero and at the time of the start, without "
-            "balls, but the start places these or is swept over them; leave `solver` out."
+            "Exponential() steps lanes that begin at angle zero and at the time of the start, by whole "
+            "revolutions without balls, but the start is another or is swept over them; leave `solver` "
+            "out, or give `times` where there are balls."
         )
     if times is None:
         if not turned and _marches_all(scene, start, columns, system, solver):
@@ -218,7 +220,11 @@ def _stepping(
     inertia = isinstance(scene.spin, Drive) and scene.spin.polar is None
     paths = "spin.", "start.speed", "start.time"
     pacing = {path: v for path, v in columns.items() if inertia or path.startswith(paths)}
-    corners = list(itertools.product(*({v.min(), v.max()} for v in pacing.values())))
+    # The speed over a profile need not be monotone in the time at which a lane begins.
+    every = {
+        path: set(v) if path == "start.time" else {v.min(), v.max()} for path, v in pacing.items()
+    }
+    corners = list(itertools.product(*every.values()))
     if len(corners) > MOST_CORNERS:
         raise ValueError(
             f"{len(pacing)} swept parameters decide the speed; sweep fewer, or give the Drive its `polar`."
@@ -226,7 +232,11 @@ def _stepping(
     points = [dict(zip(pacing, one, strict=True)) for one in corners]
     ends = [at_point(scene, start, one) for one in points]
     scenes = [after(scene, Launch.of(start)) for scene, start in ends]
-    found = lane_stepping([assemble(one) for one in scenes], times, solver, steps)
+    balls = [np.abs(v).max() for path, v in columns.items() if path.startswith("start.balls")]
+    begun = Launch.of(start).balls or ()
+    balls += [np.abs(np.asarray(one.rate)).max() for one in begun]
+    systems = [assemble(one) for one in scenes]
+    found = lane_stepping(systems, times, solver, steps, float(max(balls, default=0.0)))
     return dataclasses.replace(found, before=round(before))
 
 

@@ -10,6 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
+from jaxrotor.equations.system import assemble
+from jaxrotor.motion.speeds import expected_speed
 
 
 MASS, STIFFNESS, DAMPING, OFFSET, POLAR = 2.0, 8e4, 12.0, 2e-3, 0.018  # critical speed 200 rad/s
@@ -62,7 +64,7 @@ def balls_and_drive():
 
 
 def test_balls_under_a_drive_against_their_lagrangian():
-    """24 revolutions through the critical speed, with weight: order 2 and 4, below 1e-6 in the end."""
+    """24 revolutions through the critical speed, with weight: errors fall by order 2 and 4."""
     angles, time = np.array([0.5, 2.0]), 0.5
     start = np.concatenate([[0, 0, 0], angles, [0, 0, 150, 150, 150]])
     exact = solve_ivp(balls_and_drive(), (0, time), start, "DOP853", rtol=1e-11, atol=1e-13).y[
@@ -202,6 +204,63 @@ def test_lanes_of_a_located_rub(flexible):
         assert float(found.end_speed[k]) == pytest.approx(float(run.speed[-1]), rel=1e-7)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["coasting", "table"])
+def test_lanes_keep_what_depends_on_the_speed(which):
+    """A drive that alone would keep its speed, and the coefficients over speed of every lane."""
+    shaft = jr.FlexibleShaft(1.0, 0.02, jr.Material(2e11, 7800.0), nodes=2)
+    parts = [jr.Disc(0.3, 3.0, 0.05, 0.03, offset=2e-3), jr.Support(1.0, 1e6, 300.0)]
+    if which == "coasting":  # only the rotor slows it down
+        parts.append(jr.Support(0.0, 1e6, 300.0))
+        spin = jr.Drive(150.0, 0.0, feedback=True)
+    else:
+        stiffness = np.array([5e5, 2e6])
+        parts.append(
+            jr.Support(
+                0.0, kxx=stiffness, kyy=stiffness, cxx=300.0, cyy=300.0, speeds=[100.0, 300.0]
+            )
+        )
+        parts.append(jr.BallBalancer(0.7, 0.03, 0.05, 2.0, places=2))
+        spin = jr.ConstantSpeed(150.0)
+    scene, times = jr.Scene(shaft, *parts, spin=spin), np.linspace(0.0, 0.1, 33)
+    observe, over = [jr.observe.Peak()], {"spin.speed": [150.0, 250.0]}
+    found = jr.sweep(scene, over, times=times, observe=observe, **QUIET)
+    for k, speed in enumerate(over["spin.speed"]):
+        run = jr.run_up(
+            scene.replace({"spin.speed": speed}),
+            times,
+            solver=jr.Exponential(order=4),
+            substeps=found.attrs["steps_per_sample"],
+        )
+        assert float(found.peak[k]) == pytest.approx(np.abs(run.displacement).max(), rel=1e-5)
+
+
+def test_balls_meet_a_kink_of_the_speed():
+    """The acceleration of the shaft jumps within a run: order 4 as without."""
+    profile = jr.SpeedProfile([0.0, 0.1, 0.2], [250.0, 320.0, 250.0])
+    balls = jr.BallBalancer(0.5, BALL, RACE, DRAG, rolling=ROLLING, places=2)
+    scene, last = jeffcott(balls, spin=profile), []
+    for steps in (200, 400, 1600):
+        run = jr.run_up(scene, [0.0, 0.2], solver=jr.Exponential(order=4), substeps=steps)
+        last.append(complex(run.displacement[-1, 0]))
+    assert abs(last[1] - last[2]) < abs(last[0] - last[2]) / 12
+
+
+@pytest.mark.parametrize(
+    ("drive", "end"),
+    [
+        (jr.Drive(0.0, 400.0, 2.5, 0.001, polar=0.018, odd=True), 400 / 2.5),
+        (jr.Drive(150.0, 0.0, table_speeds=[145.0, 157.0], table_torques=[30.0, 0.0], polar=0.018), 157.0),
+    ],
+)  # fmt: skip
+def test_speed_of_a_steep_motor_alone(drive, end):
+    """It settles where its torque is zero, however long the run is for the time its motor takes."""
+    system = assemble(jeffcott(spin=dataclasses.replace(drive, feedback=True)))
+    speeds = expected_speed(system, jnp.array([0.0, 50.0, 100.0]))
+    torque = dataclasses.replace(drive).moment(speeds[-1])
+    assert abs(float(torque)) < 1e-6 and float(speeds[-1]) <= end * (1 + 1e-9)
+
+
 # === derivatives, settings
 
 
@@ -218,6 +277,7 @@ def test_derivative_by_the_torque():
     np.testing.assert_allclose(by, differences, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_steps_that_a_motor_map_needs():
     """A drive with a table has no closed form; its speed alone tells how many steps follow it."""
     table = {"table_speeds": jnp.array([0.0, 400.0]), "table_torques": jnp.array([0.0, -1.6])}
