@@ -80,16 +80,16 @@ def actual(number: int, port: Port, place: Array, velocity: Array, speed: Scalar
 class Instant(NamedTuple):
     """A time, and one beside it at which the acceleration of a given speed is taken, off a jump [s]."""
 
-    time: Scalar
-    inside: Scalar
+    time: Array
+    inside: Array
 
     @classmethod
-    def at(cls, time: Scalar) -> "Instant":
+    def at(cls, time: Array) -> "Instant":
         """An instant that is not one of a step."""
         return cls(time, time)
 
     @classmethod
-    def of_step(cls, time: Scalar, middle: Scalar) -> "Instant":
+    def of_step(cls, time: Array, middle: Array) -> "Instant":
         """An instant of a step; of one at its end, the acceleration is that of this side of a jump."""
         return cls(time, time + INSIDE * (middle - time))
 

@@ -73,8 +73,8 @@ def run_up(
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `motion.end`.
         at: station(s) [m] to observe, by default as in `simulate`.
         solver: `Exponential(..)` or any diffrax solver; by default Exponential(order=4) for a flexible
-            shaft without contact, balls or a drive that it holds back where it can be taken, Dopri8 for a rigid or massless shaft, else
-            Kvaerno5.
+            shaft without contact, balls or a drive that it holds back where it can be taken, Dopri8 for a
+            rigid or massless shaft, else Kvaerno5.
         controller: step control of a diffrax solver, by default rtol 1e-7 and atol 1e-10 of m and rad.
         substeps: steps from sample to sample of a solver without an error estimate; of `Exponential` by
             default as many as follow the unbalance at the highest speed, of a drive at that which it would
