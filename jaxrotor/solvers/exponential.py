@@ -49,8 +49,9 @@ class Exponential(eqx.Module):
 
     `fused=True` steps the lanes of `jr.sweep` through a revolution by one kernel on an NVIDIA GPU. Without
     it, a step takes eight kernels there, between which the states go through the memory. Results differ
-    by rounding. Located steps, runs along times and contacts on parts without mass are refused. On other
-    processors, and in what is not a sweep, it changes nothing. See docs/cluster.md.
+    by rounding. Located steps, runs along times and contacts on parts without mass are refused. It
+    changes nothing on other processors, in what is not a sweep, and where lanes of a chunk differ in their
+    linear equations, as by the speed. No GPU has run it yet. See docs/cluster.md.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)
@@ -71,8 +72,8 @@ class Exponential(eqx.Module):
             )
         if self.fused and self.located:
             raise ValueError(
-                "`fused=True` is for steps of one size, but `located=True` ends steps where contact begins "
-                "or ends; take one of both."
+                "`fused=True` is for steps of one size, but `located=True` ends steps where contact "
+                "begins or ends; take one of both."
             )
 
     def form(

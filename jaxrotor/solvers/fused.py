@@ -11,7 +11,7 @@ compiles a kernel, has no slices, and takes powers of two as sizes alone. See do
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -26,12 +26,15 @@ from jaxtyping import Array, Float
 
 BLOCK = 128  # lanes of a block: one a thread
 WARPS = BLOCK // 32
+MOST_OWN = 64  # numbers of a lane's own beside its state: the first cache of an H100 holds these
 
-Numbers = np.ndarray  # of objects: scalars, or vectors over the lanes of a block
+Numbers = (
+    np.ndarray
+)  # of objects: scalars, vectors over the lanes of a block, either maybe `Unread`
 
 # Operations on every number by itself, all of which Triton has:
 ELEMENTWISE = """
-    abs add and atan2 ceil convert_element_type copy cos cosh div eq exp exp2 expm1 floor ge gt integer_pow
+    abs add and atan2 ceil convert_element_type cos cosh div eq exp exp2 expm1 floor ge gt integer_pow
     le log log1p lt max min mul ne neg not or pow rsqrt select_n sign sin sinh sqrt square sub tan tanh xor
 """
 ARRANGING = "broadcast_in_dim concatenate reshape rev slice split squeeze transpose"
@@ -49,6 +52,17 @@ CALLS = {  # where the equations of a call are
     "custom_jvp_call": "call_jaxpr",
     "custom_vjp_call": "call_jaxpr",
 }
+
+
+class Unread(NamedTuple):
+    """A number in the memory, read anew by every operation that takes it."""
+
+    array: Any  # (size,) of what lanes share, (size, lanes) of what each has
+    place: Any
+
+    def read(self) -> Array:
+        """The number that all lanes share, or that of each lane."""
+        return self.array[self.place] if len(self.array.shape) == 1 else self.array[self.place, :]
 
 
 class LaneStep(NamedTuple):
@@ -73,12 +87,19 @@ class LaneStep(NamedTuple):
 def on_gpu(
     one: Callable, parts: Any, y: Array, phases: Array, unroll: int
 ) -> tuple[Array, Array | None]:
-    """`scan_lanes` on an NVIDIA GPU; on any other processor `jax.lax.scan` over the same steps."""
+    """`scan_lanes` on an NVIDIA GPU; on any other processor `jax.lax.scan` over the same steps.
+
+    A GPU scans, too, where lanes have more than `MOST_OWN` coefficients of their own: to read them at
+    every step would take as long as what the kernel saves.
+    """
     arrays, constant = eqx.partition(parts, eqx.is_array)
     bound = lambda arrays, y, phase: one(eqx.combine(arrays, constant), y, phase)
     scan = lambda arrays, y, phases: jax.lax.scan(
         functools.partial(bound, arrays), y, phases, unroll=unroll
     )
+    used = LaneStep.of(bound, arrays, y, phases[0]).arrays
+    if sum(array.size // array.shape[-1] for array in used if array.shape[-1] > 1) > MOST_OWN:
+        return scan(arrays, y, phases)
     kernel = functools.partial(scan_lanes, bound)
     return jax.lax.platform_dependent(arrays, y, phases, cuda=kernel, default=scan)
 
@@ -111,13 +132,14 @@ def scan_lanes(
     blocks = -(-lanes // BLOCK)
     filled = lambda x: jnp.pad(x, ((0, 0), (0, blocks * BLOCK - lanes)), mode="edge")
     of_lanes = lambda *rows: pl.BlockSpec((*rows, BLOCK), lambda i: (*[0] * len(rows), i))
-    given, specs = [phases.ravel()], [pl.no_block_spec]
+    given, specs = [phases.ravel()], cast("list[Any]", [pl.no_block_spec])
     for array in step.arrays:
         flat = array.reshape(-1, array.shape[-1])
         shared = flat.shape[1] == 1
         given.append(flat[:, 0] if shared else filled(flat))
         specs.append(pl.no_block_spec if shared else of_lanes(len(flat)))
-    sizes = [(m,), *((len(phases), out.aval.shape[0]) for out in step.equations.outvars[1:])]
+    seen = [_shape(out)[0] for out in step.equations.outvars[1:]]
+    sizes = [(m,), *((len(phases), size) for size in seen)]
     found = pl.pallas_call(
         functools.partial(_kernel, step.equations, len(phases)),
         grid=(blocks,),
@@ -134,21 +156,17 @@ def scan_lanes(
 
 def _kernel(equations: Jaxpr, steps: int, phases: Any, *refs: Any) -> None:
     """All steps of one block of lanes, by references to its arrays in the memory of the GPU."""
-    *leaves, phase, state = (var.aval.shape for var in equations.invars)
+    *leaves, phase, state = map(_shape, equations.invars)
     given, (begin, end, *seen) = refs[: len(leaves)], refs[len(leaves) :]
-    read = lambda ref, shape, first: _numbers(
-        [
-            ref[first + k] if len(ref.shape) == 1 else ref[first + k, :]
-            for k in range(math.prod(shape))
-        ],
-        shape,
+    # Registers hold the state alone: coefficients are read where they are used.
+    unread = lambda ref, shape, first: _numbers(
+        [Unread(ref, first + k) for k in range(math.prod(shape))], shape
     )
 
-    def step(number: Array, y: tuple) -> tuple:
-        # What lanes share is read at every step, since registers do not hold it beside the state.
-        values = [read(ref, shape, 0) for ref, shape in zip(given, leaves, strict=True)]
-        now = read(phases, phase, number * math.prod(phase))
-        y, *readings = evaluate(equations, (), [*values, now, _numbers(y, state)])
+    def step(number: Array, begun: tuple) -> tuple:
+        values = [unread(ref, shape, 0) for ref, shape in zip(given, leaves, strict=True)]
+        now = unread(phases, phase, number * math.prod(phase))
+        y, *readings = evaluate(equations, (), [*values, now, _numbers(begun, state)])
         for ref, reading in zip(seen, readings, strict=True):
             for k, value in enumerate(reading.ravel()):
                 ref[number, k, :] = value
@@ -158,6 +176,11 @@ def _kernel(equations: Jaxpr, steps: int, phases: Any, *refs: Any) -> None:
     y = jax.lax.fori_loop(np.int32(0), np.int32(steps), step, y)
     for k, value in enumerate(y):
         end[k, :] = value
+
+
+def _shape(variable: Any) -> tuple[int, ...]:
+    """Shape of a variable of equations."""
+    return variable.aval.shape
 
 
 def _numbers(values: Any, shape: tuple[int, ...]) -> Numbers:
@@ -184,7 +207,7 @@ def evaluate(equations: Jaxpr, consts: Any, args: list[Numbers]) -> list[Numbers
 def _carried_out(equation: Any, args: list[Numbers]) -> list[Numbers]:
     """Results of one equation."""
     name, params = equation.primitive.name, equation.params
-    shape = equation.outvars[0].aval.shape
+    shape = _shape(equation.outvars[0])
     if name in CALLS:
         inner = params[CALLS[name]]
         consts = getattr(inner, "consts", ())
@@ -197,7 +220,7 @@ def _carried_out(equation: Any, args: list[Numbers]) -> list[Numbers]:
         rows = _rows(args[0], params["axes"], ())
         return [_numbers([_folded(FOLDING[name], row) for row in rows[0]], shape)]
     if name == "dot_general":
-        return [_product(*args, *params["dimension_numbers"], shape)]
+        return [_product(args, params["dimension_numbers"], shape)]
     raise ValueError(
         f"`fused` cannot take this scene: a step has the operation `{name}`, which is not carried out "
         "number by number; leave `fused` out."
@@ -216,7 +239,8 @@ def _elementwise(
 
 
 def _alike(numbers: list[Any]) -> list[Any]:
-    """Numbers that lanes share as vectors, where others belong to a lane."""
+    """Numbers that are read, those that lanes share as vectors where others belong to a lane."""
+    numbers = [one.read() if isinstance(one, Unread) else one for one in numbers]
     wide = max((np.shape(one) for one in numbers), key=len)
     broadcast = lambda one: jax.lax.broadcast_in_dim(one, wide, ())
     return [one if np.shape(one) == wide else broadcast(one) for one in numbers]
@@ -249,11 +273,10 @@ def _rows(numbers: Numbers, last: Any, first: Any) -> Numbers:
     return ordered.reshape(sizes)
 
 
-def _product(
-    a: Numbers, b: Numbers, contracted: Any, batched: Any, shape: tuple[int, ...]
-) -> Numbers:
-    """Products of numbers, summed over the contracted axes."""
-    pairs = zip((a, b), contracted, batched, strict=True)
+def _product(args: list[Numbers], dimensions: Any, shape: tuple[int, ...]) -> Numbers:
+    """Products of the numbers of two arrays, summed over the contracted axes."""
+    contracted, batched = dimensions
+    pairs = zip(args, contracted, batched, strict=True)
     left, right = (_rows(x, last, first) for x, last, first in pairs)
     times = lambda one, other: jax.lax.mul(*_alike([one, other]))
     sum_of = lambda row, other: _folded(jax.lax.add, map(times, row, other))
