@@ -3,9 +3,10 @@
     python benchmarks/gpu.py                      # needs one; says so without
     python benchmarks/gpu.py --cpu --lanes 64 256 --revolutions 10 --steps 64
 
-All lanes are one program; the precession is observed, as in a sweep. 256 eccentricities are prepared
-on the CPU and repeated. The error is that of the whirl rate on the first and the last of them, from
-`Exponential(4)` at 4096 steps in float64 on the CPU. Each precision is a process of its own.
+All lanes are one program; the precession is observed, as in a sweep. A GPU takes ordinary steps and
+those of `Exponential(fused=True)`. 256 eccentricities are prepared on the CPU and repeated. The error is
+that of the whirl rate on the first and the last of them, from `Exponential(4)` at 4096 steps in float64 on
+the CPU. Each precision is a process of its own.
 """
 
 import argparse
@@ -59,26 +60,29 @@ def measure(args: argparse.Namespace) -> list[dict]:
     given = np.load(args.child)
     start = jr.Continued(jnp.asarray(given["q"]), jnp.asarray(given["velocity"]))
     distinct = np.linspace(0, LARGEST, DISTINCT)
-    lanes = Lanes.of(jr.Exponential(args.order, basis="modal"), args.steps, distinct, start)
     device, rows = jax.devices()[0], []
-    for count in args.lanes:
-        ends = [0, min(count, DISTINCT) - 1]
-        index = np.resize(np.r_[ends[0], DISTINCT - 1, 1 : DISTINCT - 1], count)
-        shared, own, y = jax.device_put(lanes.part(index), device)
-        run = lambda given=(shared, own, y): np.asarray(whirl_rates(*given, args.revolutions))
-        compiling = compile_seconds(run)
-        seconds = quickest(run, args.repeats)
-        rows.append(
-            {
-                "precision": str(y.dtype),
-                "lanes": count,
-                "compile s": compiling,
-                "run s": seconds,
-                "ns/lane-step": 1e9 * seconds / count / args.revolutions / args.steps,
-                "lane-rev/s": count * args.revolutions / seconds,
-                "error": float(np.abs(run()[:2] - given["rates"]).max()),
-            }
-        )
+    for fused in (False, True) if device.platform == "gpu" else (False,):
+        solver = jr.Exponential(args.order, basis="modal", fused=fused)
+        lanes = Lanes.of(solver, args.steps, distinct, start)
+        for count in args.lanes:
+            ends = [0, min(count, DISTINCT) - 1]
+            index = np.resize(np.r_[ends[0], DISTINCT - 1, 1 : DISTINCT - 1], count)
+            shared, own, y = jax.device_put(lanes.part(index), device)
+            run = lambda given=(shared, own, y): np.asarray(whirl_rates(*given, args.revolutions))
+            compiling = compile_seconds(run)
+            seconds = quickest(run, args.repeats)
+            rows.append(
+                {
+                    "precision": str(y.dtype),
+                    "steps": "fused" if fused else "ordinary",
+                    "lanes": count,
+                    "compile s": compiling,
+                    "run s": seconds,
+                    "ns/lane-step": 1e9 * seconds / count / args.revolutions / args.steps,
+                    "lane-rev/s": count * args.revolutions / seconds,
+                    "error": float(np.abs(run()[:2] - given["rates"]).max()),
+                }
+            )
     return rows
 
 
@@ -87,7 +91,7 @@ def table(rows: list[dict], title: str) -> Table:
     for head in rows[0]:
         shown.add_column(head, justify="right")
     for row in rows:
-        precision, count, compiling, seconds, step, speed, error = row.values()
+        precision, steps, count, compiling, seconds, step, speed, error = row.values()
         numbers = (
             f"{compiling:.1f}",
             f"{seconds:.3g}",
@@ -95,7 +99,7 @@ def table(rows: list[dict], title: str) -> Table:
             f"{speed:,.0f}",
             f"{error:.1e}",
         )
-        shown.add_row(precision, f"{count:,}", *numbers)
+        shown.add_row(precision, steps, f"{count:,}", *numbers)
     return shown
 
 

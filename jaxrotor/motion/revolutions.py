@@ -198,7 +198,9 @@ class March(AbstractMarch):
         plan, form = self.plan, self.form
         assert isinstance(form, PortForm)
         stations = form.stations if sample else None
-        y1, samples = revolution(self.step, y, plan.steps, stations, batch=plan.batch)
+        fused = isinstance(plan.solver, Exponential) and plan.solver.fused
+        how = {"batch": plan.batch, "fused": fused}
+        y1, samples = revolution(self.step, y, plan.steps, stations, **how)
         if samples is not None:
             samples = samples.reshape(plan.steps + 1, 2, 2, -1)
         return y1, samples, self._outcome(y, y1)

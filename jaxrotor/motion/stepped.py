@@ -193,6 +193,10 @@ def check_steppable(
             "A few shapes are for whole revolutions, where the steady response is known; leave `shapes` "
             "out."
         )
+    if solver.fused:
+        raise ValueError(
+            "`fused=True` is for sweeps by whole revolutions, not for runs along times; leave `fused` out."
+        )
     return system
 
 

@@ -166,5 +166,6 @@ def solver_name(solver: Exponential | dfx.AbstractSolver) -> str:
     if isinstance(solver, Exponential):
         located = ", located=True" if solver.located else ""
         shapes = "" if solver.shapes is None else f", shapes={solver.shapes!r}"
-        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located}{shapes})"
+        fused = ", fused=True" if solver.fused else ""
+        return f"Exponential(order={solver.order}, basis={solver.basis!r}{located}{shapes}{fused})"
     return type(solver).__name__

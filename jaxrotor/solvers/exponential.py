@@ -7,6 +7,7 @@ step. Contact forces depend on the state only through a few ports, so a step nee
 state to the stage values of the ports, the forces, and one product back. See docs/concepts/ports.md.
 """
 
+import functools
 from typing import Literal
 
 import diffrax as dfx
@@ -45,12 +46,19 @@ class Exponential(eqx.Module):
     contacts and stations see. "auto" takes as many as `jr.sweep` and `jr.simulate` need for their
     `tolerance`, and elsewhere, as None does, all coordinates. What of the start is not made up of them is
     lost, so they are for motions that go on in contact, not for the first revolutions.
+
+    `fused=True` steps the lanes of `jr.sweep` through a revolution by one kernel on an NVIDIA GPU. Without
+    it, a step takes eight kernels there, between which the states go through the memory. Results differ
+    by rounding. Located steps, runs along times and contacts on parts without mass are refused. It
+    changes nothing on other processors, in what is not a sweep, and where lanes of a chunk differ in their
+    linear equations, as by the speed. No GPU has run it yet. See docs/cluster.md.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)
     basis: Literal["auto", "modal", "dense"] = eqx.field(default="auto", static=True)
     located: bool = eqx.field(default=False, static=True)
     shapes: int | Literal["auto"] | None = eqx.field(default=None, static=True)
+    fused: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
         if self.order not in (2, 4):
@@ -61,6 +69,11 @@ class Exponential(eqx.Module):
         if not (counted or self.shapes in (None, "auto")):
             raise ValueError(
                 f"`shapes` must be a positive whole number, 'auto' or None, but is {self.shapes!r}."
+            )
+        if self.fused and self.located:
+            raise ValueError(
+                "`fused=True` is for steps of one size, but `located=True` ends steps where contact "
+                "begins or ends; take one of both."
             )
 
     def form(
@@ -150,25 +163,38 @@ def revolution(
     stations: Reading | YieldingReading | None,
     *,
     batch: bool = False,
+    fused: bool = False,
 ) -> tuple[Float[Array, " m2"], Float[Array, "T s4"] | None]:
     """State after `steps` from angle 0, and readings of the stations at the start and after each step.
 
-    With `batch`, all lanes under `jax.vmap` are stepped as one array.
+    With `batch`, all lanes under `jax.vmap` are stepped as one array, on a GPU with `fused` by one kernel.
     """
 
     def run(parts, y):
         step, stations = parts
         phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
-
-        def one(y, phases):
-            seen = None if stations is None else stations.of_lanes(phases[0], y)
-            return step.of_lanes(phases, y), seen
-
         # Unrolled by two, the loop needs no copy of the state back to its buffer.
         unroll = 2 if batch and stations is None and steps % 2 == 0 else 1
-        y, samples = jax.lax.scan(one, y, phases, unroll=unroll)
+        if fused and batch and y.shape[-1] > 1:
+            from .fused import on_gpu  # pallas takes 0.4 s to load
+
+            y, samples = on_gpu(_stepped, parts, y, phases, unroll)
+        else:
+            one = functools.partial(_stepped, parts)
+            y, samples = jax.lax.scan(one, y, phases, unroll=unroll)
         if stations is None or samples is None:
             return y, None
         return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
 
     return lanes_last(run, (step, stations), y, batch=batch)
+
+
+def _stepped(
+    parts: tuple[ExponentialStep, Reading | YieldingReading | None],
+    y: Float[Array, "m2 lanes"],
+    phases: Float[Array, "c 2"],
+) -> tuple[Float[Array, "m2 lanes"], Float[Array, "s4 lanes"] | None]:
+    """States after a step, and what the stations read before it, lanes last."""
+    step, stations = parts
+    seen = None if stations is None else stations.of_lanes(phases[0], y)
+    return step.of_lanes(phases, y), seen

@@ -29,7 +29,7 @@ def test_settings_are_json_with_the_class_and_every_field():
     expected = {"class": "Whirl", "radius": 1e-3, "rate": -441.0123456789012, "angle": 0.0}
     assert whirl == expected
     solver = json.loads(as_json(jr.Exponential(4, located=True)))
-    expected = {"order": 4, "basis": "auto", "located": True, "shapes": None}
+    expected = {"order": 4, "basis": "auto", "located": True, "shapes": None, "fused": False}
     assert solver == {"class": "Exponential", **expected}
     observed = json.loads(as_json((Section(), Extrema(7))))
     assert observed == [{"class": "Section"}, {"class": "Extrema", "most": 7}]

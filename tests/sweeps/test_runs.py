@@ -206,6 +206,7 @@ def test_samples_without_windows_are_refused():
         ({"observe": [jr.observe.Section()]}, "`Section` is an observable of motions of whole"),
         ({"steps_per_revolution": "auto"}, "give `steps_per_revolution`"),
         ({"solver": jr.Exponential(shapes=2)}, "A few shapes are for whole revolutions"),
+        ({"solver": jr.Exponential(fused=True)}, "`fused=True` is for sweeps by whole revolutions"),
     ],
 )
 def test_settings_that_runs_do_not_take(settings, words):
