@@ -21,6 +21,7 @@ from .films import check_linear
 from .whirl_tables import synchronous
 
 
+CLEAR = 1e-5  # estimate of that distance above which it need not be known
 CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
 
 
@@ -304,6 +305,19 @@ def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
     return assemble(synchronous(scene)), Places.of(scene, at)
 
 
+def radius_and_distance(rotor: System, places: Places, speed: ArrayLike) -> tuple[float, float]:
+    """Major half axis [m] at the first place, and distance from resonance; see `unbalance_system`.
+
+    Where the distance is below `CRITICAL` the response is infinite, for want of damping.
+    """
+    speeds = jnp.atleast_1d(jnp.asarray(speed, float))
+    ahead, behind, mirrored, _, distance = map(
+        np.asarray, _parts_of_all(rotor, speeds, speeds, places, _of_unbalance)
+    )
+    major = abs(ahead + mirrored) + abs(behind)
+    return float(major[0, 0]), float(distance[0])
+
+
 def largest_radius(rotor: System, places: Places, speed: Scalar) -> Float[Array, " s"]:
     """Major half axes of the response to unbalance at one speed (s,), see `unbalance_system`."""
     forward, backward, mirrored, *_ = _parts_at(rotor, (speed, speed), places, _of_unbalance)
@@ -396,5 +410,28 @@ def _from_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
     Its inverse is the factor by which relative errors of `D` are magnified; units of rows cancel.
     """
     dynamic = jax.lax.stop_gradient(dynamic)
-    magnified = jnp.einsum("ij,ji->i", jnp.abs(jnp.linalg.inv(dynamic)), jnp.abs(dynamic))
-    return jnp.where(jnp.all(jnp.isfinite(magnified)), 1 / jnp.max(magnified), 0.0)
+
+    def exact(_):
+        magnified = jnp.einsum("ij,ji->i", jnp.abs(jnp.linalg.inv(dynamic)), jnp.abs(dynamic))
+        return jnp.where(jnp.all(jnp.isfinite(magnified)), 1 / jnp.max(magnified), 0.0)
+
+    guess = _near_resonance(dynamic)
+    return jax.lax.cond(guess > CLEAR, lambda _: guess, exact, None)
+
+
+def _near_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
+    """The distance of `_from_resonance` where it is small: `D^-1` is then `x y^H / (y^H a)`.
+
+    `x = D^-1 a` and `y = D^-H b` of any `a` and `b` are the null vectors there. Elsewhere it is only some
+    number that is not small. The factors of `D` are those that its response takes, too.
+    """
+    size = jnp.abs(dynamic.real) + jnp.abs(dynamic.imag)
+    rows = jnp.max(size, axis=1)
+    columns = jnp.max(size / jnp.where(rows > 0, rows, 1.0)[:, None], axis=0)
+    some = np.random.default_rng(0).standard_normal((2, len(dynamic)))
+    factors = jax.scipy.linalg.lu_factor(dynamic)
+    a, b = rows * some[0] + 0j, columns * some[1] + 0j
+    x = jax.scipy.linalg.lu_solve(factors, a)
+    y = jax.scipy.linalg.lu_solve(factors, b, trans=2)
+    found = jnp.abs(y.conj() @ a) / jnp.max(jnp.abs(x) * (jnp.abs(y) @ size))
+    return jnp.where(jnp.isfinite(found), found, 0.0)
