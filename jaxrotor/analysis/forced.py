@@ -420,10 +420,10 @@ def _from_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
 
 
 def _near_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
-    """The distance of `_from_resonance` where it is small: `D^-1` is then `x y^H / (y^H a)`.
+    """The distance of `_from_resonance`, or as little as 0.7 of it, where it is small.
 
-    `x = D^-1 a` and `y = D^-H b` of any `a` and `b` are the null vectors there. Elsewhere it is only some
-    number that is not small. The factors of `D` are those that its response takes, too.
+    `D^-1` is then `x y^H / (y^H a)`: `x = D^-1 a` and `y = D^-H b` of any `a` and `b` are null vectors.
+    Elsewhere it is some number that is not small. The factors of `D` are those that its response takes, too.
     """
     size = jnp.abs(dynamic.real) + jnp.abs(dynamic.imag)
     rows = jnp.max(size, axis=1)
