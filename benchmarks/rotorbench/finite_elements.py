@@ -161,8 +161,9 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
     if "over" in ask:
         models = lambda: (Model(machine.varied(ask["over"], x), cut) for x in values_of(ask))
         if question == "roots over a parameter":
-            return lambda: [model.roots(machine.speed, ask["count"]) for model in models()]
-        return lambda: [model.criticals(machine.speed, 4 * ask["count"]) for model in models()]
+            return lambda: _alike([model.roots(machine.speed, ask["count"]) for model in models()])
+        count = 4 * ask["count"]
+        return lambda: _alike([model.criticals(machine.speed, count) for model in models()])
     if question == "roots":
         return lambda: build().roots(ask.get("speed", machine.speed), ask["count"])
     if question == "Campbell diagram":
@@ -184,7 +185,11 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
 
 def campbell(model: Model, ask: dict[str, Any]) -> np.ndarray:
     """The slowest roots at every speed, of which some are spare."""
-    rows = [model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)]
+    return _alike([model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)])
+
+
+def _alike(rows: list[np.ndarray]) -> np.ndarray:
+    """Rows as a matrix, as long as the shortest of them."""
     return np.array([row[: min(map(len, rows))] for row in rows])
 
 
