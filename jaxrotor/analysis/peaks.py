@@ -267,6 +267,7 @@ def _half_power(
     k = k if (grid[k] - near) * way > 0 else k + way
     while 0 <= k < grid.size and heights[k] <= previous:
         if heights[k] < half:
-            return _zero_between(rotor, *sorted((near, grid[k])), half)
+            low, high = sorted((near, grid[k]))
+            return _zero_between(rotor, low, high, half)
         near, previous, k = grid[k], heights[k], k + way
     return np.nan

@@ -230,19 +230,20 @@ def moving_eigenvalues(
     finite = jnp.isfinite(values)
     roots = jnp.where(finite, values, 0.0)
     assert found.left is not None and found.right is not None
+    right = found.right[:m]
     ends = found.left[:, :m].T  # left vectors of the pencil, times `P(shift)`
     near = own.stiffness + shift * own.damping + shift**2 * own.inertia
     parts = [ends] if jnp.iscomplexobj(near) else [ends.real, ends.imag]
     solved = jnp.linalg.solve(near.T, jnp.concatenate(parts, axis=1))
     left = solved if len(parts) == 1 else jax.lax.complex(*jnp.split(solved, 2, axis=1))
-    way = lambda block: jnp.sum(left * (block @ found.right[:m]), axis=0)
+    way = lambda block: jnp.sum(left * (block @ right), axis=0)
     slopes = 2 * roots * way(own.inertia) + way(own.damping)
     changes = roots**2 * way(moved.inertia) + roots * way(moved.damping) + way(moved.stiffness)
     rates = jnp.where(finite, -changes / jnp.where(finite, slopes, 1.0), 0.0)
     same = finite & (jnp.abs(roots[:, None] - roots) <= ROUNDING * jnp.abs(roots)[:, None])
     same = same | jnp.eye(values.size, dtype=bool)
     changes = (same @ rates) / jnp.sum(same, axis=1)
-    return values, changes, _in_halves(pencil, found.right[:m].T)
+    return values, changes, _in_halves(pencil, right.T)
 
 
 def eigenvectors(
