@@ -18,11 +18,8 @@ from ..scene import Scene
 from ..shafts.cased import row_of
 from ..shafts.line import AbstractLine
 from .films import check_linear
+from .resonance import CRITICAL, from_resonance
 from .whirl_tables import synchronous
-
-
-CLEAR = 1e-5  # estimate of that distance above which it need not be known
-CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
 
 
 class HarmonicForce(eqx.Module):
@@ -311,9 +308,8 @@ def radius_and_distance(rotor: System, places: Places, speed: ArrayLike) -> tupl
     Where the distance is below `CRITICAL` the response is infinite, for want of damping.
     """
     speeds = jnp.atleast_1d(jnp.asarray(speed, float))
-    ahead, behind, mirrored, _, distance = map(
-        np.asarray, _parts_of_all(rotor, speeds, speeds, places, _of_unbalance)
-    )
+    found = _parts_of_all(rotor, speeds, speeds, places, _of_unbalance)
+    ahead, behind, mirrored, _, distance = map(np.asarray, found)
     major = abs(ahead + mirrored) + abs(behind)
     return float(major[0, 0]), float(distance[0])
 
@@ -376,7 +372,7 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     filled = lambda force: none if force is None else force
 
     def solve(pencil, at, force):
-        return pencil.response(at, force), _from_resonance(pencil.dynamic(at))
+        return pencil.response(at, force), from_resonance(pencil.dynamic(at))
 
     def circular(at, force):
         if force is None:
@@ -402,36 +398,3 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     pair = jnp.concatenate([filled(forward), filled(backward).conj()])
     q, distance = solve(Pencil.of(system), frequency, pair)
     return q[:n], q[n:].conj(), none, none, distance
-
-
-def _from_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
-    """`1 / max diag( |D^-1| |D| )`: about the relative distance of a frequency from a resonance.
-
-    Its inverse is the factor by which relative errors of `D` are magnified; units of rows cancel.
-    """
-    dynamic = jax.lax.stop_gradient(dynamic)
-
-    def exact(_):
-        magnified = jnp.einsum("ij,ji->i", jnp.abs(jnp.linalg.inv(dynamic)), jnp.abs(dynamic))
-        return jnp.where(jnp.all(jnp.isfinite(magnified)), 1 / jnp.max(magnified), 0.0)
-
-    guess = _near_resonance(dynamic)
-    return jax.lax.cond(guess > CLEAR, lambda _: guess, exact, None)
-
-
-def _near_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
-    """The distance of `_from_resonance`, or as little as 0.7 of it, where it is small.
-
-    `D^-1` is then `x y^H / (y^H a)`: `x = D^-1 a` and `y = D^-H b` of any `a` and `b` are null vectors.
-    Elsewhere it is some number that is not small. The factors of `D` are those that its response takes, too.
-    """
-    size = jnp.abs(dynamic.real) + jnp.abs(dynamic.imag)
-    rows = jnp.max(size, axis=1)
-    columns = jnp.max(size / jnp.where(rows > 0, rows, 1.0)[:, None], axis=0)
-    some = np.random.default_rng(0).standard_normal((2, len(dynamic)))
-    factors = jax.scipy.linalg.lu_factor(dynamic)
-    a, b = rows * some[0] + 0j, columns * some[1] + 0j
-    x = jax.scipy.linalg.lu_solve(factors, a)
-    y = jax.scipy.linalg.lu_solve(factors, b, trans=2)
-    found = jnp.abs(y.conj() @ a) / jnp.max(jnp.abs(x) * (jnp.abs(y) @ size))
-    return jnp.where(jnp.isfinite(found), found, 0.0)

@@ -16,7 +16,6 @@ from ..equations.system import System, structure
 from ..scene import Scene
 from .critical import CriticalSpeeds, critical_speeds
 from .forced import (
-    CRITICAL,
     HarmonicResponse,
     Places,
     largest_radius,
@@ -24,6 +23,7 @@ from .forced import (
     unbalance_response,
     unbalance_system,
 )
+from .resonance import CRITICAL
 
 
 SAME = 1e-6  # distance, relative to the range, below which two speeds count as one

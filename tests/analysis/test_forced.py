@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from systems import DENSITY, DIAMETER, DIAMETRAL, LENGTH, MASS, YOUNG, bare
 
 import jaxrotor as jr
-from jaxrotor.analysis.forced import _near_resonance
+from jaxrotor.analysis.resonance import _near_resonance
 
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
