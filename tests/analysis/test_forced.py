@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from systems import DENSITY, DIAMETER, DIAMETRAL, LENGTH, MASS, YOUNG, bare
 
 import jaxrotor as jr
-from jaxrotor.analysis.resonance import _near_resonance
+from jaxrotor.analysis.resonance import from_resonance
 
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -398,7 +398,7 @@ def test_distance_from_a_resonance_is_known_by_two_vectors(smallest):
     sizes[-1] = smallest
     dynamic = 10.0 ** np.linspace(-3, 9, 12)[:, None] * ((u * sizes) @ v)
     exact = 1 / max(np.diag(np.abs(np.linalg.inv(dynamic)) @ np.abs(dynamic)))
-    found = float(_near_resonance(jnp.asarray(dynamic)))
+    found = float(from_resonance(jnp.asarray(dynamic)))
     assert exact < 10 * smallest and exact / 1.42 < found < 1.001 * exact
 
 
