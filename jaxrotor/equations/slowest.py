@@ -84,7 +84,7 @@ def _magnitude(values: Complex[Array, " k"]) -> Array:
 
 def _dimension(count: int) -> int:
     """Dimension of a Krylov space in which `count` eigenvalues converge, as they decay in rotors."""
-    return 2 * (4 * (count + SPARE) // 5) + 24
+    return 2 * (4 * (count + SPARE) // 5) + 32
 
 
 def _checked(upper: Inexact[Array, "m N"], count: int, left: bool) -> tuple[Found, Bool[Array, ""]]:
