@@ -15,7 +15,7 @@ from peers.turbomachines import serve
 
 import jaxrotor as jr
 
-from .cases import Case, cases, plain, speeds_of
+from .cases import Case, cases, plain, speeds_of, values_of
 from .machines import FOLDER
 
 
@@ -42,6 +42,8 @@ def prepared(case: Case, setting: int) -> Callable[[], Any]:
     if case.question == "roots":
         turning = scene.at_speed(ask["speed"]) if "speed" in ask else scene
         return lambda: jr.roots(turning, 2 * ask["count"] + 2)
+    if "over" in ask:
+        return over_parameter(case.question, ask, scene)
     if case.question == "Campbell diagram":
         return lambda: jr.campbell(scene, speeds_of(ask), ask["count"]).values
     if case.question == "critical speeds":
@@ -54,6 +56,19 @@ def prepared(case: Case, setting: int) -> Callable[[], Any]:
         speeds = np.linspace(*ask["within"], BETWEEN)
         return lambda: highest(jr.response_peaks(scene, speeds, ask["at"]))
     return lambda: plane(jr.simulate(scene, times=ask["times"], at=ask["at"]).displacement[:, 0])
+
+
+def over_parameter(question: str, ask: dict[str, Any], scene: jr.Scene) -> Callable[[], Any]:
+    """The call that gives roots or critical speeds of a scene with every value of a parameter."""
+    factors = {**ask["over"]}
+    supports = factors.pop("supports")
+    paths = {f"supports.{k}.{key}": x for k in supports for key, x in factors.items()}
+    scenes = lambda: (
+        scene.replace({path: x * value for path, x in paths.items()}) for value in values_of(ask)
+    )
+    if question == "roots over a parameter":
+        return lambda: [np.asarray(jr.roots(one, 2 * ask["count"] + 2)) for one in scenes()]
+    return lambda: [np.asarray(jr.critical_speeds(one).forward)[: ask["count"]] for one in scenes()]
 
 
 def nonlinear(case: Case, scene: jr.Scene, setting: int) -> Callable[[], Any] | None:

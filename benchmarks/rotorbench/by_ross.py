@@ -12,7 +12,7 @@ import numpy as np
 from peers.turbomachines import serve
 from peers.with_ross import branches, ellipses
 
-from .cases import cases, plain, speeds_of
+from .cases import cases, plain, speeds_of, values_of
 from .machines import Machine
 from .searches import peak, threshold
 
@@ -130,7 +130,11 @@ def _one(name: str, cut: int) -> Callable[[], Any]:
     ask, machine = case.ask, Machine(case.machine)
     if case.question == "static position":
         return lambda: position(machine)
-    built = Built(machine, cut, damped=case.question != "critical speeds")
+    if case.question == "roots over a parameter":
+        over, speed, count = ask["over"], machine.speed, ask["count"] + 6
+        rotors = [Built(machine.varied(over, value), cut).rotor for value in values_of(ask)]
+        return lambda: [rotor.run_modal(speed, num_modes=count).evalues for rotor in rotors]
+    built = Built(machine, cut, damped=not case.question.startswith("critical speeds"))
     rotor = built.rotor
     if case.question == "roots":
         speed, count = ask.get("speed", machine.speed), ask["count"] + 6
@@ -141,6 +145,9 @@ def _one(name: str, cut: int) -> Callable[[], Any]:
     if case.question == "critical speeds":
         count = 2 * ask["count"] + 2
         return lambda: rotor.run_critical_speed(num_modes=count, rtol=1e-4).wn()
+    if case.question == "critical speeds over a parameter":  # of all bearings alike
+        given = {"stiffness_range": ask["powers"], "num": ask["points"], "synchronous": True}
+        return lambda: rotor.run_ucs(**given).wn.T
     if case.question == "threshold":
         return lambda: threshold(lambda speed: built.lateral(speed, 10), ask["within"])
     if case.question == "response":
@@ -153,9 +160,10 @@ def _one(name: str, cut: int) -> Callable[[], Any]:
 
 def radii(built: Built, at: float, speeds: np.ndarray) -> np.ndarray:
     """Forward and backward radius [m] of the response to the unbalance."""
-    (one,) = built.machine.parts("unbalances")
-    run = built.rotor.run_unbalance_response
-    found = run(built.node(one["at"]), one["moment"], 0.0, speeds)
+    every = built.machine.parts("unbalances")
+    nodes, moments = [built.node(one["at"]) for one in every], [one["moment"] for one in every]
+    phases = [one.get("phase", 0.0) for one in every]
+    found = built.rotor.run_unbalance_response(nodes, moments, phases, speeds)
     return ellipses(found.forced_resp, built.node(at))
 
 

@@ -15,6 +15,8 @@ FOUND_BY_VALUE = (
     "roots",
     "critical speeds",
     "Campbell diagram",
+    "roots over a parameter",
+    "critical speeds over a parameter",
 )  # their values are found in any order, beside others
 SCALED = ("response", "history")  # errors are relative to the largest value
 
@@ -66,6 +68,13 @@ def speeds_of(ask: dict[str, Any]) -> np.ndarray:
     return np.linspace(*ask["within"], ask.get("speeds", ask["count"]))
 
 
+def values_of(ask: dict[str, Any]) -> np.ndarray:
+    """Values of a parameter, equally spaced or in equal ratios between powers of ten."""
+    if "powers" in ask:
+        return np.logspace(*ask["powers"], ask["points"])
+    return np.linspace(*ask["between"], ask["points"])
+
+
 def error(case: Case, answers: list[np.ndarray], exact: np.ndarray) -> float:
     """Largest relative error of an answer, or of what two meshes tend to.
 
@@ -86,7 +95,8 @@ def _chosen(case: Case, found: np.ndarray, exact: np.ndarray) -> np.ndarray:
         return found
     if np.iscomplexobj(found):
         found = found.real + 1j * np.abs(found.imag)
-    if exact.ndim == 2:  # by speed
+    if exact.ndim == 2:  # by speed or by another parameter
         pairs = zip(found, exact, strict=True)
-        return np.array([row[np.argmin(np.abs(row[:, None] - own), axis=0)] for row, own in pairs])
+        near = lambda row, own: row[np.argmin(np.abs(row[:, None] - own), axis=0)]
+        return np.array([near(np.asarray(row), own) for row, own in pairs])
     return found[np.argmin(np.abs(found[:, None] - exact), axis=0)]

@@ -11,7 +11,7 @@ from scipy.linalg import eig, lu_factor, lu_solve
 from scipy.optimize import newton
 from scipy.sparse.linalg import LinearOperator, eigs
 
-from .cases import speeds_of
+from .cases import speeds_of, values_of
 from .machines import Machine
 from .searches import peak, threshold
 
@@ -101,12 +101,18 @@ class Model:
         found = eigs(inverse, count, v0=start, tol=1e-14, return_eigenvectors=False).real
         return np.sort(1 / np.sqrt(found[found > 0]))
 
+    def unbalance(self, speed: float) -> np.ndarray:
+        """Amplitude [N] of the force of all unbalances on all coordinates."""
+        force = np.zeros(self.free.size, complex)
+        for one in self.machine.parts("unbalances"):
+            push = one["moment"] * speed**2 * np.exp(1j * one.get("phase", 0.0))
+            force[self.place(one["at"])] += push * np.array([1, -1j])
+        return force
+
     def response(self, speed: float, at: float) -> np.ndarray:
         """Forward and backward radius [m] at a station, of the unbalance."""
         m, c, k = self.matrices(speed)
-        force = np.zeros(self.free.size, complex)
-        for one in self.machine.parts("unbalances"):
-            force[self.place(one["at"])] += one["moment"] * speed**2 * np.array([1, -1j])
+        force = self.unbalance(speed)
         found = np.zeros(self.free.size, complex)
         found[self.free] = np.linalg.solve(k + 1j * speed * c - speed**2 * m, force[self.free])
         x, y = found[self.place(at)]
@@ -118,9 +124,7 @@ class Model:
         n, inverse = len(m), np.linalg.inv(m)
         first = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ k, -inverse @ c]])
         values, shapes = eig(first)
-        force = np.zeros(self.free.size, complex)
-        for one in self.machine.parts("unbalances"):
-            force[self.place(one["at"])] += one["moment"] * speed**2 * np.array([1, -1j])
+        force = self.unbalance(speed)
         steady = np.linalg.solve(k + 1j * speed * c - speed**2 * m, force[self.free])
         begin = -np.concatenate([steady, 1j * speed * steady]).real
         shares = np.linalg.solve(shapes, begin.astype(complex))
@@ -154,6 +158,12 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
     """The call that answers a linear question on one mesh; the mesh is made in it."""
     model = Damped if "internal_damping" in machine.scene else Model
     build = functools.partial(model, machine, cut)
+    if "over" in ask:
+        models = lambda: (Model(machine.varied(ask["over"], x), cut) for x in values_of(ask))
+        if question == "roots over a parameter":
+            return lambda: _alike([model.roots(machine.speed, ask["count"]) for model in models()])
+        count = 4 * ask["count"]
+        return lambda: _alike([model.criticals(machine.speed, count) for model in models()])
     if question == "roots":
         return lambda: build().roots(ask.get("speed", machine.speed), ask["count"])
     if question == "Campbell diagram":
@@ -175,7 +185,11 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
 
 def campbell(model: Model, ask: dict[str, Any]) -> np.ndarray:
     """The slowest roots at every speed, of which some are spare."""
-    rows = [model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)]
+    return _alike([model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)])
+
+
+def _alike(rows: list[np.ndarray]) -> np.ndarray:
+    """Rows as a matrix, as long as the shortest of them."""
     return np.array([row[: min(map(len, rows))] for row in rows])
 
 

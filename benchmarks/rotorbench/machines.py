@@ -49,6 +49,13 @@ class Machine:
         self.path = FOLDER / f"{name}.toml"
         self.scene: dict[str, Any] = tomllib.loads(self.path.read_text())
 
+    def varied(self, over: dict[str, Any], value: float) -> "Machine":
+        """The machine with a value, times the factor of each, as coefficients of some of its supports."""
+        other, factors = Machine(self.path.stem), {**over}
+        for k in factors.pop("supports"):
+            other.parts("supports")[k].update({key: x * value for key, x in factors.items()})
+        return other
+
     def parts(self, kind: str) -> list[dict[str, Any]]:
         """Effects of a kind, as `discs`."""
         return self.scene.get(kind, [])

@@ -6,6 +6,7 @@ finite elements.
 """
 
 import argparse
+import contextlib
 import re
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
-from .cases import FOLDER, Case, cases, references, speeds_of
+from .cases import FOLDER, Case, cases, references, speeds_of, values_of
 from .exact import Rotor, number, zero_near, zero_of_two
 from .finite_elements import Model, answered
 from .machines import Machine
@@ -71,6 +72,34 @@ def campbell(case: Case) -> np.ndarray:
     )
 
 
+def roots_over(case: Case) -> np.ndarray:
+    """Roots with every value of a parameter."""
+    own = Machine(case.machine)
+    machines = [own.varied(case.ask["over"], value) for value in values_of(case.ask)]
+    near = answered(own, case.ask, case.question, FINE)()
+    rows = [
+        [root_near(Rotor(machine), machine.speed, one) for one in row[: case.ask["count"]]]
+        for machine, row in zip(machines, near, strict=True)
+    ]
+    return np.array([[complex(mp.re(z), abs(mp.im(z))) for z in row] for row in rows])
+
+
+def forward_over(case: Case) -> np.ndarray:
+    """The lowest critical speeds of forward whirl with every value of a parameter."""
+    own = Machine(case.machine)
+    machines = [own.varied(case.ask["over"], value) for value in values_of(case.ask)]
+    rows = []
+    for machine, near in zip(machines, answered(own, case.ask, case.question, FINE)(), strict=True):
+        rotor, found = Rotor(machine, damped=False), []
+        for guess in near:
+            with contextlib.suppress(ArithmeticError):  # a speed of backward whirl
+                one = float(critical_near(rotor, guess, (1j,)))
+                if not np.isclose(one, found, rtol=1e-9, atol=0).any():
+                    found.append(one)
+        rows.append(sorted(found)[: case.ask["count"]])
+    return np.array(rows)
+
+
 def pinned(machine: Machine, count: int) -> np.ndarray:
     """`a w^4 - b w^2 + c = 0` of Timoshenko, at rest; each frequency is one of both planes."""
     young, density, shear = map(number, machine.material)
@@ -118,10 +147,10 @@ def critical_speeds(case: Case) -> np.ndarray:
     return np.array([float(critical_near(rotor, guess)) for guess in near])
 
 
-def critical_near(rotor: Rotor, guess: float) -> Any:
+def critical_near(rotor: Rotor, guess: float, senses: tuple[complex, ...] = (1j, -1j)) -> Any:
     """A critical speed; where planes are apart it may be forward or backward."""
     of = lambda sense: lambda w: mp.re(rotor.determinant(sense * w, w))
-    senses = (1j, -1j) if rotor.circular else (1j,)
+    senses = senses if rotor.circular else (1j,)
     return nearest_zero([(of(sense), guess) for sense in senses])
 
 
@@ -136,9 +165,12 @@ def threshold(case: Case) -> np.ndarray:
 
 def radii(rotor: Rotor, ask: dict[str, Any], speed: Any) -> list[Any]:
     """Forward and backward radius [m] of the response to the unbalance."""
-    (one,) = rotor.machine.parts("unbalances")
-    parts = rotor.response(1j * speed, speed, one["at"], ask["at"])
-    return [abs(part) * number(one["moment"]) * speed**2 for part in parts]
+    sums = [mp.mpc(0), mp.mpc(0)]
+    for one in rotor.machine.parts("unbalances"):
+        push = number(one["moment"]) * speed**2 * mp.exp(1j * number(one.get("phase", 0.0)))
+        parts = rotor.response(1j * speed, speed, one["at"], ask["at"])
+        sums = [whole + push * part for whole, part in zip(sums, parts, strict=True)]
+    return [abs(whole) for whole in sums]
 
 
 def response(case: Case) -> np.ndarray:
@@ -196,7 +228,9 @@ def history(case: Case) -> np.ndarray:
 
 QUESTIONS: dict[str, Callable[[Case], np.ndarray]] = {
     "roots": roots,
+    "roots over a parameter": roots_over,
     "Campbell diagram": campbell,
+    "critical speeds over a parameter": forward_over,
     "critical speeds": critical_speeds,
     "threshold": threshold,
     "response": response,

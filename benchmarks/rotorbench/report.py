@@ -14,7 +14,9 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGE, FIGURE = DOCS / "rotorbench.md", DOCS / "rotorbench.png"
 BEGIN, END = "<!-- written by rotorbench: begin -->", "<!-- written by rotorbench: end -->"
 PROGRAMS = {"jaxrotor": "C0", "ROSS": "C1", "SciPy": "C2"}
+MISSED = "**!**"  # mark of an error above the goal
 Found = dict[str, dict[str, list[dict[str, Any]]]]
+Rows = dict[str, list[str]]
 
 
 def best(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
@@ -25,43 +27,51 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
     return min(rows, key=lambda row: row["error"]) if rows else None
 
 
-def table(found: Found, about: dict[str, str]) -> str:
-    """What was measured, as Markdown."""
-    heads = ["case", "jaxrotor: error", "ms", "first, s", "ROSS: error", "ms", "SciPy: error", "ms"]
-    lines = ["| " + " | ".join([*heads, "ROSS over jaxrotor"]) + " |", "|---" * 9 + "|"]
+def rows(found: Found) -> Rows:
+    """What was measured as cells of a table, by case."""
+    cells: Rows = {}
     for name, by in found.items():
         ours, ross, own = (best(by[program]) for program in PROGRAMS)
-        cells = [name, *_cells(ours), f"{max(row['first'] for row in by['jaxrotor']):.1f}"]
-        cells += [*_cells(ross), *_cells(own)]
-        cells += [f"{ross['warm'] / ours['warm']:.3g}" if ross and ours else "-"]
-        lines.append("| " + " | ".join(cells) + " |")
-    told = "; ".join(f"{key} {value}" for key, value in about.items())
-    return "\n".join([*lines, "", summary(found), "", f"Measured with: {told}."])
+        cells[name] = [*_cells(ours), f"{max(row['first'] for row in by['jaxrotor']):.1f}"]
+        cells[name] += [*_cells(ross), *_cells(own)]
+        cells[name] += [f"{ross['warm'] / ours['warm']:.3g}" if ross and ours else "-"]
+    return cells
+
+
+def table(cells: Rows, told: str) -> str:
+    """The table, how many cases reach what is wanted, and how it was measured, as Markdown."""
+    heads = ["case", "jaxrotor: error", "ms", "first, s", "ROSS: error", "ms", "SciPy: error", "ms"]
+    lines = ["| " + " | ".join([*heads, "ROSS over jaxrotor"]) + " |", "|---" * 9 + "|"]
+    lines += ["| " + " | ".join([name, *own]) + " |" for name, own in cells.items()]
+    return "\n".join([*lines, "", summary(cells), "", told])
+
+
+def told(about: dict[str, str]) -> str:
+    """How a run was measured."""
+    return f"Measured with: {'; '.join(f'{key} {value}' for key, value in about.items())}."
 
 
 def _cells(row: dict[str, Any] | None) -> list[str]:
     if row is None:
         return ["-", "-"]
-    missed = " **!**" if row["error"] > GOAL else ""
+    missed = f" {MISSED}" if row["error"] > GOAL else ""
     return [f"{row['error']:.0e}{missed}", f"{1e3 * row['warm']:.3g}"]
 
 
-def summary(found: Found) -> str:
+def summary(cells: Rows) -> str:
     """How many cases reach what is wanted, and which do not."""
     off, late, slow, ratios = [], [], [], []
-    for name, by in found.items():
-        ours, ross, own = (best(by[program]) for program in PROGRAMS)
-        assert ours is not None
-        good = ours["error"] <= GOAL
+    for name, (error, ms, _, _, ross, own_error, own, ratio) in cells.items():
+        good = MISSED not in error
         off += [] if good else [name]
-        if ross is not None:
-            ratios.append(ross["warm"] / ours["warm"])
-            late += [] if good and ours["warm"] <= TENTH * ross["warm"] else [name]
-        if own is not None and own["error"] <= GOAL:
-            slow += [] if good and ours["warm"] <= own["warm"] else [name]
+        if ross != "-":
+            ratios.append(float(ratio))
+            late += [] if good and float(ms) <= TENTH * float(ross) else [name]
+        if own != "-" and MISSED not in own_error:
+            slow += [] if good and float(ms) <= float(own) else [name]
     listed = lambda names: f" (not in: {', '.join(names)})" if names else ""
     text = (
-        f"jaxrotor has six digits in {len(found) - len(off)} of {len(found)} cases{listed(off)}. "
+        f"jaxrotor has six digits in {len(cells) - len(off)} of {len(cells)} cases{listed(off)}. "
     )
     if ratios:
         text += (
@@ -118,8 +128,24 @@ def sources() -> str:
 
 
 def write(found: Found, about: dict[str, str]) -> None:
-    """Table, summary and sources into the page, and the figure beside it."""
-    draw(found, FIGURE)
-    text = PAGE.read_text()
-    own = "\n\n".join([BEGIN, table(found, about), sources(), END])
+    """Table, summary and sources into the page, and the figure beside it.
+
+    Of a run of some cases the rows alone: other rows, and the figure, stay as they were.
+    """
+    text, names = PAGE.read_text(), [case.name for case in cases()]
+    cells, how = rows(found), told(about)
+    if set(found) == set(names):
+        draw(found, FIGURE)
+    else:
+        (before,) = re.findall("^Measured with: .*$", text, flags=re.M)
+        how = f"{before} Measured apart, load {about['load before and after']}: {'; '.join(found)}."
+        cells = _written(text) | cells
+    cells = {name: cells[name] for name in names if name in cells}
+    own = "\n\n".join([BEGIN, table(cells, how), sources(), END])
     PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: own, text, flags=re.S))
+
+
+def _written(text: str) -> Rows:
+    """Cells of the table in a page, by case."""
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return {name: own for name, *own in lines if len(own) == 8 and name != "case"}

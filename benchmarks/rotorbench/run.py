@@ -6,7 +6,8 @@
 Every case is asked of each program at several settings: nodes or steps, meshes, tolerances; two meshes are
 extrapolated to elements of no length. Seconds are processor time of all threads (user and system), the
 median of calls after a first one. The rotor is built before: ROSS assembles there, the others in the call.
-With `--write` the table of `docs/rotorbench.md` and `docs/rotorbench.png` are written anew.
+With `--write` the table of `docs/rotorbench.md` and `docs/rotorbench.png` are written anew, with `--only`
+the rows of those cases alone.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from platformdirs import user_cache_path
 from rich.console import Console
 
 from .cases import Case, cases, complex_of, error, references
-from .report import draw, table, write
+from .report import draw, rows, table, told, write
 
 
 GOAL = 1e-6  # relative error
@@ -107,12 +108,14 @@ def main() -> None:
                     name: asked(program, name, case, exact[case.name], args.repeats)
                     for name, program in programs.items()
                 }
+                if args.json:  # anew after every case, lest a run that ends early is lost
+                    args.json.write_text(json.dumps({"cases": found}, indent=1) + "\n")
         for program in programs.values():
             program.close()
     load += os.getloadavg()[:1]
     about = {"machine": processor(), "ROSS": version(python)}
     about["load before and after"] = " ".join(f"{x:.1f}" for x in load)
-    print(table(found, about))
+    print(table(rows(found), told(about)))
     if args.json:
         args.json.write_text(json.dumps({"cases": found, "about": about}, indent=1) + "\n")
     if args.figure:

@@ -18,10 +18,8 @@ from ..scene import Scene
 from ..shafts.cased import row_of
 from ..shafts.line import AbstractLine
 from .films import check_linear
+from .resonance import CRITICAL, from_resonance
 from .whirl_tables import synchronous
-
-
-CRITICAL = 1e-9  # relative distance from resonance below which a response has no correct digits
 
 
 class HarmonicForce(eqx.Module):
@@ -304,6 +302,18 @@ def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
     return assemble(synchronous(scene)), Places.of(scene, at)
 
 
+def radius_and_distance(rotor: System, places: Places, speed: ArrayLike) -> tuple[float, float]:
+    """Major half axis [m] at the first place, and distance from resonance; see `unbalance_system`.
+
+    Where the distance is below `CRITICAL` the response is infinite, for want of damping.
+    """
+    speeds = jnp.atleast_1d(jnp.asarray(speed, float))
+    found = _parts_of_all(rotor, speeds, speeds, places, _of_unbalance)
+    ahead, behind, mirrored, _, distance = map(np.asarray, found)
+    major = abs(ahead + mirrored) + abs(behind)
+    return float(major[0, 0]), float(distance[0])
+
+
 def largest_radius(rotor: System, places: Places, speed: Scalar) -> Float[Array, " s"]:
     """Major half axes of the response to unbalance at one speed (s,), see `unbalance_system`."""
     forward, backward, mirrored, *_ = _parts_at(rotor, (speed, speed), places, _of_unbalance)
@@ -362,7 +372,7 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     filled = lambda force: none if force is None else force
 
     def solve(pencil, at, force):
-        return pencil.response(at, force), _from_resonance(pencil.dynamic(at))
+        return pencil.response(at, force), from_resonance(pencil.dynamic(at))
 
     def circular(at, force):
         if force is None:
@@ -388,13 +398,3 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     pair = jnp.concatenate([filled(forward), filled(backward).conj()])
     q, distance = solve(Pencil.of(system), frequency, pair)
     return q[:n], q[n:].conj(), none, none, distance
-
-
-def _from_resonance(dynamic: Complex[Array, "m m"]) -> Scalar:
-    """`1 / max diag( |D^-1| |D| )`: about the relative distance of a frequency from a resonance.
-
-    Its inverse is the factor by which relative errors of `D` are magnified; units of rows cancel.
-    """
-    dynamic = jax.lax.stop_gradient(dynamic)
-    magnified = jnp.einsum("ij,ji->i", jnp.abs(jnp.linalg.inv(dynamic)), jnp.abs(dynamic))
-    return jnp.where(jnp.all(jnp.isfinite(magnified)), 1 / jnp.max(magnified), 0.0)

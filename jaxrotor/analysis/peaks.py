@@ -1,16 +1,15 @@
 """Peaks of the response to unbalance: amplification factors and separation margins."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.optimize import brentq, minimize_scalar
 
 from ..core.compiled import compiled_quickly
+from ..core.sign_change import sign_change
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import isotropic
 from ..equations.system import System, structure
@@ -20,12 +19,15 @@ from .forced import (
     HarmonicResponse,
     Places,
     largest_radius,
+    radius_and_distance,
     unbalance_response,
     unbalance_system,
 )
+from .resonance import CRITICAL
 
 
 SAME = 1e-6  # distance, relative to the range, below which two speeds count as one
+NARROWINGS = 60  # golden sections of a bracket at most
 HALF_POWER = np.sqrt(0.5)  # amplitude there over that of the peak
 DAMPED = 2.5  # amplification factor below which a peak needs no margin
 _MOST = {"below": 0.16, "above": 0.26}  # largest margins that are required
@@ -168,23 +170,22 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
             f"`speeds` must be three or more in ascending order, from 0 on, but is {speeds}."
         )
     critical = _excited(scene, float(speeds[0]), float(speeds[-1]))
-    unbounded = [_is_unbounded(scene, speed, at) for speed in np.asarray(critical.speeds).tolist()]
-    grid = _united(speeds, np.asarray(critical.speeds), np.array(unbounded, bool))
+    rotor = unbalance_system(scene, at)
+    distances = [radius_and_distance(*rotor, speed)[1] for speed in critical.speeds]
+    unbounded = np.array(distances) < CRITICAL
+    grid = _united(speeds, np.asarray(critical.speeds), unbounded)
     found = unbalance_response(scene, grid, at)
     if found.stations.size != 1:
         raise ValueError(
             f"Peaks are those of one station, but `at` has {found.stations.size}; give one of them."
         )
-    system = unbalance_system(scene, at)
-    height = lambda speed: tuple(map(float, _height_and_slope(*system, jnp.asarray(speed))))
     heights, sharp = np.asarray(found.major)[:, 0], np.asarray(critical.speeds)[unbounded]
     rows = [(speed, np.inf, speed, speed) for speed in sharp.tolist()]
     for k in _summits(heights).tolist():
-        left, right = grid[k - 1], grid[k + 1]
-        if not np.any((left <= sharp) & (sharp <= right)):
-            speed = _summit(height, float(left), float(right))
-            peak = speed, height(speed)[0]
-            lower, upper = (_half_power(height, grid, heights, k, peak, way) for way in (-1, 1))
+        around = grid[k - 1 : k + 2]
+        if not np.any((around[0] <= sharp) & (sharp <= around[2])):
+            peak = _summit(rotor, around)
+            lower, upper = (_half_power(rotor, grid, heights, k, peak, way) for way in (-1, 1))
             rows.append((*peak, lower, upper))
     table = np.array(sorted(rows), float).reshape(-1, 4)
     return ResponsePeaks(found, critical, *table.T)
@@ -200,15 +201,6 @@ def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
     return found.where(inside)
 
 
-def _is_unbounded(scene: Scene, speed: float, at) -> bool:
-    """Whether the response at a critical speed is infinite, for want of damping."""
-    try:
-        unbalance_response(scene, speed, at)
-    except ValueError:
-        return True
-    return False
-
-
 def _united(speeds: np.ndarray, critical: np.ndarray, unbounded: np.ndarray) -> np.ndarray:
     """Speeds, and critical ones where the response is finite; of two that coincide the critical one."""
     near = np.abs(speeds[:, None] - critical) < SAME * (speeds[-1] - speeds[0])
@@ -221,33 +213,61 @@ def _summits(heights: np.ndarray) -> np.ndarray:
     return np.flatnonzero(rises & falls) + 1
 
 
+def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, float]:
+    """Speed and amplitude of a maximum between three speeds of which the middle one is the highest.
+
+    It is a zero of the slope. Where the amplitude does not rise at the beginning and fall at the end, the
+    bracket is narrowed by golden section.
+    """
+    low, best, high = speeds
+    height = lambda speed: radius_and_distance(*rotor, speed)[0]
+    top = height(best)
+    for _ in range(NARROWINGS):
+        zero = _zero_between(rotor, low, high, np.nan)
+        if np.isfinite(zero):
+            return zero, height(zero)
+        right = high - best > best - low
+        speed = best + (3 - 5**0.5) / 2 * ((high if right else low) - best)
+        new = height(speed)
+        inner = best if new > top else speed
+        low, high = (inner, high) if (new > top) == right else (low, inner)
+        best, top = (speed, new) if new > top else (best, top)
+    return float(best), top
+
+
+def _zero_between(rotor: tuple[System, Places], low: float, high: float, level: float) -> float:
+    """See `_zero`."""
+    return float(_zero(*rotor, jnp.asarray([low, high], float), jnp.asarray(level, float)))
+
+
 @compiled_quickly
-def _height_and_slope(rotor: System, places: Places, speed: Array) -> tuple[Array, Array]:
-    """Amplitude at a speed and its derivative by the speed: one program for all peaks."""
-    return jax.value_and_grad(lambda speed: largest_radius(rotor, places, speed)[0])(speed)
+def _zero(rotor: System, places: Places, ends: Array, level: Array) -> Array:
+    """Speed between two others at which the amplitude has a level, or if that is NaN a maximum.
+
+    NaN where the amplitude is not on different sides of the level, or does not rise and then fall.
+    """
+
+    @jax.jit  # traced once a program
+    def value(speed: Array) -> Array:
+        radius = lambda speed: largest_radius(rotor, places, speed)[0]
+        height, slope = jax.jvp(radius, (speed,), (jnp.ones_like(speed),))
+        return jnp.where(jnp.isnan(level), slope, height - level)
+
+    low, high = jax.lax.map(value, ends)
+    found = sign_change(value, ends[0], ends[1], low, high, high > 0)
+    between = jnp.where(jnp.isnan(level), (low > 0) & (high < 0), (low > 0) != (high > 0))
+    return jnp.where(between, found, jnp.nan)
 
 
-def _summit(height: Callable, low: float, high: float) -> float:
-    """Speed of the maximum between two speeds, to rounding: the zero of its slope."""
-    depth = lambda speed: -height(speed)[0]
-    slope, apart = lambda speed: height(speed)[1], 1e-3 * (high - low)
-    options: Any = {"xatol": apart / 4}
-    best: Any = minimize_scalar(depth, bounds=(low, high), method="bounded", options=options)
-    near = best.x
-    below, above = max(low, near - apart), min(high, near + apart)
-    if not slope(below) > 0 > slope(above):
-        return float(near)
-    zero: Any = brentq(slope, below, above)
-    return float(zero)
-
-
-def _half_power(height: Callable, grid, heights, k: int, peak: tuple, way: int) -> float:
+def _half_power(
+    rotor: tuple[System, Places], grid, heights, k: int, peak: tuple[float, float], way: int
+) -> float:
     """Speed of half power on one side of a peak, NaN if the valley or the end comes first."""
     (near, previous), half = peak, HALF_POWER * peak[1]
     k = k if (grid[k] - near) * way > 0 else k + way
     while 0 <= k < grid.size and heights[k] <= previous:
         if heights[k] < half:
-            crossed: Any = brentq(lambda x: height(x)[0] - half, *sorted((near, grid[k])))
-            return float(crossed)
+            low, high = sorted((near, grid[k]))
+            return _zero_between(rotor, low, high, half)
         near, previous, k = grid[k], heights[k], k + way
     return np.nan

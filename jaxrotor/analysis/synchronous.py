@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Complex, Float, Inexact, Int
 
 from ..core.extremes import larger
 from ..core.quantities import Scalar
@@ -22,19 +22,21 @@ from ..equations.speed_tables import speed_range
 from ..equations.system import System
 
 
-SAMPLES = 256  # intervals of speed in which crossings are sought
+SAMPLES = 48  # intervals of speed in which crossings are sought
+PARTS = 6  # of such an interval, where a crossing is in it or may be
 MORE = 16  # crossings for which there is a place, beyond the number of unknowns
 SAME = 1e-8  # relative difference of `Omega_j(Omega)` and `Omega` at a crossing
 
-Family = tuple[Complex[Array, "m m"], Complex[Array, "m m"]]
+Family = tuple[Inexact[Array, "m m"], Inexact[Array, "m m"]]
 
 
 def families(system: System) -> list[Family]:
     """Stiffness and inertia of all synchronous whirls: `(K - Omega^2 M) q = 0`.
 
-    Where all axes are equal, those of forward and those of backward whirl; else those of the pair.
+    Where all axes are equal, those of forward and those of backward whirl, real; else those of the pair.
     """
-    blocks, part = system.blocks, filled(system)
+    blocks = system.blocks
+    part = filled(system, float if isotropic(blocks) else complex)
     stiffness, inertia = part(blocks.stiffness), part(blocks.inertia)
     ahead, behind = (inertia + sense * part(blocks.gyroscopic) for sense in (-1, 1))
     if isotropic(blocks):
@@ -56,51 +58,61 @@ def crossings(system: System) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
     """Speeds `Omega = Omega_j(Omega)` of a rotor whose stiffness depends on the speed, and their families.
 
     They are sought between the ends of its tables, from 0 on, and where these are held constant beyond
-    the ends, at all speeds. Two crossings of one `Omega_j` within an interval are missed. Infinite speeds
-    fill up. Differentiable, as the implicit function theorem has it.
+    the ends, at all speeds. Two crossings of one `Omega_j` within an interval are missed, see `_sampled`.
+    Infinite speeds fill up. Differentiable, as the implicit function theorem has it.
     """
     held = jax.lax.stop_gradient(system)
+    count = len(families(held))
+    searched = _searched(held, count)
 
-    def whirls(system: System, speed: Scalar) -> Float[Array, " m"]:
-        own = families(system.at_speed(speed))
-        return jnp.concatenate([jnp.sort(synchronous_of(*one)[0]) for one in own])
+    def of_family(family: Array) -> Float[Array, " c"]:
+        @jax.jit  # traced once a program
+        def above(speed: Scalar) -> Float[Array, " m"]:
+            found = _whirls(held, speed, family)
+            there = jnp.isfinite(found)
+            found = jnp.where(there, found, 1.0)
+            return jnp.where(there, (found - speed) / (found + speed), 1.0)
 
-    def above(speed: Scalar) -> Float[Array, " m"]:
-        found = whirls(held, speed)
-        there = jnp.isfinite(found)
-        found = jnp.where(there, found, 1.0)
-        return jnp.where(there, (found - speed) / (found + speed), 1.0)
+        speeds, values = _sampled(above, searched)
 
-    speeds = _searched(held, whirls)
-    values = jax.lax.map(above, speeds)
-    changes = (values[:-1] > 0) != (values[1:] > 0)
-    count = values.shape[1]
-    order = jnp.argsort(~changes.ravel())[: count + MORE]
-    k, j = order // count, order % count
+        def refined(case):
+            k, j = case
+            first, last = speeds[k], speeds[k + 1]
+            ends = values[k, j], values[k + 1, j]
+            root = sign_change(lambda speed: above(speed)[j], first, last, *ends, ends[1] > 0)
+            root = jax.lax.stop_gradient(root)
+            # One evaluation has the value, its slope and, as `system` is that of `held`, the derivative.
+            nearest = lambda speed: _nearest(root, *_family(system, speed, family))
+            value, slope = jax.jvp(nearest, (root,), (jnp.ones_like(root),))
+            now, slope = jax.lax.stop_gradient((value, slope - 1))
+            same = jnp.abs(now - root) < SAME * (now + root)  # else a whirl begins or ends there
+            moved = (value - now) / slope
+            return jnp.where(same, root - moved, jnp.inf)
 
-    def refined(case):
-        k, j = case
-        first, last = speeds[k], speeds[k + 1]
-        ends = values[k, j], values[k + 1, j]
-        root = sign_change(lambda speed: above(speed)[j], first, last, *ends, ends[1] > 0)
-        root = jax.lax.stop_gradient(root)
-        # One evaluation has the value, its slope and, as `system` is that of `held`, the derivative.
-        one = jnp.ones_like(root)
-        value, slope = jax.jvp(lambda speed: whirls(system, speed)[j], (root,), (one,))
-        now, slope = jax.lax.stop_gradient((value, slope - 1))
-        same = jnp.abs(now - root) < SAME * (now + root)  # else a whirl begins or ends there
-        moved = (value - now) / slope
-        return jnp.where(same, root - moved, jnp.inf)
+        changes = (values[:-1] > 0) != (values[1:] > 0)
+        order = jnp.argsort(~changes.ravel())[: values.shape[1] + MORE]
+        places = order // values.shape[1], order % values.shape[1]
+        none = lambda _: jnp.asarray(jnp.inf)
+        one = lambda case: jax.lax.cond(case[0], refined, none, case[1])
+        return jax.lax.map(one, (changes.ravel()[order], places))
 
-    def one(case):
-        return jax.lax.cond(case[0], refined, lambda _: jnp.asarray(jnp.inf), case[1:])
-
-    found = jax.lax.map(one, (changes.ravel()[order], k, j))
-    return found, j // (count // len(families(held)))
+    found = jax.lax.map(of_family, jnp.arange(count))
+    return found.ravel(), jnp.repeat(jnp.arange(count), found.shape[1])
 
 
-def _searched(system: System, whirls: Callable) -> Float[Array, " w"]:
-    """Speeds between which crossings are sought."""
+def _family(system: System, speed: Scalar, family: Array | int) -> Family:
+    """Stiffness and inertia of one of the families of synchronous whirls at a speed."""
+    stiffness, inertia = zip(*families(system.at_speed(speed)), strict=True)
+    return jnp.stack(stiffness)[family], jnp.stack(inertia)[family]
+
+
+def _whirls(system: System, speed: Scalar, family: Array | int) -> Float[Array, " m"]:
+    """`Omega_j` of a family at a speed, ascending."""
+    return jnp.sort(synchronous_of(*_family(system, speed, family))[0])
+
+
+def _searched(system: System, count: int) -> Float[Array, " w"]:
+    """Speeds between which crossings of so many families are sought."""
     assert system.tabled is not None
     span = speed_range(system.tabled)
     if span is not None:
@@ -108,15 +120,46 @@ def _searched(system: System, whirls: Callable) -> Float[Array, " w"]:
     tables = system.tabled.of(AbstractOverSpeed)
     tops = [nodes[-1] for one in tables for nodes in one.nodes_over_speed]
     top = larger(jnp.max(jnp.stack(tops)), 0.0)
-    beyond = whirls(system, top)  # beyond all tables they are constant
+    # Beyond all tables they are constant.
+    beyond = jax.lax.map(lambda family: _whirls(system, top, family), jnp.arange(count))
     fastest = jnp.max(jnp.where(jnp.isfinite(beyond), beyond, 0.0))
     return jnp.append(jnp.linspace(0.0, top, SAMPLES + 1), 1.01 * larger(fastest, top))
 
 
-def filled(system: System) -> Callable[[Array | None], Array]:
-    """A function that gives a block as a complex matrix, zero if the block is absent."""
-    zero = jnp.zeros((system.n, system.n), complex)
-    return lambda block: zero if block is None else block + 0j
+def _sampled(
+    function: Callable[[Scalar], Array], speeds: Float[Array, " w"]
+) -> tuple[Float[Array, " f"], Float[Array, "f m"]]:
+    """Speeds, each interval cut into `PARTS`, and values of a function there, or others of their signs.
+
+    Inside, an interval is sampled where a value changes its sign, or where it may have touched zero: the
+    value comes nearer to zero up to the interval and goes away from it behind, and its changes there are
+    as large as itself.
+    """
+    ends = jax.lax.map(function, speeds)
+    padded = jnp.concatenate([ends[:1], ends, ends[-1:]])
+    before, first, last, behind = padded[:-3], padded[1:-2], padded[2:-1], padded[3:]
+    near, way = jnp.minimum(jnp.abs(first), jnp.abs(last)), jnp.where(first > 0, 1.0, -1.0)
+    steps = [jnp.abs(first - before), jnp.abs(last - first), jnp.abs(behind - last)]
+    turns = (way * first <= way * before) & (way * last <= way * behind)
+    touches = turns & (near <= jnp.max(jnp.stack(steps), axis=0))
+    looked = jnp.any(touches | ((first > 0) != (last > 0)), axis=1)
+    shares = jnp.arange(PARTS) / PARTS
+    parts = speeds[:-1, None] + jnp.diff(speeds)[:, None] * shares
+
+    def inside(case):
+        parts, first = case
+        return jnp.concatenate([first[None], jax.lax.map(function, parts[1:])])
+
+    alike = lambda case: jnp.broadcast_to(case[1], (PARTS, case[1].size))
+    either = lambda case: jax.lax.cond(case[0], inside, alike, case[1:])
+    values = jax.lax.map(either, (looked, parts, first)).reshape(-1, ends.shape[1])
+    return jnp.append(parts.ravel(), speeds[-1]), jnp.concatenate([values, ends[-1:]])
+
+
+def filled(system: System, kind: type = complex) -> Callable[[Array | None], Array]:
+    """A function that gives a block as a matrix of a kind, zero if the block is absent."""
+    zero = jnp.zeros((system.n, system.n), kind)
+    return lambda block: zero if block is None else block + zero
 
 
 def synchronous_of(
@@ -138,6 +181,26 @@ def _scale(stiffness: Array, inertia: Array) -> Scalar:
     return Pencil(inertia, inertia, stiffness).rate ** 2
 
 
+def _nearest(speed: Scalar, stiffness: Array, inertia: Array) -> Scalar:
+    """The `Omega` of `synchronous_of` that is nearest to a speed, with its derivative alone."""
+    found = _nearest_squares(speed**2, stiffness, inertia)[0].real
+    return jnp.sqrt(jnp.where(found > 0, found, jnp.inf))
+
+
+@jax.custom_jvp
+def _nearest_squares(square: Scalar, stiffness: Array, inertia: Array) -> Complex[Array, " k"]:
+    """The one or two `s` with `(K - s M) q = 0` that are nearest to a square."""
+    found = _squares(False, stiffness, inertia)[0]
+    return found[jnp.argsort(jnp.abs(found - square))[:2]]
+
+
+@_nearest_squares.defjvp
+def _nearest_squares_jvp(primals, tangents):
+    """Derivatives by the matrices alone."""
+    found = _nearest_squares(*primals)
+    return found, root_changes(found, _linear(*primals[1:]), _linear(*tangents[1:]))
+
+
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _squares(vectors: bool, stiffness: Array, inertia: Array):
     """Every `s` with `(K - s M) q = 0`, infinite for massless coordinates; and `q`, one per row."""
@@ -156,6 +219,10 @@ def _squares(vectors: bool, stiffness: Array, inertia: Array):
 def _squares_jvp(vectors, primals, tangents):
     """Derivatives like those of roots, equal ones by their mean; vectors are held constant."""
     values, shapes = _squares(vectors, *primals)
-    linear = lambda stiffness, inertia: Pencil(jnp.zeros_like(inertia), -inertia, stiffness)
-    moved = root_changes(values, linear(*primals), linear(*tangents))
+    moved = root_changes(values, _linear(*primals), _linear(*tangents))
     return (values, shapes), (moved, None if shapes is None else jnp.zeros_like(shapes))
+
+
+def _linear(stiffness: Array, inertia: Array) -> Pencil:
+    """`P(s) = K - s M`."""
+    return Pencil(jnp.zeros_like(inertia), -inertia, stiffness)

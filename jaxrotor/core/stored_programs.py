@@ -100,6 +100,7 @@ class StoredPrograms:
         self._lock = threading.RLock()
         own = function.__module__.partition(".")[0] in TRUSTED
         self._found_by_name = own and "<" not in function.__qualname__
+        self._name = function.__module__, function.__qualname__, described(options)
 
     def find(self, args: tuple, kwargs: dict[str, Any]) -> Callable[[], Any] | None:
         """The call with these arguments, none of them traced; None where its program is not stored.
@@ -147,9 +148,7 @@ class StoredPrograms:
         leaves = [leaf for leaf in jax.tree.leaves((args, kwargs)) if eqx.is_array(leaf)]
         if len(leaves) != len(arrays) or any(map(operator.is_not, leaves, arrays)):
             raise Indescribable("a class whose arrays jax takes in another order")
-        name = self._function.__module__, self._function.__qualname__
-        whole = name, described(self._options), call, _settings(), surroundings()
-        return hashlib.sha256(repr(whole).encode()).hexdigest(), arrays
+        return _digest((self._name, call, _settings(), surroundings())), arrays
 
     def _loaded_or_built(
         self, file: Path, args: tuple, kwargs: dict[str, Any], arrays: list[Any]
@@ -238,8 +237,13 @@ def _inner(value: Any) -> list[Any]:
 # === what else decides a program
 
 
-def _settings() -> Any:
-    """Settings of jax for this thread that decide programs; raises where programs are checked."""
+def _digest(description: Any) -> str:
+    """Hash of a description."""
+    return hashlib.sha256(repr(description).encode()).hexdigest()
+
+
+def _settings() -> str:
+    """Hash of jax's settings for this thread that decide programs; raises where programs are checked."""
     from jax._src.config import trace_context  # another version of jax may have none
 
     values, context = jax.config.values, trace_context()
@@ -253,17 +257,17 @@ def _settings() -> Any:
         for name, value in sorted(values.items())
         if not name.startswith(_INDIFFERENT)
     ]
-    found = tuple(own), described(context)
+    found = _digest((tuple(own), described(context)))
     _LAST["settings"] = dict(values), context, found
     return found
 
 
-_LAST: dict[str, tuple[Any, Any, Any]] = {}  # settings described last, and their description
+_LAST: dict[str, tuple[Any, Any, Any]] = {}  # settings described last, and the hash of that
 
 
 @functools.cache
-def surroundings() -> Any:
-    """Versions, sources, processor and environment of this process."""
+def surroundings() -> str:
+    """Hash of versions, sources, processor and environment of this process."""
     versions = [(name, _version(name)) for name in TRUSTED]
     variables = [
         (name, value)
@@ -271,7 +275,7 @@ def surroundings() -> Any:
         if name.startswith(_VARIABLES) and not name.lower().startswith(_INDIFFERENT)
     ]
     python = sys.version, sys.platform
-    return tuple(versions), tuple(variables), python, processor(), sources()
+    return _digest((tuple(versions), tuple(variables), python, processor(), sources()))
 
 
 def _version(package: str) -> str:

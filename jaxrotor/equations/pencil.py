@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Complex, Float, Inexact
 from ..core.blocks import Blocks
 from ..core.extremes import larger
 from ..core.quantities import Scalar
-from .slowest import slowest
+from .slowest import UNIT, slowest
 from .system import System
 
 
@@ -198,10 +198,11 @@ class Pencil(eqx.Module):
         return jnp.concatenate([upper, lower]) / shift
 
     def near(self, shift: Scalar) -> Inexact[Array, "m m2"]:
-        """`-P^-1 (shift P', shift^2 M)` at a shift: `P` near it, as `slowest` takes it."""
+        """`-P^-1 (shift P', shift^2 M UNIT)` at a shift: `P` near it, as `slowest` takes it."""
         inertia, damping = shift**2 * self.inertia, shift * self.damping
         fixed = self.stiffness + damping + inertia
-        return jnp.linalg.solve(-fixed, jnp.concatenate([damping + 2 * inertia, inertia], axis=1))
+        right = jnp.concatenate([damping + 2 * inertia, UNIT * inertia], axis=1)
+        return jnp.linalg.solve(-fixed, right)
 
 
 def eigenvalues(pencil: Pencil, count: int | None = None) -> Complex[Array, " m2"]:
@@ -228,20 +229,21 @@ def moving_eigenvalues(
     values = _values(found.values / shift, shift)
     finite = jnp.isfinite(values)
     roots = jnp.where(finite, values, 0.0)
-    assert found.left is not None
+    assert found.left is not None and found.right is not None
+    right = found.right[:m]
     ends = found.left[:, :m].T  # left vectors of the pencil, times `P(shift)`
     near = own.stiffness + shift * own.damping + shift**2 * own.inertia
     parts = [ends] if jnp.iscomplexobj(near) else [ends.real, ends.imag]
     solved = jnp.linalg.solve(near.T, jnp.concatenate(parts, axis=1))
     left = solved if len(parts) == 1 else jax.lax.complex(*jnp.split(solved, 2, axis=1))
-    way = lambda block: jnp.sum(left * (block @ found.right[:m]), axis=0)
+    way = lambda block: jnp.sum(left * (block @ right), axis=0)
     slopes = 2 * roots * way(own.inertia) + way(own.damping)
     changes = roots**2 * way(moved.inertia) + roots * way(moved.damping) + way(moved.stiffness)
     rates = jnp.where(finite, -changes / jnp.where(finite, slopes, 1.0), 0.0)
     same = finite & (jnp.abs(roots[:, None] - roots) <= ROUNDING * jnp.abs(roots)[:, None])
     same = same | jnp.eye(values.size, dtype=bool)
     changes = (same @ rates) / jnp.sum(same, axis=1)
-    return values, changes, _in_halves(pencil, found.right[:m].T)
+    return values, changes, _in_halves(pencil, right.T)
 
 
 def eigenvectors(
@@ -276,7 +278,8 @@ def _eigenvalues(count, inertia, damping, stiffness):
     pencil = Pencil(inertia, damping, stiffness)
     shift = pencil.rate
     if count is not None:
-        return _values(slowest(pencil.near(shift), count).values / shift, shift)
+        found = slowest(pencil.near(shift), count, right=False)
+        return _values(found.values / shift, shift)
     return _values(jnp.linalg.eigvals(pencil.inverse(shift)), shift)
 
 
@@ -286,6 +289,7 @@ def _eigenvectors(count, inertia, damping, stiffness):
     shift = pencil.rate
     if count is not None:
         found = slowest(pencil.near(shift), count)
+        assert found.right is not None
         return _values(found.values / shift, shift), found.right[: inertia.shape[0]].T
     inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
     return _values(inverses, shift), vectors[: inertia.shape[0]].T

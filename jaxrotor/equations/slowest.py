@@ -15,50 +15,62 @@ SPARE = 8  # eigenvalues found beyond those wanted, so that the rest is clearly 
 ROUGHLY = 1e-9  # residual of these, relative to the matrix
 SWEEPS = 4  # steps for left vectors, each of which gains about a digit for the slowest roots
 DOUBLINGS = 6  # of the power of the rest at most
-WORTH = 0.6  # largest dimension of the space, relative to the matrix, that saves time
+# Largest dimension of the space, relative to the matrix, that saves time, without and with vectors:
+WORTH = (0.5, 0.6)
+UNIT = (
+    30.0  # of velocities: they are as large as displacements in the fastest motions that are wanted
+)
 
 
 class Found(NamedTuple):
     """Some eigenvalues `w` of a matrix with their vectors, in any order."""
 
     values: Complex[Array, " k"]
-    right: Complex[Array, "N k"]
+    right: Complex[Array, "N k"] | None  # None where they are not wanted
     left: Complex[Array, "k N"] | None  # biorthogonal to the right ones, to some digits
 
 
-def slowest(upper: Inexact[Array, "m N"], count: int, left: bool = False) -> Found:
+def slowest(
+    upper: Inexact[Array, "m N"], count: int, left: bool = False, right: bool = True
+) -> Found:
     """Eigenvalues `w = 1 / (x - 1)` of `P(x) q = 0`, among them the `count` ones with the least `|x|`.
 
-    They are those of the matrix `B = (T, U; 1, 0)` of the state `(q, x q - q)`.
+    They are those of the matrix `B = (T, U s; 1 / s, 0)` of the state `(q, (x q - q) / s)`, s = `UNIT`.
 
     A Krylov space gives them in a fraction of the time of all eigenvalues. Where it is too large to pay,
     or a missing one cannot be excluded (equal roots of more than `BLOCK` vectors, as those of a free
     shaft at zero; too little distance to the rest), all are computed.
 
     Args:
-        upper: `(T, U) = -P(1)^-1 (P'(1), M)`, with time scaled so that the shift is 1.
+        upper: `(T, U s) = -P(1)^-1 (P'(1), M s)`, with time scaled so that the shift is 1.
         count: how many eigenvalues are wanted. At most `SPARE` more are returned.
-        left: whether left vectors are wanted, too.
+        left: whether left vectors are wanted.
+        right: whether right vectors are wanted, as they are where left ones are.
 
     Returns:
         `Found`, not differentiable.
     """
-    if _dimension(count) > WORTH * upper.shape[1]:
-        return _whole(upper, count, left)
+    if _dimension(count) > WORTH[right] * upper.shape[1]:
+        return _whole(upper, count, left, right)
 
     # Under jax.vmap a `cond` of the whole batch would compute all eigenvalues of every matrix, too.
     @jax.custom_batching.sequential_vmap
     def one(upper: Array) -> Found:
         found, sure = _checked(upper, count, left)
-        return jax.lax.cond(sure, lambda _: found, lambda b: _whole(b, count, left), upper)
+        found = found if right else found._replace(right=None)
+        return jax.lax.cond(sure, lambda _: found, lambda b: _whole(b, count, left, right), upper)
 
     return one(upper)
 
 
-def _whole(upper: Inexact[Array, "m N"], count: int, left: bool) -> Found:
+def _whole(upper: Inexact[Array, "m N"], count: int, left: bool, right: bool) -> Found:
     """Eigenvalues by all of them."""
     m = upper.shape[0]
-    values, vectors = jnp.linalg.eig(jnp.concatenate([upper, jnp.eye(m, 2 * m)]))
+    whole = jnp.concatenate([upper, jnp.eye(m, 2 * m) / UNIT])
+    if not right:
+        values = jnp.linalg.eigvals(whole)
+        return Found(values[jnp.argsort(_magnitude(values))[: count + SPARE]], None, None)
+    values, vectors = jnp.linalg.eig(whole)
     order = jnp.argsort(_magnitude(values))[: count + SPARE]
     inverse = jnp.linalg.inv(vectors)[order] if left else None
     return Found(values[order], vectors[:, order], inverse)
@@ -72,7 +84,7 @@ def _magnitude(values: Complex[Array, " k"]) -> Array:
 
 def _dimension(count: int) -> int:
     """Dimension of a Krylov space in which `count` eigenvalues converge, as they decay in rotors."""
-    return 2 * (4 * (count + SPARE) // 5) + 24
+    return 2 * (4 * (count + SPARE) // 5) + 32
 
 
 def _checked(upper: Inexact[Array, "m N"], count: int, left: bool) -> tuple[Found, Bool[Array, ""]]:
@@ -109,7 +121,7 @@ def _image(upper: Inexact[Array, "m N"], rows: Inexact[Array, "k N"]) -> Inexact
     """`B v` of vectors that are rows."""
     m = upper.shape[0]
     half = (upper @ rows.T).T  # `rows @ upper.T` would transpose the matrix every time
-    return jnp.concatenate([half, rows[:, :m]], axis=1)
+    return jnp.concatenate([half, rows[:, :m] / UNIT], axis=1)
 
 
 def _krylov(upper: Inexact[Array, "m N"], size: int) -> tuple[Array, Array]:
@@ -158,9 +170,9 @@ def _less(upper: Array, space: Array, limit: Scalar) -> Bool[Array, ""]:
     Source: Horn, Johnson, Matrix Analysis (2013), theorem 5.6.9.
     """
     m, own = upper.shape[0], space.conj().T
-    half = upper / limit**2
+    half, lower = upper / limit**2, upper / (UNIT * limit**2)
     # One difference after products: passes over the matrix cost more than they do.
-    square = jnp.concatenate([(upper[:, :m] @ half).at[:, :m].add(half[:, m:]), half])
+    square = jnp.concatenate([(upper[:, :m] @ half).at[:, :m].add(lower[:, m:]), lower])
     ahead = own @ square
     back = square @ space - space @ (ahead @ space)
     rest = square - jnp.concatenate([space, back], axis=1) @ jnp.concatenate([ahead, own])
@@ -185,7 +197,7 @@ def _left(upper: Array, values: Array, right: Array, ways: Array) -> Array:
     m, own = upper.shape[0], ways
     for _ in range(SWEEPS):
         above, below = ways[:, :m], ways[:, m:]
-        ways = _times(above, upper).at[:, :m].add(below) / values[:, None]
+        ways = _times(above, upper).at[:, :m].add(below / UNIT) / values[:, None]
         ways = ways + (jnp.eye(values.size) - ways @ right) @ own  # rounding grows without this
     return ways
 

@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 from systems import DENSITY, DIAMETER, DIAMETRAL, LENGTH, MASS, YOUNG, bare
 
 import jaxrotor as jr
+from jaxrotor.analysis.resonance import from_resonance
 
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -389,6 +390,18 @@ def test_gradients(turning):
 
 
 @pytest.mark.hard("2.1 response at an undamped critical speed", outcome="refused")
+@pytest.mark.parametrize("smallest", [1e-6, 1e-9, 1e-12])
+def test_distance_from_a_resonance_is_known_by_two_vectors(smallest):
+    """A matrix of a given least singular value, with rows of other units, by its inverse."""
+    some = np.random.default_rng(1).standard_normal((2, 12, 12))
+    u, sizes, v = np.linalg.svd(some[0] + 1j * some[1])
+    sizes[-1] = smallest
+    dynamic = 10.0 ** np.linspace(-3, 9, 12)[:, None] * ((u * sizes) @ v)
+    exact = 1 / max(np.diag(np.abs(np.linalg.inv(dynamic)) @ np.abs(dynamic)))
+    found = float(from_resonance(jnp.asarray(dynamic)))
+    assert exact < 10 * smallest and exact / 1.42 < found < 1.001 * exact
+
+
 def test_refusals():
     undamped = dual(1, mu=None, kappa=None, delta=0.0)
     for call in (

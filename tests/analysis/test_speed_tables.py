@@ -11,6 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 import jaxrotor as jr
+from jaxrotor.analysis.synchronous import PARTS, _sampled
 
 
 # m z.. + c z. + (a + b Omega^2 - i q Omega) z = 0, exact where its speeds are nodes of the tables
@@ -101,6 +102,17 @@ def unequal(speed=1000.0, tables=UNEQUAL, **options):
 
 
 @pytest.mark.slow
+def test_signs_within_an_interval_are_seen_near_zero():
+    """Parabolas that dip below zero within an interval, far above it, and a line through zero."""
+    function = lambda x: jnp.stack([(x - 10.5) ** 2 - 0.04, (x - 10.5) ** 2 + 30.0, 4.25 - x])
+    points, values = map(np.asarray, _sampled(function, jnp.arange(21.0)))
+    assert points.size == values.shape[0] == 20 * PARTS + 1
+    np.testing.assert_array_equal(np.sign(values), np.sign(np.asarray(function(points)).T))
+    zeros = [points[np.flatnonzero(np.diff(np.sign(column)))] for column in values.T]
+    np.testing.assert_allclose(zeros[0], [10.3, 10.7], atol=1 / PARTS)
+    assert zeros[1].size == 0 and zeros[2] == pytest.approx(4.25, abs=1 / PARTS)
+
+
 def test_unequal_axes_at_speeds_between_nodes():
     """Roots, growth, Campbell diagram, critical and onset speeds, response, against 2 by 2 matrices."""
     speeds = np.linspace(130.0, 1930.0, 9)

@@ -135,14 +135,14 @@ def few_of(scene):
 def test_few_roots_of_a_scene_are_the_first_of_all():
     """Unequal bearings, and a free shaft, whose zero roots are two pairs without own vectors."""
     held = [jr.Support(at, kxx=2e7, kyy=5e7, cxx=3e3, cyy=3e3) for at in (0.1, 0.9)]
-    disc = jr.Disc(0.6, mass=20.0, diametral=0.2, polar=0.38)
+    discs = [jr.Disc(at, mass=20.0, diametral=0.2, polar=0.38) for at in (0.3, 0.6)]
     for effects, nodes in ((held, 8), ([], 20)):
         shaft = jr.FlexibleShaft(1.0, 0.05, constraints=(), nodes=nodes)
-        scene = jr.Scene(shaft, disc, *effects, spin=jr.ConstantSpeed(300.0))
+        scene = jr.Scene(shaft, *discs, *effects, spin=jr.ConstantSpeed(300.0))
         own, few = few_of(scene)
         mass, damping, stiffness = map(np.asarray, (own.inertia, own.damping, own.stiffness))
         one = np.eye(len(mass))
-        assert _dimension(COUNT) < WORTH * 2 * len(mass)  # so the space is used
+        assert _dimension(COUNT) < WORTH[0] * 2 * len(mass)  # so the space is used
         every = eig(np.block([[0 * one, one], [-stiffness, -damping]]), block_diag(one, mass))[0]
         few = np.asarray(few)[np.argsort(np.abs(few))][:COUNT]
         close = {"rtol": 1e-9, "atol": 1e-3}
