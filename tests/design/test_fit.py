@@ -276,7 +276,7 @@ def moved(times, state, speed, eccentricity=0.0, weight=0.0, gap=GAP):
             (load.imag - K * y[1] - C * vy - along) / M,
         ]
 
-    run = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13, "max_step": 1e-4}
+    run = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13, "max_step": 5e-4}
     found = solve_ivp(rate, (0.0, times[-1]), state, t_eval=times, **run).y
     return found[0] + 1j * found[1], found[:, -1]
 
