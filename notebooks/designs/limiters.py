@@ -141,7 +141,7 @@ def design(number: int = 3, quick: bool = False) -> jr.Tuned:
         rotor(number, blend=2e-4).replace(GUESS),
         WHERE,
         constraints=CONSTRAINTS,
-        steps=60 if quick else 120,
+        steps=30 if quick else 120,
         tolerance=1e-4,
         progress=False,
     )

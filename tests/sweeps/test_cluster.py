@@ -112,7 +112,8 @@ def test_processes_of_this_machine(alone):
 
 def test_command(dask, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    command = ["sweep", "limiter-rotor", "--over", "unbalance.eccentricity=0:1e-3:6"]
+    jr.save(ROTOR, "rotor.toml")
+    command = ["sweep", "rotor.toml", "--over", "unbalance.eccentricity=1e-4:1e-3:6"]
     command += ["--settle", "2", "--keep", "2", "--steps", "32"]
     result = CliRunner().invoke(app, [*command, "--cluster", dask.scheduler.address, "--out", "a"])
     assert result.exit_code == 0, result.stderr
