@@ -30,7 +30,8 @@ STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=1e6)
 ROTOR = one_disc(STOP, mass=10.0, damping=60.0, stiffness=1e5, speed=50.0, eccentricity=1e-4)
 OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 24), "start.angle": [0.0, 1.0, 2.0]}
 HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
-HOW |= {"lanes_per_chunk": 3}
+# Every process compiles them, too.
+HOW |= {"lanes_per_chunk": 3, "observe": [jr.observe.Precession(), jr.observe.Section()]}
 
 
 def swept(**options):
