@@ -54,7 +54,7 @@ LONGEST = (  # see benchmarks/durations.md
     "test_ball_balancer test_rotorbench test_speed_tables test_payonly test_integrated_lanes "
     "test_trapezoid test_annular_stator test_runs test_casing test_curves test_resolution "
     "test_reactions"
-).split()
+)
 
 
 def pytest_collection_modifyitems(config, items):
@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(config, items):
 
     Files that take long come first, so that no process is left with one of them at the end.
     """
-    place = {name: number for number, name in enumerate(LONGEST)}
+    place = {name: number for number, name in enumerate(LONGEST.split())}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     asked = config.getoption("--all") or config.getoption("-m") or config.getoption("-k")
     if asked or any("::" in name for name in config.args):
