@@ -47,24 +47,13 @@ def pytest_configure(config):
 
 
 LONGEST = (  # see benchmarks/durations.md
-    *(
-        "test_docs",
-        "test_notebooks",
-        "test_designs",
-        "test_stepped",
-        "test_periodic",
-        "test_continuation",
-    ),
-    *("test_hazards", "test_cluster", "test_unequal_axes", "test_store", "test_one_sided"),
-    *(
-        "test_annular_rub",
-        "test_any_scene",
-        "test_cli",
-        "test_time",
-        "test_run_up",
-        "test_shafts",
-        "test_ball_balancer",
-    ),
+    "test_docs test_notebooks test_designs test_stepped test_periodic test_continuation "
+    "test_hazards test_cluster test_limiter_rotor test_massless_coordinates test_fit "
+    "test_sweep test_unequal_axes test_store test_accuracy test_one_sided test_annular_rub "
+    "test_any_scene test_cli test_time test_run_up test_oil_whirl test_shafts "
+    "test_ball_balancer test_rotorbench test_speed_tables test_payonly test_integrated_lanes "
+    "test_trapezoid test_annular_stator test_runs test_casing test_curves test_resolution "
+    "test_reactions"
 )
 
 
@@ -73,7 +62,7 @@ def pytest_collection_modifyitems(config, items):
 
     Files that take long come first, so that no process is left with one of them at the end.
     """
-    place = {name: number for number, name in enumerate(LONGEST)}
+    place = {name: number for number, name in enumerate(LONGEST.split())}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     asked = config.getoption("--all") or config.getoption("-m") or config.getoption("-k")
     if asked or any("::" in name for name in config.args):

@@ -92,9 +92,8 @@ def restitution(number: int, friction: float = 0.1) -> float:
 # === objective and constraints of the design
 
 
-def work(scene: jr.Scene, name: str, revolutions: int = 4) -> jax.Array:
+def work(scene: jr.Scene, radius, rate, revolutions: int = 4) -> jax.Array:
     """Mean work of the stops from a start, over the kinetic energy of the disc there."""
-    radius, rate = STARTS[name]
     apart = 2 * jnp.pi / len(scene.of(jr.Limiter))  # the stops
     angles, eccentricities = jnp.meshgrid(jnp.arange(4) * apart / 4, jnp.array([0.0, MOST]))
 
@@ -122,8 +121,8 @@ def peak(scene: jr.Scene, revolutions: int = 8) -> jax.Array:
 
 
 CONSTRAINTS = (
-    ("work, whip", lambda scene: work(scene, "violent whip") + 0.6),
-    ("work, rub", lambda scene: work(scene, "backward rub") + 0.4),
+    ("work, whip", lambda scene: work(scene, *STARTS["violent whip"]) + 0.6),
+    ("work, rub", lambda scene: work(scene, *STARTS["backward rub"]) + 0.4),
     ("radius", lambda scene: (peak(scene) - PEAK) / 1e-3),
 )
 
@@ -141,7 +140,7 @@ def design(number: int = 3, quick: bool = False) -> jr.Tuned:
         rotor(number, blend=2e-4).replace(GUESS),
         WHERE,
         constraints=CONSTRAINTS,
-        steps=60 if quick else 120,
+        steps=30 if quick else 120,
         tolerance=1e-4,
         progress=False,
     )
@@ -278,7 +277,8 @@ def draw_objectives(quick: bool = False) -> np.ndarray:
     at = lambda of: jax.jit(
         lambda all_: jax.lax.map(lambda c: of(scene.put({"limiters.damping": c})), all_)
     )(jnp.asarray(dampings))
-    works = lambda moved: jnp.stack([work(moved, "violent whip"), work(moved, "backward rub")])
+    starts = jnp.array([STARTS["violent whip"], STARTS["backward rub"]])
+    works = lambda moved: jax.lax.map(lambda start: work(moved, *start), starts)
     figure, axes = plt.subplots(1, 2, figsize=(6.7, 2.6), layout="constrained")
     for values, label in zip(at(works).T, ("from the whip", "from the rub"), strict=True):
         axes[0].plot(dampings, values, label=label)

@@ -59,8 +59,9 @@ def fitted_to_all(fitted, scene, measured, start):
     )
     u = jnp.asarray(limits.numbers(start))
     fit_one = lambda rows: minimum(scene, swapped(rows), limits, u, 50)
-    arrays = [jnp.asarray(many)[:, :, None] for _, many in measured]
-    found = jax.device_get(jax.jit(lambda all_: jax.lax.map(fit_one, all_))(arrays))
+    arrays = [many[:, :, None] for _, many in measured]
+    all_at_once = jax.jit(lambda all_: jax.lax.map(fit_one, all_))
+    found = jax.device_get(all_at_once([jnp.asarray(array) for array in arrays]))
     lanes = [jax.tree.map(lambda leaf, i=i: leaf[i][None], found) for i in range(len(arrays[0]))]
     return [
         concluded(scene, swapped([array[i] for array in arrays]), limits, lane)
@@ -276,7 +277,7 @@ def moved(times, state, speed, eccentricity=0.0, weight=0.0, gap=GAP):
             (load.imag - K * y[1] - C * vy - along) / M,
         ]
 
-    run = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13, "max_step": 1e-4}
+    run = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13, "max_step": 5e-4}
     found = solve_ivp(rate, (0.0, times[-1]), state, t_eval=times, **run).y
     return found[0] + 1j * found[1], found[:, -1]
 

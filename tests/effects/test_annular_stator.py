@@ -245,7 +245,7 @@ def by_scipy(scene, z, v, times, damping):
 
     begin = [np.real(z), np.imag(z), np.real(v), np.imag(v)]
     found = solve_ivp(
-        rate, (0, times[-1]), begin, "DOP853", times, rtol=1e-11, atol=1e-13, max_step=2e-3
+        rate, (0, times[-1]), begin, "DOP853", times, rtol=1e-11, atol=1e-13, max_step=1e-2
     )
     return found.y[0] + 1j * found.y[1]
 

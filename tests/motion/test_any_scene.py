@@ -119,7 +119,7 @@ def rates(t, y):
 def by_lagrangian():
     """The rotor with balls that rubs, by SciPy on its Lagrangian."""
     y = np.array([0, 0, 0.4, 2.0, 0, 0, 260.0, 260.0])
-    options = {"rtol": 1e-10, "atol": 1e-14, "max_step": 1e-4}
+    options = {"rtol": 1e-10, "atol": 1e-14, "max_step": 5e-4}
     own = lambda t, y: np.asarray(rates(np.float64(t), y))
     found = solve_ivp(own, (0, 0.3), y, "DOP853", TIMES, **options)
     return found.y

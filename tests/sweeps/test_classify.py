@@ -1,5 +1,7 @@
 """Classify: against Duffing's equation by a Runge-Kutta method, and motions known in closed form."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -22,33 +24,35 @@ def kinds(dataset) -> list[str]:
 
 def runge_kutta(e: np.ndarray, revolutions: int, steps: int = 256):
     """States at every revolution, and growth of a disturbance in it, after 200 that are not kept."""
-    y = np.stack([0 * e, 0 * e, 0 * e + 1, 0 * e])  # x, v and a disturbance of both
-    h, seen, growth = TURN / SPEED / steps, [], []
-    # At the ends and middles of steps: every revolution has the same.
-    forces = e * SPEED**2 * np.cos(TURN * np.arange(2 * steps + 1) / (2 * steps))[:, None]
+    start = jnp.stack([0 * e, 0 * e, 0 * e + 1, 0 * e])  # x, v and a disturbance of both
+    h = TURN / SPEED / steps
 
     def rates(force, y):
-        square, found = y[0] ** 2, np.empty_like(y)
-        found[::2] = y[1::2]
-        found[1::2] = -DAMPING * y[1::2] - STIFFNESS * y[::2]
-        found[1] += force - square * y[0]
-        found[3] -= 3 * square * y[2]
-        return found
+        x, v, dx, dv = y
+        slope = STIFFNESS + 3 * x**2
+        return jnp.stack(
+            [v, force - STIFFNESS * x - x**3 - DAMPING * v, dv, -slope * dx - DAMPING * dv]
+        )
 
-    for revolution in range(200 + revolutions):
-        for k in range(steps):
-            before, middle, after = forces[2 * k : 2 * k + 3]
-            one = rates(before, y)
-            two = rates(middle, y + h / 2 * one)
-            three = rates(middle, y + h / 2 * two)
-            four = rates(after, y + h * three)
-            y = y + h / 6 * (one + 2 * (two + three) + four)
-        size = np.hypot(y[2], y[3])
-        y[2:] /= size
-        if revolution >= 200:
-            seen.append(y[:2].copy())
-            growth.append(np.log(size))
-    return np.array(seen), np.array(growth)
+    def step(k, y):
+        before, middle, after = (
+            e * SPEED**2 * jnp.cos(TURN * (k + part) / steps) for part in (0.0, 0.5, 1.0)
+        )
+        one = rates(before, y)
+        two = rates(middle, y + h / 2 * one)
+        three = rates(middle, y + h / 2 * two)
+        four = rates(after, y + h * three)
+        return y + h / 6 * (one + 2 * (two + three) + four)
+
+    def revolution(y, _):
+        y = jax.lax.fori_loop(0, steps, step, y)
+        size = jnp.hypot(y[2], y[3])
+        y = y.at[2:].divide(size)
+        return y, (y[:2], jnp.log(size))
+
+    run = jax.jit(lambda y: jax.lax.scan(revolution, y, None, length=200 + revolutions)[1])
+    seen, growth = run(start)
+    return np.asarray(seen)[200:], np.asarray(growth)[200:]
 
 
 def period_of(states: np.ndarray, longest: int = 8) -> int:

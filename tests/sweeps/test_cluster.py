@@ -30,7 +30,8 @@ STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=1e6)
 ROTOR = one_disc(STOP, mass=10.0, damping=60.0, stiffness=1e5, speed=50.0, eccentricity=1e-4)
 OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 24), "start.angle": [0.0, 1.0, 2.0]}
 HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
-HOW |= {"lanes_per_chunk": 3}
+# Every process compiles them, too.
+HOW |= {"lanes_per_chunk": 3, "observe": [jr.observe.Precession(), jr.observe.Section()]}
 
 
 def swept(**options):
@@ -112,7 +113,8 @@ def test_processes_of_this_machine(alone):
 
 def test_command(dask, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    command = ["sweep", "limiter-rotor", "--over", "unbalance.eccentricity=0:1e-3:6"]
+    jr.save(ROTOR, "rotor.toml")
+    command = ["sweep", "rotor.toml", "--over", "unbalance.eccentricity=1e-4:1e-3:6"]
     command += ["--settle", "2", "--keep", "2", "--steps", "32"]
     result = CliRunner().invoke(app, [*command, "--cluster", dask.scheduler.address, "--out", "a"])
     assert result.exit_code == 0, result.stderr
@@ -217,7 +219,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     over = ["--over", "unbalance.eccentricity=0:1mm:640", "--steps", "64", "--keep", "8"]
     jr.save(ROTOR, "rotor.toml")
-    small = ["sweep", "rotor.toml", *over, "--settle", "400", "--out", "run"]
+    small = ["sweep", "rotor.toml", *over, "--settle", "200", "--out", "run"]
     process = subprocess.Popen(
         [sys.executable, "-m", "jaxrotor", *small, "--cluster", "2"],
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True},

@@ -271,6 +271,7 @@ import os, sys, numpy as np, xarray as xr, zarr, jaxrotor as jr, jaxrotor.sweeps
 run, load, whirl = jr.sweep, jr.load, jr.Whirl
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 32), "start.angle": [0.0, 1.0, 2.0]}
 how = {"settle": 3, "keep": 2, "steps_per_revolution": 32, "lanes_per_chunk": 3, "workers": 1}
+how |= {"observe": [jr.observe.Section()]}
 for line in sys.stdin:
     if child := os.fork():
         print("ended", os.waitpid(child, 0)[1], flush=True)
