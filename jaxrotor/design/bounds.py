@@ -37,6 +37,16 @@ class Bounds(eqx.Module):
         raw = self.origin + self.span * jnp.where(self.free, u, jax.nn.sigmoid(u))
         return jnp.where(self.logarithmic, jnp.exp(jnp.where(self.logarithmic, raw, 0.0)), raw)
 
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """Lower and upper bound by path, infinite where there are none."""
+        low, high = (
+            np.where(self.logarithmic, np.exp(np.where(self.logarithmic, raw, 0.0)), raw)
+            for raw in (self.origin, self.origin + self.span)
+        )
+        low, high = np.where(self.free, -np.inf, low), np.where(self.free, np.inf, high)
+        return dict(zip(self.paths, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+
     def numbers(self, values: Any) -> Float[np.ndarray, " n"]:
         """Free numbers of parameters."""
         values = np.asarray(values, float)

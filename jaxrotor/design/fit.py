@@ -49,6 +49,9 @@ class Fitted(eqx.Module):
     remaining_step: Scalar  # that would come next, in standard deviations
     degrees_of_freedom: Float[np.ndarray, " n"]  # of every parameter; m - n for one record
     record_freedom: Float[np.ndarray, " r"]  # m_i - n_i of every record
+    doubts: tuple[str, ...] = eqx.field(
+        static=True
+    )  # of every record about the fitted scene, or ""
     evaluations: int = eqx.field(static=True)  # of the start that led here
     ended: bool = eqx.field(static=True)  # whether the search ended of itself
 
@@ -128,7 +131,8 @@ class Fitted(eqx.Module):
                 if self.ended
                 else f"The search used all its steps, and the next one {size}; take more `steps`."
             )
-        ends = _ends(self.bounds)
+        said += [f"Record {i}: {doubt}" for i, doubt in enumerate(self.doubts) if doubt]
+        ends = self.bounds.ends
         for path, (low, high) in self.intervals().items():
             least, most = ends[path]
             if low < least or high > most:
@@ -261,6 +265,7 @@ def concluded(
     tables = [part.reshape(len(r.measured), -1) for part, r in zip(parts, records, strict=True)]
     correlated, scores = correlations(left, slopes, [table.shape for table in tables])
     freedom, of_records = _degrees_of_freedom(slopes, counts)
+    fitted = scene.put(values)
     return Fitted(
         values=values,
         noise=np.asarray(found.noise),
@@ -276,6 +281,7 @@ def concluded(
         remaining_step=jnp.asarray(found.remaining),
         degrees_of_freedom=freedom,
         record_freedom=of_records,
+        doubts=tuple(record.doubt(fitted) for record in records),
     )
 
 
@@ -306,22 +312,12 @@ def _check_counts(records: tuple[AbstractRecord, ...], parameters: int) -> None:
             )
 
 
-def _ends(limits: Bounds) -> dict[str, tuple[float, float]]:
-    """Bounds by path, infinite where there are none."""
-    low, high = limits.origin, limits.origin + limits.span
-    low, high = (
-        np.where(limits.logarithmic, np.exp(limits.logarithmic * x), x) for x in (low, high)
-    )
-    low, high = np.where(limits.free, -np.inf, low), np.where(limits.free, np.inf, high)
-    return dict(zip(limits.paths, zip(low.tolist(), high.tolist(), strict=True), strict=True))
-
-
 def _check_inside(limits: Bounds, u: np.ndarray) -> None:
     """Raise where a parameter ended on a bound."""
     share = 1 / (1 + np.exp(-np.asarray(u)))
     for path, at, free in zip(limits.paths, share, limits.free, strict=True):
         if not free and not EDGE < at < 1 - EDGE:
-            bound = _ends(limits)[path][int(at > 0.5)]
+            bound = limits.ends[path][int(at > 0.5)]
             raise RuntimeError(
                 f"`{path}` ended on its bound {bound:g}, where no interval holds; widen the bounds, check "
                 "the model, or leave the parameter out."

@@ -78,6 +78,11 @@ class AbstractRecord(AbstractPart):
     def prepared(self, scene: Scene) -> "AbstractRecord":
         """The record with all that has to be found before values are traced; checked against a scene."""
 
+    def doubt(self, scene: Scene) -> str:
+        """A sentence on why a fitted scene cannot be what was measured; empty where nothing says so."""
+        del scene
+        return ""
+
     def residuals(self, scene: Scene) -> Float[Array, "T d"]:
         """Prediction less measurement, of complex numbers first real, then imaginary parts."""
         off = self.prediction(scene) - self.measured

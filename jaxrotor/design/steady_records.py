@@ -65,6 +65,21 @@ def _samples(record: Any, scene: Scene, count: int) -> Array:
     return z + bent.deflection + bent.twice * turn**2
 
 
+def _instability(record: Any, scene: Scene) -> str:
+    """A sentence where the orbit of a scene with contact is unstable, so that nobody measures it."""
+    if not scene.of(AbstractContact):
+        return ""
+    options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
+    orbit = periodic(scene, record.guess, **options, progress=False)
+    if bool(orbit.stable):
+        return ""
+    largest = float(np.abs(orbit.multipliers).max())
+    return (
+        f"its orbit is unstable with the fitted parameters (a multiplier of modulus {largest:.3g}), so it "
+        "is not what was measured; begin from another `guess`."
+    )
+
+
 def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
     """A record of a steady motion with a guess of the orbit, checked against the scene."""
     record.check_channels(scene, record.at, angle)
@@ -81,7 +96,7 @@ class OrbitRecord(AbstractRecord):
 
     `T` samples are evenly spaced by the angle of rotation over a period of `n` revolutions, from angle
     zero on, the end left out. A linear scene answers in closed form, one with contact by `periodic`, from
-    the orbit at the scene's own values. Whether that orbit is stable is not checked.
+    the orbit at the scene's own values. `Fitted.cautions` tells where the fitted orbit is unstable.
 
     Args:
         displacement: x + i y of every channel [m], or the readings of probes, real.
@@ -126,6 +141,9 @@ class OrbitRecord(AbstractRecord):
 
     def prepared(self, scene: Scene) -> "OrbitRecord":
         return _prepared_steady(self, scene, self.angle)
+
+    def doubt(self, scene: Scene) -> str:
+        return _instability(self, scene)
 
     def prediction(self, scene: Scene):
         return read(_samples(self, scene, len(self.displacement)), self.angle)
@@ -184,6 +202,9 @@ class SpectrumRecord(AbstractRecord):
 
     def prepared(self, scene: Scene) -> "SpectrumRecord":
         return _prepared_steady(self, scene, None)
+
+    def doubt(self, scene: Scene) -> str:
+        return _instability(self, scene)
 
     def prediction(self, scene: Scene):
         count = STEPS * self.revolutions

@@ -343,6 +343,19 @@ def test_orbits_and_spectra_of_a_linear_rotor():
     )
 
 
+def test_an_unstable_orbit_is_doubted():
+    """Damping in the shaft drives a whirl above 400 (1 + 60 / 320) = 475 rad/s, so nobody measures it."""
+    parts = *PARTS, UNBALANCE, jr.InternalDamping(320.0 / K), jr.CubicSpring(0.5, 0.0, 1e9)
+    record = jr.OrbitRecord(np.ones(8) + 0j, guess=jr.AtRest())
+    slow, quick = (
+        jr.Scene(SHAFT, *parts, spin=jr.ConstantSpeed(speed)) for speed in (450.0, 500.0)
+    )
+    assert record.doubt(slow) == "" and record.doubt(ROTOR) == ""
+    assert "its orbit is unstable with the fitted parameters (a multiplier of" in record.doubt(
+        quick
+    )
+
+
 @pytest.mark.slow
 def test_orbit_of_a_rub():
     """A periodic rub that SciPy has settled, and its spectrum: gap and friction are found."""
