@@ -78,10 +78,9 @@ class AbstractRecord(AbstractPart):
     def prepared(self, scene: Scene) -> "AbstractRecord":
         """The record with all that has to be found before values are traced; checked against a scene."""
 
+    @abc.abstractmethod
     def doubt(self, scene: Scene) -> str:
         """A sentence on why a fitted scene cannot be what was measured; empty where nothing says so."""
-        del scene
-        return ""
 
     def residuals(self, scene: Scene) -> Float[Array, "T d"]:
         """Prediction less measurement, of complex numbers first real, then imaginary parts."""
@@ -221,6 +220,10 @@ class TimeRecord(AbstractRecord):
     def prepared(self, scene: Scene) -> "TimeRecord":
         self.check_channels(scene, self.at, self.angle)
         return self
+
+    def doubt(self, scene: Scene) -> str:
+        del scene
+        return ""
 
     def prediction(self, scene: Scene):
         run = {"at": self.at, "start": self._start(scene), "solver": self._solver(scene)}

@@ -263,6 +263,10 @@ class ResponseRecord(AbstractRecord):
         self.check_channels(scene, self._stations, self.angle)
         return self
 
+    def doubt(self, scene: Scene) -> str:
+        del scene
+        return ""
+
     def prediction(self, scene: Scene):
         if self.force is None:
             found = unbalance_response(scene, self.frequencies, self.at)

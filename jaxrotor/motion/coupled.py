@@ -127,7 +127,7 @@ def coupled_path(
     def rotating(time: Scalar, y: Float[Array, " y"]) -> RotatingState:
         """The state in the axes of the shaft."""
         q, velocity, others = rotor.motion(longest, y)
-        angle, speed, _ = rotor.forces.turning(Instant.at(time), others)
+        angle, speed, _ = rotor.forces.turning(Instant.at(jnp.asarray(time)), others)
         back, rate = direction(-angle), field.rate
         drift = back * (velocity - 1j * speed * q)
         rates = plane(drift) / rate, others.angle, others.speed / rate

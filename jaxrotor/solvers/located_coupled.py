@@ -128,8 +128,8 @@ class SplitOfCoupledStep(AbstractSplitStep):
         )
 
     def at(self, theta, w):
-        time, middle = (self.begin + part / self.step.rate for part in (theta, self.h / 2))
-        now = Instant.of_step(time, middle)
+        after = lambda span: jnp.asarray(self.begin + span / self.step.rate)
+        now = Instant.of_step(after(theta), after(self.h / 2))
         speed = self.step.forces.turning(now, self.others(w)).speed
         ports = dataclasses.replace(self.ports, speed=speed)
         return InstantOfCoupledStep(ports=ports, split=self, now=now, w=w)
