@@ -389,7 +389,6 @@ def test_gradients(turning):
             assert float(slopes[path]) == pytest.approx(found, rel=1e-8, abs=1e-9), (name, path)
 
 
-@pytest.mark.hard("2.1 response at an undamped critical speed", outcome="refused")
 @pytest.mark.parametrize("smallest", [1e-6, 1e-9, 1e-12])
 def test_distance_from_a_resonance_is_known_by_two_vectors(smallest):
     """A matrix of a given least singular value, with rows of other units, by its inverse."""
@@ -402,6 +401,7 @@ def test_distance_from_a_resonance_is_known_by_two_vectors(smallest):
     assert exact < 10 * smallest and exact / 1.42 < found < 1.001 * exact
 
 
+@pytest.mark.hard("2.1 response at an undamped critical speed", outcome="refused")
 def test_refusals():
     undamped = dual(1, mu=None, kappa=None, delta=0.0)
     for call in (
