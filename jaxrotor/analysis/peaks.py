@@ -224,8 +224,8 @@ def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, fl
     top = height(best)
     for _ in range(NARROWINGS):
         zero = _zero_between(rotor, low, high, np.nan)
-        if np.isfinite(zero):
-            return zero, height(zero)
+        if np.isfinite(zero) and (found := height(zero)) >= top:  # of two maxima the higher one
+            return zero, found
         right = high - best > best - low
         speed = best + (3 - 5**0.5) / 2 * ((high if right else low) - best)
         new = height(speed)

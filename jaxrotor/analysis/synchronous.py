@@ -114,35 +114,38 @@ def _whirls(system: System, speed: Scalar, family: Array | int) -> Float[Array, 
 def _searched(system: System, count: int) -> Float[Array, " w"]:
     """Speeds between which crossings of so many families are sought."""
     assert system.tabled is not None
-    span = speed_range(system.tabled)
+    span, tables = speed_range(system.tabled), system.tabled.of(AbstractOverSpeed)
+    nodes = [one for part in tables for one in part.nodes_over_speed]
+
+    def between(low: Scalar, high: Scalar) -> Float[Array, " w"]:
+        """Even intervals, cut at the nodes of tables."""
+        even = jnp.linspace(low, high, SAMPLES + 1)
+        return jnp.sort(jnp.concatenate([even, *(jnp.clip(one, low, high) for one in nodes)]))
+
     if span is not None:
-        return jnp.linspace(larger(span[0], 0.0), span[1], SAMPLES + 1)
-    tables = system.tabled.of(AbstractOverSpeed)
-    tops = [nodes[-1] for one in tables for nodes in one.nodes_over_speed]
-    top = larger(jnp.max(jnp.stack(tops)), 0.0)
+        return between(larger(span[0], 0.0), span[1])
+    top = larger(jnp.max(jnp.stack([one[-1] for one in nodes])), 0.0)
     # Beyond all tables they are constant.
     beyond = jax.lax.map(lambda family: _whirls(system, top, family), jnp.arange(count))
     fastest = jnp.max(jnp.where(jnp.isfinite(beyond), beyond, 0.0))
-    return jnp.append(jnp.linspace(0.0, top, SAMPLES + 1), 1.01 * larger(fastest, top))
+    return jnp.append(between(jnp.zeros(()), top), 1.01 * larger(fastest, top))
 
 
 def _sampled(
     function: Callable[[Scalar], Array], speeds: Float[Array, " w"]
 ) -> tuple[Float[Array, " f"], Float[Array, "f m"]]:
-    """Speeds, each interval cut into `PARTS`, and values of a function there, or others of their signs.
+    """Speeds, each interval cut into `PARTS`, and values of a function there.
 
-    Inside, an interval is sampled where a value changes its sign, or where it may have touched zero: the
-    value comes nearer to zero up to the interval and goes away from it behind, and its changes there are
-    as large as itself.
+    Inside, an interval is sampled where a value changes its sign, or may do so twice, since it is no
+    further from zero than it changes here or beside. Elsewhere its first value stands for all inside.
     """
     ends = jax.lax.map(function, speeds)
     padded = jnp.concatenate([ends[:1], ends, ends[-1:]])
     before, first, last, behind = padded[:-3], padded[1:-2], padded[2:-1], padded[3:]
-    near, way = jnp.minimum(jnp.abs(first), jnp.abs(last)), jnp.where(first > 0, 1.0, -1.0)
+    near = jnp.minimum(jnp.abs(first), jnp.abs(last))
     steps = [jnp.abs(first - before), jnp.abs(last - first), jnp.abs(behind - last)]
-    turns = (way * first <= way * before) & (way * last <= way * behind)
-    touches = turns & (near <= jnp.max(jnp.stack(steps), axis=0))
-    looked = jnp.any(touches | ((first > 0) != (last > 0)), axis=1)
+    touches = near <= jnp.max(jnp.stack(steps), axis=0)
+    to_sample = jnp.any(touches | ((first > 0) != (last > 0)), axis=1)
     shares = jnp.arange(PARTS) / PARTS
     parts = speeds[:-1, None] + jnp.diff(speeds)[:, None] * shares
 
@@ -150,9 +153,9 @@ def _sampled(
         parts, first = case
         return jnp.concatenate([first[None], jax.lax.map(function, parts[1:])])
 
-    alike = lambda case: jnp.broadcast_to(case[1], (PARTS, case[1].size))
-    either = lambda case: jax.lax.cond(case[0], inside, alike, case[1:])
-    values = jax.lax.map(either, (looked, parts, first)).reshape(-1, ends.shape[1])
+    repeated = lambda case: jnp.broadcast_to(case[1], (PARTS, case[1].size))
+    sampled_or_repeated = lambda case: jax.lax.cond(case[0], inside, repeated, case[1:])
+    values = jax.lax.map(sampled_or_repeated, (to_sample, parts, first)).reshape(-1, ends.shape[1])
     return jnp.append(parts.ravel(), speeds[-1]), jnp.concatenate([values, ends[-1:]])
 
 

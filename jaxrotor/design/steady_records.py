@@ -8,7 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..analysis import HarmonicForce, forced_response, unbalance_response, weight_response
+from ..analysis import (
+    HarmonicForce,
+    forced_response,
+    growth_rate,
+    unbalance_response,
+    weight_response,
+)
 from ..core.checks import check_counts
 from ..core.quantities import Series, known, series
 from ..effects import AbstractBodies, AbstractContact
@@ -16,7 +22,7 @@ from ..equations.start import AbstractStart
 from ..equations.system import structure
 from ..motion.revolutions import check_constant_speed
 from ..motion.simulate import simulate
-from ..orbits import periodic
+from ..orbits import PeriodicOrbit, periodic
 from ..scene import Scene
 from .records import (
     AbstractRecord,
@@ -44,17 +50,23 @@ def _state(record: Any, scene: Scene) -> AbstractStart | None:
     return periodic(scene, guess, **options, progress=False).start
 
 
+def _orbit(record: Any, scene: Scene, count: int) -> tuple[PeriodicOrbit, int]:
+    """The orbit of a scene with contact, converged or not, and its steps from sample to sample."""
+    each = count // record.revolutions
+    step = -(-STEPS // each)
+    options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
+    options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
+    return periodic(scene, record.guess, **options), step
+
+
 def _samples(record: Any, scene: Scene, count: int) -> Array:
     """Displacements [m] of a steady motion at `count` samples, evenly spaced over its period, (count, c).
 
     They begin at angle zero; the end of the period is left out.
     """
     if scene.of(AbstractContact):
-        each = count // record.revolutions
-        step = -(-STEPS // each)
-        options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
-        options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
-        return periodic(scene, record.guess, **options).displacement[:-1:step]
+        orbit, step = _orbit(record, scene, count)
+        return orbit.displacement[:-1:step]
     angle = 2 * jnp.pi * record.revolutions * jnp.arange(count)[:, None] / count
     turn = jnp.exp(1j * angle)
     whirl = unbalance_response(scene, scene.spin.speed, record.at)
@@ -65,18 +77,23 @@ def _samples(record: Any, scene: Scene, count: int) -> Array:
     return z + bent.deflection + bent.twice * turn**2
 
 
-def _instability(record: Any, scene: Scene) -> str:
-    """A sentence where the orbit of a scene with contact is unstable, so that nobody measures it."""
+def _instability(record: Any, scene: Scene, count: int) -> str:
+    """A sentence where a steady motion of a fitted scene is unstable, so that nobody measures it."""
     if not scene.of(AbstractContact):
-        return ""
-    options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
-    orbit = periodic(scene, record.guess, **options, progress=False)
-    if bool(orbit.stable):
-        return ""
-    largest = float(np.abs(orbit.multipliers).max())
+        growth = float(growth_rate(scene))
+        if not growth > 0:
+            return ""
+        why = f"a free vibration grows by {growth:.3g} 1/s"
+    else:
+        orbit, _ = _orbit(record, scene, count)
+        if not bool(orbit.converged):
+            return "no orbit is found with the fitted parameters; begin from another `guess`."
+        if bool(orbit.stable):
+            return ""
+        why = f"a multiplier of modulus {float(np.abs(orbit.multipliers).max()):.3g}"
     return (
-        f"its orbit is unstable with the fitted parameters (a multiplier of modulus {largest:.3g}), so it "
-        "is not what was measured; begin from another `guess`."
+        f"its orbit is unstable with the fitted parameters ({why}), so it is not what was measured; begin "
+        "elsewhere."
     )
 
 
@@ -143,7 +160,7 @@ class OrbitRecord(AbstractRecord):
         return _prepared_steady(self, scene, self.angle)
 
     def doubt(self, scene: Scene) -> str:
-        return _instability(self, scene)
+        return _instability(self, scene, len(self.displacement))
 
     def prediction(self, scene: Scene):
         return read(_samples(self, scene, len(self.displacement)), self.angle)
@@ -204,7 +221,7 @@ class SpectrumRecord(AbstractRecord):
         return _prepared_steady(self, scene, None)
 
     def doubt(self, scene: Scene) -> str:
-        return _instability(self, scene)
+        return _instability(self, scene, STEPS * self.revolutions)
 
     def prediction(self, scene: Scene):
         count = STEPS * self.revolutions

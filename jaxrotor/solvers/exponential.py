@@ -48,10 +48,11 @@ class Exponential(eqx.Module):
     lost, so they are for motions that go on in contact, not for the first revolutions.
 
     `fused=True` steps the lanes of `jr.sweep` through a revolution by one kernel on an NVIDIA GPU. Without
-    it, a step takes eight kernels there, between which the states go through the memory. Results differ
-    by rounding. Located steps, runs along times and contacts on parts without mass are refused. It
-    changes nothing on other processors, in what is not a sweep, and where lanes of a chunk differ in their
-    linear equations, as by the speed. No GPU has run it yet. See docs/cluster.md.
+    it, a step takes 8 to 18 kernels there, between which the states go through the memory. Results differ
+    by rounding. Located steps, runs along times and contacts on parts without mass are refused. Nothing
+    else changes on other processors, in what is not a sweep, and where a lane has more than 64
+    coefficients of its own, as where lanes of a chunk differ in the speed. No GPU has run it yet. See
+    docs/cluster.md.
     """
 
     order: Literal[2, 4] = eqx.field(default=2, static=True)

@@ -101,7 +101,6 @@ def unequal(speed=1000.0, tables=UNEQUAL, **options):
     return mass(tables[0], tables[2], speed, tables[1], **options)
 
 
-@pytest.mark.slow
 def test_signs_within_an_interval_are_seen_near_zero():
     """Parabolas that dip below zero within an interval, far above it, and a line through zero."""
     function = lambda x: jnp.stack([(x - 10.5) ** 2 - 0.04, (x - 10.5) ** 2 + 30.0, 4.25 - x])
@@ -113,6 +112,7 @@ def test_signs_within_an_interval_are_seen_near_zero():
     assert zeros[1].size == 0 and zeros[2] == pytest.approx(4.25, abs=1 / PARTS)
 
 
+@pytest.mark.slow
 def test_unequal_axes_at_speeds_between_nodes():
     """Roots, growth, Campbell diagram, critical and onset speeds, response, against 2 by 2 matrices."""
     speeds = np.linspace(130.0, 1930.0, 9)

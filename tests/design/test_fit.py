@@ -351,6 +351,7 @@ def test_an_unstable_orbit_is_doubted():
         jr.Scene(SHAFT, *parts, spin=jr.ConstantSpeed(speed)) for speed in (450.0, 500.0)
     )
     assert record.doubt(slow) == "" and record.doubt(ROTOR) == ""
+    assert "free vibration grows" in record.doubt(quick.without("cubic_spring"))
     assert "its orbit is unstable with the fitted parameters (a multiplier of" in record.doubt(
         quick
     )
