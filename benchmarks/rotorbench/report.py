@@ -69,7 +69,7 @@ def summary(cells: Rows) -> str:
             late += [] if good and float(ms) <= TENTH * float(ross) else [name]
         if own != "-" and MISSED not in own_error:
             slow += [] if good and float(ms) <= float(own) else [name]
-    listed = lambda names: f" (not in: {', '.join(names)})" if names else ""
+    listed = lambda names: f" (not in: {'; '.join(names)})" if names else ""
     text = (
         f"jaxrotor has six digits in {len(cells) - len(off)} of {len(cells)} cases{listed(off)}. "
     )

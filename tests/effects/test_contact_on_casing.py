@@ -109,10 +109,10 @@ def test_stop_on_a_casing_between_shaft_and_ground():
     rates = lambda t, y: np.concatenate([y[2:], acceleration(t, y)])
     how = {"rtol": 1e-11, "atol": 1e-14, "max_step": 1e-3}
     known = solve_ivp(rates, (0, end), np.zeros(4, complex), "DOP853", **how).y[:, -1]
-    times = np.linspace(0.0, end, 65)
+    times, fine = np.linspace(0.0, end, 65), dfx.PIDController(rtol=1e-9, atol=1e-12)
     runs = (
         jr.simulate(scene, 2, 256, solver=jr.Exponential(4, located=True)),
-        jr.run_up(scene, times, solver=dfx.Dopri8()),
+        jr.run_up(scene, times, solver=dfx.Dopri8(), controller=fine),
     )
     for run in runs:
         at = np.asarray([run.displacement[-1, 0], run.of_casing("housing")[-1]])
