@@ -9,6 +9,7 @@ from .cases import cases
 
 
 GOAL, TENTH = 1e-6, 0.1
+WIDE = 25  # letters of a title that fit above a panel
 LEAST = 1e-14  # smaller errors are drawn here
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, FIGURE = DOCS / "rotorbench.md", DOCS / "rotorbench.png"
@@ -102,7 +103,7 @@ def draw(found: Found, path: Path) -> None:
             points = sorted((1e3 * row["warm"], max(row["error"], LEAST)) for row in by[program])
             if points:
                 ax.loglog(*zip(*points, strict=True), ".-", color=colour, lw=1, ms=5)
-        ax.set_title(name, fontsize=7.5, pad=2)
+        ax.set_title(name, fontsize=7.5 if len(name) <= WIDE else 6, pad=2)
         ax.tick_params(labelsize=7)
         ax.set_ylim(LEAST / 5, 1)
         ax.set_yticks([1e-12, 1e-9, 1e-6, 1e-3])
