@@ -49,8 +49,7 @@ class Fitted(eqx.Module):
     remaining_step: Scalar  # that would come next, in standard deviations
     degrees_of_freedom: Float[np.ndarray, " n"]  # of every parameter; m - n for one record
     record_freedom: Float[np.ndarray, " r"]  # m_i - n_i of every record
-    # Why the fitted scene cannot be what each record measured, empty where nothing says so:
-    doubts: tuple[str, ...] = eqx.field(static=True)
+    doubts: tuple[str, ...] = eqx.field(static=True)  # of each record: a sentence, or empty
     evaluations: int = eqx.field(static=True)  # of the start that led here
     ended: bool = eqx.field(static=True)  # whether the search ended of itself
 
