@@ -26,10 +26,9 @@ from platformdirs import user_cache_path
 from rich.console import Console
 
 from .cases import Case, cases, complex_of, error, references
-from .report import draw, rows, table, told, write
+from .report import GOAL, draw, rows, table, told, write
 
 
-GOAL = 1e-6  # relative error
 MESHES = [[1], [2], [1, 2], [4], [2, 4], [8], [4, 8]]
 LONGEST = 6.0  # processor seconds of a call after which no finer mesh is tried
 ENOUGH = 2.0  # processor seconds of calls after which none is repeated

@@ -28,6 +28,7 @@ from .fixed_axes import SpeedTerms
 from .forces import applied_force, body_force, resistance
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of
+from .start import Launch
 from .system import Port, System
 
 
@@ -104,6 +105,15 @@ class SpinAndBalls(eqx.Module):
     speed: Float[Array, " d"]  # Omega [rad/s]
     bodies: Float[Array, " b"]  # psi [rad]
     bodies_rate: Float[Array, " b"]  # psi. [rad/s]
+
+    @classmethod
+    def of(cls, launch: Launch, speed: Scalar, *, free: bool) -> "SpinAndBalls":
+        """Those of a start with balls at a speed; `free` where the spin is integrated too."""
+        alone = lambda value: jnp.reshape(value, -1)[: int(free)]
+        join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
+        balls = launch.balls or ()
+        places = join(one.angle for one in balls), join(one.rate for one in balls)
+        return cls(alone(launch.angle), alone(speed), *places)
 
 
 class CoupledForces(eqx.Module):

@@ -159,6 +159,11 @@ class System(eqx.Module):
         """Whether a law has no bound, so that steps need an error estimate, see `AbstractLaw`."""
         return any(law.steep for port in self.ports for law in port.laws)
 
+    @property
+    def coupled(self) -> bool:
+        """Whether balls, or a rotation that is not known in time, are part of the motion."""
+        return bool(self.races) or not self.spin.given
+
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
         names = list(dict.fromkeys(part for block, part in self.owners if block in what))

@@ -1,11 +1,11 @@
 """Coupled motion by exponential steps: of a rotor with balls, or with a drive that feels its forces."""
 
-import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.plane import direction, plane
@@ -22,7 +22,7 @@ from ..solvers.coupled_step import CoupledStep
 from ..solvers.exponential import Exponential
 from ..solvers.located_coupled import LocatedCoupledStep
 from ..solvers.varying_speed import RotorAtSpeed
-from ..spins.constant import constant
+from .speeds import decomposed_at
 from .stepped import Stepping
 
 
@@ -43,7 +43,7 @@ class CoupledRotor(eqx.Module):
         (centre,), rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
         forces, stations = CoupledForces.of(scene, system, terms, centre, angle)
-        rotor = RotorAtSpeed.build(at_centre(system, centre), rate, terms, basis, stations)
+        rotor = RotorAtSpeed.build(decomposed_at(system, centre), rate, terms, basis, stations)
         return cls(rotor, forces)
 
     def step(self, solver: Exponential, length: Scalar) -> CoupledStep | LocatedCoupledStep:
@@ -56,12 +56,9 @@ class CoupledRotor(eqx.Module):
     def begin(self, system: System, launch: Launch, at: Scalar) -> Float[Array, " y"]:
         """State at a start, which has balls where the scene has some; `at` [m] is the observed station."""
         q, velocity = launch.shaft.state(system, at)
-        alone = lambda value: jnp.reshape(value, -1)[: int(self.forces.free)]
-        join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
-        balls = launch.balls or ()
-        others = [alone(launch.angle), alone(system.spin.speed)]
-        others += [join(b.angle for b in balls), join(b.rate for b in balls)]
-        return jnp.concatenate([self.rotor.encode(self.rotor.axes.state(q, velocity)), *others])
+        others = SpinAndBalls.of(launch, system.spin.speed, free=self.forces.free)
+        w = self.rotor.encode(self.rotor.axes.state(q, velocity))
+        return jnp.concatenate([w, ravel_pytree(others)[0]])
 
     def motion(
         self, step: CoupledStep | LocatedCoupledStep, y: Float[Array, " y"]
@@ -70,11 +67,6 @@ class CoupledRotor(eqx.Module):
         count = y.size - step.sizes.total
         q, velocity = self.rotor.axes.coordinates(self.rotor.decode(y[:count]))
         return q, velocity, step.sizes.named(y[count:])
-
-
-def at_centre(system: System, centre: Scalar) -> System:
-    """The rotor at the speed of decomposition; coefficients over speed stay those of its own one."""
-    return dataclasses.replace(system, spin=constant(centre))
 
 
 class CoupledPath(NamedTuple):

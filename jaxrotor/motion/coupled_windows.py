@@ -17,9 +17,10 @@ from ..solvers.coupled_step import CoupledStep
 from ..solvers.exponential import Exponential
 from ..solvers.located_coupled import LocatedCoupledStep
 from .base import Bodies, Plan
-from .coupled import CoupledRotor, at_centre
+from .coupled import CoupledRotor
 from .history import imbalance_of
 from .run_up import after, with_balls
+from .speeds import decomposed_at
 from .stepped import Stepping
 from .windows import AbstractWindowMarch
 
@@ -54,20 +55,17 @@ class CoupledMarch(AbstractWindowMarch):
         basis = None
         assert isinstance(plan.solver, Exponential)
         if plan.solver.basis != "dense":
-            basis = modal(linear_matrix(at_centre(system, centre), rate))
+            basis = modal(linear_matrix(decomposed_at(system, centre), rate))
         rotor = CoupledRotor.build(scene, system, stepping, launch.angle, basis)
         length = stepping.breaks[1] - stepping.breaks[0]
         step = rotor.step(plan.solver, length / stepping.substeps)
-        row = system.line.row(station[0])[None]
-        axes = rotor.rotor.axes
-        seen = axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
         return cls(
             plan=plan,
             scene=scene,
             system=system,
             rotor=rotor,
             step=step,
-            reading=rotor.rotor.read(seen),
+            reading=rotor.rotor.reading(system.line.row(station[0])),
             length=length,
             substeps=stepping.substeps,
             before=stepping.before,

@@ -12,6 +12,7 @@ from ..core.quantities import Scalar, known
 from ..equations.pencil import Pencil
 from ..equations.system import System
 from ..spins.base import Turning
+from ..spins.constant import constant
 from ..spins.drive import Drive
 
 
@@ -22,6 +23,11 @@ SLOW = 1e-6  # change of an exponent in a step below which a series serves
 def turning(system: System, time: Array) -> Turning:
     """Rotation of a rotor at times."""
     return system.spin.turning(time, system.blocks.polar)
+
+
+def decomposed_at(system: System, speed: Scalar) -> System:
+    """The rotor at a speed of decomposition; coefficients over speed stay those of its own one."""
+    return dataclasses.replace(system, spin=constant(speed))
 
 
 def expected_speed(system: System, times: Array) -> Array:

@@ -94,9 +94,8 @@ class Stepping(eqx.Module):
         `ball_rate` is that of the fastest ball at the start [rad/s].
         """
         constant = isinstance(system.spin, ConstantSpeed) or not depends_on_speed(system.blocks)
-        coupled = bool(system.races) or not system.spin.given
-        modes = 0 if constant else system.n if coupled else min(MODES, system.n)
-        speeds = 1 if constant or coupled or modes == system.n else SPEEDS
+        modes = 0 if constant else system.n if system.coupled else min(MODES, system.n)
+        speeds = 1 if constant or system.coupled or modes == system.n else SPEEDS
         several = math.ceil(4 * speeds / len(times)) if speeds > 1 else 1
         breaks, samples, even = _breaks(kinks, np.asarray(times, float), several)
         if substeps is None:
@@ -258,7 +257,7 @@ def _steps_of_piece(system: System, breaks: np.ndarray, order: int, ball_rate: f
         )
     revolution = CONTACT_STEPS if system.ports else STEPS[order]
     longest, speeds = float(np.diff(breaks).max()), np.asarray(speed)
-    if system.races or not system.spin.given:
+    if system.coupled:
         return coupled_steps(system, longest, speeds, ball_rate, revolution)
     return steps_between(longest, np.abs(speeds).max(), revolution)
 

@@ -16,7 +16,7 @@ from ..core.extremes import larger
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
-from ..equations.coupled import is_coupled
+from ..equations.coupled import SpinAndBalls, is_coupled
 from ..equations.kinematics import Kinematics, RotatingState, Turning
 from ..equations.massless_coordinates import Known
 from ..equations.rotating_frame import Transient
@@ -245,15 +245,14 @@ def first_state(field: Transient, launch: Launch, station: Scalar, *, free: bool
     speed = system.spin.speed
     q, velocity = launch.shaft.state(system, station)
     turn = jnp.exp(-1j * launch.angle)
-    join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
-    alone = lambda value: jnp.reshape(value, -1)[: int(free)]
+    others = SpinAndBalls.of(launch, speed, free=free)
     return RotatingState(
         plane(turn * q),
         plane(turn * (velocity - 1j * speed * q)) / rate,
-        alone(launch.angle),
-        alone(speed / rate),
-        join(balls.angle for balls in launch.balls or ()),
-        join(balls.rate for balls in launch.balls or ()) / rate,
+        others.angle,
+        others.speed / rate,
+        others.bodies,
+        others.bodies_rate / rate,
     )
 
 

@@ -1,7 +1,6 @@
 """Windows: a motion along evenly spaced samples, advanced from window to window of them."""
 
 import abc
-import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -23,10 +22,9 @@ from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
 from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
-from ..spins.constant import constant
 from .base import AbstractMarch, Bodies, Plan, Window, bounded
 from .run_up import after
-from .speeds import coupled_steps, expected_speed, steps_between, turning
+from .speeds import coupled_steps, decomposed_at, expected_speed, steps_between, turning
 from .stepped import Stepping, course, steps_of
 
 
@@ -131,8 +129,7 @@ class WindowMarch(AbstractWindowMarch):
         system = assemble(after(scene, Launch.of(start)), plan.together)
         centres, rate = stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
-        # Coefficients over speed stay those of the lane, whose speed is constant where there are tables.
-        at_centre = dataclasses.replace(system, spin=constant(centres[0]))
+        at_centre = decomposed_at(system, centres[0])
         assert isinstance(plan.solver, Exponential)
         dense = plan.solver.basis == "dense"
         basis = None if dense else modal(linear_matrix(at_centre, rate))
@@ -141,14 +138,12 @@ class WindowMarch(AbstractWindowMarch):
         h = rate * length / stepping.substeps
         plain = rotor.step(plan.solver.order, h, system.ports)
         step = steps_of(rotor, plain, plan.solver)
-        row = system.line.row(station[0])[None]
-        seen = rotor.axes.output(jnp.concatenate([row, 0 * row]), jnp.concatenate([0 * row, row]))
         return cls(
             plan=plan,
             system=system,
             rotor=rotor,
             step=step,
-            reading=rotor.read(seen),
+            reading=rotor.reading(system.line.row(station[0])),
             centre=centres[0],
             length=length,
             substeps=stepping.substeps,
@@ -210,16 +205,17 @@ def lane_stepping(
     """
     speeds = np.stack([np.asarray(expected_speed(one, jnp.asarray(times))) for one in systems])
     first = systems[0]
-    free, length = not first.spin.given, float(times[1])
-    if free or first.races:
+    length = float(times[1])
+    if first.coupled:
         each = max(
             coupled_steps(one, length, own, ball_rate, revolution)
             for one, own in zip(systems, speeds, strict=True)
         )
     else:
         each = steps_between(length, float(np.abs(speeds).max()), revolution)
-    depends = depends_on_speed(first.blocks) and (free or np.ptp(speeds) > 0)
-    most = first.n if free or first.races else MOST_MODES
+    varies = np.ptp(speeds) > 0 or not first.spin.given
+    depends = depends_on_speed(first.blocks) and varies
+    most = first.n if first.coupled else MOST_MODES
     return Stepping(
         solver,
         jnp.asarray(times),

@@ -78,8 +78,6 @@ class CoupledStep(eqx.Module):
 
         No step is split, so none is unresolved.
         """
-        span = self.plain.tableau.h / self.rate
-        times = begin + jnp.arange(steps) * span
 
         def run(parts, y):
             step, times = parts
@@ -91,7 +89,12 @@ class CoupledStep(eqx.Module):
 
             return jax.lax.scan(one, (y, jnp.zeros(y.shape[1], bool)), times)[0]
 
-        return *lanes_last(run, (self, times), y, batch=batch), jnp.zeros((), int)
+        parts = self, self.times(begin, steps)
+        return *lanes_last(run, parts, y, batch=batch), jnp.zeros((), int)
+
+    def times(self, begin: Scalar, steps: int) -> Float[Array, " steps"]:
+        """Times at which some steps begin, the first at `begin` [s]."""
+        return begin + jnp.arange(steps) * (self.plain.tableau.h / self.rate)
 
     def of_lanes(
         self, time: Array, y: Float[Array, "y lanes"], law: Law = actual

@@ -21,7 +21,7 @@ from .coupled_step import CoupledStep, Sizes
 from .crossing import Crossing
 from .lanes import one_lane
 from .ports import Contacts, Reading
-from .splits import AbstractInstant, AbstractSplitStep
+from .splits import AbstractInstant, AbstractSplitStep, in_turn
 from .tableau import LoadInStep, step_of
 from .varying_speed import RotorAtSpeed
 
@@ -185,15 +185,8 @@ class LocatedCoupledStep(eqx.Module):
         self, begin: Scalar, steps: int, y: Float[Array, " y"], *, batch: bool
     ) -> tuple[Float[Array, " y"], Bool[Array, ""], Int[Array, ""]]:
         """State after some steps from a time on, whether a contact was loaded, how many are unresolved."""
-        times = begin + jnp.arange(steps) * self.plain.plain.tableau.h / self.plain.rate
-
-        def one(carry, time):
-            y, touched, unresolved = carry
-            y, loaded, more = self.advance(time, y, batch=batch)
-            return (y, touched | loaded, unresolved + more), None
-
-        first = y, jnp.zeros((), bool), jnp.zeros((), int)
-        return jax.lax.scan(one, first, times)[0]
+        times = self.plain.times(begin, steps)
+        return in_turn(lambda time, y: self.advance(time, y, batch=batch), times, y)
 
     def advance(self, time: Scalar, y: Array, *, batch: bool) -> tuple[Array, Array, Array]:
         """State after a step, whether a contact was loaded in it, and 1 if it is not resolved."""

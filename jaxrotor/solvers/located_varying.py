@@ -4,7 +4,6 @@ Within a step the speed and the loads are parabolas through their values at its 
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact, Int
@@ -14,7 +13,7 @@ from .basis import Basis, as_real, packed, unpacked
 from .branches import BranchedPorts
 from .lanes import one_lane
 from .ports import Contacts, Reading
-from .splits import AbstractInstant, AbstractSplitStep
+from .splits import AbstractInstant, AbstractSplitStep, in_turn
 from .tableau import LoadInStep, step_of
 from .varying_speed import Course, RotorAtSpeed, VaryingStep
 
@@ -161,14 +160,7 @@ class LocatedVaryingStep(eqx.Module):
         self, course: Course, y: Float[Array, " m2"], *, batch: bool
     ) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
         """State after the steps of a course, whether a contact was loaded, and how many are unresolved."""
-
-        def one(carry, now):
-            y, touched, unresolved = carry
-            y, loaded, more = self.advance(now, y, batch=batch)
-            return (y, touched | loaded, unresolved + more), None
-
-        begin = y, jnp.zeros((), bool), jnp.zeros((), int)
-        return jax.lax.scan(one, begin, course)[0]
+        return in_turn(lambda now, y: self.advance(now, y, batch=batch), course, y)
 
     def advance(self, now: Course, y: Array, *, batch: bool) -> tuple[Array, Array, Array]:
         """State after a step, whether a contact was loaded in it, and 1 if it is not resolved."""

@@ -13,6 +13,8 @@ See docs/concepts/lanes.md for lanes that are split at different instants.
 """
 
 import abc
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -165,6 +167,23 @@ class AbstractSplitStep(eqx.Module):
             jnp.zeros((), int),
         )
         return _finish(self, split)
+
+
+def in_turn(
+    advance: Callable, instants: Any, y: Float[Array, " m2"]
+) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
+    """State after a step from every instant, whether a contact was loaded, how many are unresolved.
+
+    `advance(instant, y)` gives the same of one step.
+    """
+
+    def one(carry, now):
+        y, touched, unresolved = carry
+        y, loaded, more = advance(now, y)
+        return (y, touched | loaded, unresolved + more), None
+
+    begin = y, jnp.zeros((), bool), jnp.zeros((), int)
+    return jax.lax.scan(one, begin, instants)[0]
 
 
 def _branches_after(

@@ -99,9 +99,10 @@ class RotorAtSpeed(eqx.Module):
         """State of the equations from one of the steps."""
         return self.basis.vectors @ unpacked(self.basis, y)
 
-    def read(self, output: Inexact[Array, "s m"]) -> Float[Array, "s2 m2"]:
-        """Output matrix of `[Re, Im]` of the equations' outputs, on a state of the steps."""
-        return as_real(output @ self.basis.vectors)
+    def reading(self, row: Float[Array, " n"]) -> Float[Array, "4 m2"]:
+        """Output matrix of `[Re, Im]` of displacement and velocity of a station, by a state of steps."""
+        both = jnp.stack([row, 0 * row])
+        return as_real(self.axes.output(both, both[::-1]) @ self.basis.vectors)
 
     def step(self, order: int, h: Scalar, ports: tuple[Port, ...]) -> "VaryingStep":
         """A step of `h`, in time `tau`, with the laws of these ports, which may be given later."""
