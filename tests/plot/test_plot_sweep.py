@@ -14,7 +14,7 @@ from jaxrotor.core.outcome import STATUS
 from jaxrotor.files.toml import dumps
 from jaxrotor.plot import colours, page
 from jaxrotor.results.provenance import BRANCHES
-from jaxrotor.sweeps.classify import MOTIONS
+from jaxrotor.sweeps.claims import MOTIONS
 
 
 pytestmark = pytest.mark.usefixtures("rendered")

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from systems import one_disc
 
 import jaxrotor as jr
-from jaxrotor.sweeps.classify import MOTIONS
+from jaxrotor.sweeps.claims import MOTIONS
 
 
 TURN = 2 * np.pi
@@ -22,9 +22,12 @@ def kinds(dataset) -> list[str]:
 # === Duffing: x.. + c x. + k x + x^3 = e Omega^2 cos(Omega t)
 
 
-def runge_kutta(e: np.ndarray, revolutions: int, steps: int = 256):
-    """States at every revolution, and growth of a disturbance in it, after 200 that are not kept."""
-    start = jnp.stack([0 * e, 0 * e, 0 * e + 1, 0 * e])  # x, v and a disturbance of both
+def runge_kutta(e: np.ndarray, revolutions: int, steps: int = 256, settle: int = 200, start=0.0):
+    """States at every revolution, and growth of a disturbance in it, after some that are not kept."""
+    disturbance = jnp.stack([0 * e + 1, 0 * e])
+    start = jnp.concatenate(
+        [start + 0 * disturbance, disturbance]
+    )  # x, v and a disturbance of both
     h = TURN / SPEED / steps
 
     def rates(force, y):
@@ -50,9 +53,9 @@ def runge_kutta(e: np.ndarray, revolutions: int, steps: int = 256):
         y = y.at[2:].divide(size)
         return y, (y[:2], jnp.log(size))
 
-    run = jax.jit(lambda y: jax.lax.scan(revolution, y, None, length=200 + revolutions)[1])
+    run = jax.jit(lambda y: jax.lax.scan(revolution, y, None, length=settle + revolutions)[1])
     seen, growth = run(start)
-    return np.asarray(seen)[200:], np.asarray(growth)[200:]
+    return np.asarray(seen)[settle:], np.asarray(growth)[settle:]
 
 
 def period_of(states: np.ndarray, longest: int = 8) -> int:
@@ -117,6 +120,42 @@ def test_duffing():
     low, high = found["exponent_low"].values, found["exponent_high"].values
     apart = np.abs(found["exponent"].values - exponents / TURN * SPEED)
     assert (apart < high - low)[chaotic].all() and (low > 0)[chaotic].all()
+
+
+def lifetimes(e: float, starts: np.ndarray, revolutions: int) -> np.ndarray:
+    """Revolutions after which motions from starts, (2, lanes), by Runge-Kutta repeat themselves."""
+    lanes = np.full(starts.shape[1], e)
+    seen, _ = runge_kutta(lanes, revolutions, settle=0, start=starts)
+    ends = np.full(starts.shape[1], np.inf)
+    for period in range(1, 9):
+        near = np.abs(seen[period:] - seen[:-period]).max(axis=1) < 1e-3
+        lasting = np.logical_and.accumulate(near[::-1])[::-1]
+        ends = np.minimum(ends, np.where(lasting.any(axis=0), lasting.argmax(axis=0), np.inf))
+    return ends
+
+
+@pytest.mark.slow
+def test_chaos_that_ends_is_a_transient():
+    """In a window of Duffing's equation chaos lasts some 600 revolutions, as Runge-Kutta runs show.
+
+    Of runs of 200 revolutions it outlasts many, but not further ones from where these end.
+    """
+    e, radii = 10.907, np.linspace(0.3, 2.7, 16)
+    ended = lifetimes(e, np.stack([radii, 0 * radii]), 6000)
+    assert np.isfinite(ended).all() and 300 < ended.mean() < 900
+    spring = jr.CubicSpring(0.5, 0.0, 1.0)
+    scene = one_disc(spring, damping=DAMPING, stiffness=STIFFNESS, speed=SPEED, eccentricity=e)
+    steps = {"steps_per_revolution": 96, "solver": jr.Exponential(4), "progress": False}
+    radius = {"observe": [jr.observe.Radius()], "settle": 0, "keep": 1}
+    swept = jr.sweep(scene, {"start.radius": radii}, start=jr.Whirl(1.0), **radius, **steps)
+    once = jr.classify(swept, 200, confirm=False, repeats=0, **steps)
+    chaotic = np.array(kinds(once)) == "chaotic"
+    assert chaotic.sum() >= 5
+    np.testing.assert_allclose(once["lifetime_low"].values[chaotic], 200 / np.log(20))
+    assert np.isnan(once["lifetime_low"].values[~chaotic]).all()
+    found = jr.classify(swept, 200, confirm=False, repeats=32, **steps)
+    assert "chaotic" not in kinds(found) and found.attrs["withdrawn"] == 0
+    assert (np.array(kinds(found))[chaotic] == "transient").all()
 
 
 # === closed forms
@@ -207,6 +246,7 @@ def test_the_period_is_the_least():
             {"lanes_per_chunk": 0},
             "`lanes_per_chunk` must be a whole number of at least 1, but is 0",
         ),
+        ({"repeats": -1}, "`repeats` must be a whole number of at least 0, but is -1"),
         ({"longest": 0}, "`longest` must be a whole number of at least 1, but is 0"),
         ({"solver": jr.Exponential(4)}, "sharp stops take located steps"),
     ],
