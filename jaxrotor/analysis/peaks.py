@@ -18,7 +18,6 @@ from .critical import CriticalSpeeds, critical_speeds
 from .forced import (
     HarmonicResponse,
     Places,
-    largest_radius,
     radius_and_distance,
     unbalance_response,
     unbalance_system,
@@ -220,7 +219,7 @@ def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, fl
     bracket is narrowed by golden section.
     """
     low, best, high = speeds
-    height = lambda speed: radius_and_distance(*rotor, speed)[0]
+    height = lambda speed: float(radius_and_distance(*rotor, jnp.asarray(speed, float))[0][0])
     top = height(best)
     for _ in range(NARROWINGS):
         zero = _zero_between(rotor, low, high, np.nan)
@@ -249,7 +248,7 @@ def _zero(rotor: System, places: Places, ends: Array, level: Array) -> Array:
 
     @jax.jit  # traced once a program
     def value(speed: Array) -> Array:
-        radius = lambda speed: largest_radius(rotor, places, speed)[0]
+        radius = lambda speed: radius_and_distance(rotor, places, speed)[0][0]
         height, slope = jax.jvp(radius, (speed,), (jnp.ones_like(speed),))
         return jnp.where(jnp.isnan(level), slope, height - level)
 
