@@ -201,9 +201,16 @@ def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
 
 
 def _united(speeds: np.ndarray, critical: np.ndarray, unbounded: np.ndarray) -> np.ndarray:
-    """Speeds, and critical ones where the response is finite; of two that coincide the critical one."""
-    near = np.abs(speeds[:, None] - critical) < SAME * (speeds[-1] - speeds[0])
-    return np.union1d(speeds[~near.any(axis=1)], critical[~unbounded])
+    """Speeds, and critical ones where the response is finite; of two that coincide the critical one.
+
+    Between two critical speeds there is another one at least, for the valley between their peaks.
+    """
+    apart = SAME * (speeds[-1] - speeds[0])
+    near = np.abs(speeds[:, None] - critical) < apart
+    grid = np.union1d(speeds[~near.any(axis=1)], critical[~unbounded])
+    own = np.isin(grid, critical)
+    valley = own[1:] & own[:-1] & (np.diff(grid) > apart)
+    return np.union1d(grid, (grid[1:] + grid[:-1])[valley] / 2)
 
 
 def _summits(heights: np.ndarray) -> np.ndarray:
@@ -223,7 +230,7 @@ def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, fl
     top = height(best)
     for _ in range(NARROWINGS):
         zero = _zero_between(rotor, low, high, np.nan)
-        if np.isfinite(zero) and (found := height(zero)) >= top:  # of two maxima the higher one
+        if np.isfinite(zero) and (found := height(zero)) >= top:  # else a lower maximum beside it
             return zero, found
         right = high - best > best - low
         speed = best + (3 - 5**0.5) / 2 * ((high if right else low) - best)
