@@ -256,13 +256,9 @@ def _of_weight(system: System):
 
 
 def _of_force(force: HarmonicForce, system: System):
-    forward, backward = force.parts
     column = system.line.column(force.at)
-    return _times(forward, column), _times(backward, column)
-
-
-def _times(factor, vector: Array | None) -> Array | None:
-    return None if factor is None or vector is None else factor * vector
+    forward, backward = (None if part is None else part * column for part in force.parts)
+    return forward, backward
 
 
 def ending_span(scene: Scene, at: Scalar) -> Scene:
@@ -372,7 +368,9 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     filled = lambda force: none if force is None else force
 
     def solve(pencil, at, force):
-        return pencil.response(at, force), from_resonance(pencil.dynamic(at))
+        turned = speed**2 if axes == "rotating" else 0.0  # whose stiffness has inertia forces, too
+        inertia = (at**2 + turned) * pencil.inertia
+        return pencil.response(at, force), from_resonance(pencil.dynamic(at), inertia)
 
     def circular(at, force):
         if force is None:

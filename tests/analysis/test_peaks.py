@@ -133,6 +133,15 @@ def test_peaks_without_damping_are_infinite():
     np.testing.assert_allclose(found.margins(80.0).required, [0.26])
 
 
+def test_a_peak_without_damping_is_infinite_where_the_critical_speed_is_rounded():
+    """`sqrt(2e5 / 3)` is no float, so no dynamic stiffness is zero."""
+    parts = jr.Disc(0.3, 3.0), jr.Unbalance(0.3, 0.1, 0.01), jr.DiscDamping(0.3, 0.0, 0.0)
+    scene = jr.Scene(jr.MasslessShaft(0.6, 0.3, 2e5), *parts, spin=jr.ConstantSpeed(50.0))
+    found = jr.response_peaks(scene, np.linspace(10.0, 300.0, 30))
+    np.testing.assert_allclose(found.speeds, [np.sqrt(2e5 / 3)], rtol=1e-14)
+    assert np.isinf(found.amplitudes).all() and np.isinf(found.amplification).all()
+
+
 def peaks_of(speeds, factors):
     """Peaks with given amplification factors."""
     speeds = np.array(speeds)
