@@ -16,8 +16,8 @@
 4. A step of a lane in the fan's rub ring, unequal bearings against equal ones.
 5. A drive that the limiter rotor holds back, over many torques, with stops and without, beside diffrax.
    The error is that of part 1, and beside it that of the speed over the highest of the lane, against
-   located steps four times finer than the finest; Kvaerno5 at rtol 1e-9 says how good these are. Seconds
-   are those of the processor.
+   steps four times finer than the finest, located where there are stops; Kvaerno5 at rtol 1e-9 says how
+   good these are. Milliseconds a lane are those of the processor.
 
 Ratios hold within one run only. Compile seconds are those in XLA.
 """
