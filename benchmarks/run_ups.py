@@ -14,6 +14,10 @@
    response of ROSS, which is installed from PyPI as for `against_ross.py` (`--no-ross` leaves it out).
    Errors are against 16 nodes a span, relative to the largest radius.
 4. A step of a lane in the fan's rub ring, unequal bearings against equal ones.
+5. A drive that the limiter rotor holds back, over many torques, with stops and without, beside diffrax.
+   The error is that of part 1, and beside it that of the speed over the highest of the lane, against
+   steps four times finer than the finest, located where there are stops; Kvaerno5 at rtol 1e-9 says how
+   good these are. Milliseconds a lane are those of the processor.
 
 Ratios hold within one run only. Compile seconds are those in XLA.
 """
@@ -24,8 +28,6 @@ import json
 import os
 import re
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import diffrax as dfx
@@ -34,6 +36,8 @@ import jax.numpy as jnp
 import numpy as np
 from peers.clock import compile_seconds, listen, quickest
 from peers.goals import goals_table
+from peers.held_back import rotor_and_drive
+from peers.loosest import loosest, timed
 from peers.programs import Program, environment, processor, version
 from peers.rub_in_time import ATOL, NUMBA, Numbers, orbits
 from peers.turbomachines import MACHINES, request
@@ -58,6 +62,7 @@ TITLES = {
     "run-up": "2. Run-up of two-discs",
     "motion": "3. Motion of the fan at constant speed",
     "step": "4. A step of a lane, the fan in its ring",
+    "drive": "5. A rotor and the drive that it holds back, in lanes",
 }
 GOALS = {
     "LSODA": 60,
@@ -67,15 +72,6 @@ GOALS = {
     "over ROSS": 3.0,
     "unequal": 1.5,
 }
-
-
-def timed(run: Callable, repeats: int) -> dict:
-    """Seconds of the first call, of these in XLA, and of the quickest of more calls."""
-    began = time.perf_counter()
-    compiling = compile_seconds(run)
-    first = time.perf_counter() - began
-    rest = {"run s": quickest(run, repeats)} if repeats else {}
-    return {"first s": first, "compile s": compiling, **rest}
 
 
 # === 1. rub in lanes
@@ -149,22 +145,6 @@ class Rub:
         right = self.right[lanes]
         return float((np.abs(found - right).max(1) / right.max(1)).max())
 
-    def climb(self, method: Callable, settings: tuple, lanes: np.ndarray) -> dict:
-        """The loosest setting that meets the target (else the tightest), its error, and first calls.
-
-        Only some settings compile anew, so the longest of the calls counts.
-        """
-        first, compiling = 0.0, 0.0
-        for setting in settings:
-            found = []
-            took = timed(lambda s=setting, f=found: f.append(method(s, self.every[lanes])), 0)
-            first, compiling = max(first, took["first s"]), max(compiling, took["compile s"])
-            error = self.error(found[0], lanes)
-            self.log.print(f"{method.__name__} {setting:g}: error {error:.1e}")
-            if error <= self.target:
-                break
-        return {"setting": setting, "error": error, "first s": first, "compile s": compiling}
-
     def rows(self, peer_lanes: int, repeats: int, diffrax: bool) -> list[dict]:
         """What every method takes at its setting."""
         few, every, rows = self.some(peer_lanes), self.some(self.every.size), []
@@ -176,7 +156,9 @@ class Rub:
         rates |= {"SciPy LSODA, numpy": {"compiled": False}}
         methods.append((self.scipy, RTOLS, few, rates))
         for method, settings, lanes, variants in methods:
-            reached = self.climb(method, settings, lanes)
+            at = lambda setting, m=method, n=lanes: m(setting, self.every[n])
+            error = lambda found, n=lanes: self.error(found, n)
+            reached = loosest(method.__name__, at, settings, error, self.target, self.log)
             for name, given in variants.items():
                 run = lambda m=method, n=lanes, g=given, s=reached["setting"]: m(
                     s, self.every[n], **g
@@ -320,13 +302,12 @@ def goals(found: dict) -> list[dict]:
 def table(title: str, rows: list[dict]) -> Table:
     shown = Table(title=title)
     for head in rows[0]:
-        text = head in ("method", "setting", "bearings")
+        text = head in ("method", "setting", "bearings", "scene")
         shown.add_column(head, justify="left" if text else "right")
     for row in rows:
         cells = {key: f"{x:.3g}" if isinstance(x, float) else str(x) for key, x in row.items()}
-        shown.add_row(
-            *(cells | ({"error": f"{row['error']:.1e}"} if "error" in row else {})).values()
-        )
+        errors = {key: f"{row[key]:.1e}" for key in ("error", "of the speed") if key in row}
+        shown.add_row(*(cells | errors).values())
     return shown
 
 
@@ -353,6 +334,7 @@ def main() -> None:
         "run-up": lambda: run_up_of_two_discs(*((1.0, 101) if quick else (20.0, 2001)), repeats),
         "motion": lambda: motion_of_the_fan(2001 if quick else 20_001, repeats, python),
         "step": lambda: step_of_the_fan(*((8, 20) if quick else (128, 100)), repeats),
+        "drive": lambda: rotor_and_drive(not quick, args.target, repeats, log),
     }
     out = Console(highlight=False, width=max(120, log.width))
     for name, part in parts.items():
@@ -361,7 +343,8 @@ def main() -> None:
             found[name] = part()
             out.print(table(TITLES[name], found[name]))
     reached = goals(found)
-    out.print(goals_table(reached))
+    if reached:
+        out.print(goals_table(reached))
     load += os.getloadavg()[:1]
     versions = f"Python {sys.version.split()[0]}, jax {jax.__version__}"
     about = {"machine": processor(), "versions": versions}

@@ -161,9 +161,13 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
     if "over" in ask:
         models = lambda: (Model(machine.varied(ask["over"], x), cut) for x in values_of(ask))
         if question == "roots over a parameter":
-            return lambda: _alike([model.roots(machine.speed, ask["count"]) for model in models()])
+            return lambda: _cut_to_shortest(
+                [model.roots(machine.speed, ask["count"]) for model in models()]
+            )
         count = 4 * ask["count"]
-        return lambda: _alike([model.criticals(machine.speed, count) for model in models()])
+        return lambda: _cut_to_shortest(
+            [model.criticals(machine.speed, count) for model in models()]
+        )
     if question == "roots":
         return lambda: build().roots(ask.get("speed", machine.speed), ask["count"])
     if question == "Campbell diagram":
@@ -185,10 +189,10 @@ def answered(machine: Machine, ask: dict[str, Any], question: str, cut: int) -> 
 
 def campbell(model: Model, ask: dict[str, Any]) -> np.ndarray:
     """The slowest roots at every speed, of which some are spare."""
-    return _alike([model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)])
+    return _cut_to_shortest([model.roots(speed, ask["count"] + 1) for speed in speeds_of(ask)])
 
 
-def _alike(rows: list[np.ndarray]) -> np.ndarray:
+def _cut_to_shortest(rows: list[np.ndarray]) -> np.ndarray:
     """Rows as a matrix, as long as the shortest of them."""
     return np.array([row[: min(map(len, rows))] for row in rows])
 

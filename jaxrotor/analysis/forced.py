@@ -71,7 +71,7 @@ class HarmonicResponse(eqx.Module):
     @property
     def major(self) -> Float[Array, "k s"]:
         """Major half axis [m] of the ellipse of the forward and backward parts."""
-        return jnp.abs(self.forward) + jnp.abs(self.backward)
+        return _major(self.forward, self.backward)
 
     @property
     def minor(self) -> Float[Array, "k s"]:
@@ -86,6 +86,10 @@ class HarmonicResponse(eqx.Module):
         """
         turned = jnp.exp(-1j * jnp.asarray(angle, float))
         return self.forward * turned + (self.backward * turned).conj()
+
+
+def _major(forward: Array, backward: Array) -> Array:
+    return jnp.abs(forward) + jnp.abs(backward)
 
 
 class WeightResponse(eqx.Module):
@@ -252,13 +256,9 @@ def _of_weight(system: System):
 
 
 def _of_force(force: HarmonicForce, system: System):
-    forward, backward = force.parts
     column = system.line.column(force.at)
-    return _times(forward, column), _times(backward, column)
-
-
-def _times(factor, vector: Array | None) -> Array | None:
-    return None if factor is None or vector is None else factor * vector
+    forward, backward = (None if part is None else part * column for part in force.parts)
+    return forward, backward
 
 
 def ending_span(scene: Scene, at: Scalar) -> Scene:
@@ -298,26 +298,22 @@ class Places(eqx.Module):
 
 
 def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
-    """Assembled equations and places of `unbalance_response`, for many calls of `largest_radius`."""
+    """Assembled equations and places of `unbalance_response`, for many calls of `radius_and_distance`."""
     return assemble(synchronous(scene)), Places.of(scene, at)
 
 
-def radius_and_distance(rotor: System, places: Places, speed: ArrayLike) -> tuple[float, float]:
-    """Major half axis [m] at the first place, and distance from resonance; see `unbalance_system`.
+@compiled_quickly
+def radius_and_distance(
+    rotor: System, places: Places, speed: Scalar
+) -> tuple[Float[Array, " s"], Scalar]:
+    """Major half axes [m] of the response to unbalance at one speed (s,), and distance from resonance.
 
-    Where the distance is below `CRITICAL` the response is infinite, for want of damping.
+    Where the distance is below `CRITICAL` the response is infinite, for want of damping. See
+    `unbalance_system`.
     """
-    speeds = jnp.atleast_1d(jnp.asarray(speed, float))
-    found = _parts_of_all(rotor, speeds, speeds, places, _of_unbalance)
-    ahead, behind, mirrored, _, distance = map(np.asarray, found)
-    major = abs(ahead + mirrored) + abs(behind)
-    return float(major[0, 0]), float(distance[0])
-
-
-def largest_radius(rotor: System, places: Places, speed: Scalar) -> Float[Array, " s"]:
-    """Major half axes of the response to unbalance at one speed (s,), see `unbalance_system`."""
-    forward, backward, mirrored, *_ = _parts_at(rotor, (speed, speed), places, _of_unbalance)
-    return jnp.abs(forward + mirrored) + jnp.abs(backward)
+    case = speed, speed
+    forward, backward, mirrored, _, distance = _parts_at(rotor, case, places, _of_unbalance)
+    return _major(forward + mirrored, backward), distance
 
 
 def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Places]:
@@ -372,7 +368,9 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     filled = lambda force: none if force is None else force
 
     def solve(pencil, at, force):
-        return pencil.response(at, force), from_resonance(pencil.dynamic(at))
+        turned = speed**2 if axes == "rotating" else 0.0  # whose stiffness has inertia forces, too
+        inertia = (at**2 + turned) * pencil.inertia
+        return pencil.response(at, force), from_resonance(pencil.dynamic(at), inertia)
 
     def circular(at, force):
         if force is None:

@@ -18,7 +18,6 @@ from .critical import CriticalSpeeds, critical_speeds
 from .forced import (
     HarmonicResponse,
     Places,
-    largest_radius,
     radius_and_distance,
     unbalance_response,
     unbalance_system,
@@ -202,9 +201,16 @@ def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
 
 
 def _united(speeds: np.ndarray, critical: np.ndarray, unbounded: np.ndarray) -> np.ndarray:
-    """Speeds, and critical ones where the response is finite; of two that coincide the critical one."""
-    near = np.abs(speeds[:, None] - critical) < SAME * (speeds[-1] - speeds[0])
-    return np.union1d(speeds[~near.any(axis=1)], critical[~unbounded])
+    """Speeds, and critical ones where the response is finite; of two that coincide the critical one.
+
+    Between two critical speeds there is another one at least, for the valley between their peaks.
+    """
+    apart = SAME * (speeds[-1] - speeds[0])
+    near = np.abs(speeds[:, None] - critical) < apart
+    grid = np.union1d(speeds[~near.any(axis=1)], critical[~unbounded])
+    own = np.isin(grid, critical)
+    valley = own[1:] & own[:-1] & (np.diff(grid) > apart)
+    return np.union1d(grid, (grid[1:] + grid[:-1])[valley] / 2)
 
 
 def _summits(heights: np.ndarray) -> np.ndarray:
@@ -220,11 +226,11 @@ def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, fl
     bracket is narrowed by golden section.
     """
     low, best, high = speeds
-    height = lambda speed: radius_and_distance(*rotor, speed)[0]
+    height = lambda speed: float(radius_and_distance(*rotor, jnp.asarray(speed, float))[0][0])
     top = height(best)
     for _ in range(NARROWINGS):
         zero = _zero_between(rotor, low, high, np.nan)
-        if np.isfinite(zero) and (found := height(zero)) >= top:  # of two maxima the higher one
+        if np.isfinite(zero) and (found := height(zero)) >= top:  # else a lower maximum beside it
             return zero, found
         right = high - best > best - low
         speed = best + (3 - 5**0.5) / 2 * ((high if right else low) - best)
@@ -249,7 +255,7 @@ def _zero(rotor: System, places: Places, ends: Array, level: Array) -> Array:
 
     @jax.jit  # traced once a program
     def value(speed: Array) -> Array:
-        radius = lambda speed: largest_radius(rotor, places, speed)[0]
+        radius = lambda speed: radius_and_distance(rotor, places, speed)[0][0]
         height, slope = jax.jvp(radius, (speed,), (jnp.ones_like(speed),))
         return jnp.where(jnp.isnan(level), slope, height - level)
 

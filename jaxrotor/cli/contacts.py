@@ -22,7 +22,7 @@ def contact_rows(motion: Any, skip: int = 0) -> list[tuple[str, str]]:
     of them does.
     """
     forces, rows = forces_of(motion, skip), []
-    for group in _alike(motion.scene):
+    for group in _equal_but_for_angle(motion.scene):
         own = forces[group]  # (g, T)
         name = f"contact {group[0]}"
         if len(group) > 1:
@@ -34,7 +34,7 @@ def contact_rows(motion: Any, skip: int = 0) -> list[tuple[str, str]]:
     return rows
 
 
-def _alike(scene: Scene) -> list[list[int]]:
+def _equal_but_for_angle(scene: Scene) -> list[list[int]]:
     """Numbers of the contacts of a scene, those together that differ in their angle alone."""
     groups: dict[Any, list[int]] = {}
     for number, contact in enumerate(scene.of(AbstractContact)):

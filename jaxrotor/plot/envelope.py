@@ -13,7 +13,9 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Largest radius of every window of a run, over one swept parameter, as colours.
 
     Across is the speed where all lanes have the same and it rises or falls throughout, else the time.
-    Lanes without a result are grey.
+    A window ends at the time or speed that the dataset has of it, and begins where the one before it
+    ends. The first is as long as the second, but begins at zero if zero lies within. Lanes without a
+    result are grey.
 
     Args:
         dataset: sweep along `times` over one parameter, with `envelope`.
@@ -41,12 +43,19 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
         across = turns * speed[0]
     else:
         across, label = dataset["window"].values, "time [s]"
+    first = 2 * across[0] - across[1]
+    first = first if first * across[0] > 0 else 0.0
     values, name = coordinate(dataset, dim)
     factor, unit = length(float(np.max(radius, initial=0.0, where=~np.isnan(radius))))
 
     ax = page.single(ax, 170, 90)
     mesh = ax.pcolormesh(
-        across, values, factor * radius, cmap="viridis", shading="nearest", rasterized=True
+        np.append(first, across),
+        page.ends_of_cells(values),
+        factor * radius,
+        cmap="viridis",
+        shading="flat",
+        rasterized=True,
     )
     ax.set_facecolor("0.8")
     page.colour_bar(ax, mesh, f"largest radius [{unit}]")

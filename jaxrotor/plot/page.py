@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from jaxtyping import Float
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -192,6 +193,13 @@ def _columns(ax: Axes, names: list[str], most: int) -> int:
         if sum(max(part) for part in parts) <= width_of(ax):
             return columns
     return 1
+
+
+def ends_of_cells(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n+1"]:
+    """Where the cells about two or more ordered values meet, halfway between them, and the outer ends."""
+    half = np.diff(values) / 2
+    first, last = values[0] - half[0], values[-1] + half[-1]
+    return np.concatenate([[first], values[:-1] + half, [last]])
 
 
 def assumption(ax: Axes, scene: Scene) -> None:

@@ -134,22 +134,14 @@ def _two(dataset: xr.Dataset) -> tuple[str, str]:
 
 def _hatch(ax: Axes, x: np.ndarray, y: np.ndarray, lost: Bool[np.ndarray, "y x"]) -> None:
     """Hatch the whole cells of lanes without a result."""
-    (left, right), (low, high) = _sides(x), _sides(y)
+    x, y = page.ends_of_cells(x), page.ends_of_cells(y)
     cells = [
-        [(left[i], low[j]), (right[i], low[j]), (right[i], high[j]), (left[i], high[j])]
+        [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
         for j, i in np.argwhere(lost)
     ]
     style: Any = {"edgecolor": colours.DARK, "hatch": "//////"}
     ax.add_collection(PolyCollection(cells, facecolor="none", linewidth=0.0, **style))
     ax.fill([], [], facecolor="white", label=LOST, **style)
-
-
-def _sides(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper end of the cell about each of the ascending values."""
-    half = np.diff(values) / 2
-    first, last = values[0] - half[0], values[-1] + half[-1]
-    ends = np.concatenate([[first], values[:-1] + half, [last]])
-    return ends[:-1], ends[1:]
 
 
 def _classes(

@@ -234,11 +234,11 @@ def _elementwise(
     found = np.empty(shape, object)
     spread = [np.broadcast_to(arg, shape) for arg in args]
     for place in np.ndindex(shape):
-        found[place] = primitive.bind(*_alike([arg[place] for arg in spread]), **params)
+        found[place] = primitive.bind(*_of_all_lanes([arg[place] for arg in spread]), **params)
     return found
 
 
-def _alike(numbers: list[Any]) -> list[Any]:
+def _of_all_lanes(numbers: list[Any]) -> list[Any]:
     """Numbers that are read, those that lanes share as vectors where others belong to a lane."""
     numbers = [one.read() if isinstance(one, Unread) else one for one in numbers]
     wide = max((np.shape(one) for one in numbers), key=len)
@@ -248,7 +248,7 @@ def _alike(numbers: list[Any]) -> list[Any]:
 
 def _folded(combine: Callable, numbers: Any) -> Any:
     """Numbers combined one after the other."""
-    return functools.reduce(lambda one, other: combine(*_alike([one, other])), numbers)
+    return functools.reduce(lambda one, other: combine(*_of_all_lanes([one, other])), numbers)
 
 
 def _arranged(primitive: Primitive, params: dict[str, Any], args: list[Numbers]) -> list[Numbers]:
@@ -278,7 +278,7 @@ def _product(args: list[Numbers], dimensions: Any, shape: tuple[int, ...]) -> Nu
     contracted, batched = dimensions
     pairs = zip(args, contracted, batched, strict=True)
     left, right = (_rows(x, last, first) for x, last, first in pairs)
-    times = lambda one, other: jax.lax.mul(*_alike([one, other]))
+    times = lambda one, other: jax.lax.mul(*_of_all_lanes([one, other]))
     sum_of = lambda row, other: _folded(jax.lax.add, map(times, row, other))
     found = [
         sum_of(row, other)

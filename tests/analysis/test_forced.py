@@ -4,6 +4,8 @@ A response is put into the equations of motion, written here from the sheet's se
 frame, and what remains must vanish at any time; one is reached from rest by scipy as well.
 """
 
+from fractions import Fraction
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -396,10 +398,67 @@ def test_distance_from_a_resonance_is_known_by_two_vectors(smallest):
     u, sizes, v = np.linalg.svd(some[0] + 1j * some[1])
     for small in (1, 2):
         sizes[-small:] = smallest
-        dynamic = 10.0 ** np.linspace(-3, 9, 12)[:, None] * ((u * sizes) @ v)
-        exact = 1 / max(np.diag(np.abs(np.linalg.inv(dynamic)) @ np.abs(dynamic)))
-        found = float(from_resonance(jnp.asarray(dynamic)))
+        units = 10.0 ** np.linspace(-3, 9, 12)[:, None]
+        dynamic, inertia = units * ((u * sizes) @ v), units * some[0] + 0j
+        errors = np.abs(np.linalg.inv(dynamic)) @ (np.abs(dynamic) + np.abs(inertia))
+        exact = 1 / max(np.diag(errors))
+        found = float(from_resonance(jnp.asarray(dynamic), jnp.asarray(inertia)))
         assert exact < 10 * smallest and exact / 1.42 < found < 1.001 * exact
+
+
+def on_a_spring(stiffness, mass, anisotropy=None):
+    """A disc on a massless shaft, whose equation of motion has one coordinate, and unbalance."""
+    shaft = jr.MasslessShaft(0.6, 0.3, stiffness, anisotropy=anisotropy)
+    disc, unbalance = jr.Disc(0.3, mass), jr.Unbalance(0.3, mass, 1e-4)
+    return jr.Scene(shaft, disc, unbalance, spin=jr.ConstantSpeed(1.0))
+
+
+def on_two_springs(stiffness, mass, anisotropy=None):
+    """The same disc at the middle of a rigid shaft, which tilts without moving it."""
+    support = lambda at: jr.Support(at, stiffness / 2, anisotropy=anisotropy)
+    disc, unbalance = jr.Disc(0.3, mass, 0.1, 0.1), jr.Unbalance(0.3, mass, 1e-4)
+    parts = support(0.0), support(0.6), disc, unbalance
+    return jr.Scene(jr.RigidShaft(0.6), *parts, spin=jr.ConstantSpeed(1.0))
+
+
+@pytest.mark.parametrize("anisotropy", [None, 1e-9])
+@pytest.mark.parametrize("rotor", [on_a_spring, on_two_springs])
+def test_a_critical_speed_of_one_coordinate_is_known_to_rounding(rotor, anisotropy):
+    """`m e W^2 / (k - m W^2)` is unbounded at the float nearest to `sqrt(k / m)` and its neighbours.
+
+    A millionth beside it, nine digits are right by the same formula in exact numbers. Where axes of
+    stiffnesses `k (1 + mu)` and `k (1 - mu)` stand still, the orbit is an ellipse along them; where they
+    turn with the shaft, only the first is bent.
+    """
+    share = anisotropy or 0.0
+    for stiffness, mass in ((2e5, 3.0), (1.7e5, 7.3), (3e4, 0.9)):
+        scene, (first, second) = (
+            rotor(stiffness, mass, anisotropy),
+            stiffness * np.array([1 + share, 1 - share]),
+        )
+        own = np.sqrt(first / mass)
+        speeds = [own]
+        for _ in range(3):
+            speeds = [np.nextafter(speeds[0], 0.0), *speeds, np.nextafter(speeds[-1], np.inf)]
+        for speed in speeds:
+            with pytest.raises(ValueError, match="unbounded at a speed of .* critical speed"):
+                jr.unbalance_response(scene, [speed])
+        beside = own * np.array([1 - 1e-6, 1 + 1e-6])
+        found = jr.unbalance_response(scene, beside).major[:, 0]
+        for speed, major in zip(beside, found, strict=True):
+            force = Fraction(mass) * Fraction(speed) ** 2
+            along, across = (
+                abs(float(Fraction(1e-4) * force / (Fraction(stiff) - force)))
+                for stiff in (first, second)
+            )
+            expected = along if rotor is on_a_spring else max(along, across)
+            assert float(major) == pytest.approx(expected, rel=1e-9)
+
+
+def test_no_steady_state_at_the_critical_speed_of_one_coordinate():
+    scene = on_a_spring(2e5, 3.0)
+    with pytest.raises(ValueError, match="unbounded at 258.199 rad/s, an undamped critical speed"):
+        jr.steady_state(scene.at_speed(np.sqrt(2e5 / 3.0)))
 
 
 @pytest.mark.hard("2.1 response at an undamped critical speed", outcome="refused")

@@ -58,19 +58,34 @@ def test_margins_are_unknown_where_the_range_of_speeds_ends_at_a_peak():
     assert np.isnan(margins.required).all() and not margins.kept.any()
 
 
-def test_peaks_of_an_ellipse():
-    """Unequal supports: the major axis of `x = X cos, y = Y sin`, each with a stiffness of its own."""
-    along = 1e5, 2.25e5  # [N/m]
-    supports = [jr.Support(at, kxx=5e4, kyy=1.125e5) for at in (0.0, 0.6)]
+def on_supports(stiffness, damping):
+    """A disc on supports, each axis with a stiffness [N/m] and damping [N s/m] of its own, two of each."""
+    (kxx, kyy), (cxx, cyy) = np.array([stiffness, damping]) / 2  # at either end
+    supports = [jr.Support(at, kxx=kxx, kyy=kyy, cxx=cxx, cyy=cyy) for at in (0.0, 0.6)]
     parts = [jr.Disc(0.3, 10.0, 0.1, 0.1), jr.Unbalance(0.3, 0.1, 0.01)]
-    parts += [jr.DiscDamping(0.3, 40.0, 0.0)]
-    scene = jr.Scene(jr.RigidShaft(0.6), *parts, *supports, spin=jr.ConstantSpeed(50.0))
+    return jr.Scene(jr.RigidShaft(0.6), *parts, *supports, spin=jr.ConstantSpeed(50.0))
 
-    def major(speed):
-        push = 10.0 * ECCENTRICITY * speed**2
-        x, y = (push / (k - 10.0 * speed**2 + 40j * speed) for k in along)
-        return (abs(x + y) + abs(x - y)) / 2
 
+def ellipse(speed, stiffness, damping):
+    """Major axis of `x = X cos, y = Y sin` of that disc."""
+    push = 10.0 * ECCENTRICITY * speed**2
+    both = zip(stiffness, damping, strict=True)
+    x, y = (push / (k - 10.0 * speed**2 + 1j * c * speed) for k, c in both)
+    return (abs(x + y) + abs(x - y)) / 2
+
+
+def maxima(low, high, *axes):
+    """Speeds and heights of all maxima of `ellipse`, by a million values of it."""
+    speeds = np.linspace(low, high, 1_000_001)
+    heights = ellipse(speeds, *axes)
+    tops = 1 + np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:]))
+    return speeds[tops], heights[tops]
+
+
+def test_peaks_of_an_ellipse():
+    axes = (1e5, 2.25e5), (40.0, 40.0)
+    scene = on_supports(*axes)
+    major = lambda speed: ellipse(speed, *axes)
     found = jr.response_peaks(scene, np.linspace(10.0, 200.0, 41), at=0.3)
     assert found.speeds.size == 2
     for speed, lower, upper in zip(found.speeds, found.lower, found.upper, strict=True):
@@ -83,6 +98,32 @@ def test_peaks_of_an_ellipse():
         assert upper == pytest.approx(brentq(off, speed, speed + 5), rel=1e-6)
 
 
+@pytest.mark.parametrize("points", [11, 96])  # 19 and 2 rad/s apart
+def test_both_of_two_close_resonances_are_found(points):
+    """Unequal supports by 2 %: peaks 1 rad/s apart, of which no speed that is given is between."""
+    axes = (1e5, 1.02e5), (4.0, 4.0)
+    found = jr.response_peaks(on_supports(*axes), np.linspace(10.0, 200.0, points), at=0.3)
+    speeds, heights = maxima(95.0, 105.0, *axes)
+    assert speeds.size == 2
+    np.testing.assert_allclose(found.speeds, speeds, atol=1e-5)
+    np.testing.assert_allclose(found.amplitudes, heights, rtol=1e-9)
+
+
+@pytest.mark.parametrize("second", [110.0, 112.0, 118.0, 125.0])
+def test_of_two_maxima_between_neighbouring_speeds_the_higher_one_is_found(second):
+    """The range begins between the first critical speed, 100 rad/s, and its peak, of 0.4 of the height.
+
+    From there to `second` the slope changes its sign three times; where it is found to first depends on
+    the ends.
+    """
+    axes = (1e5, 1.15e5), (50.0, 20.0)
+    speeds, heights = maxima(100.1, second, *axes)
+    assert speeds.size == 2 and 2 * heights[0] < heights[1]
+    found = jr.response_peaks(on_supports(*axes), [100.1, second, second + 10.0], at=0.3)
+    np.testing.assert_allclose(found.speeds, speeds[1:], atol=2e-5)
+    np.testing.assert_allclose(found.amplitudes, heights[1:], rtol=1e-9)
+
+
 def test_peaks_without_damping_are_infinite():
     scene = disc(0.0)
     found = jr.response_peaks(scene, np.linspace(10.0, 300.0, 30))
@@ -90,6 +131,15 @@ def test_peaks_without_damping_are_infinite():
     assert np.isinf(found.amplitudes).all() and np.isinf(found.amplification).all()
     np.testing.assert_allclose(found.margins(150.0).required, [0.16])
     np.testing.assert_allclose(found.margins(80.0).required, [0.26])
+
+
+def test_a_peak_without_damping_is_infinite_where_the_critical_speed_is_rounded():
+    """`sqrt(2e5 / 3)` is no float, so no dynamic stiffness is zero."""
+    parts = jr.Disc(0.3, 3.0), jr.Unbalance(0.3, 0.1, 0.01), jr.DiscDamping(0.3, 0.0, 0.0)
+    scene = jr.Scene(jr.MasslessShaft(0.6, 0.3, 2e5), *parts, spin=jr.ConstantSpeed(50.0))
+    found = jr.response_peaks(scene, np.linspace(10.0, 300.0, 30))
+    np.testing.assert_allclose(found.speeds, [np.sqrt(2e5 / 3)], rtol=1e-14)
+    assert np.isinf(found.amplitudes).all() and np.isinf(found.amplification).all()
 
 
 def peaks_of(speeds, factors):

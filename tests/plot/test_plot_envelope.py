@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from drawn import check_axes
 
 import jaxrotor as jr
@@ -25,9 +26,15 @@ def runs(speeds, values=(1e-4, 2e-4, 4e-4)):
     return jr.sweep(rotor, over, times=times, observe=[jr.observe.Envelope()])
 
 
+def edges(mesh):
+    """Ends of the drawn cells, across and up."""
+    corners = mesh.get_coordinates()
+    return corners[0, :, 0], corners[:, 0, 1]
+
+
 @pytest.fixture(scope="module")
 def rising():
-    return runs([100.0, 300.0, 500.0])
+    return runs([100.0, 300.0, 350.0])
 
 
 def test_over_the_speed_where_it_rises(rising):
@@ -37,11 +44,30 @@ def test_over_the_speed_where_it_rises(rising):
     (mesh,) = ax.collections
     assert np.allclose(mesh.get_array().ravel(), 1e3 * rising.envelope.values.ravel())
     assert ax.figure.axes[1].get_ylabel() == "largest radius [mm]"
+    across, values = edges(mesh)
+    expected = np.interp(
+        np.linspace(0.0, 0.3, across.size), [0.0, 0.15, 0.3], [100.0, 300.0, 350.0]
+    )
+    assert np.allclose(across, expected, rtol=1e-12)
+    assert np.allclose(values, [0.05, 0.15, 0.3, 0.5], rtol=1e-12)
 
 
 def test_over_time_where_the_speed_turns_round():
     ax = plot.envelope(runs([100.0, 300.0, 100.0]))
     assert ax.get_xlabel() == "time [s]"
+    (mesh,) = ax.collections
+    across, _ = edges(mesh)
+    assert np.allclose(across, np.linspace(0.0, 0.3, across.size), rtol=1e-12, atol=1e-15)
+
+
+def test_the_first_window_begins_no_earlier_than_rest(rising):
+    """A speed as of a drive that builds up its torque: the second window gains more than the first."""
+    speed = np.cumsum(np.arange(1.0, rising.window.size + 1))
+    ax = plot.envelope(
+        rising.assign(speed=rising["speed"] * 0 + xr.DataArray(speed, dims="window"))
+    )
+    (mesh,) = ax.collections
+    assert np.allclose(edges(mesh)[0], [0.0, *speed], rtol=1e-12)
 
 
 def test_too_little_to_draw(rising):
