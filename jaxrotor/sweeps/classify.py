@@ -55,7 +55,7 @@ def classify(
     steps_per_revolution: int = 64,
     solver: Exponential | None = None,
     confirm: bool = True,
-    repeats: int = 4,
+    repeats: int = 40,
     lanes_per_chunk: int = 128,
     workers: int | None = None,
     progress: bool | None = None,
@@ -84,8 +84,8 @@ def classify(
         steps_per_revolution: of the steps that follow.
         solver: of these, by default `Exponential(4, located=True)`; sharp stops take located steps.
         confirm: whether lanes are followed again with twice the steps.
-        repeats: runs, at least, that a chaotic motion must survive as well, from its last state,
-            disturbed by 1e-6, or on from one another.
+        repeats: further runs, at least, that chaos must survive: by the steps of the sweep, from its last
+            state disturbed by 1e-6, on from one another or, of a few lanes, beside one another.
         lanes_per_chunk: lanes run as one program.
         workers: chunks run at once, by default one a core.
         progress: whether to show a progress bar; by default on a terminal.
@@ -199,13 +199,9 @@ class Run(NamedTuple):
         self, lanes: Int[np.ndarray, " c"], tick: Callable[[int], None]
     ) -> tuple[Claims, int]:
         """Claims about some lanes, by their numbers, and how many claims were withdrawn."""
-        count, stages = len(lanes), self.stages
+        count = len(lanes)
         points = self.points[np.append(lanes, np.repeat(lanes[-1:], self.size - count))]
-        shared, own, y, _ = stages.prepare(self.first, points, None)
-        for part in segments(self.first.settle):
-            y, _ = stages.skip(shared, own, y, jnp.asarray(part))
-            tick(count * part)
-        begin = tuple(map(np.asarray, stages.decode(shared, own, y)))
+        begin = self._skipped(points, self.first.settle, None, lambda part: tick(count * part))
         steps = self.context.plan.steps
         found, end = self._followed(points, steps, begin)
         tick(count * self.revolutions)
@@ -223,23 +219,39 @@ class Run(NamedTuple):
     def _repeated(
         self, points: np.ndarray, found: Claims, end: Any, count: int
     ) -> tuple[Bool[np.ndarray, " l"], Int[np.ndarray, " l"]]:
-        """Whether the chaos of lanes ends in a run from a disturbed state, and revolutions of these runs.
+        """Whether chaos of lanes has ended after further runs, and the revolutions of these.
 
-        Programs take `size` lanes, so that a few chaotic ones run as copies, which part from each other.
+        They take the steps of the sweep, which cost little, and start from disturbed states. Programs take
+        `size` lanes, so that a few chaotic ones run as copies, which part from each other.
         """
         ended, lasted = np.zeros(self.size, bool), np.zeros(self.size, int)
         chaotic = np.flatnonzero(found.motion[:count] == CHAOTIC)
-        if not chaotic.size:
+        if not (chaotic.size and self.repeats):
             return ended, lasted
         lanes, copies = np.resize(chaotic, self.size), self.size // len(chaotic)
         rng = np.random.default_rng(0)
         disturbed = lambda part: part * (1 + PUSHED * rng.standard_normal(part.shape))
         state = tuple(disturbed(part[lanes]) for part in end)
-        for _ in range(-(-self.repeats // copies)):  # each goes on, so that late ends are seen
-            again, state = self._followed(points[lanes], self.context.plan.steps, state)
-            np.logical_or.at(ended, lanes, np.isin(again.motion, (*REGULAR_KINDS, TRANSIENT)))
-            np.add.at(lasted, lanes, self.revolutions)
+        revolutions = -(-self.repeats // copies) * self.revolutions
+        state = self._skipped(points[lanes], revolutions, state)
+        last, _ = self._followed(points[lanes], self.context.plan.steps, state)
+        np.logical_or.at(ended, lanes, np.isin(last.motion, (*REGULAR_KINDS, TRANSIENT)))
+        np.add.at(lasted, lanes, revolutions + self.revolutions)
         return ended, lasted
+
+    def _skipped(
+        self,
+        points: np.ndarray,
+        revolutions: int,
+        begin: Any,
+        tick: Callable[[int], None] = lambda _: None,
+    ) -> Any:
+        """States after some revolutions by the steps of the sweep."""
+        shared, own, y, _ = self.stages.prepare(self.first, points, begin)
+        for part in segments(revolutions):
+            y, _ = self.stages.skip(shared, own, y, jnp.asarray(part))
+            tick(part)
+        return tuple(map(np.asarray, self.stages.decode(shared, own, y)))
 
     def _followed(self, points: np.ndarray, steps: int, begin: Any) -> tuple[Claims, Any]:
         """Claims by so many steps from a state, and the state at the end of the run."""
