@@ -14,7 +14,7 @@ from shown import shown
 import jaxrotor as jr
 from jaxrotor.design.fit import concluded
 from jaxrotor.design.minimum import minimum
-from jaxrotor.design.records import with_start
+from jaxrotor.design.records import with_starts
 
 
 K, M, C, E, PHASE = 8e5, 5.0, 60.0, 1e-4, 0.4  # [SI] of a disc in the middle of a massless shaft
@@ -395,7 +395,7 @@ def test_probes_and_forces():
     launched = jr.TimeRecord(
         z, times=TIMES, start=jr.Launch(jr.Whirl(2 * RADIUS, angle=TURN)), solver=jr.Exponential()
     )
-    scene = with_start((launched,), FREE, where).replace({"start.shaft.radius": RADIUS})
+    scene = with_starts((launched,), FREE, where).replace({"start.shaft.radius": RADIUS})
     np.testing.assert_allclose(launched.prediction(scene)[:, 0], z, atol=1e-10)
     force = jr.HarmonicForce(0.5, amplitude=20.0, angle=0.3)
     record = jr.ResponseRecord(np.zeros(3, complex), [100.0, 200.0, 300.0], angle=0.3, force=force)
@@ -451,7 +451,7 @@ def test_refusals():
         jr.fit(ROTOR, [], WHERE)
     with refused("1 channels, but `at` names 2 stations"):
         jr.fit(ROTOR, dataclasses.replace(record, at=[0.5, 0.5]), WHERE)
-    with refused("to one time record, but there are 0"):
+    with refused("fitted to time records, but there are none"):
         jr.fit(ROTOR, record, {"start.shaft.radius": None})
     timed = jr.TimeRecord(noisy(decay(TIMES)), times=TIMES)
     with refused("AtRest, has no numbers to fit"):
