@@ -101,6 +101,13 @@ class Launch(AbstractStart):
         default=False, converter=jnp.asarray
     )  # and never starts again
 
+    def __check_init__(self):
+        balls: Any = () if self.balls is None else self.balls
+        if not isinstance(balls, list | tuple) or any(not isinstance(one, Balls) for one in balls):
+            raise ValueError(
+                f"`balls` must be a `Balls` for every race, or None to spread them, but is {balls!r:.200}."
+            )
+
     @classmethod
     def of(cls, start: AbstractStart | None) -> "Launch":
         """A start as a launch, at angle zero unless it is one; None is at rest."""
