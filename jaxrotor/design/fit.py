@@ -189,8 +189,8 @@ def fit(
     by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
     residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the
     `n` parameters that the record determines. One program does all of it, once for every start.
-    A later fit compiles none, if its scene has the same structure and stations, its records have the same
-    shapes and settings, and paths and `starts` are as many.
+    A later fit compiles none if its scene has the same parts at the same stations, its records the same
+    shapes and settings, and if paths and the number of starts are the same.
 
     Args:
         scene: the rotor, whose own values are the first guess.

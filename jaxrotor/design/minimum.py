@@ -78,8 +78,8 @@ def minima(
 
 
 def _deciding(scene: Scene, paths: tuple[str, ...]) -> list[Any]:
-    """Numbers of a scene that decide the form of its equations; None where one is absent."""
-    found = [scene.shaft.length, *scene.shaft.stations]
+    """Numbers of a scene that decide the form of its equations; None of an effect without a station."""
+    found: list[Any] = [scene.shaft.length, *scene.shaft.stations]
     heads = {path.partition(".")[0] for path in paths}
     for effect in scene.effects:
         if hasattr(effect, "refreshed") and heads & {effect.kind, effect.plural}:

@@ -22,6 +22,7 @@ from ..motion.revolutions import check_constant_speed
 from ..motion.run_up import after, check_tables_along
 from ..motion.simulate import checked_start, simulate, system_of_march
 from ..scene import Scene
+from ..solvers.choice import checked_solver
 from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 
@@ -247,13 +248,19 @@ class TimeRecord(AbstractRecord):
     def deciding(self):
         if self.revolutions is not None:
             return [self.start.angle] if isinstance(self.start, Launch) else []
-        even = self.solver is not None and step_control(self.solver) is None
-        return [self.times] if even else []
+        through = self.solver is not None and step_control(self.solver) is None
+        return [self.times] if through else []  # steps go from sample to sample
 
     def prepared(self, scene: Scene) -> "TimeRecord":
         self.check_channels(scene, self.at, self.angle)
+        if self.solver is not None:
+            checked_solver(self.solver)
         if self.revolutions is None:
-            self._check_integrated()
+            if isinstance(self.solver, Exponential):
+                raise ValueError(
+                    "Steps of Exponential() along `times` are chosen by a known speed, but a fit moves "
+                    "the numbers of the rotor; give the record `revolutions`, a diffrax solver, or none."
+                )
             check_tables_along(after(scene, Launch.of(self.start)), self.times)
             return self
         check_constant_speed(scene, "A time record by `revolutions`")
@@ -263,13 +270,6 @@ class TimeRecord(AbstractRecord):
                 "At zero speed a time record by `revolutions` has no length; give its `times`."
             )
         return self
-
-    def _check_integrated(self) -> None:
-        if isinstance(self.solver, Exponential):
-            raise ValueError(
-                "Steps of Exponential() along `times` are chosen by a known speed, but a fit moves the "
-                "numbers of the rotor; give the record `revolutions`, a diffrax solver, or none."
-            )
 
     def doubt(self, scene: Scene) -> str:
         del scene

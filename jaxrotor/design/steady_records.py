@@ -241,6 +241,16 @@ class SpectrumRecord(AbstractRecord):
         return found if jnp.iscomplexobj(self.amplitude) else jnp.abs(found)
 
 
+def _checked_force(force: Any) -> Any:
+    """The force of a response; raise unless it is one, or None."""
+    if not isinstance(force, HarmonicForce | None):
+        raise ValueError(
+            "`force` must be a `HarmonicForce`, or None for the response to unbalance, but is "
+            f"{force!r:.200}."
+        )
+    return force
+
+
 class ResponseRecord(AbstractRecord):
     """`z = a exp(i w t) + b exp(-i w t)`: a response over speed or frequency [m], (T,) or (T, c).
 
@@ -264,14 +274,9 @@ class ResponseRecord(AbstractRecord):
     frequencies: Series = series("frequencies [rad/s]", least=1)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    force: HarmonicForce | None = None
+    force: HarmonicForce | None = eqx.field(default=None, converter=_checked_force)
 
     def __check_init__(self):
-        if not isinstance(self.force, HarmonicForce | None):
-            raise ValueError(
-                "`force` must be a `HarmonicForce`, or None for the response to unbalance, but is "
-                f"{self.force!r:.200}."
-            )
         check_samples(self.amplitude, self.frequencies, "frequencies")
         check_amplitudes(self.amplitude)
 
