@@ -106,9 +106,12 @@ class Scene(eqx.Module):
             placed = (*self.of(AbstractContact), *self.effects)
             first = (at for at in map(_station, placed) if at is not None)
             return jnp.atleast_1d(next(first, self.shaft.length))
-        stations = jnp.atleast_1d(jnp.asarray(at, float))
+        try:
+            stations = jnp.atleast_1d(jnp.asarray(at, float))
+        except (TypeError, ValueError):
+            stations = jnp.zeros(0)
         if stations.ndim > 1 or not stations.size:
-            raise ValueError(f"`at [m]` must be a station or a list of them, but is {at!r}.")
+            raise ValueError(f"`at [m]` must be a station or a list of them, but is {at!r:.200}.")
         if known(stations) and known(self.shaft.length):
             length = float(self.shaft.length)
             off = [x for x in stations.tolist() if not 0 <= x <= length * (1 + 1e-12)]

@@ -170,9 +170,11 @@ def _check_series(
     try:
         if isinstance(value, str | bool) or value is None:
             raise TypeError
+        if not traced and np.asarray(value).dtype.kind not in "iufbO":  # texts, complex, dates
+            raise TypeError
         array = jnp.asarray(value, float) if traced else np.asarray(value, float)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{wanted}, but is {value!r}.") from None
+        raise ValueError(f"{wanted}, but is {value!r:.200}.") from None
     if array.ndim not in (1, 1 + rows) or min(array.shape) < least:
         raise ValueError(f"{wanted}, but has shape {array.shape}.")
     order = f"`{label}` must be ascending, each above the one before"
@@ -184,7 +186,7 @@ def _check_series(
             array = eqx.error_if(array, array < 0, f"{sign}.")
         return eqx.error_if(array, falls, f"{order}.") if ascending else array
     if not np.isfinite(array).all():
-        raise ValueError(f"{wanted}, but is {array.tolist()}.")
+        raise ValueError(f"{wanted}, but is {array.tolist()!r:.200}.")
     if nonnegative and (array < 0).any():
         raise ValueError(f"{sign}, but one is {array.min():g}.")
     if ascending and falls.any():

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from scipy.special import logit
 from scipy.stats import qmc
 
+from ..core.checks import check_counts
 from ..scene import Scene
 
 
@@ -63,17 +64,16 @@ class Bounds(eqx.Module):
 
         A parameter without bounds is drawn between zero and twice its own value.
         """
+        check_counts(0, seed=seed)
         cube = qmc.LatinHypercube(len(self.paths), rng=seed).random(count)
         return np.where(self.free, 2 * cube - 1, logit(np.where(self.free, 0.5, cube)))
 
 
 def bounds(scene: Scene, where: Mapping[str, Any], name: str = "where") -> Bounds:
     """Bounds of parameters by their paths: `(low, high)`, or None where there are none."""
-    if not where:
-        raise ValueError(
-            f"`{name}` must name at least one parameter, such as {{'limiters.stiffness': (1e5, 1e8)}}."
-        )
+    check_paths(where, name)
     own = {path: own_value(scene, path) for path in where}
+    _check_apart(scene, where)
     ends = {path: _ends(path, pair, name) for path, pair in where.items()}
     for path, (low, high) in ends.items():
         if np.isfinite(low):
@@ -94,6 +94,36 @@ def bounds(scene: Scene, where: Mapping[str, Any], name: str = "where") -> Bound
     span = np.where(free, np.where(values == 0, 1.0, np.abs(values)), raw(high) - raw(low))
     units = tuple(scene.unit(path) for path in where)
     return Bounds(origin, span, free, logarithmic, tuple(where), units)
+
+
+def check_paths(where: Any, name: str) -> None:
+    """Raise unless these are bounds by the paths of at least one parameter."""
+    if not isinstance(where, Mapping):
+        raise ValueError(
+            f"`{name}` must be bounds by path, such as {{'limiters.stiffness': (1e5, 1e8)}}, but is "
+            f"{where!r:.200}."
+        )
+    if not where:
+        raise ValueError(
+            f"`{name}` must name at least one parameter, such as {{'limiters.stiffness': (1e5, 1e8)}}."
+        )
+    for path in where:
+        if not isinstance(path, str):
+            raise ValueError(
+                f"The keys of `{name}` must be paths of parameters, such as 'limiters.stiffness', but one "
+                f"is {path!r:.200}."
+            )
+
+
+def _check_apart(scene: Scene, where: Mapping[str, Any]) -> None:
+    """Raise where two paths are the same number."""
+    paths = list(where)
+    numbered = scene.put({path: jnp.asarray(float(i)) for i, path in enumerate(paths)})
+    for path in paths:
+        for leaf in numbered.leaves(path):
+            other = paths[int(cast(Array, leaf))]
+            if other != path:
+                raise ValueError(f"`{path}` and `{other}` are the same number; leave one out.")
 
 
 def own_value(scene: Scene, path: str) -> float:
@@ -132,18 +162,24 @@ def _ends(path: str, pair: Any, name: str) -> tuple[float, float]:
     ends = ascending_pair(pair)
     if ends is None:
         raise ValueError(
-            f"`{name}['{path}']` must be a lower and a higher bound, or None for none, but is {pair!r}."
+            f"`{name}['{path}']` must be a lower and a higher bound, or None for none, but is "
+            f"{pair!r:.200}."
         )
     return ends
 
 
 def ascending_pair(pair: Any) -> tuple[float, float] | None:
     """Two finite numbers of which the second is larger; None of anything else."""
-    try:
-        low, high = map(float, pair)
-    except (TypeError, ValueError):
+    if not isinstance(pair, list | tuple | np.ndarray | Array):
         return None
-    return (low, high) if np.isfinite([low, high]).all() and low < high else None
+    try:
+        ends = np.asarray(pair)
+    except (TypeError, ValueError):  # of several lengths
+        return None
+    if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not np.isfinite(ends).all():
+        return None
+    low, high = map(float, ends)
+    return (low, high) if low < high else None
 
 
 def _check_ends(scene: Scene, path: str, low: float, high: float) -> None:

@@ -11,14 +11,13 @@ from jaxtyping import Array, Float
 from scipy import stats
 
 from ..core.checks import check_counts
-from ..core.compiled import QUICKLY
 from ..core.progress import waiting
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
-from .bounds import Bounds, bounds, own_value
-from .minimum import Minimum, minimum
-from .records import AbstractRecord, FittedStart, with_start
+from .bounds import Bounds, bounds, check_paths, own_value
+from .minimum import Minimum, minima
+from .records import AbstractRecord, FittedStart, is_of_start, with_starts, without_starts
 from .uncertainty import Uncertainty, of_slopes
 from .whiteness import correlations
 
@@ -45,7 +44,7 @@ class Fitted(eqx.Module):
     z_scores: Float[np.ndarray, "r 2"]  # of these
     records: tuple[AbstractRecord, ...]  # to which it was fitted
     bounds: Bounds  # of the parameters
-    model: Scene  # before the fit, with the start of a record as a member if it was fitted
+    model: Scene  # before the fit, with the starts of time records as members if one was fitted
     remaining_step: Scalar  # that would come next, in standard deviations
     degrees_of_freedom: Float[np.ndarray, " n"]  # of every parameter; m - n for one record
     record_freedom: Float[np.ndarray, " r"]  # m_i - n_i of every record
@@ -56,10 +55,10 @@ class Fitted(eqx.Module):
     @property
     def scene(self) -> Scene:
         """The scene with the fitted parameters."""
-        begun, scene = self.model.of(FittedStart), self.model
-        if begun:
-            scene = scene.of_parts(*(one for one in scene.effects if one is not begun[0]))
-        return scene.replace({p: v for p, v in self.values.items() if not p.startswith("start.")})
+        scene = self.model
+        if scene.of(FittedStart):
+            scene = scene.of_parts(*without_starts(scene))
+        return scene.replace({p: v for p, v in self.values.items() if not is_of_start(p)})
 
     @property
     def covariance(self) -> Float[Array, "n n"]:
@@ -68,12 +67,14 @@ class Fitted(eqx.Module):
 
     @property
     def start(self) -> Any:
-        """The start of the shaft with its fitted numbers; None if none of them was fitted."""
-        begun = self.model.of(FittedStart)
-        if not begun:
-            return None
-        own = {p: v for p, v in self.values.items() if p.startswith("start.")}
-        return self.model.put(own).of(FittedStart)[0].shaft
+        """The start of the first time record with its fitted numbers; None if no start was fitted."""
+        return next(iter(self.starts), None)
+
+    @property
+    def starts(self) -> tuple[Any, ...]:
+        """Starts of the shaft of all time records; empty if no number of one was fitted."""
+        own = {p: v for p, v in self.values.items() if is_of_start(p)}
+        return tuple(begun.shaft for begun in self.model.put(own).of(FittedStart))
 
     def intervals(self, level: float | int = 0.95) -> dict[str, tuple[float, float]]:
         """`x_k +- t s_k`, with `t` of Student's distribution of `nu_k` degrees of freedom.
@@ -97,7 +98,11 @@ class Fitted(eqx.Module):
         Source: Bard (1974), Nonlinear Parameter Estimation, chapter 7; Satterthwaite (1946), Biometrics
         Bulletin 2, 110-114.
         """
-        if not 0 < level < 1:
+        try:
+            inside = bool(0 < level < 1)
+        except TypeError:
+            inside = False
+        if not inside:
             raise ValueError(f"`level` must be between 0 and 1, but is {level!r}.")
         reach = stats.t.ppf((1 + level) / 2, self.degrees_of_freedom)
         deviations = self.uncertainty.deviations.items()
@@ -184,13 +189,16 @@ def fit(
     by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
     residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the
     `n` parameters that the record determines. One program does all of it, once for every start.
+    A later fit compiles none if its scene has the same parts at the same stations, its records the same
+    shapes and settings, and if paths and the number of starts are the same.
 
     Args:
         scene: the rotor, whose own values are the first guess.
         records: what was measured: `TimeRecord`, `OrbitRecord`, `SpectrumRecord`, `ResponseRecord`, one or
             several of any kind.
         parameters: bounds by parameter path, `{"limiters.gap": (5e-3, 10e-3)}`; None for none.
-            `start.shaft.radius` is a number of the start of a time record.
+            `start.shaft.radius` is a number of the start of a time record, `starts.1.shaft.radius` of the
+            second of several.
         steps: greatest number of steps, each one prediction of all records with its derivatives.
         starts: number of starts: the scene's own values, and more by a Latin hypercube within the bounds,
             for records of motion in time, which fit well in several places. The best of them counts, and
@@ -211,26 +219,36 @@ def fit(
     58, 545-554.
     """
     check_counts(steps=steps, starts=starts)
-    if not isinstance(parameters, Mapping):
-        raise ValueError(f"`parameters` must be bounds by path, but is {parameters!r}.")
-    every: Any = tuple(records) if isinstance(records, list | tuple) else (records,)
-    for record in every:
-        if not isinstance(record, AbstractRecord):
-            raise ValueError(f"A record must be a `TimeRecord` or its like, but is {record!r}.")
-    if not every:
-        raise ValueError("`fit` needs at least one record.")
-    scene = with_start(every, scene, parameters)
+    every = checked(scene, records, parameters)
+    scene = with_starts(every, scene, parameters)
     limits = bounds(scene, parameters, "parameters")
     scene = with_shared_nodes(scene, parameters)
     every = tuple(record.prepared(scene) for record in every)
     _check_counts(every, len(limits.paths))
     own = limits.numbers([own_value(scene, path) for path in parameters])
     first = jnp.asarray(np.concatenate([own[None], limits.drawn(starts - 1, seed)]))
-    solve = lambda u: minimum(scene, every, limits, u, steps)
     with waiting(progress, "fit"):
-        search = eqx.filter_jit(lambda all_: jax.lax.map(solve, all_), **QUICKLY)
-        found = jax.device_get(search(first))
+        found = jax.device_get(minima(scene, every, limits, first, steps))
     return concluded(scene, every, limits, found)
+
+
+def checked(scene: Any, records: Any, parameters: Any) -> tuple[AbstractRecord, ...]:
+    """The records as a tuple; raise unless these are arguments of a fit."""
+    if not isinstance(scene, Scene):
+        raise ValueError(
+            f"`scene` must be a `Scene`, but is {scene!r:.200}; `jr.load` reads one from a file."
+        )
+    check_paths(parameters, "parameters")
+    every = tuple(records) if isinstance(records, list | tuple) else (records,)
+    for record in every:
+        if not isinstance(record, AbstractRecord):
+            raise ValueError(
+                f"A record must be a `TimeRecord` or its like, but is {record!r:.200}; give one of these, "
+                "or a list of several."
+            )
+    if not every:
+        raise ValueError("`fit` needs at least one record.")
+    return every
 
 
 def concluded(

@@ -1,17 +1,19 @@
 """Minimum: the least sum of squares of residuals that are weighted by the noise they show."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..core.compiled import compiled_quickly
+from ..core.constants import with_arrays, with_constants
 from ..core.extremes import smaller
 from ..core.quantities import Scalar
 from ..scene import Scene
 from .bounds import Bounds
-from .records import AbstractRecord
+from .records import AbstractRecord, own_scenes
 from .target import evaluator
 
 
@@ -20,6 +22,7 @@ SETTLED = 1e-5  # step of all parameters in their standard deviations at which a
 FIRST_DAMPING = 1e-3  # of Levenberg and Marquardt, over the squares of the scaled slopes
 MOST_DAMPING = 1e8  # at which a search ends
 LONGEST = 2.0  # change of a free number in a step
+MOST_STEPS = 2**31 - 1  # that a program can count
 PASSES = 4  # in which the noises of several records are found, as each changes the weights of all
 
 
@@ -54,12 +57,50 @@ class _Split(NamedTuple):
     components: Float[Array, " n"]  # of the residuals, B^T r
 
 
+def minima(
+    scene: Scene,
+    records: tuple[AbstractRecord, ...],
+    limits: Bounds,
+    starts: Float[Array, "s n"],
+    steps: int,
+) -> Minimum:
+    """The `minimum` from every start, `s` of them in front of its arrays.
+
+    One program serves all scenes of one structure, records of the same shapes, bounds and numbers of
+    steps. What decides the structure is compiled into it: stations and the length of the shaft, settings
+    of records, and numbers of an effect that decide, beside a parameter, whether it is isotropic.
+    """
+    paths = limits.paths
+    blank = scene.put(dict.fromkeys(paths, jnp.zeros(())))  # the first guess decides nothing
+    fixed = with_constants(blank, _deciding(blank, paths))
+    known = tuple(with_constants(record, record.deciding) for record in records)
+    return _minima(fixed, known, limits, starts, jnp.asarray(min(steps, MOST_STEPS)))
+
+
+def _deciding(scene: Scene, paths: tuple[str, ...]) -> list[Any]:
+    """Numbers of a scene that decide the form of its equations; None of an effect without a station."""
+    found: list[Any] = [scene.shaft.length, *scene.shaft.stations]
+    heads = {path.partition(".")[0] for path in paths}
+    for effect in scene.effects:
+        if hasattr(effect, "refreshed") and heads & {effect.kind, effect.plural}:
+            found += jax.tree.leaves(effect)
+        else:
+            found.append(getattr(effect, "at", None))
+    return found
+
+
+@compiled_quickly
+def _minima(scene: Any, records: Any, limits: Bounds, starts: Array, steps: Array) -> Minimum:
+    scene, records = with_arrays((scene, records))
+    return jax.lax.map(lambda u: minimum(scene, records, limits, u, steps), starts)
+
+
 def minimum(
     scene: Scene,
     records: tuple[AbstractRecord, ...],
     limits: Bounds,
     u: Float[Array, " n"],
-    steps: int,
+    steps: int | Array,
 ) -> Minimum:
     """`(J^T W J + lambda D) d = -J^T W r`, `D` the diagonal of the first, with weights of the noise found.
 
@@ -67,9 +108,12 @@ def minimum(
     """
     owner = np.repeat(np.arange(len(records)), [record.count for record in records])
     floors = ROUNDING * jnp.stack([record.scale for record in records])
-    every = lambda u: jnp.concatenate(
-        [jnp.ravel(record.residuals(limits.placed(scene, u))) for record in records]
-    )
+
+    def every(u):
+        scenes = own_scenes(records, limits.placed(scene, u))
+        pairs = zip(records, scenes, strict=True)
+        return jnp.concatenate([jnp.ravel(record.residuals(own)) for record, own in pairs])
+
     evaluate = evaluator(every, reverse=False)
     totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
     counts = totals(jnp.ones(owner.size))

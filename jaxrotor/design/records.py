@@ -1,7 +1,7 @@
 """Records: what was measured on a rotor, and how a scene predicts it; motions in time."""
 
 import abc
-import dataclasses
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -11,14 +11,19 @@ from jaxtyping import Array, Float, Inexact
 
 from ..analysis.forced import Places
 from ..core.checks import check_counts
-from ..core.quantities import Scalar, Series, known, series
+from ..core.quantities import Scalar, Series, known, series, with_values
 from ..core.representation import AbstractPart
 from ..effects import AbstractContact
 from ..effects.base import AbstractEffect
+from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart, AtRest, Continued, Launch
 from ..equations.system import assemble, port_groups
-from ..motion.simulate import simulate, system_of_march
+from ..motion.revolutions import check_constant_speed
+from ..motion.run_up import after, check_tables_along
+from ..motion.simulate import checked_start, simulate, system_of_march
 from ..scene import Scene
+from ..solvers.choice import checked_solver
+from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 
 
@@ -26,11 +31,19 @@ def table(value: Any) -> Any:
     """Measured numbers by sample and channel; one channel may be given as a list."""
     if not known(value):
         return value
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(
+            "A record must be numbers by sample, or by sample and channel, but its samples have several "
+            f"lengths: {value!r:.200}; give every sample a number for every channel."
+        ) from None
     if array.dtype.kind not in "iufc" or array.ndim not in (1, 2) or not array.size:
+        give = "give an array (T,) or (T, c)"
+        give = "read the file first, as by `numpy.loadtxt`" if isinstance(value, str) else give
         raise ValueError(
             "A record must be numbers by sample, or by sample and channel, but has shape "
-            f"{array.shape} and type {array.dtype}."
+            f"{array.shape} and type {array.dtype}: {value!r:.200}; {give}."
         )
     numbers = jnp.asarray(array.astype(complex if array.dtype.kind == "c" else float))
     bad = np.flatnonzero(~np.isfinite(array.reshape(array.shape[0], -1)).all(axis=1))
@@ -47,7 +60,15 @@ def angles(value: Any) -> Any:
     """Directions of probes as an array; None where there are none."""
     if value is None:
         return None
-    found = jnp.atleast_1d(jnp.asarray(value, float))
+    try:
+        found = jnp.atleast_1d(jnp.asarray(value, float))
+    except (TypeError, ValueError):
+        found = jnp.zeros((0, 0))
+    if found.ndim > 1:
+        raise ValueError(
+            "`angle [rad]` must be the direction of a probe, or a list of one for every channel, but is "
+            f"{value!r:.200}."
+        )
     if known(found) and not np.isfinite(found).all():
         raise ValueError(f"`angle [rad]` must be finite, but is {value!r}.")
     return found
@@ -73,6 +94,11 @@ class AbstractRecord(AbstractPart):
     @abc.abstractmethod
     def prediction(self, scene: Scene) -> Inexact[Array, "T c"]:
         """The same numbers as a scene has them."""
+
+    @property
+    @abc.abstractmethod
+    def deciding(self) -> list[Any]:
+        """Numbers that decide how a prediction is computed, so that a program is compiled with them."""
 
     @abc.abstractmethod
     def prepared(self, scene: Scene) -> "AbstractRecord":
@@ -113,7 +139,7 @@ class AbstractRecord(AbstractPart):
 
 
 class FittedStart(AbstractEffect):
-    """The start of a record as a member of its scene, so that its numbers are parameters."""
+    """The start of a time record as a member of its scene, so that its numbers are parameters."""
 
     kind: ClassVar[str] = "start"
     plural: ClassVar[str] = "starts"
@@ -165,7 +191,8 @@ class TimeRecord(AbstractRecord):
         at: station(s) [m], one a channel; by default as in `simulate`.
         angle: direction(s) of probes from x to y [rad], one a channel.
         start: state in which the motion begins, by default at rest. Its numbers may be fitted: those of
-            `Whirl(..)` are `start.shaft.radius`, `start.shaft.rate` and `start.shaft.angle`.
+            `Whirl(..)` are `start.shaft.radius`, `start.shaft.rate` and `start.shaft.angle`; of several
+            time records `starts.0.shaft.radius`, `starts.1.shaft.radius`, .. in their order.
         substeps: steps from sample to sample of a record by revolutions; more where contact is stiff.
         solver: as of `simulate`; by default, by revolutions with contact, `Exponential(4, located=True)`
             where exponential steps are taken.
@@ -180,7 +207,7 @@ class TimeRecord(AbstractRecord):
     times: Series | None = series("times [s]", ascending=True, nonnegative=True, default=None)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    start: AbstractStart = eqx.field(default_factory=AtRest)  # in which the motion begins
+    start: AbstractStart = eqx.field(default_factory=AtRest, converter=checked_start)
     substeps: int = eqx.field(default=4, static=True)
     solver: Any = None
 
@@ -217,8 +244,31 @@ class TimeRecord(AbstractRecord):
             return jnp.asarray(self.times)
         return jnp.linspace(0.0, self.revolutions, len(self.displacement))
 
+    @property
+    def deciding(self):
+        if self.revolutions is not None:
+            return [self.start.angle] if isinstance(self.start, Launch) else []
+        through = self.solver is not None and step_control(self.solver) is None
+        return [self.times] if through else []  # steps go from sample to sample
+
     def prepared(self, scene: Scene) -> "TimeRecord":
         self.check_channels(scene, self.at, self.angle)
+        if self.solver is not None:
+            checked_solver(self.solver)
+        if self.revolutions is None:
+            if isinstance(self.solver, Exponential):
+                raise ValueError(
+                    "Steps of Exponential() along `times` are chosen by a known speed, but a fit moves "
+                    "the numbers of the rotor; give the record `revolutions`, a diffrax solver, or none."
+                )
+            check_tables_along(after(scene, Launch.of(self.start)), self.times)
+            return self
+        check_constant_speed(scene, "A time record by `revolutions`")
+        check_tables(scene)
+        if not float(scene.spin.speed):
+            raise ValueError(
+                "At zero speed a time record by `revolutions` has no length; give its `times`."
+            )
         return self
 
     def doubt(self, scene: Scene) -> str:
@@ -247,25 +297,43 @@ class TimeRecord(AbstractRecord):
         if not begun:
             return self.start
         if isinstance(self.start, Launch):
-            return dataclasses.replace(self.start, shaft=begun[0].shaft)
+            return eqx.tree_at(lambda start: start.shaft, self.start, begun[0].shaft)
         return begun[0].shaft
 
 
-def with_start(records: tuple[AbstractRecord, ...], scene: Scene, paths: Any) -> Scene:
-    """The scene with the start of a time record as a member, if any of the paths is one of its numbers."""
-    if not any(path.startswith("start.") for path in paths):
+def is_of_start(path: str) -> bool:
+    """Whether a parameter path names a number of a start."""
+    return path.partition(".")[0] in (FittedStart.kind, FittedStart.plural)
+
+
+def with_starts(records: tuple[AbstractRecord, ...], scene: Scene, paths: Iterable[str]) -> Scene:
+    """The scene with the starts of time records as members, if any of the paths is a number of one."""
+    if not any(map(is_of_start, paths)):
         return scene
-    timed = [record for record in records if isinstance(record, TimeRecord)]
-    if len(timed) != 1:
+    starts = [record.start for record in records if isinstance(record, TimeRecord)]
+    shafts = [start.shaft if isinstance(start, Launch) else start for start in starts]
+    if not shafts:
         raise ValueError(
-            f"Numbers of a start are fitted to one time record, but there are {len(timed)}; leave "
-            "`start.` out of the parameters."
+            "Numbers of a start are fitted to time records, but there are none; leave `start.` out of "
+            "the parameters."
         )
-    start = timed[0].start
-    shaft = start.shaft if isinstance(start, Launch) else start
-    if isinstance(shaft, AtRest | Continued):
+    if all(isinstance(shaft, AtRest | Continued) for shaft in shafts):
+        names = ", ".join(type(shaft).__name__ for shaft in shafts)
         raise ValueError(
-            f"The start of the record, {type(shaft).__name__}, has no numbers to fit; begin the record "
-            "with a `Whirl`."
+            f"The start of the record, {names}, has no numbers to fit; begin the record with a `Whirl`."
         )
-    return scene.of_parts(*scene.effects, FittedStart(shaft))
+    return scene.of_parts(*scene.effects, *map(FittedStart, shafts))
+
+
+def without_starts(scene: Scene) -> tuple[AbstractEffect, ...]:
+    """Effects of a scene without starts of records."""
+    return tuple(effect for effect in scene.effects if not isinstance(effect, FittedStart))
+
+
+def own_scenes(records: tuple[AbstractRecord, ...], scene: Scene) -> list[Scene]:
+    """The scene of every record, where the only start that is a member is its own."""
+    starts, others = iter(scene.of(FittedStart)), without_starts(scene)
+    if len(others) == len(scene.effects):
+        return [scene] * len(records)
+    own = lambda record: (next(starts),) if isinstance(record, TimeRecord) else ()
+    return [with_values(scene, effects=(*others, *own(record))) for record in records]

@@ -18,6 +18,7 @@ from ..analysis import (
 from ..core.checks import check_counts
 from ..core.quantities import Series, known, series
 from ..effects import AbstractBodies, AbstractContact
+from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
 from ..equations.system import structure
 from ..motion.revolutions import check_constant_speed
@@ -101,6 +102,7 @@ def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
     """A record of a steady motion with a guess of the orbit, checked against the scene."""
     record.check_channels(scene, record.at, angle)
     check_constant_speed(scene, "A record of a steady motion")
+    check_tables(scene)
     if scene.of(AbstractBodies):
         raise ValueError(
             "Balls have many steady positions, so an orbit does not tell theirs; fit a `TimeRecord`."
@@ -155,6 +157,10 @@ class OrbitRecord(AbstractRecord):
     def abscissa(self):
         count = len(self.displacement)
         return jnp.arange(count) * self.revolutions / count
+
+    @property
+    def deciding(self):
+        return []
 
     def prepared(self, scene: Scene) -> "OrbitRecord":
         return _prepared_steady(self, scene, self.angle)
@@ -217,6 +223,10 @@ class SpectrumRecord(AbstractRecord):
     def abscissa(self):
         return self.orders
 
+    @property
+    def deciding(self):
+        return []
+
     def prepared(self, scene: Scene) -> "SpectrumRecord":
         return _prepared_steady(self, scene, None)
 
@@ -229,6 +239,16 @@ class SpectrumRecord(AbstractRecord):
         waves = jnp.exp(-1j * self.orders[:, None] * angle) / count
         found = waves @ _samples(self, scene, count)
         return found if jnp.iscomplexobj(self.amplitude) else jnp.abs(found)
+
+
+def _checked_force(force: Any) -> Any:
+    """The force of a response; raise unless it is one, or None."""
+    if not isinstance(force, HarmonicForce | None):
+        raise ValueError(
+            "`force` must be a `HarmonicForce`, or None for the response to unbalance, but is "
+            f"{force!r:.200}."
+        )
+    return force
 
 
 class ResponseRecord(AbstractRecord):
@@ -254,7 +274,7 @@ class ResponseRecord(AbstractRecord):
     frequencies: Series = series("frequencies [rad/s]", least=1)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    force: HarmonicForce | None = None
+    force: HarmonicForce | None = eqx.field(default=None, converter=_checked_force)
 
     def __check_init__(self):
         check_samples(self.amplitude, self.frequencies, "frequencies")
@@ -276,8 +296,13 @@ class ResponseRecord(AbstractRecord):
     def _stations(self) -> Any:
         return self.force.at if self.at is None and self.force is not None else self.at
 
+    @property
+    def deciding(self):
+        return [] if self.force is None else [self.force.at]
+
     def prepared(self, scene: Scene) -> "ResponseRecord":
         self.check_channels(scene, self._stations, self.angle)
+        check_tables(scene, self.frequencies if self.force is None else None)
         return self
 
     def doubt(self, scene: Scene) -> str:

@@ -32,6 +32,12 @@ class Uncertainty(eqx.Module):
         Returns:
             The squared distance [1].
         """
+        missing = [path for path in self.values if path not in values]
+        if missing:
+            raise ValueError(
+                f"`values` must have every fitted parameter, but `{missing[0]}` is missing; it has: "
+                f"{', '.join(map(str, values))}."
+            )
         given = jnp.stack([jnp.asarray(values[path], float) for path in self.values])
         scale = jnp.stack(list(self.deviations.values()))
         off = (given - jnp.stack(list(self.values.values()))) / scale

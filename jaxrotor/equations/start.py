@@ -84,6 +84,17 @@ class Balls(eqx.Module):
     rate: Float[Array, "*T b"]  # [rad/s]
 
 
+def _checked_balls(balls: Any) -> Any:
+    """Balls of a launch as a tuple; raise unless they are some."""
+    if balls is None:
+        return None
+    if not isinstance(balls, list | tuple) or not all(isinstance(one, Balls) for one in balls):
+        raise ValueError(
+            f"`balls` must be a `Balls` for every race, or None to spread them, but is {balls!r:.200}."
+        )
+    return tuple(balls)
+
+
 class Launch(AbstractStart):
     """State in which a motion begins: that of the shaft, the angle of rotation, and balls.
 
@@ -94,7 +105,7 @@ class Launch(AbstractStart):
 
     shaft: AbstractStart = eqx.field(default_factory=AtRest)
     angle: Scalar = real("angle [rad]", default=0.0)
-    balls: tuple[Balls, ...] | None = None
+    balls: tuple[Balls, ...] | None = eqx.field(default=None, converter=_checked_balls)
     speed: Scalar = real("speed [rad/s]", default=None)
     time: Scalar = real("time [s]", default=0.0)  # of the profile at which the motion begins
     stopped: Bool[Array, ""] = eqx.field(

@@ -100,8 +100,7 @@ def run_up(
     times = _checked_times(times)
     launch = Launch.of(start)
     begun = after(scene, launch)
-    if has_tables(begun):
-        check_tables(begun, _first_speeds(begun, times))
+    check_tables_along(begun, times)
     stations = scene.stations(at)
     system = assemble(begun)
     if solver is None and controller is None and adjoint is None:
@@ -241,11 +240,17 @@ def _checked_times(times: Any) -> Any:
     return values
 
 
-def _first_speeds(scene: Scene, times: Any) -> Any:
-    """Speeds [rad/s] of a run that are known before it: of a drive the first one, else all."""
+def check_tables_along(scene: Scene, times: Any) -> None:
+    """Raise unless tables of a scene have values at the speeds that are known before a run.
+
+    Of a drive that is the first one.
+    """
+    if not has_tables(scene):
+        return
     if isinstance(scene.spin, Drive) or not known(times):
-        return scene.spin.speed
-    return scene.spin.turning(jnp.append(0.0, times)).speed
+        check_tables(scene)
+    else:
+        check_tables(scene, scene.spin.turning(jnp.append(0.0, times)).speed)
 
 
 def after(scene: Scene, launch: Launch) -> Scene:

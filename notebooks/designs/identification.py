@@ -18,13 +18,9 @@ the errors of the model.
 """
 
 import argparse
-import dataclasses
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from matplotlib.axes import Axes
 
 import jaxrotor as jr
@@ -66,17 +62,9 @@ def identify(recorded: np.ndarray) -> jr.Fitted:
 
 
 def scatter(recorded: np.ndarray) -> np.ndarray:
-    """Fits to every record, each begun at the truth: (count, 3), in one program."""
-    own, record = jnp.asarray(list(TRUTH.values())), record_of(recorded[0])
-
-    def fit(one):
-        measured = dataclasses.replace(record, displacement=one[:, None])
-        place = lambda x: TRUE.put(dict(zip(WHERE, own * x, strict=True)))
-        of = lambda x, _: measured.residuals(place(x)).ravel() / SIGMA
-        solver = optx.LevenbergMarquardt(1e-8, 1e-8)
-        return own * optx.least_squares(of, solver, jnp.ones(3), max_steps=30, throw=False).value
-
-    return np.asarray(jax.jit(lambda all_: jax.lax.map(fit, all_))(jnp.asarray(recorded)))
+    """Fits to every record, each begun at the truth: (count, 3), all by the program of the first."""
+    fits = (jr.fit(TRUE, record_of(one), WHERE, progress=False) for one in recorded)
+    return np.array([[float(value) for value in one.values.values()] for one in fits])
 
 
 def draw(solution: "Solution") -> tuple[Axes, Axes]:

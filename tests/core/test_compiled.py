@@ -5,6 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrotor.core.compiled import compiled_quickly
+from jaxrotor.core.constants import with_arrays, with_constants
+from jaxrotor.core.quantities import known
 
 
 def test_alone_inside_a_program_mapped_and_differentiated():
@@ -26,3 +28,22 @@ def test_alone_inside_a_program_mapped_and_differentiated():
     )
     np.testing.assert_allclose(jax.jacfwd(solved)(2.0), np.array([-6, 2]) / 25, rtol=1e-13)
     assert solved.__name__ == "solved" and traced[-1] == ("static",)
+
+
+def test_constants_are_known_within_a_program():
+    """Equal values of a constant share a program, others take another; what is no constant is traced."""
+    traced = []
+
+    @compiled_quickly
+    def sums(pair):
+        a, b = with_arrays(pair)
+        traced.append((known(a), known(b)))
+        return a + b if np.asarray(a)[0] > 0 else a - b
+
+    def found(first, second):
+        pair = jnp.array([first, 1.0]), jnp.asarray(second)
+        return sums(with_constants(pair, [pair[0], None])).tolist()
+
+    assert found(2.0, 5.0) == [7.0, 6.0] and found(2.0, 4.0) == [6.0, 5.0]
+    assert found(-2.0, 4.0) == [-6.0, -3.0]
+    assert traced == [(True, False)] * 2

@@ -12,9 +12,9 @@ from scipy.optimize import curve_fit
 from shown import shown
 
 import jaxrotor as jr
-from jaxrotor.design.fit import concluded
+from jaxrotor.design.fit import checked, concluded
 from jaxrotor.design.minimum import minimum
-from jaxrotor.design.records import with_start
+from jaxrotor.design.records import with_starts
 
 
 K, M, C, E, PHASE = 8e5, 5.0, 60.0, 1e-4, 0.4  # [SI] of a disc in the middle of a massless shaft
@@ -395,7 +395,7 @@ def test_probes_and_forces():
     launched = jr.TimeRecord(
         z, times=TIMES, start=jr.Launch(jr.Whirl(2 * RADIUS, angle=TURN)), solver=jr.Exponential()
     )
-    scene = with_start((launched,), FREE, where).replace({"start.shaft.radius": RADIUS})
+    scene = with_starts((launched,), FREE, where).replace({"start.shaft.radius": RADIUS})
     np.testing.assert_allclose(launched.prediction(scene)[:, 0], z, atol=1e-10)
     force = jr.HarmonicForce(0.5, amplitude=20.0, angle=0.3)
     record = jr.ResponseRecord(np.zeros(3, complex), [100.0, 200.0, 300.0], angle=0.3, force=force)
@@ -424,6 +424,23 @@ def test_probes_and_forces():
         (lambda: jr.OrbitRecord([1.0, 2.0], angle=np.nan), r"`angle \[rad\]` must be finite"),
         (lambda: jr.SpectrumRecord(1j * np.ones(1), [128]), "`orders` must be below 128"),
         (lambda: jr.ResponseRecord([-1.0, 2.0], [1.0, 2.0]), "cannot be negative, but one is -1"),
+        (lambda: jr.OrbitRecord("a.csv"), "'a.csv'; read the file first, as by `numpy.loadtxt`"),
+        (lambda: jr.OrbitRecord(None), r"type object: None; give an array \(T,\) or \(T, c\)"),
+        (lambda: jr.OrbitRecord(np.ones((2, 2, 2))), r"has shape \(2, 2, 2\) and type float64"),
+        (lambda: jr.OrbitRecord([]), r"has shape \(0,\) .* give an array \(T,\) or \(T, c\)"),
+        (lambda: jr.OrbitRecord([True, False]), "type bool"),
+        (lambda: jr.OrbitRecord([[1.0, 2.0], [3.0]]), "several lengths: .* a number for every channel"),
+        (lambda: jr.ResponseRecord([1.0], [1j]), r"`frequencies .* must be a list .*, but is \[1j\]"),
+        (lambda: jr.ResponseRecord([1.0], ["1"]), r"`frequencies .* must be a list .*, but is \['1'\]"),
+        (lambda: jr.ResponseRecord([1.0], np.array([1], "datetime64[s]")), "but is array.*1970"),
+        (lambda: jr.TimeRecord(np.ones(2) + 0j, times=[0.0, 1j]), r"`times \[s\]` must be a list"),
+        (lambda: jr.OrbitRecord([1.0], angle="x"), "`angle .* must be the direction of a probe.*'x'"),
+        (lambda: jr.OrbitRecord([1.0], angle=1j), "direction of a probe, or a list .*, but is 1j"),
+        (lambda: jr.OrbitRecord([1.0], angle=[None]), r"direction of a probe, .*, but is \[None\]"),
+        (lambda: jr.OrbitRecord([1.0], angle=[[0.0, 1.0]]), r"but is \[\[0.0, 1.0\]\]"),
+        (lambda: jr.TimeRecord(np.ones(5) + 0j, 2, start="rest"), "`start` must be a start such as Whirl"),
+        (lambda: jr.ResponseRecord([1.0], [1.0], force=20.0), "`force` must be a `HarmonicForce`.*20.0"),
+        (lambda: jr.Launch(jr.Whirl(1e-3), balls=3), "`balls` must be a `Balls` for every race.* is 3"),
     ],
 )  # fmt: skip
 def test_records_that_are_none(make, said):
@@ -451,11 +468,112 @@ def test_refusals():
         jr.fit(ROTOR, [], WHERE)
     with refused("1 channels, but `at` names 2 stations"):
         jr.fit(ROTOR, dataclasses.replace(record, at=[0.5, 0.5]), WHERE)
-    with refused("to one time record, but there are 0"):
+    with refused("fitted to time records, but there are none"):
         jr.fit(ROTOR, record, {"start.shaft.radius": None})
     timed = jr.TimeRecord(noisy(decay(TIMES)), times=TIMES)
     with refused("AtRest, has no numbers to fit"):
         jr.fit(FREE, timed, {"start.shaft.radius": None})
+
+
+@pytest.mark.parametrize(
+    ("scene", "records", "parameters", "said"),
+    [
+        (None, (), {}, "`scene` must be a `Scene`, but is None; `jr.load` reads one from a file"),
+        ("rotor.toml", (), {}, "`scene` must be a `Scene`, but is 'rotor.toml'"),
+        (ROTOR, "record.csv", WHERE, "like, but is 'record.csv'; give one of these, or a list"),
+        (ROTOR, [np.ones(999)], WHERE, r"like, but is array\(\[1., 1"),
+        (ROTOR, [[]], WHERE, r"like, but is \[\]"),
+        (ROTOR, jr.TimeRecord, WHERE, "like, but is <class"),
+        (ROTOR, (), ["shaft.k11"], r"`parameters` must be bounds by path, .*, but is \['shaft.k11'\]"),
+        (ROTOR, (), None, "`parameters` must be bounds by path, .*, but is None"),
+        (ROTOR, (), {1: None}, "keys of `parameters` must be paths .*, but one is 1"),
+    ],
+)  # fmt: skip
+def test_arguments_that_are_none(scene, records, parameters, said):
+    """Arguments of other types, which the checks of annotations in tests would not let pass."""
+    with pytest.raises(ValueError, match=said) as raised:
+        checked(scene, records, parameters)
+    assert len(str(raised.value)) < 400  # a long array is cut
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        8e5, "19", ("4e5", "1.6e6"), (1, 2, 3), (1.6e6, 4e5), (8e5, 8e5), (np.nan, 1e6), (4e5, np.inf),
+        (4e5, 1.6e6 + 0j), (None, 1e6), (False, True), {4e5, 1.6e6}, {4e5: 0, 1.6e6: 0}, (), [[1], 2],
+        np.ones((2, 2)), np.array([4e5, 1.6e6], complex), (1, 10**400), b"01",
+    ],
+)  # fmt: skip
+def test_bounds_that_are_none(pair):
+    record = jr.ResponseRecord(noisy(whirl(SPEEDS)), SPEEDS)
+    said = (
+        r"`parameters\['shaft.k11'\]` must be a lower and a higher bound, or None for none, but is "
+    )
+    with pytest.raises(ValueError, match=said):
+        jr.fit(ROTOR, record, {"shaft.k11": pair})
+
+
+@pytest.mark.parametrize(
+    ("at", "said"),
+    [
+        ({"a": 1}, "must be a station or a list of them, but is {'a': 1}"),
+        ([None], r"must be a station or a list of them, but is \[None\]"),
+        (0.5j, "must be a station or a list of them, but is 0.5j"),
+        ([[0.5], [0.1, 0.2]], "must be a station or a list of them"),
+        (ROTOR, "must be a station or a list of them, but is Scene"),
+        (5.0, r"must be on the shaft \(0 to 1\), but is 5"),
+        ("pedestal", "There is no casing 'pedestal'"),
+    ],
+)
+def test_stations_that_are_none(at, said):
+    with pytest.raises(ValueError, match=said):
+        jr.fit(ROTOR, jr.ResponseRecord(noisy(whirl(SPEEDS)), SPEEDS, at=at), WHERE)
+
+
+def test_settings_that_are_none(response):
+    record, where = response.records[0], {"shaft.k11": (4e5, 1.6e6)}
+    refused = lambda said: pytest.raises(ValueError, match=said)
+    with refused("`seed` must be a whole number of at least 0, but is -1"):
+        jr.fit(ROTOR, record, where, seed=-1)
+    with refused("`disc.mass` and `discs.mass` are the same number; leave one out"):
+        jr.fit(ROTOR, record, {"disc.mass": None, "discs.mass": None})
+    with refused("every fitted parameter, but `shaft.k11` is missing; it has: disc.mass"):
+        response.uncertainty.distance({"disc.mass": 5.0})
+    with refused("`level` must be between 0 and 1, but is nan"):
+        response.intervals(np.nan)
+    jr.fit(ROTOR, record, where, steps=10**30, progress=False)  # no program counts so far
+    still = FREE.at_speed(0.0)
+    with refused("At zero speed a time record by `revolutions` has no length; give its `times`"):
+        jr.fit(still, jr.TimeRecord(np.ones(5) + 0j, 2), where)
+    timed = jr.TimeRecord(decay(TIMES), times=TIMES, solver=jr.Exponential(4))
+    with refused(r"Steps of Exponential\(\) along `times` are chosen by a known speed, but a fit"):
+        jr.fit(FREE, timed, where)
+    timed = jr.TimeRecord(decay(TIMES), times=TIMES, solver="rk4")
+    with refused(r"`solver` must be Exponential\(..\) or a diffrax solver .*, but is 'rk4'"):
+        jr.fit(FREE, timed, where)
+
+
+def test_tables_that_end_before_the_speeds_of_a_record():
+    """Said before the fit: a prediction beyond the tables is not a number."""
+    over = {"speeds": [50.0, 400.0], "kxx": [2e6, 3e6], "kyy": [2e6, 3e6]}
+    shaft = jr.MasslessShaft(1.0, 0.5, K, ends="elastic")
+    parts = *PARTS, UNBALANCE, *(jr.Support(x, **over) for x in (0.0, 1.0))
+    at = lambda spin: jr.Scene(shaft, *parts, spin=spin)
+    slow, quick = at(jr.ConstantSpeed(300.0)), at(jr.ConstantSpeed(500.0))
+    ramp = at(jr.SpeedProfile.ramp(0.0, 480.0, 0.1))
+    z = np.ones(9) + 0j
+    force = jr.HarmonicForce(0.5)
+    for scene, record, speed in (
+        (slow, jr.ResponseRecord(z, np.linspace(360.0, 440.0, 9)), 410),
+        (quick, jr.ResponseRecord(z, np.linspace(60.0, 90.0, 9), force=force), 500),
+        (quick, jr.OrbitRecord(z), 500),
+        (quick, jr.SpectrumRecord(z, np.arange(9)), 500),
+        (quick, jr.TimeRecord(z, 2), 500),
+        (quick, jr.TimeRecord(z, times=np.linspace(0.0, 0.1, 9)), 500),
+        (ramp, jr.TimeRecord(z, times=np.linspace(0.03, 0.1, 9)), 0),
+    ):
+        with pytest.raises(ValueError, match=f"coefficients are needed at {speed} rad/s"):
+            jr.fit(scene, record, {"disc.mass": (1.0, 20.0)})
 
 
 def test_a_bound_and_parameters_that_are_not_told_apart():

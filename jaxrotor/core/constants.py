@@ -1,0 +1,43 @@
+"""Constants: numbers whose values decide what a program computes, so that they are compiled into it."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Constant:
+    """Values of an array as a static argument, equal for equal values."""
+
+    values: bytes
+    kind: str
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, array: Any) -> "Constant":
+        """The constant of a known array."""
+        known = np.asarray(array)
+        return cls(known.tobytes(), known.dtype.str, known.shape)
+
+    @property
+    def array(self) -> Array:
+        """The array, whose values are known within a trace, too."""
+        values = np.frombuffer(self.values, self.kind).reshape(self.shape)
+        with jax.ensure_compile_time_eval():
+            return jnp.asarray(values)
+
+
+def with_constants(tree: Any, arrays: Sequence[Any]) -> Any:
+    """The tree with constants in place of those of its leaves that are one of the arrays."""
+    chosen = set(map(id, arrays))
+    return jax.tree.map(lambda leaf: Constant.of(leaf) if id(leaf) in chosen else leaf, tree)
+
+
+def with_arrays(tree: Any) -> Any:
+    """The tree with arrays in place of its constants."""
+    return jax.tree.map(lambda leaf: leaf.array if isinstance(leaf, Constant) else leaf, tree)
