@@ -106,7 +106,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
     of: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the shaft
     vanishing: tuple[str, ...] = eqx.field(init=False, static=True)  # parts known to be zero
-    synchronous: bool = eqx.field(default=False, init=False, static=True)  # whirls as it rotates
+    synchronous: bool = eqx.field(init=False, static=True)  # whirls as it rotates
 
     def __post_init__(self):
         for name, letter in _LETTERS.items():
@@ -114,6 +114,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
             if isinstance(value, list | tuple) or np.ndim(value) > 1:
                 self._store_matrix(value, name, letter)
         self.vanishing = tuple(self._vanishing())
+        self.synchronous = False
 
     def __check_init__(self):
         given = [name for name in _COEFFICIENTS if getattr(self, name) is not None]

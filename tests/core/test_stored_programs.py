@@ -21,6 +21,7 @@ from jaxrotor.core import description, program_cache, stored_programs
 from jaxrotor.core.compiled import QUICKLY, Compiled
 from jaxrotor.core.description import Indescribable, described
 from jaxrotor.core.stored_programs import StoredPrograms, surroundings
+from jaxrotor.files.shipped import shipped
 
 
 SCENE = jr.load("limiter-rotor").with_nodes(3)
@@ -117,6 +118,14 @@ def test_arrays_are_described_by_shape_and_type():
 def test_what_cannot_be_described_is_refused(value):
     with pytest.raises(Indescribable):
         described((1, value))
+
+
+@pytest.mark.parametrize("name", [name for name, _ in shipped()])
+def test_shipped_scenes_can_be_described(name):
+    """Also after operations on their trees, by which every other attribute than a field would be seen."""
+    scene = jr.load(name)
+    moved = jax.tree.map(lambda leaf: leaf, scene)
+    assert repr(described(moved, [])) == repr(described(scene, []))
 
 
 def test_a_scene_is_described_by_its_structure():
