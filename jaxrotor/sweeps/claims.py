@@ -35,7 +35,6 @@ class Claims(NamedTuple):
     multiplier: Float[np.ndarray, " l"]  # largest modulus
     rotation: Float[np.ndarray, " l"]
     rotation_error: Float[np.ndarray, " l"]
-    lasted: Float[np.ndarray, " l"]  # revolutions of all runs that were chaotic to their ends
     exponent: Float[np.ndarray, " l"]  # a revolution
     error: Float[np.ndarray, " l"]  # standard error of it
 
@@ -79,8 +78,7 @@ def claims_of(
     for k in np.flatnonzero(motion == PERIODIC):  # of the last periods, not of what led there
         last, former = turned[k, -period[k] :].mean(), turned[k, -2 * period[k] : -period[k]].mean()
         rotation[k], change[k] = last, abs(last - former)
-    lasted = np.full(len(growth), growth.shape[1])
-    return Claims(motion, period, multiplier, rotation, change, lasted, exponent, error)
+    return Claims(motion, period, multiplier, rotation, change, exponent, error)
 
 
 def _converges(section: Complex[np.ndarray, "l R"]) -> Bool[np.ndarray, " l"]:
@@ -118,15 +116,19 @@ def _average(values: Float[np.ndarray, "l R"]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def confirmed(
-    found: Claims, finer: Claims, ended: Bool[np.ndarray, " l"]
+    found: Claims, finer: Claims, later: Int[np.ndarray, " l"]
 ) -> tuple[Claims, Bool[np.ndarray, " l"]]:
     """Claims with the numbers of the finer run, and which it contradicts: these are undecided.
 
-    Chaos that `ended` in a repeated run is a transient, and may have ended in the finer run as well.
+    `later` are kinds of motion after further runs. Chaos that has ended by then is a transient, and may
+    have ended in the finer run as well. Chaos of which these do not tell is undecided.
     """
-    same = (finer.motion == found.motion) & (finer.period == found.period)
-    same |= (found.motion == TRANSIENT) & np.isin(finer.motion, REGULAR_KINDS)
-    leaves = (found.motion == CHAOTIC) & ended & (finer.motion < UNDECIDED)
-    withdrawn = ~same & ~leaves & (found.motion < UNDECIDED)
-    motion = np.where(withdrawn, UNDECIDED, np.where(leaves, TRANSIENT, found.motion))
+    ended = np.isin(later, (*REGULAR_KINDS, TRANSIENT)) & (found.motion == CHAOTIC)
+    lasting = np.where(ended, TRANSIENT, np.minimum(later, UNDECIDED))
+    motion = np.where(found.motion == CHAOTIC, lasting, found.motion)
+    same = (finer.motion == motion) & (finer.period == found.period)
+    same |= (motion == TRANSIENT) & np.isin(finer.motion, REGULAR_KINDS)
+    same |= ended & (finer.motion == CHAOTIC)
+    withdrawn = ~same & (motion < UNDECIDED)
+    motion = np.where(withdrawn, UNDECIDED, motion)
     return finer._replace(motion=np.where(finer.motion == FAILED, FAILED, motion)), withdrawn

@@ -8,7 +8,7 @@ import diffrax as dfx
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ..core.attributes import about, flags
 from ..core.checks import check_counts
@@ -32,7 +32,6 @@ from .claims import (
     MOTIONS,
     PERIODIC,
     REGULAR_KINDS,
-    TRANSIENT,
     UNDECIDED,
     Claims,
     claims_of,
@@ -42,9 +41,6 @@ from .claims import (
 from .followed import follow, polish, returns
 from .job import STEPS_IN_SINGLE
 from .lanes import Context, Stages
-
-
-PUSHED = 1e-6  # of the state: disturbance of a motion that is repeated
 
 
 def classify(
@@ -74,8 +70,9 @@ def classify(
     another with twice the steps. Numbers are those of the finer run. Kinds are those of the map over a
     revolution: without an unbalance, a motion with a period of its own is quasi-periodic.
 
-    Chaos that lasted for `T` revolutions in all runs may end later: its mean lifetime is above
-    `-T / log(0.05)` with 95 % confidence, as ends of a chaotic transient are a Poisson process.
+    Chaos that has lasted for `T` revolutions may end later. Since escape from a chaotic saddle is
+    exponential, the mean lifetime is above `-T / log(0.05)` with a one-sided confidence of 95 %. What is
+    followed last after the further runs, which take the steps of the sweep, tells whether it has ended.
 
     Args:
         dataset: sweep by `Exponential` at constant speed, without `carry`; only its settings are used.
@@ -84,8 +81,7 @@ def classify(
         steps_per_revolution: of the steps that follow.
         solver: of these, by default `Exponential(4, located=True)`; sharp stops take located steps.
         confirm: whether lanes are followed again with twice the steps.
-        repeats: further runs, at least, that chaos must survive: by the steps of the sweep, from its last
-            state disturbed by 1e-6, on from one another or, of a few lanes, beside one another.
+        repeats: further runs that chaos must survive, one after another, by the steps of the sweep.
         lanes_per_chunk: lanes run as one program.
         workers: chunks run at once, by default one a core.
         progress: whether to show a progress bar; by default on a terminal.
@@ -94,9 +90,9 @@ def classify(
         The data set with `motion`, the kind; `orbit_period` [revolutions] and `multiplier`, the largest
         modulus, of periodic lanes; `rotation`, turns about the centre in a revolution, and
         `rotation_error` of regular ones; `exponent` [1/s] with `exponent_low` and `exponent_high`, bounds
-        of 95 %, of all; `lifetime_low` [revolutions], lower bound of the mean lifetime of chaos. Its
-        attribute `withdrawn` is the number of claims that twice the steps contradicted. Not
-        differentiable.
+        of 95 %, of all. Its attributes are `withdrawn`, the number of claims that twice the steps
+        contradicted, and `lifetime_low`, the lower bound of the mean lifetime of what is called chaotic
+        [revolutions]. Not differentiable.
 
     Raises:
         ValueError: if the data set cannot be run again, or an argument is out of its range.
@@ -127,7 +123,12 @@ def classify(
     found = Claims(*map(np.concatenate, zip(*(part[0] for part in parts), strict=True)))
     lost = failed(dataset["status"].values).ravel()
     found = found._replace(motion=np.where(lost, FAILED, found.motion))
-    return _dataset(dataset, first, found, sum(part[1] for part in parts))
+    lasted = revolutions * (2 + repeats if repeats else 1 + confirm)
+    claims = _dataset(dataset, first, found)
+    return claims.assign_attrs(
+        withdrawn=sum(part[1] for part in parts),
+        lifetime_low=lasted / -np.log(1 - CONFIDENCE),
+    )
 
 
 # === before the run
@@ -205,46 +206,45 @@ class Run(NamedTuple):
         steps = self.context.plan.steps
         found, end = self._followed(points, steps, begin)
         tick(count * self.revolutions)
+        finer = found
         if self.confirm:
             finer, _ = self._followed(points, 2 * steps, end)
             tick(count * self.revolutions)
-        else:
-            finer = found
-        ended, lasted = self._repeated(points, found, end, count)
-        tick(count * self.repeats * self.revolutions)
-        found, withdrawn = confirmed(found, finer, ended)
-        found = found._replace(lasted=(1 + self.confirm) * self.revolutions + lasted)
+        later = self._repeated(points, found.motion, finer.motion, end, count, tick)
+        found, withdrawn = confirmed(found, finer, later)
         return Claims(*(leaf[:count] for leaf in found)), int(withdrawn[:count].sum())
 
     def _repeated(
-        self, points: np.ndarray, found: Claims, end: Any, count: int
-    ) -> tuple[Bool[np.ndarray, " l"], Int[np.ndarray, " l"]]:
-        """Whether chaos of lanes has ended after further runs, and the revolutions of these.
-
-        They take the steps of the sweep, which cost little, and start from disturbed states. Programs take
-        `size` lanes, so that a few chaotic ones run as copies, which part from each other.
-        """
-        ended, lasted = np.zeros(self.size, bool), np.zeros(self.size, int)
-        chaotic = np.flatnonzero(found.motion[:count] == CHAOTIC)
-        if not (chaotic.size and self.repeats):
-            return ended, lasted
-        lanes, copies = np.resize(chaotic, self.size), self.size // len(chaotic)
-        rng = np.random.default_rng(0)
-        disturbed = lambda part: part * (1 + PUSHED * rng.standard_normal(part.shape))
-        state = tuple(disturbed(part[lanes]) for part in end)
-        revolutions = -(-self.repeats // copies) * self.revolutions
-        state = self._skipped(points[lanes], revolutions, state)
-        last, _ = self._followed(points[lanes], self.context.plan.steps, state)
-        np.logical_or.at(ended, lanes, np.isin(last.motion, (*REGULAR_KINDS, TRANSIENT)))
-        np.add.at(lasted, lanes, revolutions + self.revolutions)
-        return ended, lasted
-
-    def _skipped(
         self,
         points: np.ndarray,
-        revolutions: int,
-        begin: Any,
-        tick: Callable[[int], None] = lambda _: None,
+        motion: Int[np.ndarray, " l"],
+        finer: Int[np.ndarray, " l"],
+        end: Any,
+        count: int,
+        tick: Callable[[int], None],
+    ) -> Int[np.ndarray, " l"]:
+        """Kinds of motion of lanes whose chaos goes on for further runs; others keep theirs.
+
+        The runs take the steps of the sweep, which cost little. What they end in is told by the steps of
+        the finest run.
+        """
+        chaotic = np.flatnonzero((motion == CHAOTIC) & (finer < UNDECIDED))
+        chaotic = chaotic[chaotic < count]
+        total = self.repeats * self.revolutions
+        tick((count - len(chaotic)) * total)
+        if not (chaotic.size and self.repeats):
+            return motion
+        lanes = np.resize(chaotic, self.size)  # programs take so many
+        own = points[lanes], tuple(part[lanes] for part in end)
+        state = self._skipped(own[0], total, own[1], lambda part: tick(len(chaotic) * part))
+        steps = (1 + self.confirm) * self.context.plan.steps
+        last, _ = self._followed(own[0], steps, state)
+        later = motion.copy()
+        later[chaotic] = last.motion[: len(chaotic)]
+        return later
+
+    def _skipped(
+        self, points: np.ndarray, revolutions: int, begin: Any, tick: Callable[[int], None]
     ) -> Any:
         """States after some revolutions by the steps of the sweep."""
         shared, own, y, _ = self.stages.prepare(self.first, points, begin)
@@ -272,7 +272,7 @@ class Run(NamedTuple):
 # === data
 
 
-def _dataset(dataset: xr.Dataset, first: Context, found: Claims, withdrawn: int) -> xr.Dataset:
+def _dataset(dataset: xr.Dataset, first: Context, found: Claims) -> xr.Dataset:
     """The data set with the claims of all lanes."""
     status = dataset["status"]
     of = lambda values, attrs: (status.dims, np.reshape(values, status.shape), attrs)
@@ -291,7 +291,6 @@ def _dataset(dataset: xr.Dataset, first: Context, found: Claims, withdrawn: int)
     half = np.where(periodic, 0.0, half)
     shown = np.where(found.motion == FAILED, np.nan, 1.0) * each
     only = lambda chosen, values: np.where(chosen, values, np.nan)
-    lifetime = found.lasted / -np.log(1 - CONFIDENCE)
     turns, growth = "turns about the centre in a revolution", "largest Lyapunov exponent"
     return dataset.assign(
         motion=of(found.motion.astype(np.int8), flags("kind of motion", MOTIONS)),
@@ -301,11 +300,7 @@ def _dataset(dataset: xr.Dataset, first: Context, found: Claims, withdrawn: int)
         ),
         rotation=of(only(regular, found.rotation), about("1", turns)),
         rotation_error=of(only(regular, found.rotation_error), about("1", f"change of {turns}")),
-        lifetime_low=of(
-            only(found.motion == CHAOTIC, lifetime),
-            about("1", "mean lifetime of chaos, lower bound"),
-        ),
         exponent=of(shown * exponent, about("1/s", growth)),
         exponent_low=of(shown * (exponent - half), about("1/s", f"{growth}, lower bound")),
         exponent_high=of(shown * (exponent + half), about("1/s", f"{growth}, upper bound")),
-    ).assign_attrs(withdrawn=withdrawn)
+    )

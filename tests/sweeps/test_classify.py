@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from systems import one_disc
 
 import jaxrotor as jr
-from jaxrotor.sweeps.claims import MOTIONS
+from jaxrotor.sweeps.claims import MOTIONS, Claims, confirmed
 
 
 TURN = 2 * np.pi
@@ -151,11 +151,47 @@ def test_chaos_that_ends_is_a_transient():
     once = jr.classify(swept, 200, confirm=False, repeats=0, **steps)
     chaotic = np.array(kinds(once)) == "chaotic"
     assert chaotic.sum() >= 5
-    np.testing.assert_allclose(once["lifetime_low"].values[chaotic], 200 / np.log(20))
-    assert np.isnan(once["lifetime_low"].values[~chaotic]).all()
+    assert once.attrs["lifetime_low"] == pytest.approx(200 / np.log(20))
+    assert once.attrs["lifetime_low"] < ended.mean()
     found = jr.classify(swept, 200, confirm=False, repeats=60, **steps)
+    assert found.attrs["lifetime_low"] == pytest.approx(62 * 200 / np.log(20))
     assert "chaotic" not in kinds(found) and found.attrs["withdrawn"] == 0
     assert (np.array(kinds(found))[chaotic] == "transient").all()
+
+
+# === what runs together show
+
+
+@pytest.mark.parametrize(
+    ("found", "finer", "later", "expected", "withdrawn"),
+    [
+        ("chaotic", "chaotic", "chaotic", "chaotic", False),
+        ("chaotic", "chaotic", "periodic", "transient", False),
+        ("chaotic", "periodic", "transient", "transient", False),
+        ("chaotic", "periodic", "chaotic", "undecided", True),
+        ("chaotic", "chaotic", "undecided", "undecided", False),
+        ("chaotic", "chaotic", "failed", "undecided", False),
+        ("chaotic", "undecided", "chaotic", "undecided", True),
+        ("chaotic", "failed", "chaotic", "failed", True),
+        ("transient", "periodic", "transient", "transient", False),
+        ("periodic", "chaotic", "periodic", "undecided", True),
+        ("periodic", "periodic", "periodic", "periodic", False),
+        ("undecided", "periodic", "undecided", "undecided", False),
+    ],
+)
+def test_what_is_claimed_after_all_runs(found, finer, later, expected, withdrawn):
+    def claims(kind):
+        motion = np.array([MOTIONS.index(kind)])
+        return Claims(motion, np.where(motion == 0, 2, 0), *np.zeros((5, 1)))
+
+    motion, gone = confirmed(claims(found), claims(finer), claims(later).motion)
+    assert MOTIONS[motion.motion[0]] == expected and gone[0] == withdrawn
+
+
+def test_orbits_of_two_periods_contradict_each_other():
+    one, two = (Claims(np.zeros(1, int), np.array([p]), *np.zeros((5, 1))) for p in (1, 2))
+    motion, gone = confirmed(one, two, one.motion)
+    assert MOTIONS[motion.motion[0]] == "undecided" and gone[0]
 
 
 # === closed forms
