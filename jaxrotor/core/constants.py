@@ -1,4 +1,4 @@
-"""Constants: numbers whose values decide what a program computes, so that they are compiled into it."""
+"""Constants: numbers that decide the structure of a program, so that they are compiled into it."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -33,8 +33,17 @@ class Constant:
 
 
 def with_constants(tree: Any, arrays: Sequence[Any]) -> Any:
-    """The tree with constants in place of those of its leaves that are one of the arrays."""
-    chosen = set(map(id, arrays))
+    """The tree with constants in place of those of its leaves that are one of the arrays.
+
+    Entries that are no arrays, such as None, decide by themselves. An array must be a leaf of the tree,
+    not one of equal values.
+    """
+    chosen = {id(one) for one in arrays if isinstance(one, Array | np.ndarray)}
+    if missing := chosen - set(map(id, jax.tree.leaves(tree))):
+        raise RuntimeError(
+            f"{len(missing)} of {len(chosen)} arrays that decide the structure of a program are not "
+            f"leaves of its {type(tree).__name__}, so they would be traced; list arrays that it holds."
+        )
     return jax.tree.map(lambda leaf: Constant.of(leaf) if id(leaf) in chosen else leaf, tree)
 
 

@@ -70,8 +70,7 @@ class Bounds(eqx.Module):
 
 
 def bounds(scene: Scene, where: Mapping[str, Any], name: str = "where") -> Bounds:
-    """Bounds of parameters by their paths: `(low, high)`, or None where there are none."""
-    check_paths(where, name)
+    """Bounds of parameters by paths that `check_paths` accepts: `(low, high)`, or None for no bounds."""
     own = {path: own_value(scene, path) for path in where}
     _check_apart(scene, where)
     ends = {path: _ends(path, pair, name) for path, pair in where.items()}
@@ -177,6 +176,8 @@ def ascending_pair(pair: Any) -> tuple[float, float] | None:
     except (TypeError, ValueError):  # of several lengths
         return None
     if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not np.isfinite(ends).all():
+        return None
+    if any(isinstance(end, bool | np.bool_) for end in pair):  # beside a number
         return None
     low, high = map(float, ends)
     return (low, high) if low < high else None

@@ -93,17 +93,17 @@ class Fitted(eqx.Module):
             `cautions` says where it is not.
 
         Raises:
-            ValueError: `level` is not between 0 and 1.
+            ValueError: `level` is not a number between 0 and 1.
 
         Source: Bard (1974), Nonlinear Parameter Estimation, chapter 7; Satterthwaite (1946), Biometrics
         Bulletin 2, 110-114.
         """
         try:
-            inside = bool(0 < level < 1)
-        except TypeError:
+            inside = np.ndim(level) == 0 and bool(0 < level < 1)
+        except (TypeError, ValueError):
             inside = False
         if not inside:
-            raise ValueError(f"`level` must be between 0 and 1, but is {level!r}.")
+            raise ValueError(f"`level` must be a number between 0 and 1, but is {level!r:.200}.")
         reach = stats.t.ppf((1 + level) / 2, self.degrees_of_freedom)
         deviations = self.uncertainty.deviations.items()
         sizes = {path: float(t * s) for t, (path, s) in zip(reach, deviations, strict=True)}
@@ -189,8 +189,8 @@ def fit(
     by Levenberg and Marquardt's method, in which every record is weighted by the noise that its own
     residuals show at the last step. `n_i`, the trace of its block of the hat matrix, is the part of the
     `n` parameters that the record determines. One program does all of it, once for every start.
-    A later fit compiles none if its scene has the same parts at the same stations, its records the same
-    shapes and settings, and if paths and the number of starts are the same.
+    A later fit compiles no program if its scene has the same parts at the same stations, its records the
+    same shapes and settings, and if paths and the number of starts are the same.
 
     Args:
         scene: the rotor, whose own values are the first guess.
@@ -254,7 +254,7 @@ def checked(scene: Any, records: Any, parameters: Any) -> tuple[AbstractRecord, 
 def concluded(
     scene: Scene, records: tuple[AbstractRecord, ...], limits: Bounds, every: Any
 ) -> Fitted:
-    """The result of a fit from the `Minimum` of every start; raise where none is one, or on a bound."""
+    """The result of a fit from the `Minimum` of every start; raise where none was found, or on a bound."""
     counts = [record.count for record in records]
     merit = np.log(every.noise) @ counts  # of the likelihood; the sum of squares of a single record
     merit = np.where(np.isfinite(every.residuals).all(axis=1), merit, np.inf)

@@ -67,8 +67,9 @@ def minima(
     """The `minimum` from every start, `s` of them in front of its arrays.
 
     One program serves all scenes of one structure, records of the same shapes, bounds and numbers of
-    steps. What decides the structure is compiled into it: stations and the length of the shaft, settings
-    of records, and numbers of an effect that decide, beside a parameter, whether it is isotropic.
+    steps. What decides the structure is compiled into it: stations, the length of the shaft, settings of
+    records, and all numbers of a support or an external damping that has a parameter, since they decide
+    together whether it is isotropic. A program stays for as long as the process runs.
     """
     paths = limits.paths
     blank = scene.put(dict.fromkeys(paths, jnp.zeros(())))  # the first guess decides nothing
@@ -78,7 +79,12 @@ def minima(
 
 
 def _deciding(scene: Scene, paths: tuple[str, ...]) -> list[Any]:
-    """Numbers of a scene that decide the form of its equations; None of an effect without a station."""
+    """Arrays of a scene that decide the structure of its equations.
+
+    They are stations, the length of the shaft, and all numbers of those effects that a change of one
+    number may make isotropic or anisotropic, if one of them is a parameter. An effect without a station
+    gives None.
+    """
     found: list[Any] = [scene.shaft.length, *scene.shaft.stations]
     heads = {path.partition(".")[0] for path in paths}
     for effect in scene.effects:

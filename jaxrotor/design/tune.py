@@ -15,7 +15,7 @@ from ..core.progress import progress as bar
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene, with_shared_nodes
-from .bounds import Bounds, bounds
+from .bounds import Bounds, bounds, check_paths
 from .descent import AbstractDescent, descent
 from .iterates import FLAT, Iterates
 from .target import Constraints, Evaluation, augmented, evaluator, loss_and_constraints, shape_of
@@ -142,6 +142,7 @@ def tune(
     if not 0 < tolerance < 1:
         raise ValueError(f"`tolerance` must be between 0 and 1, but is {tolerance!r}.")
     pairs = _checked(constraints)
+    check_paths(where, "where")
     limits = bounds(scene, where)
     scene = with_shared_nodes(scene, where)
     for name, excess in pairs:

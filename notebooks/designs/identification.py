@@ -62,9 +62,20 @@ def identify(recorded: np.ndarray) -> jr.Fitted:
 
 
 def scatter(recorded: np.ndarray) -> np.ndarray:
-    """Fits to every record, each begun at the truth: (count, 3), all by the program of the first."""
-    fits = (jr.fit(TRUE, record_of(one), WHERE, progress=False) for one in recorded)
-    return np.array([[float(value) for value in one.values.values()] for one in fits])
+    """Fits to every record, each begun at the truth: (count, 3), all by the program of the first.
+
+    A fit that ends on a bound or finds no minimum is left out, and their number is printed.
+    """
+    found = []
+    for one in recorded:
+        try:
+            fitted = jr.fit(TRUE, record_of(one), WHERE, progress=False)
+        except RuntimeError:
+            continue
+        found.append([float(value) for value in fitted.values.values()])
+    if missing := len(recorded) - len(found):
+        print(f"{missing} of {len(recorded)} fits ended on a bound or found no minimum.")
+    return np.array(found).reshape(-1, len(WHERE))
 
 
 def draw(solution: "Solution") -> tuple[Axes, Axes]:

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxrotor.core.compiled import compiled_quickly
 from jaxrotor.core.constants import with_arrays, with_constants
@@ -47,3 +48,11 @@ def test_constants_are_known_within_a_program():
     assert found(2.0, 5.0) == [7.0, 6.0] and found(2.0, 4.0) == [6.0, 5.0]
     assert found(-2.0, 4.0) == [-6.0, -3.0]
     assert traced == [(True, False)] * 2
+
+
+def test_constants_must_be_leaves_of_their_tree():
+    """An array of equal values is not the leaf, which would be traced; what is no array is passed over."""
+    a, b = jnp.ones(2), jnp.ones(2)
+    assert with_constants((a, 3.0), [None, 3.0, "pedestal"]) == (a, 3.0)
+    with pytest.raises(RuntimeError, match="1 of 2 arrays that decide .* not leaves of its tuple"):
+        with_constants((a, b), [a, b + 0.0])

@@ -5,6 +5,7 @@ Notebook 06 computes most of them, and is run once for all tests that look at it
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -149,6 +150,27 @@ def test_balanced_through_a_rub(numbers):
     assert numbers["largest share left"] < 0.05
     residuals = 2 * balancing.STEPS * 2
     assert abs(numbers["misfit of the rub"] - residuals) < 3 * np.sqrt(2 * residuals)
+
+
+def test_fits_that_fail_are_left_out_and_counted(monkeypatch, capsys):
+    """A fit that ends on a bound does not end the study; a fit that is asked for wrongly does."""
+    true = list(identification.TRUTH.values())
+
+    def fit(scene, record, where, progress):
+        del scene, progress
+        size = float(record.displacement[0, 0].real)
+        if size > 1.0:
+            raise (RuntimeError if size < 3.0 else ValueError)(f"of {size}")
+        return SimpleNamespace(values=dict(zip(where, [x + size for x in true], strict=True)))
+
+    monkeypatch.setattr(identification.jr, "fit", fit)
+    of = lambda *sizes: np.array(sizes)[:, None] * np.ones(1281, complex)
+    found = identification.scatter(of(0.5, 2.0, 1.0))
+    np.testing.assert_allclose(found, [[x + 0.5 for x in true], [x + 1.0 for x in true]])
+    assert capsys.readouterr().out == "1 of 3 fits ended on a bound or found no minimum.\n"
+    assert identification.scatter(of(2.0)).shape == (0, 3)
+    with pytest.raises(ValueError, match="of 4"):
+        identification.scatter(of(4.0))
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Fits to records: closed forms and SciPy make the records, many of them count what intervals cover."""
 
 import dataclasses
+import inspect
 
 import jax
 import jax.numpy as jnp
@@ -443,7 +444,7 @@ def test_probes_and_forces():
         (lambda: jr.Launch(jr.Whirl(1e-3), balls=3), "`balls` must be a `Balls` for every race.* is 3"),
     ],
 )  # fmt: skip
-def test_records_that_are_none(make, said):
+def test_what_is_not_a_record(make, said):
     with pytest.raises(ValueError, match=said):
         make()
 
@@ -489,7 +490,7 @@ def test_refusals():
         (ROTOR, (), {1: None}, "keys of `parameters` must be paths .*, but one is 1"),
     ],
 )  # fmt: skip
-def test_arguments_that_are_none(scene, records, parameters, said):
+def test_what_is_not_an_argument_of_a_fit(scene, records, parameters, said):
     """Arguments of other types, which the checks of annotations in tests would not let pass."""
     with pytest.raises(ValueError, match=said) as raised:
         checked(scene, records, parameters)
@@ -500,11 +501,11 @@ def test_arguments_that_are_none(scene, records, parameters, said):
     "pair",
     [
         8e5, "19", ("4e5", "1.6e6"), (1, 2, 3), (1.6e6, 4e5), (8e5, 8e5), (np.nan, 1e6), (4e5, np.inf),
-        (4e5, 1.6e6 + 0j), (None, 1e6), (False, True), {4e5, 1.6e6}, {4e5: 0, 1.6e6: 0}, (), [[1], 2],
-        np.ones((2, 2)), np.array([4e5, 1.6e6], complex), (1, 10**400), b"01",
+        (4e5, 1.6e6 + 0j), (None, 1e6), (False, True), (True, 2e6), {4e5, 1.6e6}, {4e5: 0, 1.6e6: 0},
+        (), [[1], 2], np.ones((2, 2)), np.array([4e5, 1.6e6], complex), (1, 10**400), b"01",
     ],
 )  # fmt: skip
-def test_bounds_that_are_none(pair):
+def test_what_is_not_a_pair_of_bounds(pair):
     record = jr.ResponseRecord(noisy(whirl(SPEEDS)), SPEEDS)
     said = (
         r"`parameters\['shaft.k11'\]` must be a lower and a higher bound, or None for none, but is "
@@ -525,12 +526,12 @@ def test_bounds_that_are_none(pair):
         ("pedestal", "There is no casing 'pedestal'"),
     ],
 )
-def test_stations_that_are_none(at, said):
+def test_what_is_not_a_station(at, said):
     with pytest.raises(ValueError, match=said):
         jr.fit(ROTOR, jr.ResponseRecord(noisy(whirl(SPEEDS)), SPEEDS, at=at), WHERE)
 
 
-def test_settings_that_are_none(response):
+def test_settings_are_checked(response):
     record, where = response.records[0], {"shaft.k11": (4e5, 1.6e6)}
     refused = lambda said: pytest.raises(ValueError, match=said)
     with refused("`seed` must be a whole number of at least 0, but is -1"):
@@ -539,8 +540,12 @@ def test_settings_that_are_none(response):
         jr.fit(ROTOR, record, {"disc.mass": None, "discs.mass": None})
     with refused("every fitted parameter, but `shaft.k11` is missing; it has: disc.mass"):
         response.uncertainty.distance({"disc.mass": 5.0})
-    with refused("`level` must be between 0 and 1, but is nan"):
+    with refused("`level` must be a number between 0 and 1, but is nan"):
         response.intervals(np.nan)
+    unchecked = inspect.unwrap(type(response).intervals)  # by annotations, in tests
+    for level in (np.array([0.5, 0.6]), np.array([0.5]), [0.5], [[0.5], 0.6], "0.95", None):
+        with refused("`level` must be a number between 0 and 1, but is "):
+            unchecked(response, level)
     jr.fit(ROTOR, record, where, steps=10**30, progress=False)  # no program counts so far
     still = FREE.at_speed(0.0)
     with refused("At zero speed a time record by `revolutions` has no length; give its `times`"):
@@ -682,5 +687,5 @@ def test_an_interval_beyond_the_bounds_is_told(response):
     found = jr.fit(scene, response.records[0], near, progress=False)
     (said,) = found.cautions
     assert said.startswith("The interval of `shaft.k11`") and "goes beyond its bounds" in said
-    with pytest.raises(ValueError, match="`level` must be between 0 and 1, but is 95"):
+    with pytest.raises(ValueError, match="`level` must be a number between 0 and 1, but is 95"):
         found.intervals(95)

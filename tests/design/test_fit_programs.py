@@ -4,11 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
 
 
 K, M, C, E, PHASE = 8e5, 5.0, 60.0, 1e-4, 0.4  # [SI] of a disc in the middle of a massless shaft
+STOP, RIM = 2e6, 0.1  # stiffness [N/m] of a stop and radius [m] of the rim that it meets
 SPEED, SPEEDS = 380.0, np.linspace(350.0, 450.0, 20)
 ANGLE = 2 * np.pi * np.arange(32) / 32
 TURNING = {"unbalance.eccentricity": (1e-6, 1e-2), "unbalance.phase": None}
@@ -85,7 +87,39 @@ def of_time(i):
     return rotor(damping + 10, eccentricity=0.0), record, where, (damping, radius)
 
 
-@pytest.mark.parametrize("case", [of_response, of_orbit, of_spectrum, of_time])
+def of_contact(i):
+    """A disc rubs on a stop, as SciPy integrates it: other speed, start, gap, friction and bounds."""
+    speed, gap, friction, turn = SPEED + 10 * i, 1e-3 - 1e-4 * i, 0.2 + 0.1 * i, 0.6 - 0.1 * i
+    stop = lambda gap, friction: jr.Limiter(0.5, 0.0, gap, STOP, friction=friction, rim_radius=RIM)
+
+    def rate(t, state):
+        x, y, vx, vy = state
+        normal = STOP * max(x - gap, 0.0)
+        along = friction * normal * np.sign(speed * RIM + vy)
+        return vx, vy, -(K * x + C * vx + normal) / M, -(K * y + C * vy + along) / M
+
+    times = np.linspace(0.0, 2.0, 33) * 2 * np.pi / speed
+    first = [2e-3 * np.cos(turn), 2e-3 * np.sin(turn), 0.0, 0.0]
+    fine = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13, "max_step": 5e-4}
+    x, y = solve_ivp(rate, (0.0, times[-1]), first, t_eval=times, **fine).y[:2]
+    located = jr.Exponential(4, located=True, basis="modal")  # compiles in two thirds of the time
+    run = {"start": jr.Whirl(2e-3, angle=turn), "substeps": 2, "solver": located}
+    record = jr.TimeRecord(x + 1j * y + noise(33), 2, **run)
+    where = {"limiter.gap": (5e-4, 2e-3 + 1e-3 * i), "limiter.friction": (0.01, 0.9)}
+    guess = rotor(eccentricity=0.0, speed=speed, parts=[stop(1.1 * gap, 0.25)])
+    return guess, record, where, (gap, friction)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        of_response,
+        of_orbit,
+        of_spectrum,
+        of_time,
+        pytest.param(of_contact, marks=pytest.mark.slow),
+    ],
+)
 def test_a_second_fit_compiles_nothing(case):
     """Its program takes the numbers of scene, record and bounds; results are right for both."""
     for i in range(2):
