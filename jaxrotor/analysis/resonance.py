@@ -19,8 +19,8 @@ def from_resonance(
     `D = K + i w C - I` is the dynamic stiffness, where `w C` are damping and gyroscopic moments, and
     `I = w^2 M`. Where elements of `D` are small differences of these terms, as the only one of an undamped
     rotor of one coordinate is, their errors are those of the terms; `K` is at most as large as the others
-    and `D` together. The inverse of the distance is about the factor by which relative errors of the terms are
-    magnified; units of rows cancel. Near a resonance of one or two modes `D^-1` is about
+    and `D` together. The inverse of the distance is about the factor by which relative errors of the
+    terms are magnified; units of rows cancel. Near a resonance of one or two modes `D^-1` is about
     `X (Y^H A)^-1 Y^H`, with `X = D^-1 A` and `Y = D^-H B` for any two columns `A` and `B`, which takes a
     fraction of the time of the inverse. The distance is too small then by a factor down to 0.7, as moduli
     are `|Re| + |Im|`; far from a resonance of a rotor with more than two coordinates it tells the order of

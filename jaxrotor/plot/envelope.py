@@ -44,7 +44,7 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     else:
         across, label = dataset["window"].values, "time [s]"
     first = 2 * across[0] - across[1]
-    if first * across[0] < -1e-9 * first**2:  # the first window neither begins nor ends at zero
+    if first * across[0] < -1e-9 * first**2:  # zero lies within by more than rounding
         first = 0.0
     values, name = coordinate(dataset, dim)
     factor, unit = length(float(np.max(radius, initial=0.0, where=~np.isnan(radius))))
