@@ -4,11 +4,11 @@
     python benchmarks/run_ups.py --quick
 
 1. A run-up of the limiter rotor through its first critical speed, rubbing, over many unbalances. Every
-   method takes its loosest setting whose error is below `--target`: the largest error of the envelope
-   (largest radius in each of 32 windows, so the peak and the end count too) over the peak of the lane,
-   against eight times the finest steps. DOP853 at rtol 1e-11 says how good that reference is. LSODA
-   runs a lane at a time in one process, diffrax fewer lanes under vmap; ratios are those of seconds a
-   lane.
+   method takes its loosest setting whose error is below `--target`, as is that of the next finer one:
+   the largest error of the envelope (largest radius in each of 32 windows, so the peak and the end
+   count too) over the peak of the lane, against eight times the finest steps. DOP853 at rtol 1e-11 says
+   how good that reference is. LSODA runs a lane at a time in one process, diffrax fewer lanes under
+   vmap; ratios are those of seconds a lane.
 2. `two-discs` through its first two critical speeds, without contact; error against 4 times the steps.
 3. `overhung-fan` without its ring at constant speed from rest, exact at any time, beside the time
    response of ROSS, which is installed from PyPI as for `against_ross.py` (`--no-ross` leaves it out).
@@ -16,8 +16,8 @@
 4. A step of a lane in the fan's rub ring, unequal bearings against equal ones.
 5. A drive that the limiter rotor holds back, over many torques, with stops and without, beside diffrax.
    The error is that of part 1, and beside it that of the speed over the highest of the lane, against
-   steps four times finer than the finest, located where there are stops; Kvaerno5 at rtol 1e-9 says how
-   good these are. Milliseconds a lane are those of the processor.
+   2048 located steps a revolution with stops and 256 without; Kvaerno5 at rtol 1e-9 says how good these
+   are. Milliseconds a lane are those of the processor.
 
 Ratios hold within one run only. Compile seconds are those in XLA.
 """
@@ -180,7 +180,7 @@ def rub(args: argparse.Namespace, log: Console, repeats: int) -> list[dict]:
     every = Rub(lanes, target, log)
     off = every.confirmed()
     log.print(f"reference: DOP853 is off by {off:.0e}")
-    if off > target / 10:
+    if not off <= target / 10:
         raise SystemExit("The reference and DOP853 differ, so no error can be told.")
     return every.rows(few, repeats, diffrax=not args.quick)
 

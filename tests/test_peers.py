@@ -5,8 +5,28 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
+from rich.console import Console
 
 import jaxrotor as jr
+
+
+@pytest.mark.parametrize(
+    "errors, setting",
+    [
+        ([1.0, 0.1, 0.1, 0.1], 2),
+        ([1.0, 0.1, 1.0, 0.1, 0.1, 0.1], 4),  # the second meets the target by chance
+        ([0.1, np.nan, 0.1, 0.1], 3),
+        ([1.0, 1.0, 0.1], 3),
+        ([1.0, 0.1, 1.0], 3),
+    ],
+)
+def test_the_loosest_setting_is_confirmed_by_the_next(monkeypatch, errors, setting):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    loosest = importlib.import_module("peers.loosest").loosest
+    error, log = (lambda k: errors[k - 1]), Console(quiet=True)
+    found = loosest("", lambda k: k, range(1, 1 + len(errors)), error, 0.5, log)
+    assert (found["setting"], found["error"]) == (setting, errors[setting - 1])
 
 
 def test_peers_get_the_stops_of_the_scene(monkeypatch):

@@ -89,6 +89,7 @@ class HarmonicResponse(eqx.Module):
 
 
 def _major(forward: Array, backward: Array) -> Array:
+    """`|f| + |b|`: major half axis of the ellipse `f exp(i w t) + b exp(-i w t)`."""
     return jnp.abs(forward) + jnp.abs(backward)
 
 
@@ -368,9 +369,10 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
     filled = lambda force: none if force is None else force
 
     def solve(pencil, at, force):
-        turned = speed**2 if axes == "rotating" else 0.0  # whose stiffness has inertia forces, too
-        inertia = (at**2 + turned) * pencil.inertia
-        return pencil.response(at, force), from_resonance(pencil.dynamic(at), inertia)
+        turned = speed if axes == "rotating" else 0.0  # whose stiffness has such forces, too
+        inertia = (at**2 + turned**2) * pencil.inertia
+        damping = (jnp.abs(at) + jnp.abs(turned)) * pencil.damping
+        return pencil.response(at, force), from_resonance(pencil.dynamic(at), damping, inertia)
 
     def circular(at, force):
         if force is None:

@@ -203,14 +203,16 @@ def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
 def _united(speeds: np.ndarray, critical: np.ndarray, unbounded: np.ndarray) -> np.ndarray:
     """Speeds, and critical ones where the response is finite; of two that coincide the critical one.
 
-    Between two critical speeds there is another one at least, for the valley between their peaks.
+    Between two critical speeds, also those of an unbounded response, there is another one at least, for
+    the valley between their peaks.
     """
     apart = SAME * (speeds[-1] - speeds[0])
     near = np.abs(speeds[:, None] - critical) < apart
-    grid = np.union1d(speeds[~near.any(axis=1)], critical[~unbounded])
-    own = np.isin(grid, critical)
-    valley = own[1:] & own[:-1] & (np.diff(grid) > apart)
-    return np.union1d(grid, (grid[1:] + grid[:-1])[valley] / 2)
+    every = np.union1d(speeds[~near.any(axis=1)], critical)
+    own = np.isin(every, critical)
+    valley = own[1:] & own[:-1] & (np.diff(every) > apart)
+    between = (every[1:] + every[:-1])[valley] / 2
+    return np.union1d(every[~np.isin(every, critical[unbounded])], between)
 
 
 def _summits(heights: np.ndarray) -> np.ndarray:
@@ -222,15 +224,15 @@ def _summits(heights: np.ndarray) -> np.ndarray:
 def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, float]:
     """Speed and amplitude of a maximum between three speeds of which the middle one is the highest.
 
-    It is a zero of the slope. Where the amplitude does not rise at the beginning and fall at the end, the
-    bracket is narrowed by golden section.
+    It is a zero of the slope where the amplitude is at least the largest one known. Where none is found,
+    the bracket is narrowed by golden section.
     """
     low, best, high = speeds
     height = lambda speed: float(radius_and_distance(*rotor, jnp.asarray(speed, float))[0][0])
     top = height(best)
     for _ in range(NARROWINGS):
         zero = _zero_between(rotor, low, high, np.nan)
-        if np.isfinite(zero) and (found := height(zero)) >= top:  # else a lower maximum beside it
+        if np.isfinite(zero) and (found := height(zero)) >= top:
             return zero, found
         right = high - best > best - low
         speed = best + (3 - 5**0.5) / 2 * ((high if right else low) - best)

@@ -44,7 +44,8 @@ def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
     else:
         across, label = dataset["window"].values, "time [s]"
     first = 2 * across[0] - across[1]
-    first = first if first * across[0] > 0 else 0.0
+    if first * across[0] < -1e-9 * first**2:  # zero lies within by more than rounding
+        first = 0.0
     values, name = coordinate(dataset, dim)
     factor, unit = length(float(np.max(radius, initial=0.0, where=~np.isnan(radius))))
 

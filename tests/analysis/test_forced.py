@@ -399,10 +399,13 @@ def test_distance_from_a_resonance_is_known_by_two_vectors(smallest):
     for small in (1, 2):
         sizes[-small:] = smallest
         units = 10.0 ** np.linspace(-3, 9, 12)[:, None]
-        dynamic, inertia = units * ((u * sizes) @ v), units * some[0] + 0j
-        errors = np.abs(np.linalg.inv(dynamic)) @ (np.abs(dynamic) + np.abs(inertia))
+        dynamic = units * ((u * sizes) @ v)
+        inertia, damping = units * some * np.array([1.0, 1j])[:, None, None]
+        size = np.abs(dynamic) + np.abs(damping) + np.abs(inertia)
+        errors = np.abs(np.linalg.inv(dynamic)) @ size
         exact = 1 / max(np.diag(errors))
-        found = float(from_resonance(jnp.asarray(dynamic), jnp.asarray(inertia)))
+        terms = (jnp.asarray(one) for one in (dynamic, damping, inertia))
+        found = float(from_resonance(*terms))
         assert exact < 10 * smallest and exact / 1.42 < found < 1.001 * exact
 
 
@@ -453,6 +456,28 @@ def test_a_critical_speed_of_one_coordinate_is_known_to_rounding(rotor, anisotro
             )
             expected = along if rotor is on_a_spring else max(along, across)
             assert float(major) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("diametral", [0.0, 1e-9, 0.1])  # [kg m^2]
+def test_a_resonance_of_gyroscopic_moments_against_springs_is_known_to_rounding(diametral):
+    """Backward whirl of a disc that tilts about a pivot: `1 / (k - I_p W w - I w^2)` is unbounded.
+
+    The less the diametral moment is, the more of the sum is the difference of the first two terms.
+    """
+    polar, speed, stiffness, arm = 2.0, 3e3, 1.7e5, 0.6
+    shaft = jr.RigidShaft(arm, (jr.Constraint(0.0),))
+    disc, support = jr.Disc(0.0, 0.0, diametral, polar), jr.Support(arm, stiffness)
+    scene = jr.Scene(shaft, disc, support, spin=jr.ConstantSpeed(speed))
+    spring, spin, force = stiffness * arm**2, polar * speed, jr.HarmonicForce(arm, whirl="backward")
+    own = 2 * spring / (spin + np.sqrt(spin**2 + 4 * diametral * spring))
+    for frequency in (np.nextafter(own, 0.0), own, np.nextafter(own, np.inf)):
+        with pytest.raises(ValueError, match="unbounded at a speed of 3000 rad/s and a frequency"):
+            jr.forced_response(scene, frequency, force)
+    beside = own * (1 - 1e-6)
+    terms = [Fraction(diametral) * Fraction(beside) ** 2, Fraction(spin) * Fraction(beside)]
+    expected = arm**2 / float(Fraction(stiffness) * Fraction(arm) ** 2 - sum(terms))
+    found = jr.forced_response(scene, beside, force)
+    assert float(found.major[0, 0]) == pytest.approx(expected, rel=1e-9)
 
 
 def test_no_steady_state_at_the_critical_speed_of_one_coordinate():

@@ -109,6 +109,20 @@ def test_both_of_two_close_resonances_are_found(points):
     np.testing.assert_allclose(found.amplitudes, heights, rtol=1e-9)
 
 
+@pytest.mark.parametrize("points", [11, 96])
+@pytest.mark.parametrize("damping", [(0.0, 4.0), (4.0, 0.0)])
+def test_a_peak_beside_an_undamped_critical_speed_is_found(damping, points):
+    """Along one axis `m e W^2 / |k - m W^2|` is unbounded, 1 rad/s beside the peak along the other."""
+    axes = (1e5, 1.02e5), damping
+    found = jr.response_peaks(on_supports(*axes), np.linspace(10.0, 200.0, points), at=0.3)
+    sharp = np.sqrt(axes[0][damping.index(0.0)] / 10.0)
+    beside = (sharp + 0.2, 105.0) if damping[0] == 0.0 else (95.0, sharp - 0.2)
+    (damped,), (height,) = maxima(*beside, *axes)
+    expected = sorted([(sharp, np.inf), (damped, height)])
+    np.testing.assert_allclose(found.speeds, [speed for speed, _ in expected], atol=1e-5)
+    np.testing.assert_allclose(found.amplitudes, [top for _, top in expected], rtol=1e-9)
+
+
 @pytest.mark.parametrize("second", [110.0, 112.0, 118.0, 125.0])
 def test_of_two_maxima_between_neighbouring_speeds_the_higher_one_is_found(second):
     """The range begins between the first critical speed, 100 rad/s, and its peak, of 0.4 of the height.

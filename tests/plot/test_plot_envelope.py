@@ -70,6 +70,18 @@ def test_the_first_window_begins_no_earlier_than_rest(rising):
     assert np.allclose(edges(mesh)[0], [0.0, *speed], rtol=1e-12)
 
 
+@pytest.mark.parametrize("end", [0.0, 1e-14, -1e-14])  # [rad/s], zero within rounding
+def test_the_first_window_may_end_at_rest(rising, end):
+    """A speed from -30 rad/s on, which passes zero between the first window and the second."""
+    speed = 30.0 * np.arange(rising.window.size)
+    speed[0] = end
+    ax = plot.envelope(
+        rising.assign(speed=rising["speed"] * 0 + xr.DataArray(speed, dims="window"))
+    )
+    (mesh,) = ax.collections
+    assert np.allclose(edges(mesh)[0], [-30.0, *speed], rtol=1e-12, atol=1e-12)
+
+
 def test_too_little_to_draw(rising):
     with pytest.raises(ValueError, match="needs two lanes and two windows"):
         plot.envelope(rising.isel({ECCENTRICITY: [0]}))
