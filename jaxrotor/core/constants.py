@@ -35,12 +35,12 @@ class Constant:
 def with_constants(tree: Any, arrays: Sequence[Any]) -> Any:
     """The tree with constants in place of those of its leaves that are one of the arrays.
 
-    Entries that are no arrays, such as None, decide by themselves. An array must be a leaf of the tree,
+    Entries that are not arrays, such as None, are passed over. An array must be a leaf of the tree,
     not one of equal values.
     """
     chosen = {id(one) for one in arrays if isinstance(one, Array | np.ndarray)}
     if missing := chosen - set(map(id, jax.tree.leaves(tree))):
-        raise RuntimeError(
+        raise LookupError(
             f"{len(missing)} of {len(chosen)} arrays that decide the structure of a program are not "
             f"leaves of its {type(tree).__name__}, so they would be traced; list arrays that it holds."
         )
