@@ -24,7 +24,7 @@ ZERO = 1e-6  # growth in a revolution that is rounding
 MARGIN = 1e-7  # of the multiplier of an orbit that attracts, below 1
 BOUNDED = 10.0  # times the largest distance of the first half: a motion that goes further grows
 GROWN = 10.0  # logarithm of the growth of a disturbance in half of a run that no regular motion has
-CONFIDENCE = 0.95  # of the bounds of an exponent
+CONFIDENCE = 0.95  # of the bounds of an exponent and of a lifetime
 
 
 class Claims(NamedTuple):

@@ -52,7 +52,7 @@ def classify(
     solver: Exponential | None = None,
     confirm: bool = True,
     repeats: int = 40,
-    lanes_per_chunk: int = 128,
+    lanes_per_chunk: int = 32,
     workers: int | None = None,
     progress: bool | None = None,
 ) -> xr.Dataset:
@@ -82,7 +82,8 @@ def classify(
         solver: of these, by default `Exponential(4, located=True)`; sharp stops take located steps.
         confirm: whether lanes are followed again with twice the steps.
         repeats: further runs that chaos must survive, one after another, by the steps of the sweep.
-        lanes_per_chunk: lanes run as one program.
+        lanes_per_chunk: lanes run as one program; in larger ones all wait longer for the lane whose step
+            meets most impacts.
         workers: chunks run at once, by default one a core.
         progress: whether to show a progress bar; by default on a terminal.
 
