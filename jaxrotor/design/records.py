@@ -207,7 +207,9 @@ class TimeRecord(AbstractRecord):
     times: Series | None = series("times [s]", ascending=True, nonnegative=True, default=None)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    start: AbstractStart = eqx.field(default_factory=AtRest, converter=checked_start)
+    start: AbstractStart = eqx.field(  # in which the motion begins
+        default_factory=AtRest, converter=checked_start
+    )
     substeps: int = eqx.field(default=4, static=True)
     solver: Any = None
 
