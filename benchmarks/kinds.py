@@ -48,7 +48,8 @@ def compared(one: xr.Dataset, other: xr.Dataset) -> None:
     chaotic, regular = kinds.index("chaotic"), kinds.index("quasi_periodic")
     another = (a != b) | (one["orbit_period"].values != other["orbit_period"].values)
     against = another & (np.minimum(a, b) <= regular) & (np.maximum(a, b) <= chaotic)
-    print(f"contradictions: {int(against.sum())}, undecided {np.mean(a > chaotic + 1):.1%}")
+    undecided = np.mean(a == kinds.index("undecided"))
+    print(f"contradictions: {int(against.sum())}, undecided {undecided:.1%}")
     alike = ~another & (a <= regular)
     for name in ("multiplier", "rotation"):
         off = np.abs(one[name].values - other[name].values)[alike]
