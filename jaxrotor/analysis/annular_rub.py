@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
@@ -171,7 +172,7 @@ class _Synchronous(eqx.Module):
         force = system.load.unbalance_force(speed)
         force = jnp.zeros(system.n, complex) if force is None else force
         both = jnp.stack([force, rotor.column + 0j], axis=1)
-        whole, unit = jnp.linalg.solve(rotor.pencil.dynamic(speed), both).T
+        whole, unit = linalg.solve(rotor.pencil.dynamic(speed), both).T
         slipping = jnp.where(speed < 0, -1.0, 1.0)
         push = 1 + 1j * ring.friction * slipping
         compliance = 1 / ring.stiffness + rotor.row @ unit * push

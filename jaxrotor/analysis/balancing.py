@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.extremes import bounded, largest
 from ..core.quantities import Scalar, check, known
@@ -240,8 +240,8 @@ def correction_masses(
                 "The readings do not distinguish the planes; leave out a plane, or add sensors or "
                 "speeds."
             )
-    q, r = jnp.linalg.qr(a)
-    return -jax.scipy.linalg.solve_triangular(r, q.conj().T @ v)
+    q, r = linalg.qr(a)
+    return -linalg.solve_triangular(r, q.conj().T @ v)
 
 
 # === ISO 21940-11

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
@@ -272,14 +273,14 @@ def _creeping(rotor: RotorInRing, rate: Scalar, good: Array) -> tuple[Scalar, Ar
     def newton(_, state):
         unknowns, _, _ = state
         matrix = jax.jacfwd(lambda x: gap(x[0], x[1]))(unknowns)
-        change = jnp.linalg.solve(matrix, gap(*unknowns))
+        change = linalg.solve(matrix, gap(*unknowns))
         unknowns = unknowns - change
         return unknowns.at[1].set(jnp.clip(unknowns[1], -width, width)), change, matrix
 
     start = jnp.stack([rate, share / 2])
     found = jax.lax.fori_loop(0, CREEPING, newton, (start, start, jnp.eye(2)))
     unknowns, change, matrix = jax.lax.stop_gradient(found)
-    found = unknowns - jnp.linalg.solve(matrix, gap(*unknowns))
+    found = unknowns - linalg.solve(matrix, gap(*unknowns))
     return found[0], good & (jnp.abs(change[0]) <= 1e-9 * jnp.abs(found[0]))
 
 
@@ -306,7 +307,7 @@ def _once(rate: Float[Array, " c"], good: Bool[Array, " c"]) -> Bool[Array, " c"
 def _mirrored(rotor: RotorInRing) -> Pencil:
     """`P(i w)` and its conjugate, as a pencil of `lambda = i w`."""
     own = rotor.pencil
-    pair = lambda a, b: jax.scipy.linalg.block_diag(a, b)
+    pair = lambda a, b: linalg.block_diag(a, b)
     return Pencil(
         pair(own.inertia, own.inertia.conj()),
         pair(own.damping, -own.damping.conj()),

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
+from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, known
@@ -257,7 +258,7 @@ class _Balance(eqx.Module):
 
     def eccentricities(self, x: Array) -> Float[Array, " f"]:
         """Distances of the journals from the centres of their bushes, over the clearances."""
-        distance = lambda law, place: jnp.linalg.norm(law.eccentricity(place))
+        distance = lambda law, place: linalg.norm(law.eccentricity(place))
         return _of_each(distance, self.laws, self.places(x))
 
     def guess(self) -> Float[Array, " n2"]:
@@ -274,8 +275,8 @@ class _Balance(eqx.Module):
         def held(springs: Array, places: Array) -> Float[Array, " n2"]:
             """Position on springs that are without force in some places."""
             pull = (self.columns * springs) @ self.rows
-            matrix = self.matrix + jax.scipy.linalg.block_diag(pull, pull)
-            return jnp.linalg.solve(matrix, self.load + _parts(self.columns @ (springs * places)))
+            matrix = self.matrix + linalg.block_diag(pull, pull)
+            return linalg.solve(matrix, self.load + _parts(self.columns @ (springs * places)))
 
         x, y = (self.places(held(springs, centres))).T
         loads = springs * (x + 1j * y - centres)
@@ -331,7 +332,7 @@ def _positions(balance: _Balance):
     x, good = _newton(free(balance))
     # One more step, which has the derivatives by the implicit function theorem.
     residual, jacobian = balance.residual(x)
-    x = jnp.where(good, x - jnp.linalg.solve(free(jacobian), residual), jnp.nan)
+    x = jnp.where(good, x - linalg.solve(free(jacobian), residual), jnp.nan)
 
     def film(law: FilmLaw, place: Array) -> tuple[Array, ...]:
         force = lambda motion: law(motion[:2], motion[2:], balance.speed)
@@ -358,11 +359,11 @@ def _newton(balance: _Balance) -> tuple[Float[Array, " n2"], Bool[Array, ""]]:
     def step(state):
         count, x, at, *_ = state
         residual, jacobian = balance.residual(x)
-        change = -jnp.linalg.solve(jacobian, residual)
+        change = -linalg.solve(jacobian, residual)
         shorten = lambda state: (state[0] / 2, *state[1:])
         share, *_ = jax.lax.while_loop(too_far, shorten, (jnp.ones(()), x, change, 1 - at))
         x = x + share * change
-        moved = jnp.linalg.norm(share * change) / (jnp.linalg.norm(x) + jnp.finfo(x.dtype).tiny)
+        moved = linalg.norm(share * change) / (linalg.norm(x) + jnp.finfo(x.dtype).tiny)
         now = balance.eccentricities(x)
         return count + 1, x, now, larger(jnp.max(jnp.abs(now - at)), moved), share
 

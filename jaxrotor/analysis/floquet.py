@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.polynomial import legendre
 
+from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
@@ -142,7 +143,7 @@ def _monodromy(system: System, step: Scalar, steps: int) -> Float[Array, "m m"]:
         own = jnp.einsum("ij,ab->iajb", jnp.eye(STAGES), inertia)
         displacements, momenta = state[:size], state[size:]
         impulses = jnp.einsum("ij,wj,wab,bc->iac", weights, waves, stiffness, displacements)
-        velocities = jnp.linalg.solve(
+        velocities = linalg.solve(
             (own + by_damping + by_stiffness).reshape(STAGES * size, -1),
             (momenta - impulses).reshape(STAGES * size, -1),
         ).reshape(STAGES, size, -1)
@@ -187,7 +188,7 @@ def _real(own: Complex[Array, "n n"], other: Complex[Array, "n n"]) -> Float[Arr
 @jax.custom_jvp
 def multipliers_of(matrix: Float[Array, "m m"]) -> Complex[Array, " m"]:
     """Eigenvalues of a monodromy matrix, unordered, zero where they are rounding; differentiable."""
-    values = jnp.linalg.eigvals(matrix)
+    values = linalg.eigvals(matrix)
     return jnp.where(jnp.abs(values) <= LEAST * jnp.max(jnp.abs(values)), 0.0, values)
 
 

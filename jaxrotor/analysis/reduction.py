@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, check, known
 from ..equations.pencil import check_alike
@@ -56,7 +57,7 @@ def reduction(scene: Scene, at) -> Reduction:
     for why, there in obstacles.items():
         if known(there) and there:
             raise ValueError(f"The rotor cannot be reduced to {float(at):g} m, where it {why}.")
-    k = jnp.linalg.inv(flexibility)
+    k = linalg.inv(flexibility)
     shaft = MasslessShaft(length, at, k[0, 0], (k[0, 1] + k[1, 0]) / 2, k[1, 1])
     condensed = k @ moved @ k
     mass = moved[0, 0] / flexibility[0, 0] ** 2
@@ -76,9 +77,9 @@ def _static(system: System, at: Scalar) -> tuple[Array, Array, Scalar]:
     columns = jnp.stack([line.column(at), line.couple_column(at)], axis=1)
     inertia = jnp.zeros_like(line.stiffness) if blocks.inertia is None else blocks.inertia
     stiffness = line.stiffness if blocks.stiffness is None else blocks.stiffness
-    bent = jnp.linalg.solve(stiffness, columns)
-    moved = rows @ jnp.linalg.solve(stiffness, inertia @ bent)
-    return rows @ bent, moved, jnp.linalg.cond(stiffness)
+    bent = linalg.solve(stiffness, columns)
+    moved = rows @ linalg.solve(stiffness, inertia @ bent)
+    return rows @ bent, moved, linalg.cond(stiffness)
 
 
 def inertia_from_frequency(shaft: MasslessShaft, mass, frequency) -> Scalar:

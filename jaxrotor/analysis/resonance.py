@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
+from ..core import linalg
 from ..core.quantities import Scalar
 
 
@@ -32,10 +33,10 @@ def from_resonance(
     rows = jnp.max(size, axis=1)
     columns = jnp.max(size / jnp.where(rows > 0, rows, 1.0)[:, None], axis=0)
     some = np.random.default_rng(0).standard_normal((2, len(dynamic), min(2, len(dynamic))))
-    factors = jax.scipy.linalg.lu_factor(dynamic)
+    factors = linalg.lu_factor(dynamic)
     a, b = rows[:, None] * some[0] + 0j, columns[:, None] * some[1] + 0j
-    x = jax.scipy.linalg.lu_solve(factors, a)
-    y = jax.scipy.linalg.lu_solve(factors, b, trans=2)
-    inverse = x @ jnp.linalg.solve(y.conj().T @ a, y.conj().T)
+    x = linalg.lu_solve(factors, a)
+    y = linalg.lu_solve(factors, b, trans=2)
+    inverse = x @ linalg.solve(y.conj().T @ a, y.conj().T)
     found = 1 / jnp.max(jnp.sum(jnp.abs(inverse) * size.T, axis=1))
     return jnp.where(jnp.isfinite(found), found, 0.0)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
@@ -102,7 +103,7 @@ def _equations(system: System, forces, displacements):
         columns = jnp.einsum("nf,ab->anfb", columns, plane).reshape(2 * system.n, -1)
         rows = jnp.einsum("sn,ab->sabn", rows, plane).reshape(-1, 2 * system.n)
     shift = pencil.rate
-    response = jnp.linalg.solve(pencil.at(jnp.asarray(shift + 0j)), columns)
+    response = linalg.solve(pencil.at(jnp.asarray(shift + 0j)), columns)
     return pencil.inverse(shift), response, rows, shift
 
 

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Inexact, Int
 
+from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..core.sign_change import sign_change
@@ -208,12 +209,12 @@ def _nearest_squares_jvp(primals, tangents):
 def _squares(vectors: bool, stiffness: Array, inertia: Array):
     """Every `s` with `(K - s M) q = 0`, infinite for massless coordinates; and `q`, one per row."""
     shift, shapes = _scale(stiffness, inertia), None
-    matrix = jnp.linalg.solve(stiffness + shift * inertia, inertia)
+    matrix = linalg.solve(stiffness + shift * inertia, inertia)
     if vectors:
-        inverses, columns = jnp.linalg.eig(matrix)
+        inverses, columns = linalg.eig(matrix)
         shapes = columns.T
     else:
-        inverses = jnp.linalg.eigvals(matrix)
+        inverses = linalg.eigvals(matrix)
     finite = jnp.abs(inverses) * shift > 1e-10
     return jnp.where(finite, 1 / jnp.where(finite, inverses, 1.0) - shift, jnp.inf), shapes
 

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
 from ..core.extremes import bounded
@@ -241,7 +242,7 @@ def _polished(system: System, root: Complex[Array, ""]) -> Complex[Array, ""]:
         near, change = jax.jvp(lambda w: _pencil(system, w), (frequency,), (one,))
         matrix = near.at(value)
         held, held_change = jax.lax.stop_gradient((near, change))
-        u, _, v = jnp.linalg.svd(held.at(value))
+        u, _, v = linalg.svd(held.at(value))
         left, right = u[:, -1].conj(), v[-1].conj()
         parts = lambda matrix: jnp.stack(
             [(left @ matrix @ right).real, (left @ matrix @ right).imag]
@@ -249,7 +250,7 @@ def _polished(system: System, root: Complex[Array, ""]) -> Complex[Array, ""]:
         along = 2 * value * held.inertia + held.damping
         across = 1j * along + jnp.sign(at[1]) * held_change.at(value)
         slope = jnp.stack([parts(along), parts(across)], axis=1)
-        return at - jnp.linalg.solve(slope, parts(matrix))
+        return at - linalg.solve(slope, parts(matrix))
 
     at, held = jnp.stack([root.real, root.imag]), jax.lax.stop_gradient(system)
     at = jax.lax.fori_loop(0, POLISHING, lambda _, at: step(held, at), at)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.constants import with_arrays, with_constants
 from ..core.extremes import smaller
@@ -127,9 +128,9 @@ def minimum(
     def split(left, slopes, noise):
         """The singular values of the weighted slopes by scaled parameters, and the residuals by them."""
         weighted = slopes / noise[owner, None]
-        norms = jnp.linalg.norm(weighted, axis=0)
+        norms = linalg.norm(weighted, axis=0)
         units = jnp.where(norms > 0, norms, 1.0)  # a stop that is not reached has no slopes
-        basis, sizes, ways = jnp.linalg.svd(weighted / units, full_matrices=False)
+        basis, sizes, ways = linalg.svd(weighted / units, full_matrices=False)
         return _Split(basis, sizes, ways / units, basis.T @ (left / noise[owner]))
 
     def weighed(at, left, slopes, noise):
@@ -138,7 +139,7 @@ def minimum(
             used = totals(jnp.sum(split(left, slopes, noise).basis ** 2, axis=1))
             noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
         parts = split(left, slopes, noise)
-        return _Point(at, left, slopes, noise, jnp.linalg.norm(parts.components))
+        return _Point(at, left, slopes, noise, linalg.norm(parts.components))
 
     def body(state):
         best, damping, number = state

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core import linalg
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..scene import Scene
@@ -41,7 +42,7 @@ class Uncertainty(eqx.Module):
         given = jnp.stack([jnp.asarray(values[path], float) for path in self.values])
         scale = jnp.stack(list(self.deviations.values()))
         off = (given - jnp.stack(list(self.values.values()))) / scale
-        return off @ jnp.linalg.solve(self.covariance / jnp.outer(scale, scale), off)
+        return off @ linalg.solve(self.covariance / jnp.outer(scale, scale), off)
 
     def _repr_html_(self) -> str:
         rows = [

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core import linalg
 from ..core.quantities import Scalar
 from .base import Plane
 
@@ -126,7 +127,7 @@ def _modes(shape: _Shape, rates: Array, shares: Array) -> Float[Array, "nodes 2"
     held = 2 + (rates[:, None] - 2) * gap  # (modes, nodes)
     matrix = flow - held[:, :, None] * np.eye(NODES)
     known = (rates * shares)[:, None, None] * _squeezed(direction)
-    return jnp.linalg.solve(matrix, known).sum(0)
+    return linalg.solve(matrix, known).sum(0)
 
 
 def _derivatives() -> tuple[np.ndarray, np.ndarray]:

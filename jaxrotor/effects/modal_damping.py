@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.quantities import Scalar, Series, series
 from ..shafts.line import AbstractLine
@@ -42,7 +43,7 @@ class ModalDamping(AbstractDamping):
                 f"{inertia.shape[0]}; give fewer."
             )
         shift = _shift(inertia, stiffness)
-        flexibility = jnp.linalg.solve(stiffness + shift * inertia, inertia)
+        flexibility = linalg.solve(stiffness + shift * inertia, inertia)
         return Blocks(damping=blocks.inertia @ _rates(flexibility, shift, self.ratios))
 
 
@@ -50,7 +51,7 @@ def _shift(inertia: Float[Array, "n n"], stiffness: Float[Array, "n n"]) -> Scal
     """About the square of the first frequency, which makes `K + shift M` regular."""
     stiff = jnp.max(jnp.abs(stiffness), axis=1, keepdims=True)
     held = stiff > 0
-    size = jnp.linalg.norm(jnp.where(held, inertia / jnp.where(held, stiff, 1.0), 0.0))
+    size = linalg.norm(jnp.where(held, inertia / jnp.where(held, stiff, 1.0), 0.0))
     return jax.lax.stop_gradient(jnp.where(size > 0, 1 / jnp.where(size > 0, size, 1.0), 1.0))
 
 
@@ -65,12 +66,12 @@ def _rates(
     """
     values, shapes = _modes(flexibility)
     rates = _of_modes(values, shift, ratios)[0]
-    return ((shapes * rates) @ jnp.linalg.inv(shapes)).real
+    return ((shapes * rates) @ linalg.inv(shapes)).real
 
 
 def _modes(flexibility: Float[Array, "n n"]) -> tuple[Array, Array]:
     """Eigenvalues `nu`, falling, and eigenvectors as columns."""
-    values, shapes = jnp.linalg.eig(flexibility)
+    values, shapes = linalg.eig(flexibility)
     order = jnp.argsort(-values.real)
     return values.real[order], shapes[:, order]
 
@@ -95,7 +96,7 @@ def _rates_jvp(primals, tangents):
     (flexibility, shift, ratios), (change, _, more) = primals, tangents
     values, shapes = _modes(flexibility)
     rates, slopes, twice = _of_modes(values, shift, ratios)
-    rows = jnp.linalg.inv(shapes)
+    rows = linalg.inv(shapes)
     apart = values[:, None] - values
     same = jnp.abs(apart) <= ALIKE * jnp.abs(values)
     divided = (rates[:, None] - rates) / jnp.where(same, 1.0, apart)

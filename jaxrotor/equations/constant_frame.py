@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Inexact
 
+from ..core import linalg
 from ..core.blocks import Load
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar
@@ -55,14 +56,12 @@ def loop_gain(system: System) -> Scalar:
     ports, still, axes = system.ports[-system.remainder :], jnp.zeros(2), jnp.eye(2)
     rows = jnp.kron(axes, jnp.stack([port.row for port in ports]))
     columns = jnp.kron(axes, jnp.stack([port.column for port in ports], axis=1))
-    flexibility = rows @ jnp.linalg.solve(
-        _of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns
-    )
+    flexibility = rows @ linalg.solve(_of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns)
     force = lambda z, port: port.forces(z, still, system.spin.speed).sum(0)
     slope = lambda port: jax.jacfwd(force)(still, port)
-    moduli = jnp.stack([jnp.linalg.norm(slope(port), 2) for port in ports])
+    moduli = jnp.stack([linalg.norm(slope(port), 2) for port in ports])
     roots = jnp.sqrt(jnp.tile(moduli, 2))
-    return jnp.linalg.norm(roots[:, None] * flexibility * roots, 2)
+    return linalg.norm(roots[:, None] * flexibility * roots, 2)
 
 
 class ConstantFrame(eqx.Module):
@@ -148,13 +147,13 @@ class ConstantFrame(eqx.Module):
 def _first_order(system: System, pencil: Pencil, rate: Scalar) -> tuple[Array, Array | None]:
     """`A` and `B` of the equations of coordinates that all have mass."""
     n, inertia = system.n, pencil.inertia
-    low = -jnp.linalg.solve(inertia, jnp.concatenate([pencil.stiffness, pencil.damping], 1))
+    low = -linalg.solve(inertia, jnp.concatenate([pencil.stiffness, pencil.damping], 1))
     low = low.at[:, : 2 * n].divide(rate**2).at[:, 2 * n :].divide(rate)
     high = jnp.concatenate([jnp.zeros((2 * n, 2 * n)), jnp.eye(2 * n)], axis=1)
     drive = None
     if system.ports:
         columns = jnp.stack([port.column for port in system.ports], axis=1)
-        columns = jnp.linalg.solve(system.blocks.inertia, columns) / rate**2
+        columns = linalg.solve(system.blocks.inertia, columns) / rate**2
         both = jnp.kron(jnp.eye(2), columns)
         drive = jnp.concatenate([jnp.zeros_like(both), both])
     return jnp.concatenate([high, low]), drive

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core import linalg
 from ..core.blocks import Blocks, Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
@@ -137,7 +138,7 @@ class CoupledForces(eqx.Module):
         """The forces of a scene, and the stations of balls and unbalance."""
         moments = MomentBalance.of(scene, system)
         stations, p = Stations.of(system, moments), len(system.ports)
-        inverse = jnp.linalg.inv(system.blocks.inertia)
+        inverse = linalg.inv(system.blocks.inertia)
         columns = [port.column[:, None] for port in system.ports]
         columns = inverse @ jnp.concatenate([*columns, stations.columns], axis=1)
         size = columns.shape[1]

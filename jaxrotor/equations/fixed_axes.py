@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Inexact
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.quantities import Scalar
 from .constant_frame import linear_matrix
@@ -87,7 +88,7 @@ class SpeedTerms(eqx.Module):
         blocks = system.blocks
         if not depends_on_speed(blocks):
             return None
-        inverse, zero = jnp.linalg.inv(blocks.inertia), jnp.zeros((system.n, system.n))
+        inverse, zero = linalg.inv(blocks.inertia), jnp.zeros((system.n, system.n))
         part = lambda block: zero if block is None else inverse @ block
         position = 1j * part(blocks.circulatory) - part(blocks.skew_circulatory)
         velocity = 1j * part(blocks.gyroscopic)
@@ -109,9 +110,9 @@ def _slowest(stiffness: Float[Array, "n n"], count: int) -> tuple[Array, Array]:
 
     They are a choice, not a result, and are not differentiated.
     """
-    values, vectors = jnp.linalg.eig(jax.lax.stop_gradient(stiffness))
+    values, vectors = linalg.eig(jax.lax.stop_gradient(stiffness))
     order = jnp.argsort(values.real)
     values, vectors = values[order], vectors[:, order]
     # Of equal frequencies rounding can make a complex pair, whose real and imaginary parts serve.
     real = jnp.where(values.imag < 0, vectors.imag, vectors.real)
-    return real[:, :count], jnp.linalg.inv(real)[:count]
+    return real[:, :count], linalg.inv(real)[:count]

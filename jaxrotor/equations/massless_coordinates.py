@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.elimination import eliminated
 from ..core.quantities import Scalar
@@ -74,7 +75,7 @@ class MasslessCoordinates(eqx.Module):
     def inverse(self, inertia: Float[Array, "n n"]) -> Float[Array, "n n"]:
         """Inverse of the inertia of the coordinates with mass, zero elsewhere."""
         unit = jnp.diag(1.0 * self.either)
-        return jnp.linalg.inv(inertia + unit) - unit
+        return linalg.inv(inertia + unit) - unit
 
     def displacement(self, r: Complex[Array, " n"], residual: Residual) -> Complex[Array, " n"]:
         """`r` with its undamped massless part such that `residual(r)` vanishes there."""
@@ -92,7 +93,7 @@ class MasslessCoordinates(eqx.Module):
         """Condition number of the equations; large where they do not determine the motion."""
         pairs = ((displaced, self.undamped), (moving, self.damped))
         parts = [_equations(residual, where) for residual, where in pairs if where is not None]
-        return jnp.max(jnp.stack([jnp.linalg.cond(matrix) for matrix, _ in parts]))
+        return jnp.max(jnp.stack([linalg.cond(matrix) for matrix, _ in parts]))
 
 
 def _acts_on(n: int, *blocks: Array | None) -> Bool[Array, " n"]:
@@ -156,7 +157,7 @@ class Condensed(eqx.Module):
         heavy, held = np.flatnonzero(~(masks[0] | masks[1])), np.flatnonzero(~masks[1])
         forces = jnp.zeros((m, 0)) if columns is None else columns
         part = lambda block, rows, of: block[rows[:, None], of]
-        solve = lambda matrix, right: jnp.linalg.solve(matrix, right) if len(matrix) else right
+        solve = lambda matrix, right: linalg.solve(matrix, right) if len(matrix) else right
         size, p = held.size + heavy.size, forces.shape[1]
         # q = T Y + F f
         one = jnp.zeros((m, size + p)).at[held, np.arange(held.size)].set(1.0)

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Inexact
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.extremes import larger
 from ..core.quantities import Scalar
@@ -171,7 +172,7 @@ class Pencil(eqx.Module):
         """
         stiff = jnp.max(jnp.abs(self.stiffness), axis=1, keepdims=True)
         scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
-        return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.linalg.norm(scaled)))
+        return jax.lax.stop_gradient(1 / jnp.sqrt(linalg.norm(scaled)))
 
     def at(self, root: Complex[Array, ""]) -> Complex[Array, "m m"]:
         """`P(root)`."""
@@ -183,7 +184,7 @@ class Pencil(eqx.Module):
 
     def response(self, frequency: Scalar, force: Complex[Array, " m"]) -> Complex[Array, " m"]:
         """`q` of the steady motion `q exp(i frequency t)` under `force exp(i frequency t)`."""
-        return jnp.linalg.solve(self.dynamic(frequency), force)
+        return linalg.solve(self.dynamic(frequency), force)
 
     def inverse(self, shift: Scalar) -> Inexact[Array, "m2 m2"]:
         """`(A - shift)^-1` of `(q, q.) = A (q, q.)`: its eigenvalues are `1 / (lambda - shift)`.
@@ -193,7 +194,7 @@ class Pencil(eqx.Module):
         m = self.inertia.shape[0]
         inertia, damping = shift**2 * self.inertia, shift * self.damping
         fixed = self.stiffness + damping + inertia
-        upper = -jnp.linalg.solve(fixed, jnp.concatenate([damping + inertia, inertia], axis=1))
+        upper = -linalg.solve(fixed, jnp.concatenate([damping + inertia, inertia], axis=1))
         lower = upper.at[:, :m].add(jnp.eye(m))
         return jnp.concatenate([upper, lower]) / shift
 
@@ -202,7 +203,7 @@ class Pencil(eqx.Module):
         inertia, damping = shift**2 * self.inertia, shift * self.damping
         fixed = self.stiffness + damping + inertia
         right = jnp.concatenate([damping + 2 * inertia, UNIT * inertia], axis=1)
-        return jnp.linalg.solve(-fixed, right)
+        return linalg.solve(-fixed, right)
 
 
 def eigenvalues(pencil: Pencil, count: int | None = None) -> Complex[Array, " m2"]:
@@ -234,7 +235,7 @@ def moving_eigenvalues(
     ends = found.left[:, :m].T  # left vectors of the pencil, times `P(shift)`
     near = own.stiffness + shift * own.damping + shift**2 * own.inertia
     parts = [ends] if jnp.iscomplexobj(near) else [ends.real, ends.imag]
-    solved = jnp.linalg.solve(near.T, jnp.concatenate(parts, axis=1))
+    solved = linalg.solve(near.T, jnp.concatenate(parts, axis=1))
     left = solved if len(parts) == 1 else jax.lax.complex(*jnp.split(solved, 2, axis=1))
     way = lambda block: jnp.sum(left * (block @ right), axis=0)
     slopes = 2 * roots * way(own.inertia) + way(own.damping)
@@ -280,7 +281,7 @@ def _eigenvalues(count, inertia, damping, stiffness):
     if count is not None:
         found = slowest(pencil.near(shift), count, right=False)
         return _values(found.values / shift, shift)
-    return _values(jnp.linalg.eigvals(pencil.inverse(shift)), shift)
+    return _values(linalg.eigvals(pencil.inverse(shift)), shift)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -291,7 +292,7 @@ def _eigenvectors(count, inertia, damping, stiffness):
         found = slowest(pencil.near(shift), count)
         assert found.right is not None
         return _values(found.values / shift, shift), found.right[: inertia.shape[0]].T
-    inverses, vectors = jnp.linalg.eig(pencil.inverse(shift))
+    inverses, vectors = linalg.eig(pencil.inverse(shift))
     return _values(inverses, shift), vectors[: inertia.shape[0]].T
 
 
@@ -308,7 +309,7 @@ def _eigenvectors_jvp(count, primals, tangents):
         upper = jnp.concatenate([pencil.at(root), slope[:, None]], axis=1)
         bordered = jnp.concatenate([upper, jnp.append(vector.conj(), 0.0)[None]])
         right = jnp.append(-change.at(root) @ vector, 0.0)
-        moved = jnp.linalg.solve(jnp.where(simple, bordered, jnp.eye(right.size)), right)[:-1]
+        moved = linalg.solve(jnp.where(simple, bordered, jnp.eye(right.size)), right)[:-1]
         return jnp.where(simple, moved, 0.0)
 
     moved = jax.vmap(one)((jnp.where(simple, values, 0.0), vectors, simple))
@@ -338,14 +339,12 @@ def root_changes(
 
     def one(case):
         root, twice = case
-        u, _, v = jnp.linalg.svd(pencil.at(root))
+        u, _, v = linalg.svd(pencil.at(root))
         left, right = u[:, -2:].conj().T, v[-2:].conj().T
         slope = left @ (2 * root * pencil.inertia + pencil.damping) @ right
         moved = left @ change.at(root) @ right
         simple = -moved[-1, -1] / slope[-1, -1]
-        double = -jnp.trace(
-            jnp.linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved)
-        )
+        double = -jnp.trace(linalg.solve(jnp.where(twice, slope, jnp.eye(slope.shape[0])), moved))
         return jnp.where(twice, double / 2, simple)
 
     cases = jnp.where(finite, roots, 0.0), _twice(roots, pencil)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.compiled import compiled
 from ..core.plane import plane
@@ -80,7 +81,7 @@ class Transient(eqx.Module):
         elif massless is not None:
             coordinates = MasslessCoordinates.known(massless)
         if inertia is not None:
-            invert = jnp.linalg.inv if coordinates is None else coordinates.inverse
+            invert = linalg.inv if coordinates is None else coordinates.inverse
             inverse = invert(inertia)
         if coordinates is not None and massless == "unknown":
             acted_on = [

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Inexact
 
+from ..core import linalg
 from ..core.quantities import Scalar
 
 
@@ -68,11 +69,11 @@ def _whole(upper: Inexact[Array, "m N"], count: int, left: bool, right: bool) ->
     m = upper.shape[0]
     whole = jnp.concatenate([upper, jnp.eye(m, 2 * m) / UNIT])
     if not right:
-        values = jnp.linalg.eigvals(whole)
+        values = linalg.eigvals(whole)
         return Found(values[jnp.argsort(_magnitude(values))[: count + SPARE]], None, None)
-    values, vectors = jnp.linalg.eig(whole)
+    values, vectors = linalg.eig(whole)
     order = jnp.argsort(_magnitude(values))[: count + SPARE]
-    inverse = jnp.linalg.inv(vectors)[order] if left else None
+    inverse = linalg.inv(vectors)[order] if left else None
     return Found(values[order], vectors[:, order], inverse)
 
 
@@ -99,16 +100,16 @@ def _checked(upper: Inexact[Array, "m N"], count: int, left: bool) -> tuple[Foun
     basis, beside = _krylov(upper, _dimension(count))  # rows
     image = _image(upper, basis)
     small, outside = basis.conj() @ image.T, beside.conj() @ image.T
-    values, vectors = jnp.linalg.eig(small)
+    values, vectors = linalg.eig(small)
     order = jnp.argsort(-jnp.abs(values))
-    inverse = jnp.linalg.inv(vectors)[order[: count + SPARE]] if left else None
+    inverse = linalg.inv(vectors)[order[: count + SPARE]] if left else None
     order = order[: count + SPARE]
     values, vectors = values[order], vectors[:, order]
     sizes = _magnitude(values)
     slow = jnp.sort(sizes)[count - 1]
-    missed = jnp.linalg.norm(outside @ vectors, axis=0)
+    missed = linalg.norm(outside @ vectors, axis=0)
     digits = jnp.where(sizes <= slow, 0.0, ROUGHLY) + jnp.finfo(missed.dtype).eps
-    accurate = jnp.all(missed <= digits * jnp.linalg.norm(small))
+    accurate = jnp.all(missed <= digits * linalg.norm(small))
     space = basis.T @ _invariant(values, vectors, small)
     complete = _less(upper, space, 1 / (1 + 1.001 * slow))
     right, ways = _times(vectors.T, basis).T, None
@@ -127,7 +128,7 @@ def _image(upper: Inexact[Array, "m N"], rows: Inexact[Array, "k N"]) -> Inexact
 def _krylov(upper: Inexact[Array, "m N"], size: int) -> tuple[Array, Array]:
     """Orthonormal rows of a Krylov space of a dimension, and those of its next block."""
     start = np.random.default_rng(0).standard_normal((BLOCK, upper.shape[1]))
-    unit = lambda v: v / jnp.where(jnp.any(v != 0), jnp.linalg.norm(v), 1.0)
+    unit = lambda v: v / jnp.where(jnp.any(v != 0), linalg.norm(v), 1.0)
 
     def orthonormal(rows: Array) -> Array:
         one = unit(rows[0])
@@ -153,8 +154,8 @@ def _invariant(values: Array, vectors: Array, small: Array) -> Array:
     without its conjugate gives a column of zeros.
     """
     if jnp.iscomplexobj(small):
-        return jnp.linalg.qr(vectors)[0]
-    columns = jnp.linalg.qr(jnp.where(values.imag < 0, vectors.imag, vectors.real))[0]
+        return linalg.qr(vectors)[0]
+    columns = linalg.qr(jnp.where(values.imag < 0, vectors.imag, vectors.real))[0]
     alone = jnp.abs(jnp.sum(values.imag)) > jnp.abs(values.imag[-1]) / 2
     return columns.at[:, -1].multiply(~alone)
 
@@ -184,9 +185,9 @@ def _less(upper: Array, space: Array, limit: Scalar) -> Bool[Array, ""]:
     def double(state):
         doubling, power, _ = state
         power = power @ power
-        return doubling + 1, power, jnp.linalg.norm(power)
+        return doubling + 1, power, linalg.norm(power)
 
-    return jax.lax.while_loop(above, double, (1, rest, jnp.linalg.norm(rest)))[-1] < 1
+    return jax.lax.while_loop(above, double, (1, rest, linalg.norm(rest)))[-1] < 1
 
 
 def _left(upper: Array, values: Array, right: Array, ways: Array) -> Array:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from ..core import linalg
 from ..core.parameters import follow
 from ..core.quantities import Scalar, known, nonnegative, quantity_units, real
 from ..core.representation import AbstractPart
@@ -48,7 +49,7 @@ class Whirl(AbstractStart):
     angle: Scalar = real("angle [rad]", default=0.0)
 
     def state(self, system: System, at: Scalar):
-        shape = jnp.linalg.solve(system.blocks.stiffness, system.line.column(at))
+        shape = linalg.solve(system.blocks.stiffness, system.line.column(at))
         there = system.line.row(at) @ shape
         held = jnp.abs(there) <= 1e-9 * jnp.max(jnp.abs(shape))
         if known(held) and bool(held):

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..core import linalg
 from ..core.blocks import Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
@@ -80,7 +81,7 @@ class Motion(eqx.Module):
             "unbalance": (load.unbalance_force(s), 1.0),  # `s` is the speed by the angle
             "columns": (columns, 1 / rate**2),
         }
-        invert: Any = jnp.linalg.inv
+        invert: Any = linalg.inv
         if system.massless is not None:
             invert = MasslessCoordinates.known(system.massless[:2]).inverse
         inverse = invert(blocks.inertia)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core import linalg
 from ..core.compiled import compiled
 from ..core.quantities import known
 from ..core.tables import notebook_table
@@ -235,9 +236,9 @@ def _at_rest(system: System) -> Kinematics:
         pair = jnp.concatenate([force, force.conj()]) if len(pencil.inertia) > system.n else force
         stiff = pencil.stiffness
         rows = jnp.max(jnp.abs(stiff), axis=1, keepdims=True)
-        held = jnp.linalg.cond(stiff / jnp.where(rows > 0, rows, 1.0)) < 1e14
+        held = linalg.cond(stiff / jnp.where(rows > 0, rows, 1.0)) < 1e14
         stiff = jnp.where(held, stiff, jnp.eye(len(stiff)))
-        q = jnp.where(held, jnp.linalg.solve(stiff, pair)[: system.n], jnp.nan)
+        q = jnp.where(held, linalg.solve(stiff, pair)[: system.n], jnp.nan)
     zero = jnp.zeros(())
     count = sum(race.bodies.places for race in system.races)
     still = jnp.zeros(count)

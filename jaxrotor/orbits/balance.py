@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core import linalg
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.pencil import Pencil
@@ -46,7 +47,7 @@ class Balance(eqx.Module):
             frequency, force = case
             pencil = Pencil.of(system, jnp.sign(frequency - speed))
             acting = jnp.concatenate([force[:, None], columns], axis=1)
-            return jnp.linalg.solve(pencil.dynamic(frequency), acting)
+            return linalg.solve(pencil.dynamic(frequency), acting)
 
         responses = jax.lax.map(response, (frequencies, forces))
         parts = frequencies, responses[..., 0], responses[..., 1:]

@@ -12,6 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
 from ..core.extremes import largest
@@ -229,7 +230,7 @@ def _root(balance: Balance, ports: Array, finder: Any, max_iterations: int):
     )
     # A last Newton step with a constant matrix has the derivative of the root itself.
     x = jax.lax.stop_gradient(root.value)
-    x = x - jnp.linalg.solve(jax.jacfwd(constant.residual)(x), balance.residual(x))
+    x = x - linalg.solve(jax.jacfwd(constant.residual)(x), balance.residual(x))
     return x, root.stats["num_steps"]
 
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..core import linalg
 from ..core.checks import check_counts
 from ..core.outcome import Outcome
 from ..core.progress import progress as bar, segments
@@ -180,11 +181,11 @@ def advance_disturbed(
     y, moved, outcome = jax.vmap(push, in_axes=-1, out_axes=(None, -1, None))(disturbances)
     moved = moved.reshape(disturbances.shape)
     if disturbances.shape[1] == 1:
-        size = jnp.linalg.norm(moved, axis=0)
+        size = linalg.norm(moved, axis=0)
         left = size > 0  # a disturbance may shrink to nothing in a step of the map
         size = jnp.where(left, size, jnp.finfo(size.dtype).tiny)
         return y, jnp.where(left, moved / size, disturbances), jnp.log(size), outcome
-    disturbances, triangle = jnp.linalg.qr(moved)
+    disturbances, triangle = linalg.qr(moved)
     return y, disturbances, jnp.log(jnp.abs(jnp.diagonal(triangle))), outcome
 
 

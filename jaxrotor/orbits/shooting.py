@@ -16,6 +16,7 @@ import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
 from ..analysis.floquet import multipliers_of
+from ..core import linalg
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.constant_frame import steady_amplitudes
@@ -134,8 +135,8 @@ class Shooting(eqx.Module):
         field = motion(jnp.zeros(()), plane(state, axis=1))
         q, rates = field[:, 0] + 1j * field[:, 1]
         rate = self.encode(q, self.rate * rates)
-        length = jnp.linalg.norm(rate)
-        return rate / jnp.where(length > STILL * jnp.linalg.norm(x), length, jnp.nan)
+        length = linalg.norm(rate)
+        return rate / jnp.where(length > STILL * linalg.norm(x), length, jnp.nan)
 
     def multipliers(
         self, x: Array, jacobian: Float[Array, "a a"]

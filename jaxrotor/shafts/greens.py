@@ -12,6 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core import linalg
 from ..core.extremes import bounded
 from ..core.quantities import Scalar
 
@@ -106,7 +107,7 @@ class HeldKernel(AbstractKernel):
             for at, sloped in zip(stations, slopes, strict=True)
         ]
         corner = jnp.concatenate([jnp.stack(rows)[:, -2:].T, jnp.zeros((2, 2))], axis=1)
-        self.inverse = jnp.linalg.inv(jnp.concatenate([jnp.stack(rows), corner]))
+        self.inverse = linalg.inv(jnp.concatenate([jnp.stack(rows), corner]))
 
     @property
     def compliance(self) -> Scalar:

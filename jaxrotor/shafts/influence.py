@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core import linalg
 from ..core.quantities import Scalar
 from .constraint import Constraint
 from .greens import CantileverKernel
@@ -59,10 +60,10 @@ class Influence(eqx.Module):
         )
         # Least squares, as any rigid motion that the constraints leave free may be added.
         if self.kernel is None:
-            return jnp.linalg.pinv(held)
+            return linalg.pinv(held)
         balance = jnp.concatenate([jnp.zeros((2, 2)), held[:, :2].T], axis=1)
         equations = jnp.concatenate([held, balance])
-        return jnp.linalg.pinv(equations)[:, :count]
+        return linalg.pinv(equations)[:, :count]
 
     def _forms(self, x: Scalar, slope: bool) -> Float[Array, " r2"]:
         """Deflection or slope at `x` due to unit rigid motions, then unit reactions."""

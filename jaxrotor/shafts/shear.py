@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
+from ..core import linalg
 from ..core.quantities import Scalar
 from .line import AbstractSpectralLine, Held, PerLength
 from .polynomials import (
@@ -41,7 +42,7 @@ class ShearLine(AbstractSpectralLine):
         rigid = self._rigid
         if rigid is None:
             return unit
-        return unit - rigid @ jnp.linalg.solve(rigid.T @ rigid, rigid.T)
+        return unit - rigid @ linalg.solve(rigid.T @ rigid, rigid.T)
 
     @property
     def bending_stiffness(self) -> Float[Array, "n n"]:
@@ -86,7 +87,7 @@ class ShearLine(AbstractSpectralLine):
         energy = self.strain_energy
         if (rigid := self._rigid) is not None:
             energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
-        return jnp.linalg.solve(energy, force)
+        return linalg.solve(energy, force)
 
     def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
         """`Int per_length left right dx` of linear forms at the Gauss points (spans, g, n)."""

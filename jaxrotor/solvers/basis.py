@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
 
+from ..core import linalg
 from ..core.quantities import Scalar
 from .lanes import product
 from .phi import balancing_units, phi_dense, phi_scalar
@@ -71,8 +72,8 @@ def _modes(a: Inexact[Array, "m m"]) -> tuple[Array, Array, Array]:
     In raw units the inverse loses up to ten digits of what stiff supports carry.
     """
     units = balancing_units(a)
-    values, vectors = jnp.linalg.eig(a * units / units[:, None])
-    return values, vectors * units[:, None], jnp.linalg.inv(vectors) / units
+    values, vectors = linalg.eig(a * units / units[:, None])
+    return values, vectors * units[:, None], linalg.inv(vectors) / units
 
 
 @_modes.defjvp
@@ -116,7 +117,7 @@ class SlotBasis(eqx.Module):
         one, other = vectors[:, first], vectors[:, second]
         real = jnp.concatenate([one.real, jnp.where(pairs, -one.imag, other.real)], axis=1)
         units = balancing_units(a)
-        inverse = jnp.linalg.inv(real / units[:, None]) / units
+        inverse = linalg.inv(real / units[:, None]) / units
         return cls(jnp.stack([values[first], values[second]]), pairs, real, inverse)
 
     def matrix(self) -> Float[Array, "m m"]:
@@ -225,7 +226,7 @@ class DenseBasis(eqx.Module):
         """State after `count` revolutions without contact."""
         once, _ = phi_dense(2 * jnp.pi * self.a, jnp.zeros((self.a.shape[0], 0), self.a.dtype), 0)
         if isinstance(count, int):
-            return jnp.linalg.matrix_power(once, count) @ w
+            return linalg.matrix_power(once, count) @ w
 
         def bit(state):  # binary powers, the lowest bit of the count first
             w, square, left = state

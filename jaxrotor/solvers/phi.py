@@ -10,8 +10,9 @@ import math
 
 import jax
 import jax.numpy as jnp
-from jax.scipy.linalg import expm
 from jaxtyping import Array, Complex, Float, Inexact
+
+from ..core.linalg import expm
 
 
 NEAR = 0.5  # below it, the series; above it, the recurrence, which loses three digits at most

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
@@ -63,7 +64,7 @@ class RemainderMap(eqx.Module):
 
         # What turns by twice the angle repeats itself after half a window: so many steps of half the size.
         whole, half = jax.lax.map(run, jnp.array([1.0, 0.5]))
-        after = lambda one: jnp.linalg.norm(jnp.linalg.matrix_power(one, WINDOWS))
+        after = lambda one: linalg.norm(linalg.matrix_power(one, WINDOWS))
         matrix, finer = _linear(whole), _linear(half) @ _linear(half)
         least = jnp.sqrt(1.0 * size)  # that of motions which neither grow nor decay
         within = after(matrix) <= GROWTH * larger(after(finer), least)

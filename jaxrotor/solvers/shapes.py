@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
+from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar
@@ -63,7 +64,7 @@ class Shapes(eqx.Module):
         transposed: Pencil = jax.tree.map(jnp.transpose, pencil)
         left = _responses(transposed, roots, seen.T)
         energy = left.T @ jax.lax.stop_gradient(inertia) @ right
-        u, sizes, v = jnp.linalg.svd(energy, full_matrices=False)
+        u, sizes, v = linalg.svd(energy, full_matrices=False)
         there = sizes > ROUNDING * sizes[0]
         scale = jnp.where(there, 1 / jnp.sqrt(jnp.where(there, sizes, 1.0)), 0.0)
         found = right @ (v.T * scale), (u * scale).T @ left.T
@@ -73,7 +74,7 @@ class Shapes(eqx.Module):
         """First-order equations of the amplitudes by those of the rotor; matrices from and to them."""
         momentum = self.left @ self.inertia
         absent = jnp.diag(1.0 * jnp.all(self.left == 0, axis=1))
-        amplitudes = jnp.linalg.solve(momentum @ self.right + absent, momentum)
+        amplitudes = linalg.solve(momentum @ self.right + absent, momentum)
         same = jnp.eye(a.shape[0] // self.right.shape[0])
         into = jnp.kron(same, self.right).astype(a.dtype)
         back = jnp.kron(same, amplitudes).astype(a.dtype)
@@ -105,15 +106,15 @@ def shape_errors(
 
     def errors(root: Array) -> Array:
         exact = pencil.at(root)
-        compliance = jnp.linalg.solve(exact, columns)
+        compliance = linalg.solve(exact, columns)
         soft = jnp.kron(axes, jnp.diag(1 / (hardness[:, 0] + root * hardness[:, 1])))
-        pressed = jnp.linalg.inv(at_ports @ compliance + soft)
+        pressed = linalg.inv(at_ports @ compliance + soft)
 
         def error(count: Array) -> Array:
             there = jnp.tile(alive & (jnp.arange(most) < count), len(axes))
             small = jnp.where(there[:, None] & there, left @ exact @ right, jnp.eye(len(left)))
             forced = jnp.where(there[:, None], left @ columns, 0.0)
-            found = right @ jnp.linalg.solve(small, forced)
+            found = right @ linalg.solve(small, forced)
             error = jnp.max(jnp.abs(seen @ (found - compliance) @ pressed))
             return jnp.where(jnp.any(alive), error, jnp.inf)
 
@@ -136,7 +137,7 @@ def _roots(system: System, rate: Scalar, count: int) -> Complex[Array, " c"]:
     A force at a port finds the mass `1 / (row M^-1 column)` there. Real equations respond alike to a
     frequency and its negative.
     """
-    light = jnp.sum(_rows(system).T * jnp.linalg.solve(system.blocks.inertia, _columns(system)), 0)
+    light = jnp.sum(_rows(system).T * linalg.solve(system.blocks.inertia, _columns(system)), 0)
     stiff = jnp.stack([port.hardness()[0] for port in system.ports])
     top = BEYOND * larger(jnp.sqrt(jnp.max(stiff * light)), rate)
     if isotropic(system.blocks):
@@ -149,9 +150,7 @@ def _responses(
 ) -> Float[Array, "n r"]:
     """Real and imaginary parts of the responses along all axes to forces along each."""
     axes = np.eye(pencil.inertia.shape[0] // len(forces))
-    found = jax.lax.map(
-        lambda root: jnp.linalg.solve(pencil.at(root), jnp.kron(axes, forces)), roots
-    )
+    found = jax.lax.map(lambda root: linalg.solve(pencil.at(root), jnp.kron(axes, forces)), roots)
     along = found.reshape(len(roots), len(axes), len(forces), -1)
     parts = jnp.moveaxis(jnp.stack([along.real, along.imag]), 3, 0)
     return parts.reshape(len(forces), -1)

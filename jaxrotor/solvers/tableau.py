@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
+from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.system import Port
@@ -77,7 +78,7 @@ class Tableau(eqx.Module):
         found = hardness * jnp.stack(self._port_response(seen), axis=1)
         if through is not None:
             own = _own_parts(through, len(ports))
-            least = jnp.linalg.svd(own, compute_uv=False)[..., -1]
+            least = linalg.svd(own, compute_uv=False)[..., -1]
             found = found / (1 + jnp.sum(hardness.T * least, axis=0))[:, None]
         return found[jnp.argmax(found.sum(1))]
 

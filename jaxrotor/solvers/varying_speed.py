@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact, Int
 
+from ..core import linalg
 from ..core.quantities import Scalar
 from ..equations.coupled import Stations
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
@@ -62,7 +63,7 @@ class RotorAtSpeed(eqx.Module):
         """
         axes = FixedAxes.of(system, rate)
         basis = DenseBasis.build(axes.matrix) if basis is None else basis
-        inverse, load = jnp.linalg.inv(system.blocks.inertia), system.load
+        inverse, load = linalg.inv(system.blocks.inertia), system.load
         none = jnp.zeros((0, system.n))
         position, velocity, columns = [none], [none], [none.T]
         if system.ports:

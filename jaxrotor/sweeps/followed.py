@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
+from ..core import linalg
 from ..core.compiled import compiled
 from ..core.outcome import Outcome
 from ..motion.base import AbstractMarch
@@ -78,7 +79,7 @@ def returns(
 
         def one(now, _):
             now, _ = march.skip(now, 1)
-            return now, jnp.linalg.norm(now - y) / size
+            return now, linalg.norm(now - y) / size
 
         return jax.lax.scan(one, y, None, length=longest)[1]
 
@@ -104,16 +105,16 @@ def polish(
             x, change, *_ = carry
             x = x + change
             miss, jacobian = both(x)
-            return x, jnp.linalg.solve(jnp.eye(x.size) - jacobian, miss), miss, jacobian
+            return x, linalg.solve(jnp.eye(x.size) - jacobian, miss), miss, jacobian
 
         begin = y, 0 * y, y, jnp.zeros((y.size, y.size))
         x, _, miss, jacobian = jax.lax.fori_loop(0, NEWTON + 1, step, begin)
         size = size_of(march, y)
-        return x, jnp.linalg.norm(miss) / size, jnp.linalg.norm(x - y) / size, jacobian
+        return x, linalg.norm(miss) / size, linalg.norm(x - y) / size, jacobian
 
     x, miss, shift, jacobian = jax.vmap(lane)(own, y)
     finite = jnp.isfinite(jacobian).all(axis=(1, 2), keepdims=True)
-    multipliers = jnp.linalg.eigvals(jnp.where(finite, jacobian, 2.0))
+    multipliers = linalg.eigvals(jnp.where(finite, jacobian, 2.0))
     return Polished(x, miss, shift, jnp.abs(multipliers).max(axis=1))
 
 
@@ -121,5 +122,5 @@ def size_of(march: AbstractMarch, y: Float[Array, " m"]) -> Float[Array, ""]:
     """Size of a state of the march, which may be its difference from a steady motion."""
     q, velocity = march.decode(y)
     rest, apart = march.encode(0 * q, 0 * velocity), march.encode(0 * q + LEAST, 0 * velocity)
-    sizes = jnp.stack([jnp.linalg.norm(one) for one in (y, rest, apart - rest)])
+    sizes = jnp.stack([linalg.norm(one) for one in (y, rest, apart - rest)])
     return jnp.max(sizes)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ...core import linalg
 from ...core.compiled import compiled_quickly
 from ...core.extremes import larger, largest
 from ...core.quantities import Scalar, known
@@ -160,7 +161,7 @@ def _nearest(groups: BalancerGroups, rows: Positions) -> Positions:
     def step(_, psi):
         left = groups.imbalance + jnp.sum(moments * jnp.exp(1j * psi))
         slope = moments * jnp.stack([-jnp.sin(psi), jnp.cos(psi)])  # (2, n)
-        pull = jnp.linalg.solve(slope @ slope.T + floor, jnp.stack([left.real, left.imag]))
+        pull = linalg.solve(slope @ slope.T + floor, jnp.stack([left.real, left.imag]))
         move = slope.T @ pull
         size = jnp.max(jnp.abs(move))
         far = size > LARGEST_STEP

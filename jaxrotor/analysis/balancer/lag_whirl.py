@@ -9,6 +9,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
+from ...core import linalg
 from ...core.compiled import compiled_quickly
 from ...core.extremes import largest
 from ...core.quantities import Scalar
@@ -72,7 +73,7 @@ def lag_branch(groups: BalancerGroups, rates: Any) -> LagBranch:
     def follow(x, rate):
         def newton(_, x):
             slope = jax.jacfwd(residual)(x, rate)
-            return x - jnp.linalg.solve(slope, residual(x, rate))
+            return x - linalg.solve(slope, residual(x, rate))
 
         x = jax.lax.fori_loop(0, 12, newton, x)
         wrong = ~(jnp.max(jnp.abs(residual(x, rate))) < 1e-9)
@@ -164,7 +165,7 @@ def _at_speed(x: Array, groups: BalancerGroups) -> Array:
 def _at_fold(x: Array, groups: BalancerGroups) -> Array:
     """Residual of speed, rate and angles: equilibrium, and its Jacobian at fixed speed singular."""
     at = lambda inner: _torques(groups, x[0], inner[0], _angles(inner[1:]))
-    return jnp.append(at(x[1:]), jnp.linalg.det(jax.jacfwd(at)(x[1:])))
+    return jnp.append(at(x[1:]), linalg.det(jax.jacfwd(at)(x[1:])))
 
 
 @compiled_quickly

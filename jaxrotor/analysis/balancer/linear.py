@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ...core import linalg
 from ...core.compiled import compiled_quickly
 from ...core.extremes import largest
 from ...core.quantities import Scalar
@@ -80,7 +81,7 @@ def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
     inertia = block(1j, 1.0, jnp.ones(rows))
     damping = block(-2 * om + 0j, groups.damping + 1j * groups.a13, groups.drag)
     stiffness = block(-1j * om**2, groups.a_z, jnp.zeros(rows))
-    solved = -jnp.linalg.solve(inertia, jnp.concatenate([damping, stiffness], axis=1))
+    solved = -linalg.solve(inertia, jnp.concatenate([damping, stiffness], axis=1))
     rates, place = jnp.split(solved, 2, axis=1)
     return rates, place
 
@@ -187,7 +188,7 @@ def ball_spectrum(groups: BalancerGroups, positions: Sequence) -> Complex[np.nda
 @jax.custom_jvp
 def matrix_roots(matrix: Float[Array, "k k"]) -> Complex[Array, " k"]:
     """Eigenvalues of a real matrix, unordered; the derivative of equal ones is the mean of theirs."""
-    return jnp.linalg.eigvals(matrix)
+    return linalg.eigvals(matrix)
 
 
 @matrix_roots.defjvp

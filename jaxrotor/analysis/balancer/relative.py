@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ...core import linalg
 from ...core.compiled import compiled_quickly
 from ...core.quantities import Scalar
 from .family import checked
@@ -50,7 +51,7 @@ def _roots(groups: BalancerGroups, place: Float[Array, " k"], rate: Scalar) -> C
     still = jnp.zeros_like(place)
     slope = lambda which: jax.jacfwd(_residual, argnums=which)(place, still, still, groups, rate)
     stiffness, damping, inertia = (slope(which) for which in range(3))
-    solved = -jnp.linalg.solve(inertia, jnp.concatenate([stiffness, damping], axis=1))
+    solved = -linalg.solve(inertia, jnp.concatenate([stiffness, damping], axis=1))
     size = len(place)
     upper = jnp.concatenate([jnp.zeros((size, size)), jnp.eye(size)], axis=1)
     values = matrix_roots(jnp.concatenate([upper, solved]))

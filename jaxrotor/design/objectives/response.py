@@ -3,11 +3,11 @@
 import dataclasses
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ... import analysis
+from ...core import linalg
 from ...core.quantities import Scalar
 from ...effects import InternalDamping, Support
 from ...equations.pencil import Pencil, isotropic
@@ -56,12 +56,12 @@ def anisotropy(scene: Scene, speeds: Any, at: Any = None) -> Scalar:
     massless = jnp.zeros((system.n, system.n))
     blocks = dataclasses.replace(blocks, inertia=massless, gyroscopic=None)
     elastic = dataclasses.replace(system, blocks=blocks)
-    pair = lambda part: jax.scipy.linalg.block_diag(part[None], part[None])
+    pair = lambda part: linalg.block_diag(part[None], part[None])
     rows, columns = pair(system.line.row(station)), pair(system.line.column(station)).T
 
     def one(speed: Scalar) -> Scalar:
         dynamic = Pencil.of(elastic.at_speed(speed)).dynamic(speed)
-        stiffness = jnp.linalg.inv(rows @ jnp.linalg.solve(dynamic, columns + 0j))
+        stiffness = linalg.inv(rows @ linalg.solve(dynamic, columns + 0j))
         sizes = stiffness.real**2 + stiffness.imag**2
         return (sizes[0, 1] + sizes[1, 0]) / (sizes[0, 0] + sizes[1, 1])
 
