@@ -46,7 +46,9 @@ def scene() -> jr.Scene:
     end, mass = disc.at, disc.mass
     scale = jnp.sqrt(mass * end**3 / given.shaft.rigidity)  # T* [s]
     return jr.Scene(
-        jr.FlexibleShaft(end, given.shaft.diameter, shear=True),
+        jr.FlexibleShaft(
+            end, given.shaft.diameter, shear=True, constraints=[jr.Constraint(0.0, "clamp")]
+        ),
         disc,
         jr.Unbalance(end, unbalance.mass, ECCENTRICITY),
         jr.InternalDamping(0.01 * scale),

@@ -90,7 +90,7 @@ PLAIN = {  # fields that are declared without a comment
     "Scene.shaft": "model of the shaft",
     "Scene.spans": "indices of the stations between which the elastic line is smooth",
     "Scene.spin": "law of rotation",
-    "FlexibleShaft.constraints": "where the shaft is held, by default clamped at 0",
+    "FlexibleShaft.constraints": "where the shaft is held",
     "RigidShaft.constraints": "where the shaft is held",
     "FlexibleShaft.material": "material of the shaft, by default steel",
     "AbstractShaft.length": "length [m]",

@@ -32,6 +32,7 @@ steps = [{at = "0.3 m", diameter = "120 mm"}, {at = "0.9 m", diameter = "80 mm"}
 [shaft]                            # clamped at 0, of two stiffnesses
 length = "0.7 m"
 diameter = "20 mm"
+constraints = [{at = "0 m", holds = "clamp"}]
 nodes = "auto"                     # up to 8, as many as each span needs
 anisotropy = 0.1                   # 10 % stiffer along one axis than the mean, 10 % softer across
 """,

@@ -163,7 +163,7 @@ def _default(field: dataclasses.Field) -> str:
     if default is None:
         return "that of the shaft" if field.name == "material" else "absent"
     if isinstance(default, tuple):
-        return "none" if not default else "a clamp at 0"
+        return "none"
     if isinstance(default, bool | str):
         return f"`{str(default).lower()}`" if isinstance(default, bool) else f'`"{default}"`'
     return f"`{float(default):.6g}`"

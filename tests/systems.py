@@ -9,6 +9,7 @@ from jaxrotor import (
     BallContact,
     Casing,
     ConstantSpeed,
+    Constraint,
     CubicSpring,
     Disc,
     DiscDamping,
@@ -37,6 +38,7 @@ DIAMETRAL = MASS * (2 * RIM) ** 2 / 16
 RIGIDITY = YOUNG * np.pi * DIAMETER**4 / 64
 TIME = np.sqrt(MASS * LENGTH**3 / RIGIDITY)  # T*
 PER_LENGTH = DENSITY * np.pi * DIAMETER**2 / 4
+CLAMP = (Constraint(0.0, "clamp"),)
 
 
 def one_disc(*effects, mass=1.0, damping=0.1, stiffness=1.0, speed=0.8, eccentricity=0.08):
@@ -107,13 +109,16 @@ def limiter_rotor(
             )
             for k in range(3)
         ]
-    shaft = FlexibleShaft(LENGTH, DIAMETER, **({"polar_ratio": sign * 2.0} | shaft))
+    shaft = FlexibleShaft(
+        LENGTH, DIAMETER, **({"polar_ratio": sign * 2.0, "constraints": CLAMP} | shaft)
+    )
     return Scene(shaft, *effects, spin=ConstantSpeed(N / TIME))
 
 
 def bare(*effects, N=15.0, **shaft):
-    """A shaft with what is named on it."""
-    return Scene(FlexibleShaft(LENGTH, DIAMETER, **shaft), *effects, spin=ConstantSpeed(N / TIME))
+    """A shaft clamped at 0, with what is named on it."""
+    line = FlexibleShaft(LENGTH, DIAMETER, **({"constraints": CLAMP} | shaft))
+    return Scene(line, *effects, spin=ConstantSpeed(N / TIME))
 
 
 # One of every effect, all at the free end, and the parameters that make it vanish when all are zero.

@@ -30,8 +30,8 @@ class FlexibleShaft(AbstractShaft):
 
     The equation holds at the ends of spans, and in Galerkin's sense within (see `SpectralLine`).
     Per length, `m = rho A` is the mass, `J = rho I` the diametral and `P = polar_ratio J` the polar
-    moment of inertia. `G` is the Green's function under the `constraints`, by default a clamp at 0; with
-    `constraints=()` only supports hold the shaft. `steps` change the section from their station onwards.
+    moment of inertia. `G` is the Green's function under the `constraints`; without them only supports
+    hold the shaft. `steps` change the section from their station onwards.
     With `shear=True` the shaft deforms in shear too, and the slope is that of the sections.
     `anisotropy` mu: the bending stiffness is `(1 + mu)` times that of the round section along an axis
     that turns with the shaft, and `(1 - mu)` times across it; shear stiffness and rotary inertia remain
@@ -54,9 +54,7 @@ class FlexibleShaft(AbstractShaft):
     rotary_inertia: bool = eqx.field(default=True, static=True)
     inner_diameter: Scalar = nonnegative("inner_diameter [m]", default=None)
     steps: tuple[Step, ...] = eqx.field(default=(), converter=as_tuple)
-    constraints: tuple[Constraint, ...] = eqx.field(
-        default_factory=lambda: (Constraint(0.0, "clamp"),), converter=as_tuple
-    )
+    constraints: tuple[Constraint, ...] = eqx.field(default=(), converter=as_tuple)
     shear: bool = eqx.field(default=False, static=True)
     anisotropy: Scalar = real("anisotropy [1]", default=None)
 

@@ -100,7 +100,7 @@ def piece(at, moment):
 def vibration(pieces=(0.0, 0.0), shaft=0.0):
     """Forward whirl (speeds, sensors) of two discs on a shaft, with masses added in both."""
     scene = jr.Scene(
-        jr.FlexibleShaft(1.0, 0.03, nodes=5),
+        jr.FlexibleShaft(1.0, 0.03, nodes=5, constraints=[jr.Constraint(0.0, "clamp")]),
         jr.Disc(0.4, 8.0, 0.02, 0.04),
         jr.Disc(1.0, 5.0, 0.01, 0.02),
         jr.DiscDamping(0.4, 60.0),
@@ -301,7 +301,7 @@ def test_where_a_rotor_is_held_and_heavy():
 def test_first_moments_of_a_scene():
     """A scene with offset, unbalance and a tilted disc; its steel shaft (20 mm, 0.5 m) has 1.233 kg."""
     scene = jr.Scene(
-        jr.FlexibleShaft(length=0.5, diameter=0.02),
+        jr.FlexibleShaft(length=0.5, diameter=0.02, constraints=[jr.Constraint(0.0, "clamp")]),
         jr.Disc(0.2, 3.0, 0.01, 0.04, offset=1e-3, offset_angle=0.7),
         jr.Disc(0.3, 2.0, 0.02, 0.05, tilt=0.01, tilt_axis=0.4, exact=False),
         jr.Unbalance(0.4, 1.0, 5e-4, phase=-1.0),

@@ -693,7 +693,10 @@ OTHERS = {
         jr.Support(0.0, 0.5),
         jr.Support(0.6, 0.5),
     ),
-    "flexible shaft of two nodes": (jr.FlexibleShaft(0.3, 0.02, nodes=2), WHEEL),
+    "flexible shaft of two nodes": (
+        jr.FlexibleShaft(0.3, 0.02, nodes=2, constraints=[jr.Constraint(0.0, "clamp")]),
+        WHEEL,
+    ),
 }
 
 

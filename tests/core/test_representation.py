@@ -19,9 +19,9 @@ from jaxrotor.core.tables import notebook_table
         (jr.Support(0, kxx=8e7, rotating=True), "Support(at=0 m, kxx=8e+07 N/m, rotating=True)"),
         (jr.Limiter(0.5, 0, 1e-3, 1, friction=0.1), "Limiter(at=0.5 m, angle=0 rad, gap=0.001 m, "),
         (
-            jr.FlexibleShaft(1, 0.1, steps=[jr.Step(0.5, 0.2)], constraints=[]),
+            jr.FlexibleShaft(1, 0.1, steps=[jr.Step(0.5, 0.2)], constraints=[jr.Constraint(1)]),
             "FlexibleShaft(length=1 m, diameter=0.1 m, steps=[Step(at=0.5 m, diameter=0.2 m)], "
-            "constraints=[])",
+            "constraints=[Constraint(at=1 m)])",
         ),
         (
             jr.RigidShaft(1, [jr.Constraint(0.0, "clamp")]),

@@ -197,7 +197,7 @@ TIP = (0.7, *POINTS[:-1])
 
 def passive(**limiter) -> jr.Scene:
     """Rotor between stops, without rotation, damping, unbalance and friction."""
-    shaft = jr.FlexibleShaft(0.7, 0.02, nodes=12)
+    shaft = jr.FlexibleShaft(0.7, 0.02, nodes=12, constraints=[jr.Constraint(0.0, "clamp")])
     stops = [
         stop(angle=np.pi / 3 + k * 2 * np.pi / 3, **({"friction": 0.0, "damping": 0.0} | limiter))
         for k in range(3)

@@ -296,6 +296,7 @@ def test_scene_file():
 [shaft]
 length = "1 m"
 diameter = "30 mm"
+constraints = [{at = "0 m", holds = "clamp"}]
 [rayleigh_damping]
 mass = "6 1/s"
 stiffness = "20 us"

@@ -70,6 +70,7 @@ title = "Test"
 [shaft]
 length = "0.7 m"
 diameter = "20 mm"
+constraints = [{at = "0 m", holds = "clamp"}]
 [disc]
 at = 0.7
 mass = 2.5
@@ -302,7 +303,15 @@ def every_effect() -> Scene:
                 del numbers[name]
             members.append(cls(**numbers))
     material = Material(1e11 / 3, 7e3 / 9)
-    shaft = FlexibleShaft(1 / 3, 1e-2 / 7, material, -1 / 9, nodes=5, rotary_inertia=False)
+    shaft = FlexibleShaft(
+        1 / 3,
+        1e-2 / 7,
+        material,
+        -1 / 9,
+        nodes=5,
+        rotary_inertia=False,
+        constraints=[Constraint(0.0, "clamp")],
+    )
     return Scene(shaft, *members, spin=ConstantSpeed(-1e5 / 3))
 
 
@@ -329,7 +338,7 @@ def rigid_scene() -> Scene:
 
 def profile_scene() -> Scene:
     profile = SpeedProfile([0.1, 1 / 3, 0.7], [0.0, 100 / 3, 1e5 / 7])
-    return Scene(FlexibleShaft(0.7, 0.02), spin=profile)
+    return Scene(FlexibleShaft(0.7, 0.02, constraints=[Constraint(0.0, "clamp")]), spin=profile)
 
 
 def film_scene() -> Scene:
@@ -373,7 +382,10 @@ def test_written_file_has_units():
 
 
 def test_effects_of_a_kind_are_written_in_one_group():
-    shaft, spin = FlexibleShaft(0.7, 0.02), ConstantSpeed(1.0)
+    shaft, spin = (
+        FlexibleShaft(0.7, 0.02, constraints=[Constraint(0.0, "clamp")]),
+        ConstantSpeed(1.0),
+    )
     mixed = Scene(shaft, Disc(0.3, 1.0), Limiter(0.7, 0, 0, 1), Disc(0.5, 2.0), spin=spin)
     again = loads(dumps(mixed))
     assert [e.kind for e in again.effects] == ["disc", "disc", "limiter"]
@@ -425,7 +437,13 @@ def test_new_effect_needs_an_export_and_nothing_else(monkeypatch):
     text = good("[spin]", "[[magnets]]\nstrength = '2 kN/m'\n[spin]")
     assert "magnets is not a part of a scene" in refused(text)
     with pytest.raises(SceneError, match="no scene file can name a Magnet"):
-        dumps(Scene(FlexibleShaft(1, 0.1), Magnet(1.0), spin=ConstantSpeed(1.0)))
+        dumps(
+            Scene(
+                FlexibleShaft(1, 0.1, constraints=[Constraint(0.0, "clamp")]),
+                Magnet(1.0),
+                spin=ConstantSpeed(1.0),
+            )
+        )
     monkeypatch.setattr(effects, "Magnet", Magnet, raising=False)
     scene = loads(text)
     assert scene.get("magnet.strength") == 2

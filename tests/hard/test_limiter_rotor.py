@@ -89,7 +89,7 @@ def test_several_stops_at_once(count):
     stops = [jr.Limiter(LENGTH, a, 1e-4, 2e5, 200.0, 0.1, rim_radius=0.1) for a in angles]
     rest = [e for e in LINEAR.effects if not isinstance(e, jr.InternalDamping)]
     scene = jr.Scene(
-        jr.FlexibleShaft(LENGTH, 0.02, nodes=6),
+        jr.FlexibleShaft(LENGTH, 0.02, nodes=6, constraints=[jr.Constraint(0.0, "clamp")]),
         *rest,
         jr.Gravity(),
         *stops,
@@ -292,7 +292,7 @@ def test_dense_basis_equals_modal_where_both_serve(record_property):
 @pytest.mark.hard("1.5 undamped at its critical speed", outcome="refused")
 def test_undamped_resonance_is_refused():
     rest = [e for e in LINEAR.effects if isinstance(e, jr.Disc | jr.Unbalance)]
-    shaft = jr.FlexibleShaft(LENGTH, 0.02)
+    shaft = jr.FlexibleShaft(LENGTH, 0.02, constraints=[jr.Constraint(0.0, "clamp")])
     bare = jr.Scene(shaft, *rest, spin=jr.ConstantSpeed(70.0)).replace(
         {"unbalance.eccentricity": 1e-4}
     )
@@ -313,7 +313,7 @@ def test_undamped_resonance_is_refused():
 @pytest.mark.hard("1.6 16 and 20 nodes: no mode grows")
 @pytest.mark.parametrize("nodes", [16, 20])
 def test_many_nodes_have_no_growing_modes(nodes, record_property):
-    shaft = jr.FlexibleShaft(LENGTH, 0.02, nodes=nodes)
+    shaft = jr.FlexibleShaft(LENGTH, 0.02, nodes=nodes, constraints=[jr.Constraint(0.0, "clamp")])
     fine = jr.Scene(shaft, *ROTOR.effects, spin=ROTOR.spin).replace({"spin.speed": 10 / UNIT})
     values = np.asarray(jr.roots(fine))
     assert values.real.max() < 0
@@ -326,7 +326,11 @@ def test_many_nodes_have_no_growing_modes(nodes, record_property):
     assert abs(tip(r)).max() < 0.05 * LENGTH
     if nodes == 16:  # the coarse rotor has to be simulated once
         return
-    coarse = jr.Scene(jr.FlexibleShaft(LENGTH, 0.02, nodes=10), *ROTOR.effects, spin=fine.spin)
+    coarse = jr.Scene(
+        jr.FlexibleShaft(LENGTH, 0.02, nodes=10, constraints=[jr.Constraint(0.0, "clamp")]),
+        *ROTOR.effects,
+        spin=fine.spin,
+    )
     z = [tip(jr.simulate(s, 2, 1024, start=WHIRL)) for s in (fine, coarse)]
     assert abs(z[0] - z[1]).max() < 1e-2 * abs(z[0]).max()
 
@@ -357,7 +361,7 @@ def test_period_one_contact_does_not_drift(record_property):
     """Pressed on a stop by its weight and shaken by unbalance: the same point every revolution."""
     stop = jr.Limiter(LENGTH, -np.pi / 2, 0.0, 5e4, 100.0, 0.1, rim_radius=0.1)
     scene = jr.Scene(
-        jr.FlexibleShaft(LENGTH, 0.02, nodes=4),
+        jr.FlexibleShaft(LENGTH, 0.02, nodes=4, constraints=[jr.Constraint(0.0, "clamp")]),
         *LINEAR.effects,
         jr.Gravity(),
         stop,
@@ -479,7 +483,13 @@ OVER = {"limiters.gap": [1e-3]}
         ),
         (lambda: jr.onset_speed(ROTOR, within=(9.0, 3.0)), "must be a lower and a higher speed"),
         (
-            lambda: jr.FlexibleShaft(0.7, 0.02, rule="trapezoid", rotary_inertia=False),
+            lambda: jr.FlexibleShaft(
+                0.7,
+                0.02,
+                rule="trapezoid",
+                rotary_inertia=False,
+                constraints=[jr.Constraint(0.0, "clamp")],
+            ),
             "slopes are coordinates",
         ),
     ],

@@ -126,7 +126,9 @@ def test_steps_are_located_where_a_stop_brakes_the_drive():
 @pytest.fixture(scope="module")
 def flexible():
     """Two nodes a span, gyroscopic disc, unequal bearings, damping in the shaft, a balancer, a drive."""
-    shaft = jr.FlexibleShaft(1.0, 0.02, jr.Material(2e11, 7800.0), nodes=2)
+    shaft = jr.FlexibleShaft(
+        1.0, 0.02, jr.Material(2e11, 7800.0), nodes=2, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     return jr.Scene(
         shaft,
         jr.Disc(0.3, 3.0, 0.02, 0.04, offset=1e-3),
@@ -208,7 +210,9 @@ def test_lanes_of_a_located_rub(flexible):
 @pytest.mark.parametrize("which", ["coasting", "table"])
 def test_lanes_keep_what_depends_on_the_speed(which):
     """A drive that alone would keep its speed, and the coefficients over speed of every lane."""
-    shaft = jr.FlexibleShaft(1.0, 0.02, jr.Material(2e11, 7800.0), nodes=2)
+    shaft = jr.FlexibleShaft(
+        1.0, 0.02, jr.Material(2e11, 7800.0), nodes=2, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     parts = [jr.Disc(0.3, 3.0, 0.05, 0.03, offset=2e-3), jr.Support(1.0, 1e6, 300.0)]
     if which == "coasting":  # only the rotor slows it down
         parts.append(jr.Support(0.0, 1e6, 300.0))

@@ -76,7 +76,9 @@ def test_ramp_through_the_critical_speed():
 def test_flexible_rotor_through_its_first_critical_speed():
     """Gyroscopic, with internal damping; scipy integrates its matrices in fixed axes."""
     scene = jr.load("limiter-rotor").without("limiters").replace({"unbalance.eccentricity": 1e-4})
-    small = jr.FlexibleShaft(0.7, 0.02, scene.shaft.material, nodes=3)
+    small = jr.FlexibleShaft(
+        0.7, 0.02, scene.shaft.material, nodes=3, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     scene = jr.Scene(small, *scene.effects, spin=jr.SpeedProfile.ramp(30.0, 130.0, 0.5))
     critical = float(jr.critical_speeds(scene).forward[0])
     assert 30 < critical < 130

@@ -27,7 +27,10 @@ SMOOTH = {"blend": 5e-4, "slip": 2.0}
 def rotor(*effects, shaft=None, speeds=SPEEDS):
     """Two gyroscopic discs on a shaft with internal damping, under weight and unbalance."""
     return jr.Scene(
-        shaft or jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2),
+        shaft
+        or jr.FlexibleShaft(
+            0.6, 0.02, jr.steel(), nodes=2, constraints=[jr.Constraint(0.0, "clamp")]
+        ),
         jr.Disc(0.6, 3.0, 0.02, 0.04),
         jr.InternalDamping(2e-4),
         jr.DiscDamping(0.6, 8.0, 0.05),
@@ -296,7 +299,9 @@ def test_unequal_bearings_at_constant_speed_and_another_first_angle():
 
 
 def test_an_undamped_resonance_is_stepped():
-    shaft = jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2)
+    shaft = jr.FlexibleShaft(
+        0.6, 0.02, jr.steel(), nodes=2, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     parts = jr.Disc(0.6, 3.0), jr.Unbalance(0.6, 3.0, 1e-5)
     scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(1.0))
     scene = scene.at_speed(jr.critical_speeds(scene, 1).forward[0])
@@ -416,7 +421,19 @@ def test_nothing_depends_on_the_speed_of_a_point_mass():
     ("change", "words"),
     [
         ({"spin": jr.Drive(1.0, 5.0, coulomb=0.1)}, "the rotor may come to rest under its Drive"),
-        ({"shaft": jr.FlexibleShaft(0.6, 0.02, jr.steel(), nodes=2, anisotropy=0.1)}, "turn with"),
+        (
+            {
+                "shaft": jr.FlexibleShaft(
+                    0.6,
+                    0.02,
+                    jr.steel(),
+                    nodes=2,
+                    anisotropy=0.1,
+                    constraints=[jr.Constraint(0.0, "clamp")],
+                )
+            },
+            "turn with",
+        ),
         ({"shaft": jr.MasslessShaft(0.6, 0.3, 1e5, 1e3, 1e4)}, "has no mass"),
     ],
 )

@@ -276,7 +276,7 @@ def smooth_scene() -> jr.Scene:
         LENGTH, -np.pi / 2, 0.0, STOP, 300.0, 0.3, rim_radius=0.1, blend=BLEND, slip=SLIP
     )
     keep = [e for e in RIGHT.effects if not isinstance(e, jr.Limiter)]
-    shaft = jr.FlexibleShaft(LENGTH, 0.02, nodes=4)
+    shaft = jr.FlexibleShaft(LENGTH, 0.02, nodes=4, constraints=[jr.Constraint(0.0, "clamp")])
     built = jr.Scene(shaft, *keep, jr.Gravity(), stop, spin=jr.ConstantSpeed(300.0))
     return built.replace({"unbalance.eccentricity": 2e-5})
 

@@ -17,7 +17,7 @@ from jaxrotor.shafts.resolution import nodes_needed
 
 FAN = jr.load("overhung-fan").replace({"shaft.nodes": 8})
 SIMPLE = jr.Scene(  # by default 5 and 8 nodes
-    jr.FlexibleShaft(1.0, 0.03),
+    jr.FlexibleShaft(1.0, 0.03, constraints=[jr.Constraint(0.0, "clamp")]),
     jr.Disc(0.2, 5.0, 0.01, 0.02),
     jr.Unbalance(1.0, 5.0, 1e-4),
     jr.ExternalDamping(20.0),
@@ -68,7 +68,9 @@ def test_steps_and_uneven_spans(shear):
 
 def test_a_uniform_beam_against_its_closed_form():
     """Clamped at one end: `cos b cosh b = -1`; a disc without mass makes spans of 0.1 and 0.9."""
-    shaft = jr.FlexibleShaft(0.7, 0.02, nodes="auto", rotary_inertia=False)
+    shaft = jr.FlexibleShaft(
+        0.7, 0.02, nodes="auto", rotary_inertia=False, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     scene = jr.Scene(shaft, jr.Disc(0.07, 1e-12), spin=jr.ConstantSpeed(0.0))
     assert scene.resolution == (4, 8)
     b = np.array([brentq(lambda b: np.cos(b) + 1 / np.cosh(b), *ends) for ends in ((1, 3), (4, 6))])
@@ -122,7 +124,9 @@ def test_written_and_read(tmp_path):
 @pytest.mark.parametrize("rule", ["spectral", "trapezoid"])
 def test_refusals(rule):
     with pytest.raises(ValueError, match='`nodes` must be a whole number or "auto", but is True'):
-        jr.FlexibleShaft(1.0, 0.02, nodes=True, rule=rule)
+        jr.FlexibleShaft(
+            1.0, 0.02, nodes=True, rule=rule, constraints=[jr.Constraint(0.0, "clamp")]
+        )
 
 
 def test_the_trapezoidal_rule_has_eight_cells_unless_it_says():

@@ -290,7 +290,15 @@ LIMITER = {  # V4, in rad per T*: forward and backward
 @pytest.mark.parametrize("shear", LIMITER)
 def test_shaft_of_the_limiter_rotor(shear):
     rotor = jr.load("limiter-rotor")
-    shaft = FlexibleShaft(0.7, 0.02, STEEL, nodes=18, rotary_inertia=shear, shear=shear)
+    shaft = FlexibleShaft(
+        0.7,
+        0.02,
+        STEEL,
+        nodes=18,
+        rotary_inertia=shear,
+        shear=shear,
+        constraints=[Constraint(0.0, "clamp")],
+    )
     disc = next(effect for effect in rotor.effects if effect.kind == "disc")
     found = np.asarray(jr.roots(at_rest(shaft, disc, speed=float(rotor.spin.speed)))).imag
     time = 15 / float(rotor.spin.speed)
@@ -575,7 +583,8 @@ def test_more_constraints_in_any_order_are_the_same():
 def test_strain_energy_is_the_work_of_a_force(options, at, expected):
     """Deflection due to a unit force, times E I; shear adds l / kGA = l (7 + 6 nu) D^2 / 48 to it."""
     shear = 2e11 / 2 / 1.3
-    shaft = jr.FlexibleShaft(2.0, 0.05, jr.Material(2e11, 7850.0, shear), nodes=6, **options)
+    options = {"nodes": 6, "constraints": (jr.Constraint(0.0, "clamp"),)} | options
+    shaft = jr.FlexibleShaft(2.0, 0.05, jr.Material(2e11, 7850.0, shear), **options)
     scene = jr.Scene(shaft, jr.Disc(at, 1.0), spin=jr.ConstantSpeed(0.0))
     stiffness, strain_energy, row, column = map(np.asarray, at_station(scene, jnp.asarray(at)))
     bent = np.linalg.solve(stiffness, column) * 2e11 * np.pi * 0.05**4 / 64

@@ -39,7 +39,9 @@ def cantilever(x, s):
 
 
 def clamped(nodes):
-    shaft = jr.FlexibleShaft(LENGTH, DIAMETER, nodes=nodes)
+    shaft = jr.FlexibleShaft(
+        LENGTH, DIAMETER, nodes=nodes, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     return jr.Scene(shaft, jr.Disc(0.4, 1.0), jr.Disc(0.9, 1.0), spin=jr.ConstantSpeed(0.0)).line()
 
 

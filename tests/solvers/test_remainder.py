@@ -98,7 +98,9 @@ def test_the_map_of_a_revolution_is_that_of_its_steps():
 def test_what_is_unequal_adds_up_to_the_blocks():
     """Of bearings at a shaft, on a casing and of a casing, turned by an angle."""
     scene = jr.Scene(
-        jr.FlexibleShaft(1.0, 0.02, nodes=2, anisotropy=0.2),
+        jr.FlexibleShaft(
+            1.0, 0.02, nodes=2, anisotropy=0.2, constraints=[jr.Constraint(0.0, "clamp")]
+        ),
         jr.Casing("housing", 3.0),
         jr.Support(0.5, 1e4, damping=20.0, anisotropy=0.3, angle=0.4, on="housing"),
         jr.Support(0.2, 2e4, anisotropy=-0.2, damping=9.0, damping_anisotropy=0.5),

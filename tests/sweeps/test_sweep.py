@@ -35,7 +35,9 @@ def whirl_rate(z: np.ndarray, steps: int) -> float:
 
 def test_lengths_are_tried_together():
     """Each value is valid alone, but not all pairs are."""
-    shaft = jr.FlexibleShaft(length=0.7, diameter=0.03, inner_diameter=0.01)
+    shaft = jr.FlexibleShaft(
+        length=0.7, diameter=0.03, inner_diameter=0.01, constraints=[jr.Constraint(0.0, "clamp")]
+    )
     scene = jr.Scene(shaft, jr.Disc(0.7, 2.0), jr.Disc(0.4, 1.0), spin=jr.ConstantSpeed(100.0))
     over = {"shaft.diameter": [0.02, 0.03], "shaft.inner_diameter": [0.01, 0.025]}
     with pytest.raises(ValueError, match="inner_diameter"):
