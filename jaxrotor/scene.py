@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from .core.checks import suggest
+from .core.doubt import Known
 from .core.parameters import Address, addresses, aliases, follow, known_values, with_leaves
 from .core.plausibility import warn_implausible
 from .core.quantities import known, quantity_units
@@ -79,7 +80,7 @@ class Scene(eqx.Module):
             )
         self.spans = _spans(shaft, members, stations)
         self.resolution = shaft.resolution(stations, self.spans, _count_held(members))
-        warn_implausible(known_values(self, _addresses(self)))
+        warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
         """The elastic line of the shaft, and of the casings beside it if there are any."""
@@ -289,8 +290,12 @@ class Scene(eqx.Module):
             scene.shaft
         ):
             return scene.of_parts(*scene.effects)
-        warn_implausible(known_values(scene, _addresses(scene)))
+        warn_implausible(scene.known_values())
         return scene
+
+    def known_values(self) -> dict[str, Known]:
+        """Every number with its unit by its own path; none while any is traced."""
+        return known_values(self, _addresses(self))
 
     def put(self, values: Mapping[str, Any]) -> "Scene":
         """Scene with other leaves by parameter path, without checks and with the same spans.

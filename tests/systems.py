@@ -134,8 +134,8 @@ EFFECTS = [
     Limiter(LENGTH, 0.4, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1),
     CubicSpring(LENGTH, 0.6, 1e9),
     AnnularStator(LENGTH, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1, offset=2e-4, angle=0.4),
-    JournalBearing(LENGTH, 0.02, 0.05, 0.1, 0.1, offset=1e-3, angle=0.4),
-    SqueezeFilm(LENGTH, 0.02, 0.05, 0.1, 0.1, blend=0.1),
+    JournalBearing(LENGTH, 0.02, 0.5, 0.1, 0.1, offset=1e-3, angle=0.4),
+    SqueezeFilm(LENGTH, 0.02, 0.5, 0.1, 0.1, blend=0.1),
     Support(
         LENGTH,
         3e4,

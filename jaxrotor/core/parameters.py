@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from .doubt import Known
 from .quantities import known, quantity_units, unit_of, with_values
 
 
@@ -85,12 +86,9 @@ def with_leaves(tree: Any, leaves: Mapping[Address, Any]) -> Any:
     return changed.refreshed() if hasattr(changed, "refreshed") else changed
 
 
-def known_values(tree: eqx.Module, table: Addresses) -> dict[str, tuple[float, str]]:
-    """Value and unit of every number by its own path; of a table of numbers the largest in magnitude.
-
-    Empty while any leaf is traced.
-    """
-    found: dict[str, tuple[float, str]] = {}
+def known_values(tree: eqx.Module, table: Addresses) -> dict[str, Known]:
+    """Every number with its unit by its own path; none while any leaf is traced."""
+    found: dict[str, Known] = {}
     if not all(map(known, jax.tree.leaves(tree))):
         return found
     for path, (address, *more) in table.items():
@@ -98,7 +96,8 @@ def known_values(tree: eqx.Module, table: Addresses) -> dict[str, tuple[float, s
         if more or leaf is None:
             continue
         unit = quantity_units(follow(tree, address[:-1]))[address[-1]]
-        found[path] = float(max(np.ravel(leaf), key=abs)), unit
+        least, *_, largest = sorted([*(numbers := np.ravel(leaf)), *numbers], key=abs)
+        found[path] = Known(float(largest), unit, float(least))
     return found
 
 

@@ -1,39 +1,87 @@
 """Plausibility: warnings of numbers that no machine has, mostly because of a wrong unit.
 
-Lengths are compared with the length of the shaft, so a dimensionless scene with values of order 1 gives
-no warning. Sag under weight is computed only for a shaft of a real material.
+A length is compared with the length of the machine that fits its role, a mass with the mass of the rotor,
+a speed with the other speeds and with what materials hold, a stiffness with the weight on it. Bounds are
+close where the scale of the machine is known: for a shaft of a real material, and, ten times wider, where
+masses, speeds or stiffnesses are those of a machine. A dimensionless scene, with values of order 1, gives
+no warning.
 """
 
+import dataclasses
+import functools
+import itertools
 import math
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from .doubt import RPM, Doubt, Known, between, doubt, meant, times
 
 
-LONGER = 20.0  # times the length of the shaft: larger than any disc, stop or race
-SLENDER = 1e4  # length over diameter: more than any shaft has
 HEAVIEST = 1e7  # [kg], five times the mass of the largest rotor of a hydro generator
 FASTEST = 1e6  # [rad/s], ten times the speed of the fastest gas bearings
-SURFACE = 5e3  # [m/s] at the surface of the shaft: materials burst at a third of it
+WIDEST = 8.0  # [m], twice the diameter of the shaft of the largest hydro generator
+SLENDER = 1.5e3  # length over diameter: more than any shaft has
+BURST = 0.2  # speed at the surface over that of sound, sqrt(E / rho): any material bursts at less
+RIM = 1.5e3  # [m/s], speed at a rim, or at a radius of gyration, which no disc survives
 GRAVITY = 9.8  # [m/s^2]
-SAG = 0.3  # over length: of a shaft supported at both ends, under its discs
+SAG = 0.02  # over length: of a shaft supported at both ends, under its discs
+SOFT = 0.1  # stiffness of supports over that of the shaft, `48 E I / l^3`
+GIVE = 0.02  # over diameter: how far supports softer than that give way under the weight
+UNEQUAL = 300.0  # stiffness along one axis over that across it: more than any bearing has
+GRADE = 4.0  # [m/s], distance of the centre of mass times speed: the coarsest grade of ISO 21940-11
+FLAT = 20.0  # polar over diametral moment of inertia: twice is the most that a body has
+NARROW = 0.1  # radius of gyration of a disc over the diameter of the shaft: less than any has
+HEAVY = 10.0  # times the mass of the rotor: larger than any unbalance
+WEIGHT = 0.5  # share of the mass of the rotor below which an unbalance is a weight put on it
+APART = 2.5  # factor between speeds of a machine that another unit explains
 MODULI = (1e9, 2e12)  # [Pa], range of materials for shafts
 DENSITIES = (500.0, 3e4)  # [kg/m^3], range of materials for shafts
 LIGHT = (0.5, 30.0)  # the same in g/cm^3
+SHEAR = (0.02, 1.0)  # shear modulus over Young's modulus
 
-Found = Mapping[str, tuple[float, str]]  # value and unit of each known parameter, by path
+
+class Role(NamedTuple):
+    """Largest share that a length has of another one of the machine."""
+
+    of: str  # "length" of the shaft, or "radius" of the same part
+    close: float  # in a machine of known scale
+    far: float  # in any scene
+    usual: float  # up to which a unit is likely
+
+
+_ACROSS = Role("length", 5.0, 20.0, 1.0)  # diameters, and radii of rims and races
+ROLES = {
+    "eccentricity": Role("length", 2.0, 20.0, 3e-3),
+    "offset": Role("length", 0.05, 20.0, 3e-3),
+    "gap": Role("length", 0.2, 20.0, 0.03),
+    "blend": Role("length", 0.2, 20.0, 3e-3),
+    "clearance": Role("radius", 0.2, 2.0, 0.02),
+    "radius": Role("length", 2.0, 20.0, 1.0),
+    "length": Role("length", 1.0, 20.0, 1.0),
+    "start.radius": Role("length", 0.3, 20.0, 0.03),
+}
+LARGEST = {  # of other units: in a machine of known scale, and in any scene
+    "rad": (12.6, 12.6),
+    "m/s^2": (300.0, 3000.0),
+    "Pa s": (2.0, 30.0),
+}
+
+
+Found = Mapping[str, Known]  # each known parameter by its path
 
 
 class ImplausibleWarning(UserWarning):
     """A number of a scene is far outside the range of machines; its unit may be wrong."""
 
 
-def warn_implausible(found: Found) -> None:
-    """Warn of every implausible number, at the line of the caller outside the package."""
+def warn_implausible(found: Found, part: str = "") -> None:
+    """Warn of every implausible number, or of those of a part, at the line that called the package."""
     level, caller = 1, sys._getframe()
     while caller.f_back is not None and _ours(caller.f_globals.get("__name__", "")):
         level, caller = level + 1, caller.f_back
-    for sentence in doubts(found):
+    for sentence in (one for one in doubts(found) if one.startswith(f"`{part}" if part else "")):
         warnings.warn(sentence, ImplausibleWarning, stacklevel=level)
 
 
@@ -46,109 +94,304 @@ def doubts(found: Found) -> Iterator[str]:
     """A sentence on each implausible number, with the unit that may be meant.
 
     Args:
-        found: value in SI and unit of every known parameter, by its path in the scene.
+        found: every known parameter, in SI, by its path in the scene.
 
     Yields:
-        Sentences. Sag is checked only if nothing else is wrong, as a wrong length or mass causes it.
+        Sentences, one for equal parts with the same number. A number that is doubted is no measure for
+        others, and stiffness and weight are doubted only where nothing else is.
     """
-    first = [*_lengths(found), *_material(found), *_too_large(found)]
-    yield from first or _sags(found)
+    doubted: list[Doubt] = []
+    for stage in (_Machine.material, _Machine.shaft, _Machine.parts, _Machine.speeds):
+        paths = {one.path for one in doubted}
+        machine = _Machine({path: one for path, one in found.items() if path not in paths})
+        doubted += stage(machine)
+    groups: dict[Any, list[Doubt]] = {}
+    for one in doubted:
+        groups.setdefault(_group(one), []).append(one)
+    for (kind, name, _), (one, *alike) in groups.items():
+        yield str(one._replace(path=f"{kind}.{name}") if alike else one)
+    if not doubted:
+        yield from map(str, itertools.islice(_Machine(found).stiffness(), 1))
 
 
-def _doubt(path: str, value: float, unit: str, why: str, other: str, factor: float) -> str:
-    return (
-        f"`{path}` is {value:g} {unit}, {why}; check its unit: "
-        f"{value:g} {other} is {factor * value:.6g} {unit}."
-    )
+def _group(one: Doubt) -> tuple[str, str, float]:
+    """Kind of part, name and value of a number."""
+    return one.path.partition(".")[0], one.path.rpartition(".")[2], one.value
 
 
-def _too_large(found: Found) -> Iterator[str]:
-    """Masses and speeds that are too large."""
-    for path, (value, unit) in found.items():
-        if unit == "kg" and value > HEAVIEST:
-            yield _doubt(path, value, "kg", "heavier than any rotor", "g", 1e-3)
-        if unit == "rad/s" and abs(value) > FASTEST:
-            yield _doubt(path, value, "rad/s", "faster than any rotor", "rpm", math.pi / 30)
-    diameter, speed = found.get("shaft.diameter"), found.get("spin.speed")
-    if diameter and speed and FASTEST >= abs(speed[0]) > 2 * SURFACE / diameter[0]:
-        why = f"{abs(speed[0]) * diameter[0] / 2:.3g} m/s at the surface of the shaft"
-        yield _doubt("spin.speed", speed[0], "rad/s", why, "rpm", math.pi / 30)
+@dataclasses.dataclass
+class _Machine:
+    """Known numbers of a machine, and doubts of them."""
+
+    found: Found
+
+    # === measures
+
+    @functools.cached_property
+    def length(self) -> float:
+        return self._value("shaft.length")
+
+    @functools.cached_property
+    def diameter(self) -> float:
+        """The largest of the sections of the shaft [m], infinite if none is known."""
+        own = [
+            one.value
+            for path, one in self.found.items()
+            if path.startswith("shaft.") and path.endswith(".diameter")
+        ]
+        return max(own, default=math.inf)
+
+    @functools.cached_property
+    def real(self) -> bool:
+        """Whether the shaft is of a material that exists."""
+        return between(self._modulus, MODULI) and between(self._density, DENSITIES)
+
+    @functools.cached_property
+    def slack(self) -> float:
+        """Factor of close bounds: infinite in a scene that may be dimensionless."""
+        if self.real:
+            return 1.0
+        if "shaft.material.density" in self.found:
+            return math.inf
+        held = (one for path, one in self.found.items() if path.startswith(("shaft", "support")))
+        known = self._discs >= 20.0 or _largest(self.found.values(), "rad/s") >= 100.0
+        return 10.0 if known or _largest(held, "N/m") >= 1e5 else math.inf
+
+    @functools.cached_property
+    def mass(self) -> float:
+        """Mass of the discs and of the shaft, its largest section taken all along [kg]."""
+        shaft = self._density * math.pi * self.diameter**2 / 4 * self.length
+        return self._discs + (shaft if math.isfinite(shaft) else 0.0)
+
+    @property
+    def _discs(self) -> float:
+        return sum((one.value for _, one in self._of("disc", "mass")), 0.0)
+
+    @property
+    def _modulus(self) -> float:
+        return self._value("shaft.material.youngs_modulus")
+
+    @property
+    def _density(self) -> float:
+        return self._value("shaft.material.density")
+
+    def _value(self, path: str) -> float:
+        """A number by its path, infinite if it is not known."""
+        return self.found[path].value if path in self.found else math.inf
+
+    def _of(self, kind: str, name: str) -> Iterator[tuple[str, Known]]:
+        """Path and number of a name in every part of a kind."""
+        for path, one in self.found.items():
+            if path.partition(".")[0] in (kind, f"{kind}s") and path.rpartition(".")[2] == name:
+                yield path, one
+
+    # === doubts
+
+    def material(self) -> Iterator[Doubt]:
+        """Moduli and densities that are plausible in other units only."""
+        for path, (density, unit, _) in self.found.items():
+            if unit != "kg/m^3":
+                continue
+            owner = path.removesuffix("density")
+            modulus = self._value(f"{owner}youngs_modulus")
+            typed = 40 <= modulus <= 1e3 and 1.5 <= density <= 30  # both: GPa and g/cm^3
+            light = between(density, LIGHT) and (between(modulus, MODULI) or typed)
+            if light or (density > DENSITIES[1] and between(modulus, MODULI)):
+                why = f"{'lighter' if light else 'heavier'} than what shafts are made of"
+                yield doubt(path, density, unit, why, DENSITIES)
+            if between(density, DENSITIES) or typed:
+                likely = meant(modulus, "Pa", MODULI)
+                if modulus < MODULI[0] and likely is not None:
+                    yield Doubt(
+                        f"{owner}youngs_modulus", modulus, "Pa", "softer than any shaft", *likely
+                    )
+            shear = self._value(f"{owner}shear_modulus")
+            bounds = (SHEAR[0] * modulus, SHEAR[1] * modulus)
+            if shear < bounds[0] and between(modulus, MODULI) and meant(shear, "Pa", bounds):
+                why = f"{times(modulus / shear)} below Young's modulus"
+                yield doubt(f"{owner}shear_modulus", shear, "Pa", why, bounds)
+
+    def shaft(self) -> Iterator[Doubt]:
+        """Diameters too large for the length of the shaft, and a shaft too long for its diameter."""
+        wide = list(self._beyond(shaft=True))
+        yield from wide
+        if not wide and SLENDER * self.diameter < self.length < math.inf:
+            why = f"{times(self.length / self.diameter)} its diameter, {self.diameter:g} m"
+            yield doubt("shaft.length", self.length, "m", why, (0.0, 300 * self.diameter))
+
+    def parts(self) -> Iterator[Doubt]:
+        """Numbers of the parts on the shaft."""
+        lengths = [*self._beyond()]
+        yield from lengths
+        paths = {one.path for one in lengths}
+        yield from (one for one in self._unbalances() if one.path not in paths)
+        yield from self._others()
+
+    def _beyond(self, shaft: bool = False) -> Iterator[Doubt]:
+        """Lengths of the shaft, or of parts, too large for the length that fits their role."""
+        for path, (value, unit, _) in self.found.items():
+            owner, _, name = path.rpartition(".")
+            if unit != "m" or name == "at" or path == "shaft.length":
+                continue
+            if path.startswith("shaft.") != shaft:
+                continue
+            role = ROLES.get(path, ROLES.get(name, _ACROSS))
+            measures = [(self._value(f"{owner}.radius"), "its radius", role.close, role.far)]
+            if role.of == "length":
+                measures = [(self.length, "the length of the shaft", role.close, role.far)]
+            if name == "gap" and (rim := self._value(f"{owner}.rim_radius")):
+                measures.append((rim, "the radius of the rim", 0.5, math.inf))
+            for measure, of, close, far in measures:
+                if abs(value) > min(far, self.slack * close) * measure:
+                    why = f"{times(abs(value) / measure)} {of}, {measure:g} m"
+                    yield doubt(path, value, "m", why, (0.0, role.usual * measure))
+                    break
+            else:
+                if shaft and self.real and value > WIDEST:
+                    yield doubt(path, value, "m", "wider than any shaft", (0.0, WIDEST))
+
+    def _unbalances(self) -> Iterator[Doubt]:
+        """Centres of mass too far from the axis, and unbalances heavier than the rotor."""
+        offsets = ((path, one.value, self.mass, "m") for path, one in self._of("disc", "offset"))
+        moments = list(offsets)
+        for path, (moment, unit, _) in self._of("unbalance", "moment"):
+            moments.append((path, moment, 1.0, unit))
+        for path, (distance, unit, _) in self._of("unbalance", "eccentricity"):
+            mass = self._value(place := f"{path.rpartition('.')[0]}.mass")
+            if math.isfinite(self.slack) and 0 < HEAVY * self.mass < mass:
+                why = f"{times(mass / self.mass)} the mass of the rotor, {self.mass:.3g} kg"
+                yield doubt(place, mass, "kg", why, (0.0, self.mass))
+            else:
+                moments.append((path, distance, mass, unit))
+        for path, value, mass, unit in moments:
+            if not self.mass:
+                continue
+            share = min(mass / self.mass, 1.0) if unit == "m" else 1 / self.mass
+            placed = 5.0 if unit == "m" and share < WEIGHT else 1.0  # a weight at a radius
+            centre, slack = share * value, self.slack * placed
+            over = f"by which the centre of mass is {centre:.3g} m off the axis, "
+            if centre > slack * 0.04 * self.length:
+                over += f"{times(centre / self.length)} the length of the shaft, {self.length:g} m"
+            elif centre > slack * 0.1 * self.diameter:
+                over += f"{times(centre / self.diameter)} the diameter of the shaft, {self.diameter:g} m"
+            elif self.real and centre * abs(speed := self._value("spin.speed")) > placed * GRADE:
+                if math.isinf(speed):
+                    continue
+                over += f"of grade G{1e3 * centre * abs(speed):.0f} at {speed:g} rad/s"
+            else:
+                continue
+            usual = ROLES["eccentricity"].usual * self.length / share
+            yield doubt(path, value, unit, over, (0.0, usual))
+
+    def _others(self) -> Iterator[Doubt]:
+        """Masses, moments of inertia, angles, viscosities and accelerations that are too large."""
+        for path, (value, unit, _) in self.found.items():
+            owner, _, name = path.rpartition(".")
+            if unit == "kg" and value > HEAVIEST:
+                yield doubt(path, value, unit, "heavier than any rotor", (0.0, HEAVIEST))
+            elif name == "ball_mass" and self.slack < math.inf and 0 < self.mass < value:
+                why = f"heavier than the rotor, {self.mass:.3g} kg"
+                yield doubt(path, value, unit, why, (0.0, self.mass))
+            elif unit == "kg m^2" and 0 < (mass := self._value(f"{owner}.mass")) < math.inf:
+                radius = math.sqrt(abs(value) / mass)
+                flat = abs(value) / (self._value(f"{owner}.diametral") or math.inf)
+                if radius > min(20.0, self.slack * 5.0) * self.length or flat > FLAT:
+                    why = f"with which the radius of gyration is {radius:.3g} m"
+                    usual = min(mass * self.length**2, FLAT * abs(value) / (flat or 1.0))
+                    yield doubt(path, value, unit, why, (0.0, usual))
+                elif (
+                    self.real and name == "polar" and 0 < radius < NARROW * self.diameter < math.inf
+                ):
+                    why = f"with which the radius of gyration of `{path}` is {radius:.3g} m"
+                    yield doubt(f"{owner}.mass", mass, "kg", why, (0.0, math.inf))
+            elif abs(value) > LARGEST.get(unit, (math.inf,) * 2)[math.isinf(self.slack)]:
+                yield doubt(path, value, unit, "more than in any machine", (0.0, math.inf))
+
+    def speeds(self) -> Iterator[Doubt]:
+        """Speeds that no rotor or no material reaches, or that another unit brings to a table's."""
+        for path, one in self.found.items():
+            if one.unit == "rad/s" and abs(one.value) > FASTEST:
+                yield doubt(path, one.value, "rad/s", "faster than any rotor", (0.0, FASTEST))
+                return
+        for path in ("spin.speed", "spin.speeds"):
+            speed = self._value(path)
+            for radius, of, most in self._radii():
+                if FASTEST >= abs(speed) > most / radius:
+                    why = f"{abs(speed) * radius:.3g} m/s at {of}"
+                    yield doubt(path, speed, "rad/s", why, (0.0, FASTEST))
+                    return
+        yield from itertools.islice(self._apart(), 1)
+
+    def _radii(self) -> Iterator[tuple[float, str, float]]:
+        """Radii [m] of what turns, with the speed there [m/s] that no material survives."""
+        if self.real and math.isfinite(self.diameter):
+            most = BURST * math.sqrt(self._modulus / self._density)
+            yield self.diameter / 2, "the surface of the shaft", most
+        if math.isinf(self.slack):
+            return
+        for path, one in self.found.items():
+            owner, _, name = path.rpartition(".")
+            mass = self._value(f"{owner}.mass")
+            if name == "rim_radius" and one.value:
+                yield one.value, "the rim", RIM
+            elif path.startswith("disc") and name == "polar" and 0 < mass < math.inf and one.value:
+                yield math.sqrt(abs(one.value) / mass), "the radius of gyration of a disc", RIM
+
+    def _apart(self) -> Iterator[Doubt]:
+        """Speeds apart from those of a table, by the factor between rad/s and rpm."""
+        drive = "spin.torque" in self.found  # whose `speed` is that of the start
+        ranges = {
+            path: (abs(one.least), abs(one.value))
+            for path, one in self.found.items()
+            if path.rpartition(".")[2] in ("speed", "speeds", "table_speeds")
+            and not (drive and path == "spin.speed")
+        }
+        for (path, one), (other, table) in itertools.permutations(ranges.items(), 2):
+            if not path.startswith("spin.") or not one[1]:
+                continue
+            of = f"the {table[0]:g} to {table[1]:g} rad/s of `{other}`"
+            if one[1] > APART * table[1] and RPM * one[1] <= table[1]:
+                yield doubt(path, one[1], "rad/s", f"above {of}", (0.0, math.inf))
+            elif APART * one[1] < table[0] <= one[1] / RPM:
+                why = f"{times(table[1] / one[1])} the largest of `{path}`, {one[1]:g} rad/s"
+                yield doubt(other, table[1], "rad/s", why, (0.0, math.inf))
+
+    def stiffness(self) -> Iterator[Doubt | str]:
+        """Shafts, discs and supports that the weight bends or moves too far.
+
+        The sag of a shaft supported at both ends is `m g l^3 / (48 E I)`, that of all supports `m g / k`.
+        """
+        weight, length = GRAVITY * self.mass, self.length
+        bent = 48 * self._modulus * math.pi * self.diameter**4 / 64 / length**3  # [N/m]
+        discs = dict(self._of("disc", "mass"))
+        if self.real and GRAVITY * self._discs > SAG * length * bent:
+            path = max(discs, key=lambda path: discs[path].value)
+            sag = GRAVITY * self._discs / (bent * length)
+            why = f"under which the shaft would sag by {100 * sag:.3g} % of its length"
+            yield doubt(path, discs[path].value, "kg", why, (0.0, math.inf))
+        k11 = self._value("shaft.k11")
+        if math.isfinite(self.slack) and 1.0 < k11 < weight / (0.1 * length):
+            why = f"by which the shaft would sag by {weight / k11:.3g} m"
+            yield doubt("shaft.k11", k11, "N/m", why, (100 * weight / length, math.inf))
+        supports: dict[str, float] = {}
+        for path, (value, unit, _) in self.found.items():
+            owner, _, name = path.rpartition(".")
+            if unit == "N/m" and path.startswith("support") and name in ("stiffness", "kxx", "kyy"):
+                supports[owner] = max(abs(value), supports.get(owner, 0.0))
+                other = abs(self._value(f"{owner}.{'kyy' if name == 'kxx' else 'kxx'}"))
+                if 1.0 < UNEQUAL * abs(value) < other < math.inf and math.isfinite(self.slack):
+                    why = f"{times(other / abs(value))} less than across it"
+                    yield doubt(path, value, "N/m", why, (other / UNEQUAL, UNEQUAL * other))
+        together = sum(supports.values())
+        if together and not any(".constraints." in path for path in self.found):
+            soft = min(SOFT * bent, weight / (GIVE * self.diameter)) if self.real else 0.0
+            if together < max(soft, weight / (length if self.real else self.slack * 0.02 * length)):
+                yield (
+                    f"The supports, {together:g} N/m together, would give way by "
+                    f"{weight / together:.3g} m under the weight of the rotor, {weight:.3g} N; check "
+                    f"their unit (1 N/mm is 1000 N/m, 1 N/um is 1e6 N/m), and that of the masses."
+                )
 
 
-def _lengths(found: Found) -> Iterator[str]:
-    """Lengths that are too large for the length of the shaft, and a shaft too long for its diameter."""
-    length = found["shaft.length"][0] if "shaft.length" in found else math.inf
-    for path, (value, unit) in found.items():
-        if unit == "m" and abs(value) > LONGER * length:
-            why = f"{_times(abs(value) / length)} the length of the shaft, {length:g} m"
-            yield _doubt(path, value, "m", why, "mm", 1e-3)
-    diameter = found.get("shaft.diameter", (math.inf, "m"))[0]
-    if SLENDER * diameter < length < math.inf:
-        why = f"{_times(length / diameter)} its diameter, {diameter:g} m"
-        yield _doubt("shaft.length", length, "m", why, "mm", 1e-3)
-
-
-def _material(found: Found) -> Iterator[str]:
-    """A density that is plausible in g/cm^3 only, or a modulus that is plausible in GPa or MPa only."""
-    for path, (density, unit) in found.items():
-        modulus = found.get(f"{path.removesuffix('density')}youngs_modulus")
-        if unit != "kg/m^3" or modulus is None:
-            continue
-        if _between(modulus[0], MODULI) and _between(density, LIGHT):
-            why = "lighter than what shafts are made of"
-            yield _doubt(path, density, "kg/m^3", why, "g/cm^3", 1e3)
-        for other, factor in (("GPa", 1e9), ("MPa", 1e6)):
-            if _between(density, DENSITIES) and _between(factor * modulus[0], MODULI):
-                path, why = f"{path.removesuffix('density')}youngs_modulus", "softer than any shaft"
-                yield _doubt(path, modulus[0], "Pa", why, other, factor)
-
-
-def _sags(found: Found) -> Iterator[str]:
-    """Discs that bend the shaft, and supports that deflect, by a large part of its length.
-
-    The sag of a shaft supported at both ends is `m g l^3 / (48 E I)`, that of all supports `m g / k`.
-    """
-    modulus, density = (
-        found.get(f"shaft.material.{name}") for name in ("youngs_modulus", "density")
-    )
-    if modulus is None or density is None or "shaft.length" not in found:
-        return
-    if not (_between(modulus[0], MODULI) and _between(density[0], DENSITIES)):
-        return
-    length = found["shaft.length"][0]
-    shaft = {path: v for path, (v, _) in found.items() if path.startswith("shaft.")}
-    wide = max((v for path, v in shaft.items() if path.endswith(".diameter")), default=math.inf)
-    discs = {
-        path: v for path, (v, unit) in found.items() if unit == "kg" and _is_kind(path, "disc")
-    }
-    sag = sum(discs.values()) * GRAVITY * length**2 / (48 * modulus[0] * math.pi * wide**4 / 64)
-    if sag > SAG and discs:
-        path = max(discs, key=discs.__getitem__)
-        why = f"under which the shaft would sag by {100 * sag:.3g} % of its length"
-        yield _doubt(path, discs[path], "kg", why, "g", 1e-3)
-        return
-    supports: dict[str, float] = {}
-    for path, (value, unit) in found.items():
-        if unit == "N/m" and _is_kind(path, "support"):
-            owner = path.rpartition(".")[0]
-            supports[owner] = max(abs(value), supports.get(owner, 0.0))
-    weight = GRAVITY * (sum(discs.values()) + density[0] * math.pi * wide**2 / 4 * length)
-    if supports and not any(".constraints." in path for path in found):
-        stiffness = sum(supports.values())
-        if 0 < length * stiffness < weight:
-            yield (
-                f"The supports, {stiffness:g} N/m together, would give way by more than the length of the "
-                f"shaft under its weight, {weight:.3g} N; check their unit: 1 N/um is 1e6 N/m."
-            )
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.0f} times" if ratio < 1e6 else f"{ratio:.2g} times"
-
-
-def _is_kind(path: str, kind: str) -> bool:
-    return path.partition(".")[0] in (kind, f"{kind}s")
-
-
-def _between(value: float, bounds: tuple[float, float]) -> bool:
-    return bounds[0] <= value <= bounds[1]
+def _largest(numbers: Iterable[Known], unit: str) -> float:
+    return max((abs(one.value) for one in numbers if one.unit == unit), default=0.0)

@@ -11,9 +11,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from ..core import linalg
+from ..core.doubt import Known
 from ..core.parameters import follow
+from ..core.plausibility import warn_implausible
 from ..core.quantities import Scalar, known, nonnegative, quantity_units, real
 from ..core.representation import AbstractPart
+from ..scene import Scene
 from .system import System
 
 
@@ -183,6 +186,21 @@ def put_number(start: AbstractStart, path: str, value: Any) -> AbstractStart:
         return eqx.tree_at(leaf, start, jnp.asarray(leaf(start)).at[last].set(value))
     leaf = lambda start: getattr(follow(start, parents), last)
     return eqx.tree_at(leaf, start, jnp.full(np.shape(leaf(start)), value))
+
+
+def checked_start(start: Any, scene: Scene | None = None) -> AbstractStart:
+    """The starting state, by default at rest; raises unless it is one, warns if it is implausible."""
+    start = AtRest() if start is None else start
+    if not isinstance(start, AbstractStart):
+        raise ValueError(
+            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `motion.end`, but is {start!r}."
+        )
+    shaft = start.shaft if isinstance(start, Launch) else start
+    numbers = {} if scene is None else scene.known_values()
+    if isinstance(shaft, Whirl) and known(shaft.radius) and numbers:
+        radius = float(shaft.radius)
+        warn_implausible(numbers | {"start.radius": Known(radius, "m", radius)}, "start.")
+    return start
 
 
 def is_whole(start: AbstractStart) -> bool:

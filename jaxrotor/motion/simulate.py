@@ -21,7 +21,14 @@ from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from ..equations.pencil import frame, unequal_parts
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.speed_tables import check_tables
-from ..equations.start import AbstractStart, AtRest, Continued, Launch, is_whole, shaft_of
+from ..equations.start import (
+    AbstractStart,
+    Continued,
+    Launch,
+    checked_start,
+    is_whole,
+    shaft_of,
+)
 from ..equations.system import System, assemble, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
@@ -109,7 +116,7 @@ def simulate(
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); the solvers name theirs.
     """
-    start = checked_start(start)
+    start = checked_start(start, scene)
     scene, pilots = with_nodes(scene, nodes, tolerance)
     run: dict[str, Any] = {"solver": solver, "controller": controller, "start": start, "at": at}
     if times is not None:
@@ -275,16 +282,6 @@ def _by_times(
     options["max_steps"] *= revolutions
     found = run_up(scene, times, **options)
     return dataclasses.replace(found, steps_per_revolution=steps)
-
-
-def checked_start(start: Any) -> AbstractStart:
-    """The starting state, by default at rest; raises unless it is one."""
-    start = AtRest() if start is None else start
-    if not isinstance(start, AbstractStart):
-        raise ValueError(
-            f"`start` must be a start such as Whirl(7e-3, rate=75.0) or `motion.end`, but is {start!r}."
-        )
-    return start
 
 
 def _checked_adjoint(adjoint: dfx.AbstractAdjoint | None, solver: Any) -> dfx.AbstractAdjoint:

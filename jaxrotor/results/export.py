@@ -18,32 +18,29 @@ _PLACES = {"station": "at {} m", "bearing": "of {}"}  # other dimensions: "of ba
 
 
 def table(result: Any) -> Any:
-    """A result as a `pandas.DataFrame`: a row a sample or a row a lane, units in the names of columns.
+    """A result as a `pandas.DataFrame`: a row a sample, a lane or a speed, units in names of columns.
 
     The table of a motion has `time [s]`, `angle [rad]`, `displacement x at 0.7 m [m]`, and so on: all
     that `jr.dataset` has along time, every vector by its x and y. The table of a sweep has the swept
     values, the numbers of every lane, and its status in words; series within a lane, such as its
-    section, are in the data set alone.
+    section, are in the data set alone. Data that a command has written over a speed or over the
+    parameters of a map have a row for each of their points: `speed [rad/s]`, `amplitude at 0.7 m [m]`.
 
     Args:
-        result: what `simulate`, `run_up`, `reactions`, `sweep` or `dataset` return, or a part of it.
+        result: what `simulate`, `run_up`, `reactions`, `sweep` or `dataset` return, or a part of it, or
+            the data set of a command.
 
     Returns:
         The table.
 
     Raises:
-        ValueError: if the data have neither a `time` nor a `status` of lanes.
+        ValueError: if the data are single numbers, which make no rows.
     """
     import pandas as pd
 
     data = data_of(result)
-    if "time" not in data.dims and "status" in data:
-        return pd.DataFrame(_lanes(data))
     if "time" not in data.dims:
-        raise ValueError(
-            "A table has a row a sample or a row a lane, but the data have neither `time` nor `status`; "
-            "write them to a .nc file."
-        )
+        return pd.DataFrame(_points(data))
     columns: dict[str, Any] = {}
     names = ["time", *(name for name in data.coords if name != "time"), *data.data_vars]
     for name in names:
@@ -101,27 +98,47 @@ def data_of(result: Any) -> Any:
     return result if isinstance(result, xr.Dataset) else dataset(result)
 
 
-def _lanes(data: Any) -> dict[str, Any]:
-    """Columns of the lanes of a sweep, with swept values of which one was selected."""
-    if not data["status"].dims:
-        data = data.expand_dims("only")
-    status = data["status"]
-    swept = np.meshgrid(*(data[dim].values for dim in status.dims), indexing="ij")
+def _points(data: Any) -> dict[str, Any]:
+    """Columns of data over a speed, over parameters or over lanes, of which one may be selected."""
+    sweep, dims = "status" in data, _swept(data)
+    if not dims:
+        data, dims = data.expand_dims("only"), ("only",)
+    shape = tuple(data.sizes[dim] for dim in dims)
     columns: dict[str, Any] = {}
     for name, array in data.coords.items():
-        if ("." in str(name) or name == "branch") and name not in status.dims:
-            columns[_head(str(name), array)] = np.broadcast_to(array.values, status.shape).ravel()
-    for dim, values in zip(status.dims, swept, strict=True):
-        if dim in data.coords:
-            columns[_head(str(dim), data[dim])] = values.ravel()
-    words = str(status.attrs["flag_meanings"]).split()
-    columns["status"] = [words[number] for number in status.values.ravel()]
+        if not array.dims and ("." in str(name) or name == "branch"):
+            columns[_head(str(name), array)] = np.broadcast_to(array.values, shape).ravel()
+    index = dict(zip(dims, np.indices(shape), strict=True))
+    for name, array in data.coords.items():
+        if array.dims and set(array.dims) <= set(dims) and (name in dims or not sweep):
+            values = array.values[tuple(index[dim] for dim in array.dims)]
+            columns[_head(str(name), array)] = values.ravel()
+    if sweep:
+        words = str(data["status"].attrs["flag_meanings"]).split()
+        columns["status"] = [words[number] for number in data["status"].values.ravel()]
     for name, array in data.data_vars.items():
-        rest = set(array.dims) - set(status.dims)
-        if name != "status" and set(status.dims) <= set(array.dims) and rest <= {"limiter"}:
-            lanes = array.stack(lane=status.dims, create_index=False).transpose("lane", ...)
-            columns |= _columns(str(name), lanes, data)
+        rest = set(array.dims) - set(dims)
+        if name != "status" and set(dims) <= set(array.dims) and (not sweep or rest <= {"limiter"}):
+            rows = array.stack(point=dims, create_index=False).transpose("point", ...)
+            columns |= _columns(str(name), rows, data)
     return columns
+
+
+def _swept(data: Any) -> tuple[Any, ...]:
+    """Dimensions whose points are rows: those of the lanes, else those with numbers, else the first."""
+    if "status" in data:
+        return data["status"].dims
+    numbers = {
+        dim: np.issubdtype(data[dim].dtype, np.number) for dim in data.dims if dim in data.coords
+    }
+    found = (
+        tuple(dim for dim in numbers if numbers[dim] and dim not in _PLACES) or tuple(data.dims)[:1]
+    )
+    if not found:
+        raise ValueError(
+            "A table has rows, but the data are single numbers; write them to a .nc file."
+        )
+    return found
 
 
 def _head(name: str, array: Any) -> str:

@@ -13,14 +13,13 @@ import numpy as np
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.coupled import is_coupled
 from ..equations.rotating_frame import massless_of
-from ..equations.start import AbstractStart, Launch, is_whole
+from ..equations.start import AbstractStart, Launch, checked_start, is_whole
 from ..equations.system import System, assemble
 from ..motion.integrated import IntegratedPace
 from ..motion.run_up import after, integration_of, with_balls
 from ..motion.simulate import (
     REVOLUTION_STEPS,
     check_integrated,
-    checked_start,
     system_of_march,
 )
 from ..motion.stepped import Stepping, check_steppable, steppable
@@ -44,7 +43,7 @@ def start_of_lanes(
     scene: Scene, start: AbstractStart | None, paths: Iterable[str]
 ) -> AbstractStart:
     """The start of all lanes, by default at rest; with balls in it where a path varies these."""
-    start = checked_start(start)
+    start = checked_start(start, scene)
     varied = [path for path in paths if path.startswith("start.")]
     if not any(path.startswith("start.balls.") for path in varied):
         return with_balls(scene, start) if isinstance(start, Launch) else start

@@ -125,9 +125,37 @@ def test_table_of_a_sweep(swept, tmp_path):
     pd.testing.assert_frame_equal(read_csv(tmp_path / "lanes.csv", found), found, check_exact=True)
 
 
+def test_table_over_a_speed_or_a_map():
+    """Data of commands have a row a point, as xarray itself makes them."""
+    speeds = "speed", [1.0, 2.0, 4.0], {"units": "rad/s"}
+    heights = np.arange(6.0).reshape(3, 2)
+    line = xr.Dataset(
+        {
+            "amplitude": (("speed", "station"), heights, {"units": "m"}),
+            "growth": ("speed", [3.0, 2.0, 1.0]),
+        },
+        {"speed": speeds, "station": [0.5, 1.0]},
+    )
+    found = jr.table(line)
+    assert list(found) == [
+        *("speed [rad/s]", "amplitude at 0.5 m [m]", "amplitude at 1 m [m]", "growth")
+    ]
+    np.testing.assert_array_equal(found.to_numpy(), np.c_[[1, 2, 4], heights, [3, 2, 1]])
+    branches = jr.table(line.drop_vars("station").rename(station="branch"))
+    assert list(branches)[1:3] == ["amplitude of branch 0 [m]", "amplitude of branch 1 [m]"]
+    grid = xr.Dataset(
+        {"growth": (("a.x", "a.y"), heights), "boundary": (("point", "parameter"), heights)},
+        {"a.x": [1.0, 2.0, 3.0], "a.y": [5.0, 6.0], "parameter": ["a.x", "a.y"]},
+    )
+    expected = grid[["growth"]].to_dataframe().reset_index()
+    pd.testing.assert_frame_equal(jr.table(grid), expected)
+    runs = xr.Dataset({"error": ("run", [0.1, 0.2])}, {"method": ("run", ["a", "b"])})
+    assert jr.table(runs).to_numpy().tolist() == [["a", 0.1], ["b", 0.2]]
+
+
 def test_refusals(motion, swept, tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match="neither `time` nor `status`"):
-        jr.table(swept.drop_vars("status"))
+    with pytest.raises(ValueError, match="the data are single numbers"):
+        jr.table(xr.Dataset({"mass": 1.0}))
     with pytest.raises(ValueError, match="ends in .csv, .parquet, .nc"):
         jr.export(motion, tmp_path / "orbit.xls")
     with pytest.raises(ValueError, match="cannot be written"):
