@@ -94,7 +94,7 @@ def response(
         upper.set_yscale("log")
     else:
         upper.set_ylim(bottom=0.0)
-    lower.set_xlabel(f"frequency [{unit}]" if forced else f"spin speed [{unit}]")
+    lower.set_xlabel(f"frequency [{unit}]" if forced else labels.spin("spin speed", speeds))
     if len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice"):
         page.legend(upper, columns=3)
     return upper, lower
