@@ -109,8 +109,7 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     from y to x, which is backward unless the speed is negative. The imaginary part gives the friction
     `s` that a whirl needs, `-Im H / Re H`. Either the rim slips, `s = f sgn V`, or it rolls,
     `V = Omega R + w rho = 0` and `|s| <= f`. Both are polynomials in `w` of which all roots are
-    computed, so nothing is scanned. Without unbalance every full rub is one of these. What bounces is
-    not among them.
+    computed, so nothing is scanned. Without unbalance every full rub is one of these; bouncing is not.
 
     With the `slip` of the ring, friction is `f s(V / slip)`: a rim that rolls creeps by the slip that its
     friction needs, and a whirl slips where that exceeds the width. What creeps is sought from the rate at

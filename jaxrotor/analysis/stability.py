@@ -26,11 +26,8 @@ from .whirl_tables import OverWhirl
 
 
 EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
-STEPS = (
-    32,
-    128,
-    512,
-)  # steps per half revolution; the smallest that resolves the first mode is used
+# Steps per half revolution; the smallest number that resolves the first mode is used.
+STEPS = (32, 128, 512)
 TOO_SLOW = "The lowest speeds are too low for Floquet multipliers"
 BEYOND = (
     "A whirl beyond the tables over its frequency may be unstable, as it is with the coefficients at "
@@ -112,15 +109,13 @@ def onset_speed(
 ) -> Onset:
     """Lowest speed at which the straight rotor becomes unstable: `max Re lambda(Omega) = 0`, rising.
 
-    A speed is lower, and growth rises, by the magnitude of the speed: a reversed rotor is searched from
-    0 to negative speeds. With hysteresis the growth rate may cross zero by a jump, where a whirl is
-    synchronous.
+    Lowest and rising are meant of the magnitude of the speed, so a reversed rotor is searched from 0
+    down. With hysteresis the growth rate may cross zero by a jump, where a whirl is synchronous.
 
     Args:
         scene: the rotor; its own speed matters only by its sense, and not if `within` is given.
-        within: two speeds [rad/s] between which to search, also of different senses; by default 0 and
-            about 40 times the first natural frequency in the sense of the scene, or those for which
-            tables of coefficients have values.
+        within: two speeds [rad/s] between which to search, of either sense; by default 0 and about 40
+            times the first natural frequency in the scene's sense, or the ends of tables over speed.
         samples: growth rates computed to bracket the crossing. A band of flutter narrower than an
             interval is found if the growth rate has an extremum near zero there; the `TURNS` extrema
             closest to zero are refined. Bands where an unequal shaft stands bent are always found, unless
@@ -155,8 +150,7 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     """The first loss of stability, from speeds and the sign of the growth rate there."""
     if known(sign) and known(speeds):
         speeds, sign = np.asarray(speeds), np.asarray(sign)
-    sizes = abs(speeds)
-    slowest = sizes.argsort()[: samples // 4]
+    slowest = abs(speeds).argsort()[: samples // 4]
     inner, outer = _outward(speeds, sign)
     rising = (inner <= 0) & (outer > 0)
     marginal = (sign[slowest] == 0).all() & ~rising.any()
@@ -176,8 +170,7 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
                 )
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} at the speeds searched.")
-    where: Any = np.where if known(rising) else jnp.where
-    first = where(rising, sizes[1:] + sizes[:-1], jnp.inf).argmin()
+    first = (abs(speeds[1:] + speeds[:-1]) + 1e300 * ~rising).argmin()
     low, high = (jnp.asarray(on_host(speeds[i])) for i in (first, first + 1))
     found = _refine(system, low, high)
     if throw:
@@ -186,11 +179,11 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     return Onset(*(jnp.where(none, jnp.nan, part) for part in found))
 
 
-def _outward(speeds: Any, values: Any) -> tuple[Any, Any]:
-    """Values at the slower and at the faster end of every interval of speed."""
-    outward, ends = abs(speeds[1:]) >= abs(speeds[:-1]), (values[:-1], values[1:])
-    where: Any = np.where if known(outward) and known(values) else jnp.where
-    return where(outward, *ends), where(outward, *ends[::-1])
+def _outward(speeds: Any, signs: Any) -> tuple[Any, Any]:
+    """Signs at the slower and at the faster end of every interval of speed."""
+    inward = abs(speeds[1:]) < abs(speeds[:-1])
+    turned = (signs[1:] - signs[:-1]) * inward
+    return signs[:-1] + turned, signs[1:] - turned
 
 
 def stability_crossings(
@@ -227,7 +220,7 @@ def stability_crossings(
         raise ValueError(
             f"{reason} at {speeds[unknown][0]:g} rad/s; search other speeds by `within`."
         )
-    speeds, unstable = np.asarray(speeds), np.asarray(sign) > 0
+    speeds, unstable = np.asarray(speeds), 1 * (np.asarray(sign) > 0)
     inner, outer = _outward(speeds, unstable)
     found = [
         (_refine(system, *map(jnp.asarray, speeds[i : i + 2])), bool(outer[i]))
@@ -254,8 +247,7 @@ def _scan(
     """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
     system = jax.lax.stop_gradient(system)
     growth_at = _growth(system)
-    first, last = _range(system) if within is None else within
-    low, high = jnp.minimum(first, last), jnp.maximum(first, last)
+    low, high = jnp.sort(jnp.stack(_range(system) if within is None else within))
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
     turning = frame(system.blocks) == "rotating"
     if isinstance(system, System) and turning and system.tabled is None:

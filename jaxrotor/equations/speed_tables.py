@@ -107,7 +107,7 @@ def check_tables(scene: Scene, speeds: Any = None) -> None:
     senses = np.where(every < 0, -1.0, 1.0)
     for sense in np.unique(senses) if every.size else [float(scene.spin.sense)]:
         low, high = map(float, speed_range(scene, sense) or span)
-        ends = f"{sense * low:g}", f"{sense * high:g}"
+        ends = f"{sense * low + 0:g}", f"{sense * high + 0:g}"
         if low > high:
             raise ValueError(
                 f"The tables of the supports have no speed in common: one begins at {ends[0]} rad/s, "

@@ -1,4 +1,4 @@
-"""Reversed spin: a rotor and its mirror image (y for -y) have mirrored answers, and values of their own."""
+"""Reversed spin: answers of a rotor and of its mirror image (y for -y), and values from elsewhere."""
 
 import dataclasses
 
@@ -128,7 +128,7 @@ def test_an_isotropic_rotor_and_its_mirror_image():
 
 
 def jeffcott(speed, external=30.0, internal=12.0):
-    """A mass of 4 kg on a spring of 1e5 N/m with a damper that turns, `m q.. + c q. + c_i (q. - i Omega q) + k q`."""
+    """`m q.. + c q. + c_i (q. - i Omega q) + k q`: 4 kg on 1e5 N/m, with a damper that turns."""
     return jr.Scene(
         jr.MasslessShaft(1.0, 0.5, 1e5),
         jr.Disc(0.5, 4.0),
@@ -151,8 +151,8 @@ def test_onset_of_internal_damping_in_either_sense(sense):
     np.testing.assert_allclose(critical, sense * natural, rtol=1e-12)
 
 
-def overhung(**more):
-    """A shaft of 50 mm with an overhung disc, on a bearing and one with circulatory stiffness beside it."""
+def overhung():
+    """A shaft with an overhung disc on two bearings, of which one has circulatory stiffness."""
     bearing = {"kxx": 8e7, "kyy": 4e7, "cxx": 5e3, "cyy": 5e3}
     return jr.Scene(
         jr.FlexibleShaft(0.9, 0.05, constraints=[]),
@@ -161,7 +161,6 @@ def overhung(**more):
         jr.Support(0.0, **bearing),
         jr.Support(0.5, **bearing, kxy=-5e6, kyx=5e6),
         spin=jr.ConstantSpeed(-50 * np.pi),
-        **more,
     )
 
 
@@ -195,3 +194,22 @@ def test_circulatory_stiffness_tells_the_senses_apart(rpm):
     np.testing.assert_allclose(found.major[0, 0], major, rtol=2e-3)
     np.testing.assert_allclose(major, {2112.96: 5308e-6, -2112.96: 9998e-6}[rpm], rtol=2e-3)
     np.testing.assert_allclose(jr.growth_rate(scene.at_speed(speed)), growth, rtol=2e-3)
+
+
+def test_tables_over_speed_are_read_at_the_magnitude():
+    """A table from 0 on is that of both senses; one that begins below 0 has a value for each."""
+    nodes, own = [0.0, 100.0, 300.0], [1e6, 2e6, 4e6]
+    one = jr.Support(0.0, kxx=own, kyy=own, speeds=nodes)
+    np.testing.assert_array_equal(one.at_speed(-100.0).kxx, 2e6)
+    both = jr.Support(0.0, kxx=own, kyy=own, speeds=[-300.0, -100.0, 200.0])
+    np.testing.assert_array_equal(both.at_speed(-100.0).kxx, 2e6)
+    np.testing.assert_array_equal(both.at_speed(200.0).kxx, 4e6)
+    shaft = jr.RigidShaft(1.0, constraints=[jr.Constraint(1.0, "pin")])
+    parts = jr.Disc(0.0, 2.0), dataclasses.replace(both, cxx=1.0, cyy=1.0)
+    scene = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(-200.0))
+    with pytest.raises(
+        ValueError, match="from 0 to -300 rad/s, but coefficients are needed at -400"
+    ):
+        jr.unbalance_response(scene, -400.0)
+    with pytest.raises(ValueError, match="from 0 to 200 rad/s, but coefficients are needed at 250"):
+        jr.unbalance_response(scene, 250.0)
