@@ -258,9 +258,14 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
         found = unbalance_response(rotor, speed, station)
     except ValueError:
         return {"speed": speed, "amplitude": None, "phase": None, "growth": growth}
-    phase = float(np.angle(found.forward[0, 0]))
+    phase = float(_lead(found)[0, 0])
     amplitude = float(found.major[0, 0])
     return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
+
+
+def _lead(result: HarmonicResponse) -> np.ndarray:
+    """Lead of the forward part over the rotation [rad] (k, s), in the sense of rotation."""
+    return np.angle(result.forward) * np.where(np.asarray(result.speeds) < 0, -1, 1)[:, None]
 
 
 def _variables(
@@ -272,7 +277,7 @@ def _variables(
         {
             "amplitude": (dims, major, about("m", "major half axis of the synchronous orbit")),
             "minor": (dims, minor, about("m", "minor half axis, negative if backward")),
-            "phase": (dims, np.angle(result.forward), phase),
+            "phase": (dims, _lead(result), phase),
             "growth": ("speed", growth, about("1/s", "largest growth rate, positive unstable")),
         },
         {

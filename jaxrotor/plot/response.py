@@ -42,7 +42,7 @@ def response(
     The parts are those that whirl forward and backward, with their sum, the major half axis, or the
     twice-per-revolution response to weight; a part that is zero is left out. With `probes` their readings
     are drawn instead. The response to a given force at one speed is drawn against frequency. The phase
-    is unwrapped from a first value within half a revolution; a jump of exactly half a revolution (no
+    is in the sense of rotation, unwrapped from a first value within half a revolution; a jump of exactly half a revolution (no
     damping) is drawn downwards.
 
     Args:
@@ -70,6 +70,8 @@ def response(
     forced = np.ptp(result.speeds) == 0 and hasattr(result, "frequencies")
     turns, unit = speed_unit()
     speeds = turns * np.asarray(result.frequencies if forced else result.speeds)
+    if not forced:  # phases are counted in the sense of rotation
+        shown = {name: np.where(speeds < 0, np.conj(part), part) for name, part in shown.items()}
     largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
     factor = labels.length(largest)[0]
     for (name, colour), part in shown.items():
