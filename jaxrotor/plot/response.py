@@ -42,8 +42,8 @@ def response(
     The parts are those that whirl forward and backward, with their sum, the major half axis, or the
     twice-per-revolution response to weight; a part that is zero is left out. With `probes` their readings
     are drawn instead. The response to a given force at one speed is drawn against frequency. The phase
-    is in the sense of rotation, unwrapped from a first value within half a revolution; a jump of exactly half a revolution (no
-    damping) is drawn downwards.
+    is in the sense of rotation, unwrapped from a first value within half a revolution; a jump of exactly
+    half a revolution (no damping) is drawn downwards.
 
     Args:
         result: result of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.

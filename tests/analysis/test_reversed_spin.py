@@ -124,6 +124,35 @@ def test_an_isotropic_rotor_and_its_mirror_image():
     np.testing.assert_allclose(jr.onset_speed(one, (-900.0, 900.0)), nearest, rtol=1e-10)
 
 
+@pytest.mark.slow
+def test_rubs_and_motions_of_a_rotor_and_of_its_mirror_image():
+    """Dry whirl and full rubs in a ring, the friction that they need, and a motion between stops."""
+    contact = 4e5, 6.0, 0.2
+    rotor = jr.FlexibleShaft(0.7, 0.02, constraints=[jr.Constraint(0.0, "clamp")], nodes=4)
+    parts = jr.Disc(0.7, 2.0, 0.005, 0.01), jr.InternalDamping(1e-5), jr.ExternalDamping(8.0)
+    unbalance, spin = jr.Unbalance(0.7, 2.0, 1e-3, 0.4), jr.ConstantSpeed(400.0)
+    ring = jr.AnnularStator(0.7, 2e-3, *contact, rim_radius=0.1)
+    one = jr.Scene(rotor, *parts, unbalance, ring, spin=spin)
+    other = mirror(one)
+    ours, theirs = jr.dry_whirl(one), jr.dry_whirl(other)
+    assert ours.rate.size == 2 and np.all(ours.rate < 0)
+    for name in ("rate", "slip", "needed", "least_friction_rate"):
+        np.testing.assert_allclose(getattr(theirs, name), -getattr(ours, name), rtol=1e-8)
+    for name in ("radius", "growth", "least_friction"):
+        np.testing.assert_allclose(getattr(theirs, name), getattr(ours, name), rtol=1e-7)
+    speeds = np.linspace(50.0, 600.0, 9)
+    ours, theirs = jr.annular_rub(one, speeds), jr.annular_rub(other, -speeds)
+    np.testing.assert_allclose(theirs.folds, -ours.folds, rtol=1e-9)
+    np.testing.assert_allclose(theirs.displacement, np.conj(ours.displacement), rtol=1e-7)
+    stop = jr.Limiter(0.7, 0.4, 1e-3, *contact, rim_radius=0.1)
+    one = jr.Scene(rotor, *parts, unbalance, stop, spin=spin)
+    ours, theirs = (jr.simulate(s, 6, steps_per_revolution=64) for s in (one, mirror(one)))
+    assert np.any(ours.contact_force)
+    size = np.abs(ours.displacement).max()
+    np.testing.assert_allclose(theirs.displacement, np.conj(ours.displacement), atol=1e-8 * size)
+    np.testing.assert_allclose(theirs.angle, -np.asarray(ours.angle), rtol=1e-12)
+
+
 # === absolute values
 
 
