@@ -213,6 +213,7 @@ def by_finite_elements(speed):
     return (abs(x + 1j * y) + abs(x - 1j * y)) / 2, roots.real.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rpm", [2112.96, -2112.96])
 def test_circulatory_stiffness_tells_the_senses_apart(rpm):
     """At -2112.96 rpm the disc moves 9998 um, at 2112.96 rpm 5308 um, as in finite elements."""
