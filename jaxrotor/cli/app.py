@@ -217,7 +217,7 @@ def options(
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out runs/simulate
     jaxrotor sweep limiter-rotor
     jaxrotor accuracy limiter-rotor --quantity onset-speed --out runs/accuracy
-    jaxrotor export runs/response/response.zarr orbit.csv
+    jaxrotor export runs/response/response.zarr response.csv
     jaxrotor report runs/response
     ```
 

@@ -25,11 +25,13 @@ def export(
 ) -> None:
     """Write the data of a run as a table (CSV, Parquet) or as NetCDF.
 
-    A table has one row per sample of a motion, or one per lane of a sweep; column names include units.
+    A table has one row per sample of a motion, per lane of a sweep, or per speed of a response or a
+    Campbell diagram; column names include units.
 
     ```
     jaxrotor simulate limiter-rotor --keep 50 --out runs/rub
     jaxrotor export runs/rub orbit.csv
+    jaxrotor sweep limiter-rotor --out runs/long
     jaxrotor export runs/long lanes.csv
     jaxrotor export runs/long/sweep.zarr long.nc
     ```

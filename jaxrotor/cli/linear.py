@@ -71,8 +71,7 @@ def onset(
         typer.Option(
             "--to",
             metavar="SPEED",
-            help="Last speed, negative for reversed rotation. [default: 40 times the first natural "
-            "frequency in the scene's sense]",
+            help="Highest speed. [default: 40 times the first natural frequency]",
         ),
     ] = None,
     as_json: AsJson = False,

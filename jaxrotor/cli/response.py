@@ -19,7 +19,7 @@ from ..analysis import (
 )
 from ..core.attributes import about
 from ..core.compiled import compiled_quickly
-from ..effects import AbstractContact
+from ..effects import AbstractContact, Disc
 from ..equations.speed_tables import speed_range
 from ..files.units import quantity
 from ..plot.clearance import amplitudes
@@ -77,7 +77,9 @@ def response(
     Without --to the range is made longer until both of these speeds of the first peak lie in it.
     With --out, DIR/response.zarr and DIR/response.png.
 
+    ```
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
+    ```
     """
     whole = rotor = scene_with(scene, settings)
     station = rotor.stations(
@@ -86,16 +88,14 @@ def response(
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
+    range_ = _operating(rotor, operating)
     units = axis_units(scene, whole, high, low, operating, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
-        speeds = speeds_between(rotor, low, high, points)
-        range_ = _operating(rotor, operating, speeds)
-        found = _peaks(rotor, speeds, station, high)
+        found = _peaks(rotor, speeds_between(rotor, low, high, points), station, high)
         result, whirls = found.response, found.critical
         if not np.asarray(result.major).any():
             raise ValueError(
-                "The response is zero at that station; give the scene an unbalance, as in "
-                "--set unbalance.eccentricity=0.1mm."
+                f"The response is zero at that station; give the scene an unbalance, {_added(rotor)}."
             )
         critical = [
             {"kind": kind, **_at(rotor, speed, station)}
@@ -132,7 +132,7 @@ def response(
     notes += _clearance_note(_nearest(found, whole), found, (LENGTHS[length], length))
     notes += [("peak", "none between these speeds")] if not found.speeds.size else []
     if range_ is not None:
-        ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in dict.fromkeys(range_))
+        ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in sorted(set(range_)))
         notes.append(("operating", f"{ends} {unit}"))
     if unstable:
         notes.append(
@@ -155,6 +155,16 @@ def _peaks(rotor: Scene, speeds: np.ndarray, station: Any, high: str | None) -> 
         speeds = np.linspace(speeds[0], 1.5 * speeds[-1], len(speeds))
         longer = response_peaks(rotor, speeds, station)
     return found  # the amplitude does not fall so far
+
+
+def _added(rotor: Scene) -> str:
+    """Advice on how a scene gets an unbalance."""
+    paths = [path for path in rotor.paths() if path.endswith("balance.eccentricity")]
+    paths += [path for path in rotor.paths() if path.endswith("balances.eccentricity")]
+    if paths:
+        return f"as in --set {paths[0]}=0.1mm"
+    at = next((float(disc.at) for disc in rotor.of(Disc)), float(rotor.shaft.length))
+    return f'in its file: [unbalance], at = "{at:g} m", mass = "1 kg", eccentricity = "0.1 mm"'
 
 
 def _row(one: dict[str, Any], turns: float, factor: float) -> tuple[str, ...]:
@@ -182,19 +192,16 @@ def _clearance_note(
     return [("clearance", f"{text}, {clearance / largest:.3g} times the largest amplitude")]
 
 
-def _operating(rotor: Scene, text: str | None, speeds: np.ndarray) -> tuple[float, float] | None:
-    """Slowest and fastest operating speed [rad/s], by default that of the rotor.
-
-    None if it has none in the sense of any of the speeds.
-    """
+def _operating(rotor: Scene, text: str | None) -> tuple[float, float] | None:
+    """Slowest and fastest operating speed [rad/s], by default that of the rotor, if it has one."""
     if text is None:
         speed = operating_speed(rotor)
-        return None if speed is None or not (speed * speeds > 0).any() else (speed, speed)
+        return None if speed is None else (speed, speed)
     ends = [quantity(one, "rad/s", "--operating") for one in text.split(":")]
-    if len(ends) > 2 or not 0 < abs(ends[0]) <= abs(ends[-1]) or ends[0] * ends[-1] < 0:
+    if len(ends) > 2 or not 0 < ends[0] <= ends[-1]:
         raise ValueError(
-            "--operating must be one speed other than 0, or two of one sense, the slower one first, as "
-            f"3000rpm:3600rpm, but is {text!r}."
+            "--operating must be one speed above 0, or two in ascending order as 3000rpm:3600rpm, but is "
+            f"{text!r}."
         )
     return ends[0], ends[-1]
 
@@ -258,14 +265,9 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
         found = unbalance_response(rotor, speed, station)
     except ValueError:
         return {"speed": speed, "amplitude": None, "phase": None, "growth": growth}
-    phase = float(_lead(found)[0, 0])
+    phase = float(np.angle(found.forward[0, 0]))
     amplitude = float(found.major[0, 0])
     return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
-
-
-def _lead(result: HarmonicResponse) -> np.ndarray:
-    """Lead of the forward part over the rotation [rad] (k, s), in the sense of rotation."""
-    return np.angle(result.forward) * np.where(np.asarray(result.speeds) < 0, -1, 1)[:, None]
 
 
 def _variables(
@@ -277,7 +279,7 @@ def _variables(
         {
             "amplitude": (dims, major, about("m", "major half axis of the synchronous orbit")),
             "minor": (dims, minor, about("m", "minor half axis, negative if backward")),
-            "phase": (dims, _lead(result), phase),
+            "phase": (dims, np.angle(result.forward), phase),
             "growth": ("speed", growth, about("1/s", "largest growth rate, positive unstable")),
         },
         {

@@ -95,8 +95,8 @@ def run_up(
 
     ```
     jaxrotor run-up turbine-run-up --out run
-    jaxrotor run-up my-rotor.toml --set spin.torque=3 --times "0:20s:5001" --at 0.35m
-    jaxrotor run-up fan-up.toml --samples 8001 --solver exponential2 --substeps 4
+    jaxrotor run-up turbine-run-up --set "spin.torque=1500 N m" --times "0:2s:501"
+    jaxrotor run-up limiter-rotor --duration 0.1s --samples 801 --solver exponential2 --substeps 4
     ```
     """
     rotor, table = scene_of(scene, settings, row, layout), study(scene)

@@ -195,9 +195,9 @@ def sweep(
     ```
     jaxrotor sweep limiter-rotor
     jaxrotor sweep limiter-rotor --settle 3000 --out runs/long
-    jaxrotor sweep limiter-rotor --over "unbalance.eccentricity=0:1mm:32" --over start.radius=1mm,12mm
-    jaxrotor sweep limiter-rotor --over spin.speed=4000rpm:9000rpm:101 --spectrum
-    jaxrotor sweep my-run-up.toml --times 0:2s:2001 --over "limiters.gap=0.2mm:0.5mm:61"
+    jaxrotor sweep limiter-rotor --over limiters.gap=5mm:9mm:32 --over start.radius=1mm,12mm --out runs/gap
+    jaxrotor sweep limiter-rotor --over spin.speed=4000rpm:9000rpm:101 --spectrum --out runs/speeds
+    jaxrotor sweep limiter-rotor --times 0:0.2s:801 --over "limiters.gap=5mm:9mm:61" --out runs/up
     jaxrotor sweep limiter-rotor --cluster tcp://10.0.0.1:8786 --out /shared/run
     ```
     """
@@ -296,7 +296,8 @@ def _axes(
     axes = swept_axes(scene, over) or table.get("over", {})
     if not axes:
         raise ValueError(
-            "The scene names no parameters to sweep; add --over, as in --over spin.speed=0:6000rpm:61."
+            "The scene names no parameters to sweep; add --over, as in "
+            "--over spin.speed=600rpm:6000rpm:61."
         )
     check_lanes(axes)
     for path in assignments("--set", settings, ""):

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis import CriticalSpeeds
-from ..analysis.critical import critical_between
+from ..analysis import CriticalSpeeds, critical_speeds
 from . import clearance, colours, labels, page
 from .critical import mark_critical
 from .record import signal
@@ -79,7 +78,7 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         ValueError: the run has no such station.
     """
     ax = page.single(ax, 170, 60)
-    turns = speed_unit()[0]
+    turns, unit = speed_unit()
     speed = turns * np.asarray(run.speed)
     free = None if run.contact_force is None else "no contact"
     _draw_amplitude(ax, speed, run, station, free)
@@ -92,19 +91,19 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     largest = float(amplitude.max(initial=0.0))
     at = float(np.asarray(run.stations)[station])
     clearance.draw_amplitudes(ax, run.scene, at, labels.length(largest), largest)
-    ends = float(speed.min()), float(speed.max())
-    critical = _critical(run.scene, ends[0] / turns, ends[1] / turns)
+    critical = _critical(run.scene)
     if critical is not None:
+        ends = float(speed.min()), float(speed.max())
         mark_critical((ax,), critical, *ends, written=True)
     page.legend(ax, columns=3)
-    ax.set_xlabel(labels.spin("speed of rotation", speed))
+    ax.set_xlabel(f"speed of rotation [{unit}]")
     return ax
 
 
-def _critical(scene: Any, low: float, high: float) -> CriticalSpeeds | None:
-    """Critical speeds of a range that an unbalance can excite; None if the rotor has none."""
+def _critical(scene: Any) -> CriticalSpeeds | None:
+    """Critical speeds that an unbalance can excite; None if the rotor has none."""
     try:
-        found = critical_between(scene, low, high)
+        found = critical_speeds(scene)
     except ValueError:
         return None
     return found.where(np.asarray(found.forward_share) > EXCITED)
@@ -136,7 +135,7 @@ def _acceleration(run: Any) -> np.ndarray:
 
 
 def _draw_speed(ax: Axes, run: Any) -> None:
-    speed = speed_unit()[0] * np.asarray(run.speed)
-    ax.plot(np.asarray(run.time), speed, color=colours.DARK, lw=1.2)
+    turns, unit = speed_unit()
+    ax.plot(np.asarray(run.time), turns * np.asarray(run.speed), color=colours.DARK, lw=1.2)
     ax.margins(x=0)
-    ax.set_ylabel(labels.spin("speed", speed))
+    ax.set_ylabel(f"speed [{unit}]")

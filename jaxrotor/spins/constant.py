@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.quantities import Scalar, known, real
-from .base import AbstractSpin, Turning as Turning, sense_of
+from .base import AbstractSpin, Turning as Turning
 
 
 class ConstantSpeed(AbstractSpin):
@@ -17,10 +17,6 @@ class ConstantSpeed(AbstractSpin):
     @property
     def given(self) -> bool:
         return True
-
-    @property
-    def sense(self) -> Scalar:
-        return sense_of(self.speed)
 
     def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
         del polar
