@@ -9,11 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.checks import in_order
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..equations.pencil import Frame, frame, is_rounding, isotropic
 from ..equations.system import System
 from ..scene import Scene
+from ..spins.base import sense_of
 from .films import check_linear
 from .modal import (
     STRAIGHT,
@@ -59,7 +61,7 @@ class Campbell(eqx.Module):
         and 0 where orbits are nearly straight lines.
         """
         if self.circular:
-            return sense_of_whirl(self.values, self.speeds[:, None])
+            return sense_of_whirl(self.values, _turning(self.speeds)[:, None])
         if self.senses is None:
             return None
         return jnp.where(jnp.abs(self.senses) < STRAIGHT, 0.0, jnp.sign(self.senses))
@@ -94,12 +96,13 @@ class Campbell(eqx.Module):
         roots = values[k, branch] + part * (values[k + 1, branch] - values[k, branch])
         ways = ways[k, branch]
         whirls = ~is_rounding(roots.imag, roots)
-        at, roots, ways = (one[whirls][np.argsort(at[whirls])] for one in (at, roots, ways))
+        order = np.argsort((k + part)[whirls])
+        at, roots, ways = (one[whirls][order] for one in (at, roots, ways))
         return Crossings(at, np.abs(roots.imag), -roots.real / np.abs(roots), ways)
 
 
 class Crossings(NamedTuple):
-    """Crossings of branches with a line of given order, by ascending speed."""
+    """Crossings of branches with a line of given order, in the order of the diagram's speeds."""
 
     speeds: Float[np.ndarray, " c"]  # [rad/s]
     frequencies: Float[np.ndarray, " c"]  # [rad/s]
@@ -117,7 +120,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
 
     Args:
         scene: the rotor; its own speed does not matter.
-        speeds: [rad/s], ascending, two or more.
+        speeds: [rad/s], two or more, ascending or descending; those of a reversed rotor are negative.
         count: number of branches to keep, the slowest at the first speed. Where axes are unequal one of
             each conjugate pair is kept, but both where a pair splits into real roots.
 
@@ -125,13 +128,15 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
         `Campbell` diagram. Neither differentiable nor traceable; use `roots` for that.
 
     Raises:
-        ValueError: the speeds are not two or more in ascending order, or the scene is traced.
+        ValueError: the speeds are not two or more in order, or the scene is traced.
 
     Source: Brysin, Nikiforov (2019), Figs. 3, 4.
     """
     speeds = np.asarray(speeds, float)
-    if speeds.ndim != 1 or speeds.size < 2 or not np.all(np.diff(speeds) > 0):
-        raise ValueError(f"`speeds` must be two or more in ascending order, but is {speeds}.")
+    if speeds.ndim != 1 or speeds.size < 2 or not in_order(speeds):
+        raise ValueError(
+            f"`speeds` must be two or more in ascending or descending order, but is {speeds}."
+        )
     check_linear(scene, speeds)
     system = OverWhirl.of(scene)
     blocks = system.blocks
@@ -159,12 +164,19 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     senses = None
     if energy is not None:
         senses = jnp.asarray(np.stack([one.senses for one in followed])[:, kept])
+        senses = senses * sense_of(_turning(speeds))[:, None]
     values = jnp.asarray(branches[:, kept])
     return Campbell(jnp.asarray(speeds), values, frame(blocks), isotropic(blocks), senses)
 
 
+def _turning(speeds: Any) -> Float[Array, " w"]:
+    """Speeds of a diagram, with the sense of the others in place of a zero."""
+    speeds = jnp.asarray(speeds)
+    return jnp.where(speeds == 0, jnp.sum(speeds), speeds)
+
+
 class _Sample(NamedTuple):
-    """Roots (m,) at one speed [rad/s], their derivatives, and the senses of their whirl."""
+    """Roots (m,) at one speed [rad/s], their derivatives, and the senses of their whirl from x to y."""
 
     speed: float
     values: np.ndarray
@@ -180,10 +192,10 @@ class _Sample(NamedTuple):
 
 def _follow(left: _Sample, right: _Sample, wanted: slice, sample: Callable) -> _Sample:
     """`right` in the order of `left`, with samples inserted between until every match is sure."""
-    ahead, looked, narrow = [right], 0, NARROWEST * (right.speed - left.speed)
+    ahead, looked, narrow = [right], 0, NARROWEST * abs(right.speed - left.speed)
     while ahead:
         matched, sure = _matched(left, ahead[-1])
-        if sure[wanted].all() or matched.speed - left.speed <= narrow or looked == MIDPOINTS:
+        if sure[wanted].all() or abs(matched.speed - left.speed) <= narrow or looked == MIDPOINTS:
             left = matched
             ahead.pop()
         else:
@@ -224,7 +236,7 @@ def _kinetic_energy(scene: Scene, system: System) -> Float[Array, "n n"]:
 
 @compiled_quickly
 def _values_and_slopes(system: System | OverWhirl, energy: Array | None, speed: Scalar, count: int):
-    """The slowest roots, somewhat more than `count` (pairs), their derivatives, and senses of whirl.
+    """The slowest roots, somewhat more than `count` (pairs), their derivatives, and senses from x to y.
 
     The senses are zero unless the matrix of the kinetic energy is given.
     """
@@ -238,7 +250,7 @@ def _values_and_slopes(system: System | OverWhirl, energy: Array | None, speed: 
     senses = jnp.zeros(values.size)
     if energy is not None and vectors is not None:
         shares = energy_shares(energy, vectors.reshape(-1, 2, system.n))
-        senses = sense_of_whirl(values, speed) * (shares[:, 0] - shares[:, 1])
+        senses = sense_of_whirl(values, jnp.zeros(())) * (shares[:, 0] - shares[:, 1])
     # Massless coordinates have infinite roots; they are placed beyond all others.
     values = jnp.where(jnp.isfinite(values), values, 1e3 * jnp.max(_finite(jnp.abs(values))))
     chosen = slowest_first(values)[:number]

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, on_host
@@ -30,7 +30,8 @@ class CriticalSpeeds(eqx.Module):
     nearly straight lines.
     """
 
-    speeds: Float[Array, " c"]  # [rad/s], ascending; where traced, infinite ones fill up
+    # [rad/s], of the scene's sense, by rising magnitude; where traced, infinite ones fill up
+    speeds: Float[Array, " c"]
     forward_share: Float[Array, " c"]  # from 0 to 1
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle
@@ -48,17 +49,17 @@ class CriticalSpeeds(eqx.Module):
 
     @property
     def forward(self) -> Float[Array, " f"]:
-        """Critical speeds [rad/s] of whirl with the spin, ascending."""
+        """Critical speeds [rad/s] of whirl with the spin, by rising magnitude."""
         return self._only(self._sense >= STRAIGHT)
 
     @property
     def backward(self) -> Float[Array, " b"]:
-        """Critical speeds [rad/s] of whirl against the spin, ascending."""
+        """Critical speeds [rad/s] of whirl against the spin, by rising magnitude."""
         return self._only(self._sense <= -STRAIGHT)
 
     @property
     def mixed(self) -> Float[Array, " m"]:
-        """Critical speeds [rad/s] of mixed whirl, ascending."""
+        """Critical speeds [rad/s] of mixed whirl, by rising magnitude."""
         return self._only(abs(self._sense) < STRAIGHT)
 
     @property
@@ -66,11 +67,10 @@ class CriticalSpeeds(eqx.Module):
         """Kind of whirl at every speed: "forward", "backward" or "mixed"."""
         return [kind_of_whirl(sense) for sense in self._sense.tolist()]
 
-    def where(self, chosen: Bool[np.ndarray, " c"]) -> "CriticalSpeeds":
-        """The chosen critical speeds; none may be traced."""
-        own = lambda whirls: (whirls.speeds, whirls.forward_share, whirls.senses)
-        parts = (jnp.asarray(np.asarray(part)[chosen]) for part in own(self))
-        return eqx.tree_at(own, self, tuple(parts))
+    def where(self, chosen: Bool[np.ndarray, " c"] | Int[np.ndarray, " k"]) -> "CriticalSpeeds":
+        """The chosen critical speeds, or those at indices; none may be traced."""
+        parts = (jnp.asarray(np.asarray(part)[chosen]) for part in _columns(self))
+        return eqx.tree_at(_columns, self, tuple(parts))
 
     @property
     def _sense(self) -> Any:
@@ -80,11 +80,16 @@ class CriticalSpeeds(eqx.Module):
         if known(self.speeds) and known(chosen):
             speeds = np.asarray(self.speeds)
             return jnp.asarray(speeds[np.asarray(chosen) & np.isfinite(speeds)][: self.count])
-        return jnp.sort(jnp.where(chosen, self.speeds, jnp.inf))[: self.count]
+        speeds = jnp.where(chosen, self.speeds, jnp.inf)
+        return speeds[jnp.argsort(jnp.abs(speeds))][: self.count]
+
+
+def _columns(whirls: CriticalSpeeds) -> tuple[Any, Any, Any]:
+    return whirls.speeds, whirls.forward_share, whirls.senses
 
 
 class AxisSpeeds(NamedTuple):
-    """Critical speeds [rad/s] of an unequal rotor, along its principal axis and across, ascending."""
+    """Critical speeds [rad/s] of an unequal rotor, along its principal axis and across."""
 
     along: Float[Array, " a"]
     across: Float[Array, " b"]
@@ -103,14 +108,15 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     crossing there.
 
     Args:
-        scene: the rotor; its own speed does not matter. Damping, hysteresis and cross-coupled stiffness
-            are left out.
+        scene: the rotor; of its own speed the sense alone matters. Damping, hysteresis and cross-coupled
+            stiffness are left out.
         count: largest number of each kind to return, by default all.
         points: number of stations along the shaft at which the sense of the whirl is evaluated.
 
     Returns:
-        `CriticalSpeeds` [rad/s], ascending (where traced, infinite ones fill up). The speeds are
-        differentiable, equal ones by the mean of their derivatives; shares and senses are held constant.
+        `CriticalSpeeds` [rad/s] by rising magnitude, negative where the scene turns backward (where
+        traced, infinite ones fill up). The speeds are differentiable, equal ones by the mean of their
+        derivatives; shares and senses are held constant.
 
     Raises:
         ValueError: nothing can move or has mass, or some unequal axes stand still and others turn.
@@ -129,19 +135,36 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     return found.where(chosen)
 
 
+def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
+    """Critical speeds of either sense in a range of speeds [rad/s], by rising magnitude."""
+    own = float(scene.spin.sense)
+    senses = [sense for sense in (1.0, -1.0) if max(sense * low, sense * high) > 0]
+    both = [critical_speeds(scene if s == own else scene.at_speed(s)) for s in senses or [own]]
+    columns = tuple(np.concatenate(parts) for parts in zip(*map(_columns, both), strict=True))
+    order = np.argsort(np.abs(columns[0]))
+    inside = (columns[0] >= low) & (columns[0] <= high)
+    return eqx.tree_at(_columns, both[0], columns).where(order[inside[order]])
+
+
 @compiled_quickly
 def _synchronous(scene: Scene, system: System, count: int | None, points: int) -> CriticalSpeeds:
-    """Critical speeds, ascending; infinite ones fill up."""
+    """Critical speeds by rising magnitude; infinite ones fill up."""
     check_moves(system)
     stations = scene.shaft.seen(points)
     speeds, share, senses = _whirls(scene, system, stations)
     order = jnp.argsort(speeds)
     share, senses = jax.lax.stop_gradient((share, senses))
-    return CriticalSpeeds(speeds[order], share[order], stations, senses[order], count)
+    speeds = _signed(system, speeds[order])
+    return CriticalSpeeds(speeds, share[order], stations, senses[order], count)
+
+
+def _signed(system: System, speeds: Float[Array, " c"]) -> Float[Array, " c"]:
+    """Speeds of the sense of the spin from their magnitudes, infinite ones as they are."""
+    return jnp.where(jnp.isfinite(speeds), system.spin.sense * speeds, jnp.inf)
 
 
 def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array, Array]:
-    """Critical speeds, forward shares and senses, unordered."""
+    """Magnitudes of critical speeds, forward shares and senses, unordered."""
     blocks, own = system.blocks, families(system)
     paired = not isotropic(blocks)
     bent = paired and frame(blocks) == "rotating"
@@ -170,7 +193,7 @@ def _whirls(scene: Scene, system: System, stations: Array) -> tuple[Array, Array
 def _shape_at(system: System, speed: Scalar) -> Complex[Array, " m"]:
     """Shape of the synchronous whirl at a critical speed of a rotor whose stiffness depends on it."""
     speed = jax.lax.stop_gradient(speed)
-    (own,) = families(jax.lax.stop_gradient(system).at_speed(speed))
+    (own,) = families(jax.lax.stop_gradient(system).at_speed(system.spin.sense * speed))
     found, vectors = synchronous_of(*own, vectors=True)
     assert vectors is not None
     return vectors[jnp.argmin(jnp.where(jnp.isfinite(found), jnp.abs(found - speed), jnp.inf))]
@@ -183,12 +206,12 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
     `critical_speeds`, but each stays with its axis where they cross, so they are smooth there.
 
     Args:
-        scene: a rotor whose unequal parts turn with the shaft, their axes at angle 0; its own speed
-            does not matter.
+        scene: a rotor whose unequal parts turn with the shaft, their axes at angle 0; of its own speed
+            the sense alone matters.
 
     Returns:
-        `AxisSpeeds` [rad/s], ascending; infinite ones fill up, and where traced all are NaN if an axis
-        is not at angle 0. Differentiable.
+        `AxisSpeeds` [rad/s] by rising magnitude, of the scene's sense; infinite ones fill up, and where
+        traced all are NaN if an axis is not at angle 0. Differentiable.
 
     Raises:
         ValueError: nothing can move or has mass, no unequal part turns with the shaft alone, or an
@@ -221,5 +244,5 @@ def _axis_speeds(system: System) -> tuple[Float[Array, " a"], Float[Array, " b"]
     unequal = part(blocks.rotating_stiffness)
     real = jnp.all(is_rounding(unequal.imag, jnp.max(jnp.abs(unequal))))
     speeds = (synchronous_of(part(blocks.stiffness) + s * unequal, inertia)[0] for s in (1, -1))
-    along, across = (jnp.where(real, jnp.sort(one), jnp.nan) for one in speeds)
+    along, across = (jnp.where(real, _signed(system, jnp.sort(one)), jnp.nan) for one in speeds)
     return along, across

@@ -19,6 +19,7 @@ from ..equations.pencil import Pencil, eigenvalues
 from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
+from ..spins.base import sense_of
 from .films import check_linear
 from .ring import RotorInRing, polished, ring_of, sorted_roots
 
@@ -104,11 +105,11 @@ class DryWhirl(eqx.Module):
 def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     """`g / N + 1 / k + H(w) (1 + i s) = 0`: circular whirls in a ring by friction, without unbalance.
 
-    `H(w)` is the receptance of the rotor at the ring for a force that turns at `w`, negative for backward
-    whirl. The imaginary part gives the friction `s` that a whirl needs, `-Im H / Re H`. Either the rim
-    slips, `s = f sgn V`, or it rolls, `V = Omega R + w rho = 0` and `|s| <= f`. Both are polynomials in
-    `w` of which all roots are computed, so nothing is scanned. Without unbalance every full rub is
-    one of these. What bounces is not among them.
+    `H(w)` is the receptance of the rotor at the ring for a force that turns at `w`, negative for whirl
+    from y to x, which is backward unless the speed is negative. The imaginary part gives the friction
+    `s` that a whirl needs, `-Im H / Re H`. Either the rim slips, `s = f sgn V`, or it rolls,
+    `V = Omega R + w rho = 0` and `|s| <= f`. Both are polynomials in `w` of which all roots are
+    computed, so nothing is scanned. Without unbalance every full rub is one of these; bouncing is not.
 
     With the `slip` of the ring, friction is `f s(V / slip)`: a rim that rolls creeps by the slip that its
     friction needs, and a whirl slips where that exceeds the width. What creeps is sought from the rate at
@@ -144,17 +145,22 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
 
 @compiled_quickly
 def _dry_whirl(system: System, ring: AnnularStator, count: int) -> DryWhirl:
+    # A reversed rotor is solved as its mirror image, y for -y, so that w < 0 is against the spin.
+    sense = sense_of(system.spin.speed)
+    mirrored = lambda z: jax.lax.complex(z.real, sense * z.imag)
     rotor = RotorInRing.of(system, ring)
+    of = lambda rotor: (*jax.tree.leaves(rotor.pencil), rotor.speed)
+    rotor = eqx.tree_at(of, rotor, (*map(mirrored, of(rotor)[:-1]), sense * rotor.speed))
     slipping = jax.lax.map(lambda sign: _slipping(rotor, sign), jnp.array([1.0, -1.0]))
     every = jax.tree.map(lambda a, b: jnp.concatenate([*a, b]), slipping, _rolling(rotor))
     order = jnp.argsort(jnp.where(every.exists, every.rate, jnp.inf))[:count]
     some = jax.tree.map(lambda part: part[order], every)
-    roots, coordinates = jax.lax.map(lambda one: _motion(rotor, one), some)
+    motion = map(mirrored, jax.lax.map(lambda one: _motion(rotor, one), some))
     friction, rate = _least_friction(rotor)
-    found = some.rate, some.radius, some.normal, some.slip, some.friction
+    found = sense * some.rate, some.radius, some.normal, sense * some.slip, sense * some.friction
     masked: Any = [jnp.where(some.exists, part, jnp.nan) for part in found]
-    both: Any = [jnp.where(some.exists[:, None], part, jnp.nan) for part in (roots, coordinates)]
-    parts: Any = *masked, some.rolling & some.exists, *both, friction, rate
+    both: Any = [jnp.where(some.exists[:, None], part, jnp.nan) for part in motion]
+    parts: Any = *masked, some.rolling & some.exists, *both, friction, sense * rate
     return DryWhirl(*parts)
 
 

@@ -117,18 +117,27 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
 
     Args:
         scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`.
-        speeds: two or more ascending speeds [rad/s] as nodes of the tables; None: that of the scene.
+        speeds: two or more speeds [rad/s] of the scene's sense in ascending order, as nodes of the
+            tables; None: that of the scene. The tables hold for this sense of rotation alone.
 
     Returns:
         The scene, whose other effects are the same. The coefficients of a film without viscosity are zero.
 
     Raises:
-        ValueError: as `static_positions`, or the speeds are not two or more in ascending order.
+        ValueError: as `static_positions`, or the speeds are not two or more in ascending order, or the
+            scene turns backward and they are not negative.
     """
     if speeds is not None and (np.ndim(speeds) != 1 or np.size(speeds) < 2):
         raise ValueError(
             f"`speeds` must be two or more in ascending order, but is {speeds}; at one speed give "
             "`linearized(scene.at_speed(speed))`."
+        )
+    sense = scene.spin.sense
+    if speeds is not None and known(speeds) and known(sense) and sense < 0 <= np.max(speeds):
+        raise ValueError(
+            "The cross-coupling of a film follows the rotation, and this scene turns backward, so "
+            f"`speeds` must be negative, but the highest is {np.max(speeds):g} rad/s; take those of "
+            "its sense, or give `scene.at_speed(..)` a positive speed."
         )
     found = static_positions(scene, speeds)
     films = scene.of(AbstractFilm)

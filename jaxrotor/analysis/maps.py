@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import elementwise
 
+from ..core.checks import in_order
 from ..core.compiled import compiled
 from ..equations.speed_tables import has_whirl_tables
 from ..scene import Scene, with_shared_nodes
@@ -43,14 +44,14 @@ def stability_map(scene: Scene, over: Mapping[str, Any]) -> StabilityMap:
 
     Args:
         scene: the rotor.
-        over: two parameter paths, and ascending values of each: `{"spin.speed": .., ..}`.
+        over: two parameter paths, and values of each in order: `{"spin.speed": .., ..}`.
 
     Returns:
         `StabilityMap`. Not differentiable; `stability_crossings` is.
 
     Raises:
-        ValueError: `over` does not name two parameters, values are not two or more in ascending order,
-            or one moves a station past another.
+        ValueError: `over` does not name two parameters, values are not two or more in order, or one
+            moves a station past another.
 
     Source: Klochkov, Figs. 2-9.
     """
@@ -86,10 +87,10 @@ def traced(
 
 
 class Boundary(NamedTuple):
-    """Values of a parameter at which stability changes, ascending."""
+    """Values of a parameter at which stability changes, in the order of the values searched."""
 
     values: Float[np.ndarray, " k"]  # SI
-    lost: Bool[np.ndarray, " k"]  # True where the rotor is unstable above, False where stable
+    lost: Bool[np.ndarray, " k"]  # True where the rotor is unstable beyond, False where stable
 
 
 def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
@@ -98,13 +99,14 @@ def stability_boundary(scene: Scene, path: str, values: Any) -> Boundary:
     Args:
         scene: the rotor.
         path: path of the parameter.
-        values: ascending values between which changes are sought; two changes in one interval are missed.
+        values: ascending or descending values between which changes are sought; two changes in one
+            interval are missed.
 
     Returns:
         `Boundary`. Not differentiable; along the speed `stability_crossings` is.
 
     Raises:
-        ValueError: the values are not two or more in ascending order, one moves a station past another,
+        ValueError: the values are not two or more in order, one moves a station past another,
             or `growth_rate` is NaN at a value.
     """
     scene = with_shared_nodes(scene, [path])
@@ -132,9 +134,9 @@ def _refuse_unknown(scene: Scene, path: str, values: np.ndarray, found: np.ndarr
 
 def _axis(scene: Scene, path: str, values: Any) -> np.ndarray:
     values = np.atleast_1d(np.asarray(values, float))
-    if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0):
+    if values.ndim != 1 or values.size < 2 or not in_order(values):
         ends = f"{values.size} from {values[0]:g} to {values[-1]:g}" if values.ndim == 1 else values
-        raise ValueError(f"`over['{path}']` must be two or more ascending values, but is {ends}.")
+        raise ValueError(f"`over['{path}']` must be two or more values in order, but is {ends}.")
     for value in values:
         if scene.replace({path: value}).spans != scene.spans:
             raise ValueError(

@@ -26,6 +26,7 @@ from ..equations.pencil import (
 from ..equations.system import System, assemble, assemble_blocks
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
+from ..spins.base import sense_of
 from .films import check_linear
 from .whirl_tables import OverWhirl, whirl_roots
 
@@ -137,24 +138,25 @@ def sense_of_whirl(values: Complex[Array, "..."], speed: Scalar | Array) -> Floa
     `values` are `lambda` [rad/s] in fixed axes.
     """
     way = jnp.where(is_rounding(values.imag, values), 0.0, jnp.sign(values.imag))
-    return way * jnp.where(speed < 0, -1.0, 1.0)
+    return way * sense_of(speed)
 
 
 def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     """Complex eigenvalues: `det( lambda^2 M + lambda (C - i Omega G) + K - i Omega H ) = 0`.
 
-    They belong to `x + i y`: a positive imaginary part is forward whirl, a negative real part stable. A
-    rotor with unequal axes has conjugate pairs instead, in the fixed frame or, where only the shaft
-    (or what turns with it) is unequal, in the axes of the shaft. Contact is left out: the straight
-    rotor touches nothing. With coefficients over the frequency of whirl each root has those at its own
-    `|Im lambda|`; their number may then be another, and all are sought, see docs/concepts/speed-tables.md.
+    They belong to `x + i y`: a positive imaginary part is whirl from x to y, which is forward where the
+    speed is not negative, and a negative real part is stable. A rotor with unequal axes has conjugate
+    pairs instead, in the fixed frame or, where only the shaft (or what turns with it) is unequal, in the
+    axes of the shaft. Contact is left out: the straight rotor touches nothing. With coefficients over
+    the frequency of whirl each root has those at its own `|Im lambda|`; their number may then be
+    another, and all are sought, see docs/concepts/speed-tables.md.
 
     Args:
         scene: the rotor.
         count: number of the slowest roots to return, by default all.
 
     Returns:
-        Roots [rad/s] by rising magnitude; of a pair, forward first. Coordinates without mass have
+        Roots [rad/s] by rising magnitude; of a pair, that from x to y first. Coordinates without mass have
         none (infinite ones where traced). For a rotor without loss and drive a real part within
         rounding (1e-9 of its root) is set to zero. Differentiable; the derivative of equal roots is the
         mean of theirs.
@@ -312,5 +314,5 @@ def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array
 
 
 def slowest_first(values: Complex[Array, " m"]) -> Array:
-    """Order of roots by magnitude; the forward one of a pair comes first."""
+    """Order of roots by magnitude; of a pair that from x to y comes first."""
     return jnp.argsort(jnp.abs(values) * (1 + ROUNDING * (values.imag < 0)))

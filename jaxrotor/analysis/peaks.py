@@ -8,13 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..core.checks import in_order
 from ..core.compiled import compiled_quickly
 from ..core.sign_change import sign_change
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import isotropic
 from ..equations.system import System, structure
 from ..scene import Scene
-from .critical import CriticalSpeeds, critical_speeds
+from .critical import CriticalSpeeds, critical_between
 from .forced import (
     HarmonicResponse,
     Places,
@@ -45,8 +46,9 @@ class Margins(NamedTuple):
 
 
 class ResponsePeaks(eqx.Module):
-    """`k` peaks of the synchronous response at one station, ascending, and the speeds at half power.
+    """`k` peaks of the synchronous response at one station, and the speeds at half power.
 
+    Peaks are ordered by the magnitude of their speeds, which are negative for reversed rotation.
     A critical speed without damping is a peak of infinite amplitude, whatever the unbalance excites.
     """
 
@@ -56,8 +58,9 @@ class ResponsePeaks(eqx.Module):
     )
     speeds: Float[np.ndarray, " k"]  # [rad/s]
     amplitudes: Float[np.ndarray, " k"]  # major half axis [m]
-    lower: Float[np.ndarray, " k"]  # speed of half power below a peak [rad/s], NaN if there is none
-    upper: Float[np.ndarray, " k"]  # above it
+    # Speeds of half power [rad/s] of smaller and of larger magnitude, NaN if there is none:
+    lower: Float[np.ndarray, " k"]
+    upper: Float[np.ndarray, " k"]
 
     @property
     def amplification(self) -> Float[np.ndarray, " k"]:
@@ -80,12 +83,12 @@ class ResponsePeaks(eqx.Module):
         for k in np.flatnonzero(np.isnan(found)).tolist():
             small = heights < HALF_POWER * self.amplitudes[k]
             below, above = speeds < self.speeds[k], speeds > self.speeds[k]
-            first = max(speeds[small & below], default=speeds[0])
-            last = min(speeds[small & above], default=speeds[-1])
+            first = max(speeds[small & below], default=speeds.min())
+            last = min(speeds[small & above], default=speeds.max())
             high = speeds[(first <= speeds) & (speeds <= last) & ~small]
             ends = np.nan_to_num([self.lower[k], self.upper[k]], nan=self.speeds[k])
             width = np.ptp([*high, *ends])
-            found[k] = self.speeds[k] / width if width else np.nan
+            found[k] = abs(self.speeds[k]) / width if width else np.nan
         return found
 
     def margins(self, slowest: float | int, fastest: float | int | None = None) -> Margins:
@@ -96,30 +99,33 @@ class ResponsePeaks(eqx.Module):
         the response shows that AF is smaller, its value need not be known.
 
         Args:
-            slowest: slowest operating speed [rad/s], above zero.
-            fastest: fastest one [rad/s], by default the same.
+            slowest: slowest operating speed [rad/s], negative for reversed rotation.
+            fastest: fastest one [rad/s], of the same sense, by default the same.
 
         Returns:
             `Margins`, actual and required ones as fractions.
 
         Raises:
-            ValueError: the speeds are not above zero and in ascending order.
+            ValueError: the speeds are zero, or not of one sense and in order from slow to fast.
 
         Source: API RP 684 (2005), SP6.8.2.10; the same as API Standard 617, part 1.
         """
         fastest = slowest if fastest is None else fastest
-        if not 0 < slowest <= fastest < np.inf:
+        sense = -1 if slowest < 0 else 1
+        if not 0 < sense * slowest <= sense * fastest < np.inf:
             raise ValueError(
-                "Operating speeds [rad/s] must be above zero and in ascending order, but are "
-                f"{slowest!r} and {fastest!r}."
+                "Operating speeds [rad/s] must be of one sense of rotation, not zero, and the slower one "
+                f"first, but are {slowest!r} and {fastest!r}."
             )
         below, above = (slowest - self.speeds) / slowest, (self.speeds - fastest) / fastest
         factor, damped = self.amplification, self.amplification_at_most < DAMPED
         needed = 0.17 * (1 - 1 / np.where(damped, DAMPED, factor - 1.5))
         bounds = (np.minimum(needed, _MOST["below"]), np.minimum(0.1 + needed, _MOST["above"]))
-        required = np.where(self.speeds > fastest, bounds[1], bounds[0])
-        required = np.where(damped, 0.0, required)
-        return Margins(np.maximum(0.0, np.maximum(below, above)), required)
+        required = np.where(above > 0, bounds[1], bounds[0])
+        other = sense * self.speeds < 0  # a speed that the rotor never passes
+        required = np.where(damped | other, 0.0, required)
+        actual = np.maximum(0.0, np.maximum(below, above))
+        return Margins(np.where(other, np.inf, actual), required)
 
     def _repr_html_(self) -> str:
         rows = zip(
@@ -153,51 +159,53 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
 
     Args:
         scene: a rotor without contact.
-        speeds: three or more speeds [rad/s], ascending, none below zero.
+        speeds: three or more speeds [rad/s], ascending or descending; those of a reversed rotor are
+            negative.
         at: one station [m] or the name of a casing, by default the observed station of `simulate`.
 
     Returns:
         `ResponsePeaks`. Neither differentiable nor traceable; differentiate `unbalance_response`.
 
     Raises:
-        ValueError: the speeds are fewer, negative or not ascending, there are several stations, or
+        ValueError: the speeds are fewer or not in order, there are several stations, or
             `unbalance_response` or `critical_speeds` refuses the scene.
     """
     speeds = np.asarray(speeds, float)
-    if speeds.ndim != 1 or speeds.size < 3 or not np.all(np.diff(speeds) > 0) or speeds[0] < 0:
+    if speeds.ndim != 1 or speeds.size < 3 or not in_order(speeds):
         raise ValueError(
-            f"`speeds` must be three or more in ascending order, from 0 on, but is {speeds}."
+            f"`speeds` must be three or more in ascending or descending order, but is {speeds}."
         )
+    way = 1 if speeds[0] < speeds[-1] else -1
+    speeds = speeds[::way]
     critical = _excited(scene, float(speeds[0]), float(speeds[-1]))
     rotor = unbalance_system(scene, at)
     distances = [radius_and_distance(*rotor, speed)[1] for speed in critical.speeds]
     unbounded = np.array(distances) < CRITICAL
     grid = _united(speeds, np.asarray(critical.speeds), unbounded)
-    found = unbalance_response(scene, grid, at)
+    found = unbalance_response(scene, grid[::way], at)
     if found.stations.size != 1:
         raise ValueError(
             f"Peaks are those of one station, but `at` has {found.stations.size}; give one of them."
         )
-    heights, sharp = np.asarray(found.major)[:, 0], np.asarray(critical.speeds)[unbounded]
+    heights, sharp = np.asarray(found.major)[::way, 0], np.asarray(critical.speeds)[unbounded]
     rows = [(speed, np.inf, speed, speed) for speed in sharp.tolist()]
     for k in _summits(heights).tolist():
         around = grid[k - 1 : k + 2]
         if not np.any((around[0] <= sharp) & (sharp <= around[2])):
             peak = _summit(rotor, around)
-            lower, upper = (_half_power(rotor, grid, heights, k, peak, way) for way in (-1, 1))
-            rows.append((*peak, lower, upper))
-    table = np.array(sorted(rows), float).reshape(-1, 4)
+            outward = 1 if peak[0] > 0 else -1
+            ends = (_half_power(rotor, grid, heights, k, peak, w) for w in (-outward, outward))
+            rows.append((*peak, *ends))
+    table = np.array(sorted(rows, key=lambda row: abs(row[0])), float).reshape(-1, 4)
     return ResponsePeaks(found, critical, *table.T)
 
 
 def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
     """Critical speeds in a range: where orbits are circles, the forward ones, as unbalance is forward."""
-    found = critical_speeds(scene)
-    values, kinds = np.asarray(found.speeds), np.array(found.kinds)
-    inside = (values >= low) & (values <= high)
+    found = critical_between(scene, low, high)
     if isotropic(structure(scene).blocks):
-        inside &= kinds == "forward"
-    return found.where(inside)
+        return found.where(np.array(found.kinds) == "forward")
+    return found
 
 
 def _united(speeds: np.ndarray, critical: np.ndarray, unbounded: np.ndarray) -> np.ndarray:

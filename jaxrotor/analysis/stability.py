@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
-from ..core.extremes import larger, largest
+from ..core.extremes import largest
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known, on_host
 from ..core.sign_change import sign_change
@@ -26,11 +26,8 @@ from .whirl_tables import OverWhirl
 
 
 EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
-STEPS = (
-    32,
-    128,
-    512,
-)  # steps per half revolution; the smallest that resolves the first mode is used
+# Steps per half revolution; the smallest number that resolves the first mode is used.
+STEPS = (32, 128, 512)
 TOO_SLOW = "The lowest speeds are too low for Floquet multipliers"
 BEYOND = (
     "A whirl beyond the tables over its frequency may be unstable, as it is with the coefficients at "
@@ -43,7 +40,7 @@ class Onset(NamedTuple):
     """Speed where the largest growth rate crosses zero, and the whirl frequency there."""
 
     speed: Scalar  # [rad/s]
-    whirl_frequency: Scalar  # [rad/s], positive forward; for unequal axes see `onset_speed`
+    whirl_frequency: Scalar  # [rad/s], positive from x to y; for unequal axes see `onset_speed`
 
 
 def growth_rate(scene: Scene) -> Scalar:
@@ -112,12 +109,13 @@ def onset_speed(
 ) -> Onset:
     """Lowest speed at which the straight rotor becomes unstable: `max Re lambda(Omega) = 0`, rising.
 
-    With hysteresis the growth rate may cross zero by a jump, where a whirl is synchronous.
+    Lowest and rising are meant of the magnitude of the speed, so a reversed rotor is searched from 0
+    down. With hysteresis the growth rate may cross zero by a jump, where a whirl is synchronous.
 
     Args:
-        scene: the rotor; its own speed does not matter.
-        within: speeds [rad/s] to search, by default 0 to about 40 times the first natural frequency, or
-            those for which tables of coefficients have values.
+        scene: the rotor; its own speed matters only by its sense, and not if `within` is given.
+        within: two speeds [rad/s] between which to search, of either sense; by default 0 and about 40
+            times the first natural frequency in the scene's sense, or the ends of tables over speed.
         samples: growth rates computed to bracket the crossing. A band of flutter narrower than an
             interval is found if the growth rate has an extremum near zero there; the `TURNS` extrema
             closest to zero are refined. Bands where an unequal shaft stands bent are always found, unless
@@ -134,7 +132,7 @@ def onset_speed(
         a flutter with `speed + w` and `speed - w` in fixed axes.
 
     Raises:
-        ValueError: `within` is not ascending, `samples` is not an integer of at least 8, or, if `throw`,
+        ValueError: `within` is one speed, `samples` is not an integer of at least 8, or, if `throw`,
             the rotor never loses stability in the range, is unstable from its start, has no damping,
             or turns too slowly for `growth_rate`.
 
@@ -152,31 +150,40 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     """The first loss of stability, from speeds and the sign of the growth rate there."""
     if known(sign) and known(speeds):
         speeds, sign = np.asarray(speeds), np.asarray(sign)
-    rising = (sign[:-1] <= 0) & (sign[1:] > 0)
-    marginal = (sign[: samples // 4] == 0).all() & ~rising.any()
+    slowest = abs(speeds).argsort()[: samples // 4]
+    inner, outer = _outward(speeds, sign)
+    rising = (inner <= 0) & (outer > 0)
+    marginal = (sign[slowest] == 0).all() & ~rising.any()
     refusals = [
         ((sign != sign).any(), why_unknown(isinstance(system, OverWhirl))),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
-        (sign[0] > 0, "The rotor is unstable already at the lowest speed,"),
+        (sign[slowest[0]] > 0, "The rotor is unstable already at the lowest speed,"),
         (~rising.any(), "The rotor never loses its stability"),
     ]
     for wrong, sentence in refusals if throw else ():
         if known(wrong):
             if bool(wrong):
-                low, high = speeds[0], speeds[-1]
+                low, high = sorted((speeds[0], speeds[-1]), key=abs)
                 raise ValueError(
                     f"{sentence} from {low:g} to {high:g} rad/s ({RPM * low:.6g} to {RPM * high:.6g} "
                     "rpm); search other speeds by `within`."
                 )
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} at the speeds searched.")
-    first = rising.argmax()
+    first = (abs(speeds[1:] + speeds[:-1]) + 1e300 * ~rising).argmin()
     low, high = (jnp.asarray(on_host(speeds[i])) for i in (first, first + 1))
     found = _refine(system, low, high)
     if throw:
         return found
     none = jnp.any(jnp.stack([wrong for wrong, _ in refusals]))
     return Onset(*(jnp.where(none, jnp.nan, part) for part in found))
+
+
+def _outward(speeds: Any, signs: Any) -> tuple[Any, Any]:
+    """Signs at the slower and at the faster end of every interval of speed."""
+    inward = abs(speeds[1:]) < abs(speeds[:-1])
+    turned = (signs[1:] - signs[:-1]) * inward
+    return signs[:-1] + turned, signs[1:] - turned
 
 
 def stability_crossings(
@@ -187,16 +194,16 @@ def stability_crossings(
     A rotor without damping counts as stable: its crossings are the edges of unstable bands.
 
     Args:
-        scene: the rotor; its own speed does not matter.
+        scene: the rotor; its own speed matters only by its sense, and not if `within` is given.
         within: speeds [rad/s] to search, as in `onset_speed`.
         samples: growth rates computed to bracket the crossings, as in `onset_speed`.
 
     Returns:
-        Ascending list of `(Onset, lost)`; `lost` is True where stability is lost and False where it is
-        regained. Each `Onset` is differentiable.
+        List of `(Onset, lost)` by rising magnitude of the speed; with it stability is lost where `lost`
+        is True and regained where it is False. Each `Onset` is differentiable.
 
     Raises:
-        ValueError: `within` is not ascending, `samples` is not an integer of at least 8, the scene is
+        ValueError: `within` is one speed, `samples` is not an integer of at least 8, the scene is
             traced, or the rotor turns too slowly for `growth_rate`.
     """
     check_linear(scene, [] if within is None else within)
@@ -213,19 +220,21 @@ def stability_crossings(
         raise ValueError(
             f"{reason} at {speeds[unknown][0]:g} rad/s; search other speeds by `within`."
         )
-    unstable = np.asarray(sign) > 0
-    return [
-        (_refine(system, speeds[i], speeds[i + 1]), bool(unstable[i + 1]))
-        for i in np.flatnonzero(unstable[:-1] != unstable[1:])
+    speeds, unstable = np.asarray(speeds), 1 * (np.asarray(sign) > 0)
+    inner, outer = _outward(speeds, unstable)
+    found = [
+        (_refine(system, *map(jnp.asarray, speeds[i : i + 2])), bool(outer[i]))
+        for i in np.flatnonzero(inner != outer)
     ]
+    return sorted(found, key=lambda one: abs(float(one[0].speed)))
 
 
 def _checked(within, samples: int) -> tuple[Array, Array] | None:
     """The range as arrays, so that all ranges share one compiled program."""
     check_counts(8, samples=samples)
     ends = () if within is None or not all(map(known, within)) else tuple(map(float, within))
-    if ends and ends[0] >= ends[1]:
-        raise ValueError(f"`within` must be a lower and a higher speed, but is {within!r}.")
+    if ends and ends[0] == ends[1]:
+        raise ValueError(f"`within` must be two different speeds, but is {within!r}.")
     if within is None:
         return None
     return jnp.asarray(within[0], float), jnp.asarray(within[1], float)
@@ -238,7 +247,7 @@ def _scan(
     """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
     system = jax.lax.stop_gradient(system)
     growth_at = _growth(system)
-    low, high = _range(system) if within is None else within
+    low, high = jnp.sort(jnp.stack(_range(system) if within is None else within))
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
     turning = frame(system.blocks) == "rotating"
     if isinstance(system, System) and turning and system.tabled is None:
@@ -262,11 +271,11 @@ def _scan(
 
 
 def _range(system: System | OverWhirl) -> tuple[Scalar, Scalar]:
-    """Speeds that are searched by default."""
-    span = None if system.tabled is None else speed_range(system.tabled)
-    if span is None:
-        return jnp.zeros(()), 40 * _first(system)
-    return jnp.where(span[1] > 0, larger(span[0], 0.0), span[0]), span[1]
+    """Speeds that are searched by default, in the sense of the spin."""
+    sense = system.spin.sense
+    span = None if system.tabled is None else speed_range(system.tabled, sense)
+    low, high = (jnp.zeros(()), 40 * _first(system)) if span is None else span
+    return sense * low, sense * high
 
 
 def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:

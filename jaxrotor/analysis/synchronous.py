@@ -19,7 +19,7 @@ from ..core.quantities import Scalar
 from ..core.sign_change import sign_change
 from ..effects.base import AbstractOverSpeed
 from ..equations.pencil import Pencil, check_axes, frame, isotropic, root_changes
-from ..equations.speed_tables import speed_range
+from ..equations.speed_tables import in_sense, speed_range
 from ..equations.system import System
 
 
@@ -58,9 +58,10 @@ def families(system: System) -> list[Family]:
 def crossings(system: System) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
     """Speeds `Omega = Omega_j(Omega)` of a rotor whose stiffness depends on the speed, and their families.
 
-    They are sought between the ends of its tables, from 0 on, and where these are held constant beyond
-    the ends, at all speeds. Two crossings of one `Omega_j` within an interval are missed, see `_sampled`.
-    Infinite speeds fill up. Differentiable, as the implicit function theorem has it.
+    All speeds here are magnitudes of those in the sense of the spin. They are sought between the ends of
+    its tables, from 0 on, and where these are held constant beyond the ends, at all speeds. Two
+    crossings of one `Omega_j` within an interval are missed, see `_sampled`. Infinite speeds fill up.
+    Differentiable, as the implicit function theorem has it.
     """
     held = jax.lax.stop_gradient(system)
     count = len(families(held))
@@ -103,7 +104,7 @@ def crossings(system: System) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
 
 def _family(system: System, speed: Scalar, family: Array | int) -> Family:
     """Stiffness and inertia of one of the families of synchronous whirls at a speed."""
-    stiffness, inertia = zip(*families(system.at_speed(speed)), strict=True)
+    stiffness, inertia = zip(*families(system.at_speed(system.spin.sense * speed)), strict=True)
     return jnp.stack(stiffness)[family], jnp.stack(inertia)[family]
 
 
@@ -115,8 +116,9 @@ def _whirls(system: System, speed: Scalar, family: Array | int) -> Float[Array, 
 def _searched(system: System, count: int) -> Float[Array, " w"]:
     """Speeds between which crossings of so many families are sought."""
     assert system.tabled is not None
-    span, tables = speed_range(system.tabled), system.tabled.of(AbstractOverSpeed)
-    nodes = [one for part in tables for one in part.nodes_over_speed]
+    sense, tables = system.spin.sense, system.tabled.of(AbstractOverSpeed)
+    span = speed_range(system.tabled, sense)
+    nodes = [in_sense(one, sense) for part in tables for one in part.nodes_over_speed]
 
     def between(low: Scalar, high: Scalar) -> Float[Array, " w"]:
         """Even intervals, cut at the nodes of tables."""
@@ -124,7 +126,7 @@ def _searched(system: System, count: int) -> Float[Array, " w"]:
         return jnp.sort(jnp.concatenate([even, *(jnp.clip(one, low, high) for one in nodes)]))
 
     if span is not None:
-        return between(larger(span[0], 0.0), span[1])
+        return between(*span)
     top = larger(jnp.max(jnp.stack([one[-1] for one in nodes])), 0.0)
     # Beyond all tables they are constant.
     beyond = jax.lax.map(lambda family: _whirls(system, top, family), jnp.arange(count))

@@ -17,7 +17,6 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
-from ..core.extremes import bounded
 from ..core.quantities import Scalar, with_values
 from ..core.sign_change import sign_change
 from ..effects.base import AbstractOverSpeed
@@ -29,7 +28,7 @@ from ..equations.pencil import (
     isotropic,
     unequal_parts,
 )
-from ..equations.speed_tables import has_tables, has_whirl_tables, speed_range, whirl_range
+from ..equations.speed_tables import has_tables, has_whirl_tables, whirl_range, within_tables
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..spins import AbstractSpin
@@ -174,8 +173,7 @@ def _at_lowest(scene: Scene) -> System:
 
     Tables over speed, too, are read at the speed of the scene or at the nearer end of the tables.
     """
-    span, speed = speed_range(scene), scene.spin.speed
-    within = _at_speed(scene, speed if span is None else bounded(speed, *span))
+    within = _at_speed(scene, within_tables(scene, scene.spin.speed))
     system = assemble(_at_whirl(within, whirl_range(scene)[0]))
     _check_axes_stand(system)
     return system

@@ -254,7 +254,7 @@ def _balancer(rotor: Scene) -> dict[str, Any]:
         "imbalance": float(groups.imbalance * scales.moment),
         "balances": reaches,
         "critical_speed": critical,
-        "above": float(rotor.spin.speed) > critical,
+        "above": abs(float(rotor.spin.speed)) > critical,
         "position": [np.mod(np.asarray(row), 2 * np.pi) for row in position] if reaches else None,
         "growth": growth * float(scales.rate) if reaches else None,
         "stable": growth <= 0 if reaches else None,
@@ -290,15 +290,18 @@ def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
     spin = rotor.spin
     if text is not None:
         speed, origin = quantity(text, "rad/s", "--speed"), "as given"
-        if not speed > 0:
-            raise ValueError(f"--speed must be above 0, but is {speed:g} rad/s.")
+        if not speed:
+            raise ValueError("--speed must not be 0.")
     elif isinstance(spin, Drive):
         polar = float(spin.inertia(polar_inertia(rotor)))
-        speed, origin = abs(settled(spin, polar).speed), "steady speed of the drive"
+        speed, origin = settled(spin, polar).speed, "steady speed of the drive"
     elif isinstance(spin, SpeedProfile):
-        speed, origin = float(jnp.max(jnp.abs(spin.speeds))), "highest of the profile"
+        speed, origin = (
+            float(spin.speeds[jnp.argmax(jnp.abs(spin.speeds))]),
+            "highest of the profile",
+        )
     else:
-        speed, origin = abs(float(spin.speed)), "that of the scene"
+        speed, origin = float(spin.speed), "that of the scene"
     if not speed:
         raise ValueError(
             "The speed of the rotor is 0; add the service speed, as in --speed 3000rpm."

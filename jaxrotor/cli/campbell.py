@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
+from ..analysis.critical import critical_between
 from ..analysis.modal import KINDS, kind_of_whirl
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
@@ -76,14 +77,9 @@ def campbell(
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     largest = growth_at(rotor, speeds)  # of all branches
-    directions = ["whirl"] * len(frequency)
-    if result.circular:
-        senses = np.asarray(result.forward).mean(axis=0)
-        directions = ["forward" if sense >= 0 else "backward" for sense in senses]
-    elif result.senses is not None:
-        directions = [kind_of_whirl(sense) for sense in np.asarray(result.senses).mean(axis=0)]
     directions = [
-        way if one.any() else "no whirl" for way, one in zip(directions, frequency, strict=True)
+        way if one.any() else "no whirl"
+        for way, one in zip(_directions(result), frequency, strict=True)
     ]
     if as_json:
         rows = zip(directions, np.abs(frequency), growth, strict=True)
@@ -111,6 +107,23 @@ def campbell(
         at = f"up to {largest[top]:.4g} 1/s, at {turns * speeds[top]:.5g} {unit}"
         notes = [("left out", f"faster whirl with growth {at}; --count shows more branches")]
     answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
+
+
+def _directions(result: Campbell) -> list[str]:
+    """Direction of every branch as to the spin; of circles over speeds of both senses in fixed axes."""
+    senses = result.forward if result.circular else result.senses
+    if senses is None:
+        return ["whirl"] * result.values.shape[1]
+    speeds = np.asarray(result.speeds)
+    both = result.circular and speeds.min() < 0 < speeds.max()
+    means = np.mean(np.asarray(senses) * (np.sign(speeds)[:, None] if both else 1.0), axis=0)
+    named = {"forward": "from x to y", "backward": "from y to x"} if both else {}
+    kinds = (
+        np.where(means >= 0, "forward", "backward")
+        if result.circular
+        else map(kind_of_whirl, means)
+    )
+    return [named.get(str(kind), str(kind)) for kind in kinds]
 
 
 def critical(
@@ -184,10 +197,10 @@ def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
     )
 
 
-def _undamped(rotor: Scene) -> CriticalSpeeds | None:
-    """Critical speeds, None if the rotor has none."""
+def _undamped(rotor: Scene, speeds: Any) -> CriticalSpeeds | None:
+    """Critical speeds within the range of some speeds, None if the rotor has none."""
     try:
-        return critical_speeds(rotor)
+        return critical_between(rotor, float(np.min(speeds)), float(np.max(speeds)))
     except ValueError:
         return None
 
@@ -197,7 +210,8 @@ def _draw(
 ) -> None:
     from .. import plot
 
-    about = {"critical": _undamped(rotor), "operating": operating_speed(rotor)} | chosen
+    critical = _undamped(rotor, result.speeds)
+    about = {"critical": critical, "operating": operating_speed(rotor)} | chosen
 
     def both(axes: Any) -> None:
         plot.campbell(result, axes, **about)

@@ -71,7 +71,8 @@ def onset(
         typer.Option(
             "--to",
             metavar="SPEED",
-            help="Highest speed. [default: 40 times the first natural frequency]",
+            help="Last speed, negative for reversed rotation. [default: 40 times the first natural "
+            "frequency in the scene's sense]",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -103,15 +103,16 @@ Tolerance = Annotated[
     float, typer.Option(help='Change of motion and roots under refinement that "auto" accepts.')
 ]
 Low = Annotated[
-    str | None, typer.Option("--from", metavar="SPEED", help="Lowest speed. [default: 0]")
+    str | None, typer.Option("--from", metavar="SPEED", help="First speed. [default: 0]")
 ]
 High = Annotated[
     str | None,
     typer.Option(
         "--to",
         metavar="SPEED",
-        help="Highest speed. [default: 2.5 times the scene's speed, and at least a quarter above the "
-        "first forward critical speed; of a scene at speed 0 a quarter above the second]",
+        help="Last speed, negative for reversed rotation. [default: in the scene's sense 2.5 times its "
+        "speed, and at least a quarter above the first forward critical speed; of a scene at speed 0 a "
+        "quarter above the second]",
     ),
 ]
 Duration = Annotated[
@@ -221,29 +222,34 @@ def optional(text: str | None, unit: str, option: str) -> float | None:
 
 
 def interval(low: str | None, high: str) -> tuple[float, float]:
-    """The speeds of `--from` and `--to` [rad/s], in order."""
+    """The speeds of `--from` and `--to` [rad/s]."""
     start, stop = quantity(low or "0", "rad/s", "--from"), quantity(high, "rad/s", "--to")
-    if not start < stop:
-        raise ValueError(f"--to must be above --from = {start:g} rad/s, but is {stop:g} rad/s.")
+    if start == stop:
+        raise ValueError(f"--to must be another speed than --from, but both are {stop:g} rad/s.")
     return start, stop
 
 
 def operating_speed(scene: Scene) -> float | None:
     """The speed [rad/s] at which a rotor operates, None of one that is at rest or runs up or down."""
     constant = isinstance(scene.spin, ConstantSpeed)
-    return abs(float(scene.spin.speed)) or None if constant else None
+    return float(scene.spin.speed) or None if constant else None
 
 
 def speeds_between(scene: Scene, low: str | None, high: str | None, points: int) -> np.ndarray:
-    """Speeds [rad/s] of `--from`, `--to` and `--points`; by default tables of coefficients limit them."""
-    span = speed_range(scene)
+    """Speeds [rad/s] of `--from`, `--to` and `--points`, by default in the sense of the scene.
+
+    Tables of coefficients limit them.
+    """
+    last = 0.0 if high is None else quantity(high, "rad/s", "--to")
+    sense = math.copysign(1.0, last) if last else float(scene.spin.sense)
+    span = speed_range(scene, sense)
     if span is not None:
-        ends = max(float(span[0]), 0.0), float(span[1])
-        low, high = (own or repr(end) for own, end in zip((low, high), ends, strict=True))
+        ends = (repr(sense * float(end)) for end in span)
+        low, high = (own or end for own, end in zip((low, high), ends, strict=True))
     if high is None:
         running = abs(float(scene.spin.speed))
-        marks = critical_speeds(scene, 1 if running else 2).forward.tolist()
-        high = repr(max(BEYOND * running, 1.25 * max(marks, default=0.0)))
+        marks = np.abs(critical_speeds(scene, 1 if running else 2).forward).tolist()
+        high = repr(sense * max(BEYOND * running, 1.25 * max(marks, default=0.0)))
     return np.linspace(*interval(low, high), points)
 
 

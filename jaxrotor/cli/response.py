@@ -88,10 +88,11 @@ def response(
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
-    range_ = _operating(rotor, operating)
     units = axis_units(scene, whole, high, low, operating, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
-        found = _peaks(rotor, speeds_between(rotor, low, high, points), station, high)
+        speeds = speeds_between(rotor, low, high, points)
+        range_ = _operating(rotor, operating, speeds)
+        found = _peaks(rotor, speeds, station, high)
         result, whirls = found.response, found.critical
         if not np.asarray(result.major).any():
             raise ValueError(
@@ -132,7 +133,7 @@ def response(
     notes += _clearance_note(_nearest(found, whole), found, (LENGTHS[length], length))
     notes += [("peak", "none between these speeds")] if not found.speeds.size else []
     if range_ is not None:
-        ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in sorted(set(range_)))
+        ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in dict.fromkeys(range_))
         notes.append(("operating", f"{ends} {unit}"))
     if unstable:
         notes.append(
@@ -192,16 +193,19 @@ def _clearance_note(
     return [("clearance", f"{text}, {clearance / largest:.3g} times the largest amplitude")]
 
 
-def _operating(rotor: Scene, text: str | None) -> tuple[float, float] | None:
-    """Slowest and fastest operating speed [rad/s], by default that of the rotor, if it has one."""
+def _operating(rotor: Scene, text: str | None, speeds: np.ndarray) -> tuple[float, float] | None:
+    """Slowest and fastest operating speed [rad/s], by default that of the rotor.
+
+    None if it has none in the sense of any of the speeds.
+    """
     if text is None:
         speed = operating_speed(rotor)
-        return None if speed is None else (speed, speed)
+        return None if speed is None or not (speed * speeds > 0).any() else (speed, speed)
     ends = [quantity(one, "rad/s", "--operating") for one in text.split(":")]
-    if len(ends) > 2 or not 0 < ends[0] <= ends[-1]:
+    if len(ends) > 2 or not 0 < abs(ends[0]) <= abs(ends[-1]) or ends[0] * ends[-1] < 0:
         raise ValueError(
-            "--operating must be one speed above 0, or two in ascending order as 3000rpm:3600rpm, but is "
-            f"{text!r}."
+            "--operating must be one speed other than 0, or two of one sense, the slower one first, as "
+            f"3000rpm:3600rpm, but is {text!r}."
         )
     return ends[0], ends[-1]
 
@@ -265,9 +269,14 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
         found = unbalance_response(rotor, speed, station)
     except ValueError:
         return {"speed": speed, "amplitude": None, "phase": None, "growth": growth}
-    phase = float(np.angle(found.forward[0, 0]))
+    phase = float(_lead(found)[0, 0])
     amplitude = float(found.major[0, 0])
     return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
+
+
+def _lead(result: HarmonicResponse) -> np.ndarray:
+    """Lead of the forward part over the rotation [rad] (k, s), in the sense of rotation."""
+    return np.angle(result.forward) * np.where(np.asarray(result.speeds) < 0, -1, 1)[:, None]
 
 
 def _variables(
@@ -279,7 +288,7 @@ def _variables(
         {
             "amplitude": (dims, major, about("m", "major half axis of the synchronous orbit")),
             "minor": (dims, minor, about("m", "minor half axis, negative if backward")),
-            "phase": (dims, np.angle(result.forward), phase),
+            "phase": (dims, _lead(result), phase),
             "growth": ("speed", growth, about("1/s", "largest growth rate, positive unstable")),
         },
         {

@@ -1,4 +1,4 @@
-"""Checks of whole numbers, and suggestions for misspelt names."""
+"""Checks of whole numbers and of order, and suggestions for misspelt names."""
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +20,12 @@ def check_counts(least: int = 1, /, **counts: Any) -> None:
             raise ValueError(
                 f"`{name}` must be a whole number of at least {least}, but is {value!r}."
             )
+
+
+def in_order(values: np.ndarray) -> bool:
+    """Whether values ascend or descend throughout."""
+    steps = np.diff(values)
+    return bool(np.all(steps > 0) or np.all(steps < 0))
 
 
 def suggest(word: str, words: Sequence[str] | Mapping[str, Any], called: Callable = str) -> str:

@@ -66,6 +66,12 @@ class AbstractOverSpeed(AbstractLinear):
         """Nodes [rad/s] of tables that are read at a frequency of whirl; None: there are none."""
         return None if self.synchronous else self.frequencies
 
+    def read_at(self, speed: ArrayLike) -> Scalar:
+        """Where tables over the speed are read: at `|Omega|`, unless their nodes begin below 0."""
+        speed = jnp.asarray(speed)
+        back = speed < 0 if self.speeds is None else (speed < 0) & (self.speeds[0] >= 0)
+        return jnp.where(back, -speed, speed)
+
     @abc.abstractmethod
     def at_speed(self, speed: ArrayLike) -> AbstractLinear:
         """The effect with its coefficients at a speed [rad/s] in place of tables over it."""

@@ -56,12 +56,12 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     anisotropic part in the equations.
 
     Each coefficient `kxx` .. `cyy` is a number, or a table of its values at the `speeds` of rotation, as
-    of a film. Between the nodes it is the shape-preserving cubic of each table (PCHIP), with a continuous
-    first derivative. Every analysis takes the coefficients at its speeds. A speed outside the nodes is
-    refused, or NaN where it is traced; with `hold=True` coefficients are constant there. Tables belong to
-    a support that does not turn. With `frequencies` in place of `speeds` they are over the frequency of
-    whirl, as of a seal: each root has the coefficients at its own `|Im lambda|`. With both, each table
-    has a row for every speed and a column for every frequency; it is read at the speed first.
+    of a film, at `|Omega|` unless they begin below 0. Between the nodes it is the shape-preserving cubic
+    of each table (PCHIP), with a continuous first derivative. A speed outside the nodes is refused, or
+    NaN where it is traced; with `hold=True` coefficients are constant there. Tables belong to a support
+    that does not turn. With `frequencies` in place of `speeds` they are over the frequency of whirl, as
+    of a seal: each root has the coefficients at its own `|Im lambda|`. With both, each table has a row
+    for every speed and a column for every frequency; it is read at the speed first.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
@@ -216,7 +216,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         return {name: value for name, value in own.items() if is_table(value)}
 
     def at_speed(self, speed: ArrayLike) -> "Support":
-        there = self if self.speeds is None else self._at(speed, "speeds")
+        there = self if self.speeds is None else self._at(self.read_at(speed), "speeds")
         return there.at_whirl(jnp.abs(jnp.asarray(speed))) if self.synchronous else there
 
     def at_whirl(self, frequency: ArrayLike) -> "Support":

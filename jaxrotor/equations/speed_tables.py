@@ -5,10 +5,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import ArrayLike
 
-from ..core.quantities import Scalar, known
+from ..core.extremes import bounded, larger
+from ..core.quantities import Scalar, Series, known
 from ..effects.base import AbstractOverSpeed
 from ..scene import Scene
+from ..spins.base import sense_of
 
 
 def has_tables(scene: Scene) -> bool:
@@ -54,14 +57,30 @@ def at_own_speed(scene: Scene, part: Any) -> Any:
     return part
 
 
-def speed_range(scene: Scene) -> tuple[Scalar, Scalar] | None:
-    """Speeds [rad/s] between which all tables of a scene have values; None where there is no limit."""
+def speed_range(scene: Scene, sense: ArrayLike = 1.0) -> tuple[Scalar, Scalar] | None:
+    """Magnitudes [rad/s] of the speeds of one sense between which all tables of a scene have values.
+
+    None where there is no limit. Tables that begin at 0 or above hold for both senses.
+    """
     tables = [one.nodes_over_speed for one in scene.of(AbstractOverSpeed) if not one.hold]
-    ends = [(nodes[0], nodes[-1]) for own in tables for nodes in own]
-    if not ends:
+    every = [in_sense(nodes, sense) for own in tables for nodes in own]
+    if not every:
         return None
-    lows, highs = (jnp.stack(side) for side in zip(*ends, strict=True))
-    return jnp.max(lows), jnp.min(highs)
+    lows, highs = (jnp.stack([nodes[end] for nodes in every]) for end in (0, -1))
+    return larger(jnp.max(lows), 0.0), jnp.min(highs)
+
+
+def in_sense(nodes: Series, sense: ArrayLike) -> Series:
+    """Nodes of a table as speeds [rad/s] in one sense, ascending; those of the other are negative."""
+    back = (nodes[0] < 0) & (jnp.asarray(sense) < 0)
+    return jnp.where(back, -nodes[::-1], nodes)
+
+
+def within_tables(scene: Scene, speed: ArrayLike) -> Scalar:
+    """A speed [rad/s], or where tables of a scene have no value the nearest one of its sense."""
+    sense = jnp.where(jnp.asarray(speed) == 0, scene.spin.sense, sense_of(speed))
+    span = speed_range(scene, sense)
+    return jnp.asarray(speed) if span is None else sense * bounded(sense * speed, *span)
 
 
 def check_no_tables(scene: Scene, what: str) -> None:
@@ -80,23 +99,25 @@ def check_no_tables(scene: Scene, what: str) -> None:
 
 def check_tables(scene: Scene, speeds: Any = None) -> None:
     """Raise unless tables of a scene have values at some speeds, by default its own, if all are known."""
-    span = speed_range(scene)
-    if span is None:
-        return
     speeds = scene.spin.speed if speeds is None else speeds
-    if not all(map(known, jax.tree.leaves((speeds, span)))):
+    span = speed_range(scene)
+    if span is None or not all(map(known, jax.tree.leaves((speeds, span)))):
         return
-    low, high = map(float, span)
-    if low > high:
-        raise ValueError(
-            f"The tables of the supports have no speed in common: one begins at {low:g} rad/s, where "
-            f"another has ended at {high:g} rad/s; extend one, or give `hold=True`."
-        )
     every = np.ravel(np.asarray(speeds, float))
-    outside = every[(every < low) | (every > high)]
-    if outside.size:
-        raise ValueError(
-            f"The tables of the supports are for speeds from {low:g} to {high:g} rad/s, but coefficients "
-            f"are needed at {outside[0]:g} rad/s; extend the tables, or give `hold=True`, which takes "
-            "them as constant beyond their ends."
-        )
+    senses = np.where(every < 0, -1.0, 1.0)
+    for sense in np.unique(senses) if every.size else [float(scene.spin.sense)]:
+        low, high = map(float, speed_range(scene, sense) or span)
+        ends = f"{sense * low + 0:g}", f"{sense * high + 0:g}"
+        if low > high:
+            raise ValueError(
+                f"The tables of the supports have no speed in common: one begins at {ends[0]} rad/s, "
+                f"where another has ended at {ends[1]} rad/s; extend one, or give `hold=True`."
+            )
+        own = every[senses == sense]
+        outside = own[(sense * own < low) | (sense * own > high)]
+        if outside.size:
+            raise ValueError(
+                f"The tables of the supports are for speeds from {ends[0]} to {ends[1]} rad/s, but "
+                f"coefficients are needed at {outside[0]:g} rad/s; extend the tables, or give "
+                "`hold=True`, which takes them as constant beyond their ends."
+            )

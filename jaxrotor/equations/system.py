@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.compiled import compiled_quickly
-from ..core.extremes import bounded, larger
+from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..effects.base import (
     AbstractBetween,
@@ -30,7 +30,7 @@ from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
-from .speed_tables import at_own_speed, has_tables, parts_with_tables, speed_range
+from .speed_tables import at_own_speed, has_tables, parts_with_tables, within_tables
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -192,13 +192,12 @@ class System(eqx.Module):
 
     def blocks_within(self, speed: Scalar) -> Blocks:
         """Blocks at a speed [rad/s], or at the nearer end of the tables."""
-        span = None if self.tabled is None else speed_range(self.tabled)
-        return self.blocks_at(speed if span is None else bounded(speed, *span))
+        return self.blocks_at(speed if self.tabled is None else within_tables(self.tabled, speed))
 
     def covers(self, speed: Scalar) -> Bool[Array, ""]:
         """Whether all tables of coefficients have values at a speed [rad/s]."""
-        span = None if self.tabled is None else speed_range(self.tabled)
-        return jnp.asarray(span is None or (speed >= span[0]) & (speed <= span[1]))
+        inside = True if self.tabled is None else within_tables(self.tabled, speed) == speed
+        return jnp.asarray(inside)
 
     def contact_forces(
         self, displacement: Array, velocity: Array, speed: Scalar

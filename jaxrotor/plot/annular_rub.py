@@ -26,26 +26,31 @@ def annular_rub(result: Any, ax: Axes | None = None) -> Axes:
     Onsets of contact and the folds, where both full rubs merge, are marked.
 
     Args:
-        result: `jaxrotor.AnnularRub` at ascending speeds.
+        result: `jaxrotor.AnnularRub` at ascending or descending speeds.
         ax: Axes to draw in; a new figure if None.
 
     Returns:
         The Axes, radius over spin speed.
     """
     ax = page.single(ax, 120, 80)
-    turns, per_turn = speed_unit()
-    speeds, gap = turns * np.asarray(result.speeds), float(result.gap)
-    radius, exists = np.asarray(result.radius), np.asarray(result.exists)
+    turns = speed_unit()[0]
+    order, gap = np.argsort(np.asarray(result.speeds)), float(result.gap)
+    rising = lambda part: np.asarray(part)[order]
+    speeds, radius, exists = (
+        turns * rising(result.speeds),
+        rising(result.radius),
+        rising(result.exists),
+    )
     factor, unit = labels.length(float(np.max(radius, initial=gap, where=exists)))
     onsets, folds, merged = (
         np.asarray(part)
         for part in (turns * result.onsets, turns * result.folds, result.fold_radius)
     )
-    free = np.abs(np.asarray(result.free))
+    free = np.abs(rising(result.free))
     ends = onsets, np.full(onsets.size, gap)
-    curves = [(free, free <= gap, np.asarray(result.free_growth) < 0, *ends, colours.TEAL, "free")]
+    curves = [(free, free <= gap, rising(result.free_growth) < 0, *ends, colours.TEAL, "free")]
     ends = np.concatenate([onsets, folds]), np.concatenate([ends[1], merged])
-    for j, stable in enumerate(np.asarray(result.stable).T):
+    for j, stable in enumerate(rising(result.stable).T):
         curves.append((radius[:, j], exists[:, j], stable, *ends, colours.BLUE, "full rub"))
     for heights, there, stable, at, height, colour, name in curves:
         # A line runs to the onset or fold where it begins or ends.
@@ -74,7 +79,7 @@ def annular_rub(result: Any, ax: Axes | None = None) -> Axes:
             ax.plot(places, factor * heights, marker, label=name, **style)
     ax.set_xlim(speeds.min(), speeds.max())
     ax.set_ylim(bottom=0.0)
-    ax.set_xlabel(f"spin speed [{per_turn}]")
+    ax.set_xlabel(labels.spin("spin speed", speeds))
     ax.set_ylabel(f"radius at the ring [{unit}]")
     page.legend(ax, columns=3)
     return ax
@@ -93,7 +98,7 @@ def dry_whirl(result: Any, ax: Axes | None = None) -> Axes:
         The Axes, friction [1] over spin speed.
     """
     ax = page.single(ax, 120, 85)
-    turns, unit = speed_unit()
+    turns = speed_unit()[0]
     x, y = turns * np.asarray(result.speeds), np.asarray(result.frictions)
     rolls, slips = np.asarray(result.rolls), np.asarray(result.slips)
     kinds = np.where(np.asarray(result.exists), 1, 0)
@@ -107,7 +112,7 @@ def dry_whirl(result: Any, ax: Axes | None = None) -> Axes:
     least = np.asarray(result.least_friction)
     ax.plot(x, least, color=colours.DARK, linewidth=1.3, label="least friction")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
-    ax.set_xlabel(f"spin speed [{unit}]")
+    ax.set_xlabel(labels.spin("spin speed", x))
     ax.set_ylabel("friction [1]")
     page.legend(ax, columns=4)
     return ax

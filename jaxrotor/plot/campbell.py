@@ -11,7 +11,7 @@ from matplotlib.ticker import NullLocator, SymmetricalLogLocator
 from ..analysis import Campbell, CriticalSpeeds
 from ..analysis.campbell import OVERDAMPED
 from ..equations.pencil import is_rounding
-from . import colours, page
+from . import colours, labels, page
 from .units import speed_unit
 
 
@@ -47,7 +47,7 @@ def campbell(
     Args:
         result: `jaxrotor.Campbell` diagram.
         axes: two Axes, upper and lower; a new figure if None.
-        mirrored: draw backward whirl at negative speeds.
+        mirrored: draw backward whirl at negative speeds, of a reversed rotor at positive ones.
         orders: cycles per revolution of the lines, (1, 2) for a line of twice per revolution, too.
         highest: end of the frequency axis [rad/s], by default above the highest branch and cross.
         critical: undamped `jaxrotor.critical_speeds`, marked by crosses and listed, too.
@@ -58,7 +58,7 @@ def campbell(
 
     Raises:
         ValueError: `axes` are not two, or `mirrored` is set but there is no backward whirl or the speeds
-            begin below zero.
+            are of both senses.
 
     Source: Brysin, Nikiforov (2019), Figs. 3, 4; their decay is minus the growth here.
     """
@@ -74,8 +74,10 @@ def campbell(
     lines = () if rotating else orders
 
     upper, lower = page.pair(axes, 170, 120)
-    ends = np.array([-speeds[-1] if mirrored else speeds[0], 0.0, speeds[-1]])
-    ends = np.sort(np.clip(ends, ends[0], ends[-1]))
+    low, high = float(speeds.min()), float(speeds.max())
+    farthest = max(-low, high)
+    left, right = (-farthest, farthest) if mirrored else (low, high)
+    ends = np.array([left, np.clip(0.0, left, right), right])
     for order in (1,) if rotating else lines:
         name = "weight" if rotating else "synchronous" if order == 1 else f"{order:g} a revolution"
         style = {"linestyle": "-" if order == 1 else ":", "linewidth": 0.8}
@@ -87,17 +89,17 @@ def campbell(
             ax.plot(*_joined(x, part, shown), color=colour, label=name, **style)
     listed = _draw_crossings(upper, result, lines, mirrored)
     if critical is not None and lines:
-        listed += _draw_undamped(upper, critical, mirrored, float(speeds[0]), float(speeds[-1]))
+        listed += _draw_undamped(upper, critical, mirrored, low, high)
     _list(upper, listed)
 
     for ax in (upper, lower):
         ax.margins(x=0)
-        if operating is not None and speeds[0] <= factor * operating <= speeds[-1]:
+        if operating is not None and low <= factor * operating <= high:
             style = {"color": colours.TEAL, "linewidth": 1.0, "zorder": 0.3}
             ax.axvline(factor * operating, label="operating speed", **style)
     if highest is None:
         crosses = [] if critical is None or not lines else factor * np.asarray(critical.speeds)
-        inside = [speed for speed in crosses if speed <= speeds[-1]]
+        inside = [abs(speed) for speed in crosses if low <= speed <= high]
         highest = 1.05 * max([frequency.max(initial=1e-9), *inside])
     else:
         highest = factor * highest
@@ -108,7 +110,8 @@ def campbell(
         f"frequency in the axes\nof the shaft [{unit}]" if rotating else f"whirl frequency [{unit}]"
     )
     lower.set_ylabel("growth rate [1/s]")
-    lower.set_xlabel(f"spin speed [{unit}]{', backward whirl at negative' if mirrored else ''}")
+    other = f", backward whirl at {'positive' if low < 0 else 'negative'}" if mirrored else ""
+    lower.set_xlabel(labels.spin("spin speed", speeds) + other)
     page.legend(upper, columns=4)
     return upper, lower
 
@@ -137,10 +140,10 @@ def _check_mirror(speeds: Float[np.ndarray, " w"], directions: list[str]) -> Non
             "A mirrored axis separates forward from backward whirl, but this result has no backward "
             "branch; leave `mirrored` out."
         )
-    if speeds[0] < 0:
+    if speeds.min() < 0 < speeds.max():
         raise ValueError(
-            "A mirrored axis puts backward whirl at negative speeds, but the speeds themselves begin "
-            f"at {speeds[0]:g} rad/s; begin at 0."
+            "A mirrored axis puts backward whirl on the other side of 0, but the speeds themselves are "
+            f"from {speeds.min():g} to {speeds.max():g} rad/s; begin at 0."
         )
 
 
@@ -167,7 +170,7 @@ def _draw_crossings(
         (order, *one) for order in orders for one in zip(*result.crossings(order), strict=True)
     ]
     seen = [one for one in every if one[3] <= OVERDAMPED]
-    span = _APART * (result.speeds[-1] - result.speeds[0])
+    span = _APART * np.ptp(result.speeds)
     listed, places = [], {}
     for order, speed, frequency, ratio, way in seen:
         number, colour = len(listed) + 1, _COLOURS[int(way)]
@@ -211,7 +214,7 @@ def _draw_undamped(
     inside = (speeds >= start) & (speeds <= end)
     x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
     style = {"linestyle": "none", "marker": "x", "markersize": 4.0, "color": colours.DARK}
-    ax.plot(x, speeds[inside], label="critical speed, undamped", zorder=4.5, **style)
+    ax.plot(x, np.abs(speeds[inside]), label="critical speed, undamped", zorder=4.5, **style)
     rows = zip(speeds[inside].tolist(), kinds[inside].tolist(), strict=True)
     cross = "\N{MULTIPLICATION SIGN}"
     return [(f"{cross}  {speed:.4g} {unit}, {kind}", colours.DARK) for speed, kind in rows]

@@ -37,7 +37,7 @@ def mark_critical(
         for ax in axes:
             style = {"color": colours.GREY, "linewidth": 0.8, "zorder": 0.5}
             ax.axvline(speed, label=name, linestyle=_DASHES[kind], **style)
-        if written and speed - last > _CLOSE * (high - low):
+        if written and abs(speed - last) > _CLOSE * (high - low):
             style: Any = {"rotation": 90, "ha": "right", "va": "top", "fontsize": page.TEXT - 1}
             where = axes[0].get_xaxis_transform()
             axes[0].text(speed, 0.98, f"{speed:.4g}", transform=where, color="0.35", **style)

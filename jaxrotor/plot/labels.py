@@ -1,6 +1,7 @@
 """Labels: axis labels with units, and descriptions of roots."""
 
 import re
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -45,13 +46,22 @@ def coordinate(dataset: xr.Dataset, dim: str) -> tuple[Shaped[np.ndarray, " N"],
     """Values of a swept parameter in the unit drawn, and its axis label "name [unit]"."""
     array = dataset[dim]
     name = str(array.attrs.get("long_name", words(dim)))
-    factor, label = parameter(name, str(array.attrs.get("units", "1")))
+    factor, label = parameter(name, str(array.attrs.get("units", "1")), array.values)
     return array.values if factor == 1 else array.values * factor, label
 
 
-def parameter(name: str, unit: str) -> tuple[float, str]:
-    """Factor from SI to the unit drawn, and axis label "name [unit]" of a parameter."""
+def spin(name: str, speeds: Any) -> str:
+    """Axis label "name [unit]" of speeds of rotation, which says where the rotor turns backward."""
+    ahead, back = np.max(speeds, initial=0.0) > 0, np.min(speeds, initial=0.0) < 0
+    sense = (", negative sense", ", both senses")[int(ahead)] if back else ""
+    return f"{name} [{speed_unit()[1]}]{sense}"
+
+
+def parameter(name: str, unit: str, values: Any = 0.0) -> tuple[float, str]:
+    """Factor from SI to the unit drawn, and axis label "name [unit]" of a parameter with some values."""
     factor = 1.0
+    if name == "spin speed":
+        return speed_unit()[0], spin(name, values)
     if unit == "m":
         factor, unit = length_unit("mm")
     elif unit == "rad/s":

@@ -42,8 +42,8 @@ def response(
     The parts are those that whirl forward and backward, with their sum, the major half axis, or the
     twice-per-revolution response to weight; a part that is zero is left out. With `probes` their readings
     are drawn instead. The response to a given force at one speed is drawn against frequency. The phase
-    is unwrapped from a first value within half a revolution; a jump of exactly half a revolution (no
-    damping) is drawn downwards.
+    is in the sense of rotation, unwrapped from a first value within half a revolution; a jump of exactly
+    half a revolution (no damping) is drawn downwards.
 
     Args:
         result: result of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.
@@ -70,6 +70,8 @@ def response(
     forced = np.ptp(result.speeds) == 0 and hasattr(result, "frequencies")
     turns, unit = speed_unit()
     speeds = turns * np.asarray(result.frequencies if forced else result.speeds)
+    if not forced:  # phases are counted in the sense of rotation
+        shown = {name: np.where(speeds < 0, np.conj(part), part) for name, part in shown.items()}
     largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
     factor = labels.length(largest)[0]
     for (name, colour), part in shown.items():
@@ -94,7 +96,7 @@ def response(
         upper.set_yscale("log")
     else:
         upper.set_ylim(bottom=0.0)
-    lower.set_xlabel(f"frequency [{unit}]" if forced else f"spin speed [{unit}]")
+    lower.set_xlabel(f"frequency [{unit}]" if forced else labels.spin("spin speed", speeds))
     if len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice"):
         page.legend(upper, columns=3)
     return upper, lower

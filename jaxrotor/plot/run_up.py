@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis import CriticalSpeeds, critical_speeds
+from ..analysis import CriticalSpeeds
+from ..analysis.critical import critical_between
 from . import clearance, colours, labels, page
 from .critical import mark_critical
 from .record import signal
@@ -78,7 +79,7 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
         ValueError: the run has no such station.
     """
     ax = page.single(ax, 170, 60)
-    turns, unit = speed_unit()
+    turns = speed_unit()[0]
     speed = turns * np.asarray(run.speed)
     free = None if run.contact_force is None else "no contact"
     _draw_amplitude(ax, speed, run, station, free)
@@ -91,19 +92,19 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     largest = float(amplitude.max(initial=0.0))
     at = float(np.asarray(run.stations)[station])
     clearance.draw_amplitudes(ax, run.scene, at, labels.length(largest), largest)
-    critical = _critical(run.scene)
+    ends = float(speed.min()), float(speed.max())
+    critical = _critical(run.scene, ends[0] / turns, ends[1] / turns)
     if critical is not None:
-        ends = float(speed.min()), float(speed.max())
         mark_critical((ax,), critical, *ends, written=True)
     page.legend(ax, columns=3)
-    ax.set_xlabel(f"speed of rotation [{unit}]")
+    ax.set_xlabel(labels.spin("speed of rotation", speed))
     return ax
 
 
-def _critical(scene: Any) -> CriticalSpeeds | None:
-    """Critical speeds that an unbalance can excite; None if the rotor has none."""
+def _critical(scene: Any, low: float, high: float) -> CriticalSpeeds | None:
+    """Critical speeds of a range that an unbalance can excite; None if the rotor has none."""
     try:
-        found = critical_speeds(scene)
+        found = critical_between(scene, low, high)
     except ValueError:
         return None
     return found.where(np.asarray(found.forward_share) > EXCITED)
@@ -135,7 +136,7 @@ def _acceleration(run: Any) -> np.ndarray:
 
 
 def _draw_speed(ax: Axes, run: Any) -> None:
-    turns, unit = speed_unit()
-    ax.plot(np.asarray(run.time), turns * np.asarray(run.speed), color=colours.DARK, lw=1.2)
+    speed = speed_unit()[0] * np.asarray(run.speed)
+    ax.plot(np.asarray(run.time), speed, color=colours.DARK, lw=1.2)
     ax.margins(x=0)
-    ax.set_ylabel(f"speed [{unit}]")
+    ax.set_ylabel(labels.spin("speed", speed))

@@ -129,8 +129,8 @@ def boundary_family(results: Sequence[Any], names: Sequence[str], ax: Axes | Non
 
 def _parameters(result: Any) -> list[tuple[float, str]]:
     """Factor from SI and axis label of the two parameters."""
-    pairs = zip(result.paths, result.units, strict=True)
-    return [labels.parameter(labels.words(path), unit) for path, unit in pairs]
+    rows = zip(result.paths, result.units, (result.x, result.y), strict=True)
+    return [labels.parameter(labels.words(path), unit, values) for path, unit, values in rows]
 
 
 def _draw_boundaries(

@@ -4,6 +4,7 @@ import abc
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core.quantities import Scalar, Series
@@ -32,6 +33,11 @@ class AbstractSpin(AbstractPart):
         """Whether the rotation is known in advance, without integration."""
 
     @property
+    @abc.abstractmethod
+    def sense(self) -> Scalar:
+        """-1 of a rotor that turns y into x, else +1: the sense in which analyses choose speeds."""
+
+    @property
     def kinks(self) -> Series | None:
         """Times at which the acceleration jumps [s]."""
         return None
@@ -43,6 +49,11 @@ class AbstractSpin(AbstractPart):
     @abc.abstractmethod
     def after(self, time: Scalar, speed: Scalar | None) -> "AbstractSpin":
         """The law with t = 0 at `time` [s], where the rotor has `speed` [rad/s]; None: that of the law."""
+
+
+def sense_of(speed: ArrayLike) -> Float[Array, "*speeds"]:
+    """-1 where a speed is negative, else +1."""
+    return jnp.where(jnp.asarray(speed) < 0, -1.0, 1.0)
 
 
 def check_same_length(spin: AbstractSpin, *names: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.quantities import Scalar, known, real
-from .base import AbstractSpin, Turning as Turning
+from .base import AbstractSpin, Turning as Turning, sense_of
 
 
 class ConstantSpeed(AbstractSpin):
@@ -17,6 +17,10 @@ class ConstantSpeed(AbstractSpin):
     @property
     def given(self) -> bool:
         return True
+
+    @property
+    def sense(self) -> Scalar:
+        return sense_of(self.speed)
 
     def turning(self, time: ArrayLike, polar: Scalar | None = None) -> Turning:
         del polar

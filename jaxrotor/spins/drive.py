@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ..core.quantities import Scalar, Series, known, nonnegative, positive, real, series
-from .base import AbstractSpin, Turning as Turning, check_same_length
+from .base import AbstractSpin, Turning as Turning, check_same_length, sense_of
 from .riccati import riccati
 
 
@@ -89,6 +89,11 @@ class Drive(AbstractSpin):
     def can_stop(self) -> bool:
         """Whether the rotor can come to rest and stay at rest."""
         return self.stops or self.coulomb is not None
+
+    @property
+    def sense(self) -> Scalar:
+        """The sense of the first speed or, from rest, of the torque there."""
+        return sense_of(jnp.where(self.speed == 0, self.moment(0.0, 0.0), self.speed))
 
     @property
     def given(self) -> bool:

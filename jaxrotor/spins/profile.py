@@ -7,7 +7,7 @@ from jaxtyping import ArrayLike
 
 from ..core.extremes import larger
 from ..core.quantities import Scalar, Series, check, known, series
-from .base import AbstractSpin, Turning as Turning, check_same_length
+from .base import AbstractSpin, Turning as Turning, check_same_length, sense_of
 
 
 class SpeedProfile(AbstractSpin):
@@ -41,6 +41,12 @@ class SpeedProfile(AbstractSpin):
     @property
     def given(self) -> bool:
         return True
+
+    @property
+    def sense(self) -> Scalar:
+        """The sense of the fastest speed of the table."""
+        speeds = jnp.asarray(self.speeds)
+        return sense_of(speeds[jnp.argmax(jnp.abs(speeds))])
 
     @property
     def kinks(self) -> Series:

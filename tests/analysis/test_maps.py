@@ -150,7 +150,7 @@ def test_what_is_too_slow_is_not_taken_for_stable():
     ("over", "sentence"),
     [
         ({"spin.speed": [1.0, 2.0]}, "must name two parameters, but names 1"),
-        ({"spin.speed": [2.0, 1.0], "disc.mass": [1.0, 2.0]}, "ascending values"),
+        ({"spin.speed": [2.0, 1.0, 3.0], "disc.mass": [1.0, 2.0]}, "values in order"),
         ({"spin.speed": [1.0, 2.0], "disc.mass": [-1.0, 2.0]}, "must not be negative"),
         ({"spin.speed": [1.0, 2.0], "disk.mass": [1.0, 2.0]}, "no parameter"),
     ],

@@ -207,7 +207,7 @@ def test_refusals(speeds, at, sentence):
         jr.response_peaks(disc(0.05), speeds, at)
 
 
-@pytest.mark.parametrize("ends", [(0.0, 10.0), (20.0, 10.0), (-5.0, None), (np.inf, None)])
+@pytest.mark.parametrize("ends", [(0.0, 10.0), (20.0, 10.0), (-5.0, 10.0), (np.inf, None)])
 def test_operating_speeds_are_checked(ends):
     with pytest.raises(ValueError, match="Operating speeds"):
         peaks_of([100.0], [10.0]).margins(*ends)

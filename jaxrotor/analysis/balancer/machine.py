@@ -13,7 +13,7 @@ from .groups import BalancerGroups, Scales
 def groups_of(scene: Scene) -> tuple[BalancerGroups, Scales]:
     """Groups and scales of a rotor with one coordinate, such as the tilt about a pivot, at its speed.
 
-    Positions of balls are then angles from the rotor's imbalance.
+    Positions of balls are then angles from the rotor's imbalance, in the sense of its rotation.
 
     Args:
         scene: a rotor that only tilts about a pivot, with all balls in one plane off it; rows without
@@ -52,7 +52,7 @@ def groups_of(scene: Scene) -> tuple[BalancerGroups, Scales]:
     }
     unbalance = system.load.unbalance
     groups = BalancerGroups.from_si(
-        speed=scene.spin.speed,
+        speed=scene.spin.sense * scene.spin.speed,
         polar=part(blocks.gyroscopic),
         damping=part(blocks.damping),
         unbalance=0.0 if unbalance is None else abs(unbalance[0]) / abs(distance),
