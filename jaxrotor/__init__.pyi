@@ -77,7 +77,10 @@ from .analysis import (
     weight_response as weight_response,
 )
 from .core.pilot import Pilot as Pilot
-from .core.plausibility import ImplausibleWarning as ImplausibleWarning
+from .core.plausibility import (
+    FewStepsWarning as FewStepsWarning,
+    ImplausibleWarning as ImplausibleWarning,
+)
 from .core.program_cache import keep_programs as keep_programs
 from .design import (
     Estimate as Estimate,

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from ..core.plausibility import ImplausibleWarning
+from ..core.plausibility import FewStepsWarning, ImplausibleWarning
 from ..core.program_cache import keep_programs_of_commands
 from ..files.shipped import source
 from .interrupt import stop_on_ctrl_c
@@ -91,6 +91,7 @@ COMMANDS = {
     ),
 }
 _WITHOUT_SCENE = ("scenes", "new", "explore", "export", "report")
+_DOUBTS = ImplausibleWarning, FewStepsWarning  # warnings that are printed as notes
 UsageError: Any = typer.BadParameter.__base__  # that of the click inside typer
 
 
@@ -109,7 +110,7 @@ class OneSentence(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _implausible_noted():
+            with _doubts_noted():
                 return super().invoke(ctx)
         except (typer.Exit, typer.Abort):  # typer's own, though RuntimeErrors
             raise
@@ -131,10 +132,11 @@ class OneSentence(TyperGroup):
 
 
 @contextlib.contextmanager
-def _implausible_noted() -> Iterator[None]:
-    """Print every warning of an implausible number once, in a line on stderr."""
+def _doubts_noted() -> Iterator[None]:
+    """Print every warning of an implausible number or of few steps once, in a line on stderr."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", ImplausibleWarning)
+        for category in _DOUBTS:
+            warnings.simplefilter("always", category)
         warnings.showwarning = functools.partial(_noted_once, warnings.showwarning, set())
         yield
 
@@ -147,8 +149,8 @@ def _noted_once(
     *rest: Any,
     **more: Any,
 ) -> None:
-    """Print a warning of an implausible number once; pass other warnings on to `other`."""
-    if not issubclass(category, ImplausibleWarning):
+    """Print a warning of an implausible number or of few steps once; pass others on to `other`."""
+    if not issubclass(category, _DOUBTS):
         other(message, category, *rest, **more)
     elif str(message) not in noted:
         noted.add(str(message))

@@ -110,8 +110,8 @@ ErrorSample = Annotated[
     typer.Option(
         min=0,
         max=MOST,
-        help="Number of lanes run a second time with twice the steps; 0: no error estimate. [default: 0, "
-        "with --precision float32 4]",
+        help="Number of lanes run a second time with twice the steps; 0: no error estimate. [default: 4 "
+        "with contact, else 0]",
     ),
 ]
 OrderOf = Annotated[

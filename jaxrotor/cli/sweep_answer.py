@@ -93,7 +93,10 @@ def errors(dataset: xr.Dataset) -> dict[str, Any]:
         for name, array in dataset.data_vars.items()
         if "error" in array.attrs
     }
-    found: dict[str, Any] = {"errors": named} if "error_lane" in dataset.coords else {}
+    found: dict[str, Any] = {}
+    if "error_lane" in dataset.coords:
+        diverging = dataset["diverges"].values.sum() if "diverges" in dataset else 0
+        found = {"errors": named, "diverging": int(diverging)}
     return found | {key: value for key, value in dataset.attrs.items() if key == "chosen"}
 
 
@@ -167,7 +170,11 @@ def print_sweep(
         text = f"{one['median']:.1e} (median), {one['largest']:.1e} (largest) {one['units']}"
         rows.append((f"error of {name}", text))
     if "errors" in found:
-        rows.append(("errors from", f"{dataset.sizes['error_lane']} lanes, with twice the steps"))
+        text = f"{dataset.sizes['error_lane']} lanes, with twice the steps"
+        diverging = found["diverging"]
+        if diverging:
+            text += f"; {diverging} of them left out, whose neighbours leave them, as in chaos"
+        rows.append(("errors from", text))
     rows.append(("time", f"{seconds:.1f} s"))
     rows += answer.written(written)
     answer.print_table(rows)

@@ -1,6 +1,5 @@
 """Outcome of a run, and the status that data sets give for every lane."""
 
-import math
 from typing import Any
 
 import equinox as eqx
@@ -12,6 +11,8 @@ from .quantities import known
 
 
 LARGEST_RATIO = {2: 2.0, 4: 0.5}  # by order of the step: above it a rebound gains energy on average
+# Steps of a rebound that leave an error of about 1 %, by order and whether located: see docs/choosing.md.
+FEWEST = {(2, False): 12, (4, False): 12, (2, True): 8, (4, True): 4}
 STATUS = (
     "ok",
     "not_finite",
@@ -59,8 +60,8 @@ class Outcome(eqx.Module):
 
 
 def too_long(ratio: Any, order: int) -> Any:
-    """Whether steps are too long for the stiffest stop, from its `contact_stiffness_ratio` (.., 2)."""
-    return ratio.sum(-1) > LARGEST_RATIO[order]
+    """Whether steps are too long for the stiffest stop, from `contact_stiffness_ratio` (.., k, 2)."""
+    return ratio.sum(-1).max(-1, initial=0.0) > LARGEST_RATIO[order]
 
 
 def gains_energy(touched: Any, ratio: Any, order: int) -> bool:
@@ -68,10 +69,20 @@ def gains_energy(touched: Any, ratio: Any, order: int) -> bool:
     return known(ratio) and known(touched) and bool(touched) and bool(too_long(ratio, order))
 
 
-def steps_needed(ratio: Any, order: int, steps: int) -> int:
-    """Fewest steps per revolution, `r` times `steps`, with `elastic / r^2 + viscous / r` at its limit."""
-    (elastic, viscous), limit = map(float, ratio), LARGEST_RATIO[order]
-    return math.ceil(steps * (viscous + math.sqrt(viscous**2 + 4 * elastic * limit)) / (2 * limit))
+def more_needed(ratio: np.ndarray, order: int) -> float:
+    """How many times as many steps, `r`, bring `elastic / r^2 + viscous / r` of all stops to its limit."""
+    (elastic, viscous), limit = ratio.T, LARGEST_RATIO[order]
+    return float(np.max(viscous + np.sqrt(viscous**2 + 4 * elastic * limit)) / (2 * limit))
+
+
+def rebound_steps(ratio: Any) -> np.ndarray:
+    """Steps of a rebound from every stop, `pi / (w h)`, from `contact_stiffness_ratio` (.., 2).
+
+    `w h` is the larger root of `x^2 = 2 elastic + viscous x`: `sqrt(k / m) h` of a stop without damping.
+    """
+    elastic, viscous = np.moveaxis(np.asarray(ratio), -1, 0)
+    with np.errstate(divide="ignore"):
+        return 2 * np.pi / (viscous + np.sqrt(viscous**2 + 8 * elastic))
 
 
 def failed(status: Any) -> np.ndarray:

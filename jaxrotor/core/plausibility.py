@@ -1,4 +1,4 @@
-"""Plausibility: warnings of numbers that no machine has, mostly because of a wrong unit.
+"""Warnings: numbers that no machine has, mostly because of a wrong unit, and steps that are few.
 
 A length is compared with the length of the machine that fits its role, a mass with the mass of the rotor,
 a speed with the other speeds and with what materials hold, a stiffness with the weight on it. Bounds are
@@ -76,13 +76,22 @@ class ImplausibleWarning(UserWarning):
     """A number of a scene is far outside the range of machines; its unit may be wrong."""
 
 
-def warn_implausible(found: Found, part: str = "") -> None:
-    """Warn of every implausible number, or of those of a part, at the line that called the package."""
+class FewStepsWarning(UserWarning):
+    """A stop was touched whose rebounds take few steps, so that the motion may be off by percents."""
+
+
+def warn(sentence: str, category: type[Warning]) -> None:
+    """Warn at the line of the caller outside the package."""
     level, caller = 1, sys._getframe()
     while caller.f_back is not None and _ours(caller.f_globals.get("__name__", "")):
         level, caller = level + 1, caller.f_back
+    warnings.warn(sentence, category, stacklevel=level)
+
+
+def warn_implausible(found: Found, part: str = "") -> None:
+    """Warn of every implausible number, or of those of a part, at the line that called the package."""
     for sentence in (one for one in doubts(found) if one.startswith(f"`{part}" if part else "")):
-        warnings.warn(sentence, ImplausibleWarning, stacklevel=level)
+        warn(sentence, ImplausibleWarning)
 
 
 def _ours(module: str) -> bool:

@@ -21,6 +21,7 @@ from ..effects import AbstractBodies, AbstractContact
 from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
 from ..equations.system import structure
+from ..motion.rebounds import pilot_run
 from ..motion.revolutions import check_constant_speed
 from ..motion.simulate import simulate
 from ..orbits import PeriodicOrbit, periodic
@@ -46,7 +47,8 @@ def _state(record: Any, scene: Scene) -> AbstractStart | None:
         return None
     guess = record.guess
     if guess is None:
-        guess = simulate(scene, SETTLING, STEPS, keep=1, at=record.at, progress=False)
+        with pilot_run():
+            guess = simulate(scene, SETTLING, STEPS, keep=1, at=record.at, progress=False)
     options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
     return periodic(scene, guess, **options, progress=False).start
 

@@ -86,12 +86,21 @@ class Port(eqx.Module):
 
     def hardness(self) -> Float[Array, "2"]:
         """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
+        share, each = self._shares()
+        return jnp.max(share @ each, axis=0)
+
+    def hardnesses(self) -> Float[Array, "k 2"]:
+        """The same outward along every law, of that law and of those that act before it."""
+        (share, each), gaps = self._shares(), self.clearances(jnp.zeros(2))
+        return (share * (gaps[:, None] <= gaps)).T @ each
+
+    def _shares(self) -> tuple[Float[Array, "k k"], Float[Array, "k 2"]]:
+        """Share of law i in a motion outward along law j; stiffness and damping of each law."""
         stacks = [jax.vmap(lambda law: law.hardness()[:3])(stack) for stack in self.laws]
         stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
-        # Share of law i in a motion outward along law j; a law without a direction has all of it.
-        round_about = jnp.all(out == 0, axis=1)
+        round_about = jnp.all(out == 0, axis=1)  # a law without a direction has all of it
         share = jnp.where(round_about[:, None], 1.0, larger(out @ out.T, 0.0) ** 2)
-        return jnp.stack([jnp.max(share @ stiffness), jnp.max(share @ damping)])
+        return share, jnp.stack([stiffness, damping], axis=1)
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:
         """Distance of every law until it acts [m]."""
@@ -331,9 +340,9 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     return load
 
 
-def structure(scene: Scene) -> System:
+def structure(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
     """Blocks, loads and ports of a scene as shapes alone, without the cost of `assemble`."""
-    return _assembled.shapes(scene, port_groups(scene))
+    return _assembled.shapes(scene, port_groups(scene) if together is None else together)
 
 
 def has_massless(scene: Scene, system: System | None = None) -> bool | None:

@@ -91,7 +91,7 @@ class AbstractMarch(eqx.Module):
 
     @property
     @abc.abstractmethod
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`; zero where steps are not of one size."""
 
     @abc.abstractmethod

@@ -75,7 +75,7 @@ class CoupledPath(NamedTuple):
     states: RotatingState
     touched: Bool[Array, ""]
     unresolved: Int[Array, ""]
-    contact_stiffness_ratio: Float[Array, "2"]
+    contact_stiffness_ratio: Float[Array, "k 2"]
 
 
 def coupled_path(

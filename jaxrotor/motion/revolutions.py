@@ -106,10 +106,10 @@ class March(AbstractMarch):
         return self.form.encode(*start.state(self.system, at))
 
     @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`; zero where `Exponential` steps no contact."""
         if self.step is None:
-            return jnp.zeros(2)
+            return jnp.zeros((0, 2))
         form = self.form
         assert isinstance(form, PortForm) and form.contacts is not None
         seen, through = form.contacts.reading.matrix, form.contacts.through

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core.compiled import compiled
-from ..core.outcome import gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import known
@@ -26,6 +25,7 @@ from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
 from .history import TimeHistory
+from .rebounds import Rebounds
 from .stepped import Stepping, stepped_by_default, stepping_of
 from .transient import Integrated, Integration, controller_for, default_solver, integrate
 
@@ -136,7 +136,10 @@ def run_up(
         motion = _motion(begun, system, times, launch, stations, plan)
         failed = known(motion.run.good) and not bool(motion.run.good)
     if isinstance(plan, Stepping):
-        _check_substeps(motion.run, plan)
+        stops = _rebounds(begun, system, motion.run)
+        times_as_many = lambda more: f"{more:.2g} times as many `substeps`"
+        measured = any(pilot.converged for pilot in pilots)
+        stops.check(plan.solver, times_as_many, measured=measured)
     if failed:
         check_tables(begun, motion.run.turning.speed)
         launch.shaft.state(system, stations[0])  # raises if the start is the cause
@@ -210,7 +213,7 @@ def _refined(
     def displacement(substeps: int) -> np.ndarray | None:
         finer = stepping.with_steps(substeps)
         run = _motion(scene, system, jnp.asarray(times, float), launch, stations, finer).run
-        long = gains_energy(run.touched, run.contact_stiffness_ratio, stepping.solver.order)
+        long = _rebounds(scene, system, run).too_long(stepping.solver)
         return np.asarray(run.seen.displacement) if bool(run.good) and not long else None
 
     ladder = [first * 2**k for k in range(DOUBLINGS)]
@@ -218,15 +221,10 @@ def _refined(
     return stepping.with_steps(pilot.setting), pilot
 
 
-def _check_substeps(run: Integrated, plan: Stepping) -> None:
-    """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
-    ratio, order = run.contact_stiffness_ratio, plan.solver.order
-    if gains_energy(run.touched, ratio, order):
-        more = steps_needed(ratio, order, plan.steps) / plan.steps
-        raise RuntimeError(
-            "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
-            f"take {more:.2g} times as many `substeps`, or a softer stop."
-        )
+def _rebounds(scene: Scene, system: System, run: Integrated) -> Rebounds:
+    """Rebounds of a run by exponential steps."""
+    own = run.touched, run.contact_stiffness_ratio, run.seen.contact_force
+    return Rebounds(scene, system.members, *own)
 
 
 def _checked_times(times: Any) -> Any:

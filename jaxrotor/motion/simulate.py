@@ -13,7 +13,6 @@ from jaxtyping import Array
 from ..analysis import chosen_nodes
 from ..core.checks import check_counts
 from ..core.compiled import compiled
-from ..core.outcome import Outcome, gains_energy, steps_needed
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
@@ -37,6 +36,7 @@ from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from .base import Plan
 from .history import TimeHistory
+from .rebounds import Rebounds, in_revolutions, pilot_run
 from .revolutions import March, check_constant_speed, joined, revolution_rate
 from .run_up import MOST_STEPS, run_up
 
@@ -136,6 +136,7 @@ def simulate(
         raise ValueError("`simulate` needs `revolutions`, or the `times` of the samples [s].")
     keep = revolutions if keep is None else keep
     run |= {"period": period, "max_steps": max_steps or REVOLUTION_STEPS}
+    steps_asked = steps_per_revolution
     if steps_per_revolution == "auto":
         check_counts(revolutions=revolutions)
         pilots += (chosen_steps(scene, revolutions, tolerance, **run),)
@@ -147,6 +148,7 @@ def simulate(
     check_tables(scene)
     counts = revolutions, keep, steps_per_revolution
     run |= {"adjoint": adjoint, "progress": progress}
+    run["measured"] = steps_asked == "auto" and pilots[-1].converged
     found = _by_revolutions(scene, counts, tolerance, **run)
     return dataclasses.replace(found, pilots=pilots + found.pilots)
 
@@ -161,9 +163,13 @@ def _by_revolutions(
     at,
     period,
     progress,
+    measured: bool = False,
     **options,
 ) -> TimeHistory:
-    """Motion by whole revolutions: their number, how many are kept, and the steps of each."""
+    """Motion by whole revolutions: their number, how many are kept, and the steps of each.
+
+    `measured` says that a pilot has found the steps to be enough.
+    """
     groups = port_groups(scene)
     system = system_of_march(scene, assemble(scene, groups), solver, start)
     if system is None:
@@ -200,7 +206,8 @@ def _by_revolutions(
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
         )
     if isinstance(plan.solver, Exponential):
-        check_steps(good, ratio, plan.solver.order, steps)
+        stops = Rebounds(scene, system.members, good.touched, ratio, motion["contact_force"])
+        stops.check(plan.solver, in_revolutions(steps), measured=measured)
     count = jnp.arange(keep * steps + 1)
     angle = 2 * jnp.pi * (revolutions - keep + count / steps)
     coordinates, rates = motion.pop("coordinates")
@@ -341,11 +348,13 @@ def chosen_steps(
         )
     window = min(PILOT, revolutions)
     if revolutions > window:
-        run |= {"start": _end(scene, revolutions - window, run)}
+        with pilot_run():
+            run |= {"start": _end(scene, revolutions - window, run)}
 
     def displacement(steps: int) -> np.ndarray | None:
         try:
-            found = simulate(scene, window, steps, **run).displacement
+            with pilot_run():
+                found = simulate(scene, window, steps, **run).displacement
         except RuntimeError:  # not finite, or a stop too stiff for the steps: too few steps
             return None
         return np.asarray(found)[:: steps // LADDER[0]]
@@ -379,14 +388,4 @@ def check_not_amplified(system: System, amplified: Array, steps: int) -> None:
             f"By {steps} `steps_per_revolution` a motion grows that does not: the unequal axes of "
             f"{unequal_parts(system, 'fixed')}, beside others that turn with the shaft, are too stiff for "
             "them; take more steps, or a diffrax solver such as `solver=diffrax.Kvaerno5()`."
-        )
-
-
-def check_steps(good: Outcome, ratio: Array, order: int, steps: int) -> None:
-    """Raise if a stop was touched whose rebounds gain energy by steps of this size."""
-    if gains_energy(good.touched, ratio, order):
-        raise RuntimeError(
-            "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
-            f"take at least {steps_needed(ratio, order, steps)} `steps_per_revolution` instead of "
-            f"{steps}, or a softer stop."
         )

@@ -296,7 +296,7 @@ class Path(eqx.Module):
     velocity: Complex[Array, "T n"]  # [1/s] of them
     touched: Bool[Array, ""]  # whether a contact was loaded
     unresolved: Int[Array, ""]  # steps whose changes of contact were not located
-    contact_stiffness_ratio: Float[Array, "2"]
+    contact_stiffness_ratio: Float[Array, "k 2"]
 
 
 def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angle: Scalar) -> Path:
@@ -310,7 +310,7 @@ def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angl
         settings = rate, stepping.breaks, begin, angle
         path = exact_motion(system, basis, *settings, even=stepping.even)
         q, velocity = (part[stepping.samples] for part in path)
-        return Path(q, velocity, jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(2))
+        return Path(q, velocity, jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros((0, 2)))
     terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
     order, bases = stepping.solver.order, stepping.bases
     build = lambda of: RotorAtSpeed.build(system.at_speed(of[0]), rate, terms, of[1])

@@ -137,7 +137,7 @@ class Integrated(NamedTuple):
     seen: StationMotion
     touched: Array
     unresolved: Array  # number of steps whose changes of contact were not located
-    contact_stiffness_ratio: Float[Array, "2"]
+    contact_stiffness_ratio: Float[Array, "k 2"]
 
 
 @compiled
@@ -161,7 +161,7 @@ def integrate(
     no = (
         jnp.zeros((), bool),
         jnp.zeros((), int),
-        jnp.zeros(2),
+        jnp.zeros((0, 2)),
     )  # an error estimate tells where steps are too long
     good = part.good & _finite(instants)
     return Integrated(instants.turning, instants, part.stopped, good, seen, *no)

@@ -55,7 +55,7 @@ class AbstractWindowMarch(AbstractMarch):
         """States of the rotor in its basis, speeds of rotation, and balls at some times."""
 
     @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`; zero without contact."""
         return self.step.contact_stiffness_ratio
 

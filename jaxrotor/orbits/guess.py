@@ -14,6 +14,7 @@ from ..equations.pencil import frame
 from ..equations.start import AbstractStart, shaft_of
 from ..equations.system import System
 from ..motion.history import TimeHistory
+from ..motion.rebounds import pilot_run
 from ..motion.simulate import simulate
 from ..scene import Scene
 from ..solvers.exponential import Exponential
@@ -116,7 +117,8 @@ def _recurrence(
     """Period [s] and turn [rad] after which a response, or a run from a start, returns."""
     if not isinstance(guess, TimeHistory):
         options = {"solver": solver, "start": start_of(guess), "at": stations}
-        guess = simulate(scene, SEARCH, steps_per_revolution, **options)
+        with pilot_run():
+            guess = simulate(scene, SEARCH, steps_per_revolution, **options)
     steps = np.diff(np.asarray(guess.time)) if known(guess.time) else np.ones(1)
     if np.ptp(steps) > 1e-6 * steps.max() or guess.scene.spin.kinks is not None:
         raise ValueError(

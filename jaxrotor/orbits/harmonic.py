@@ -24,6 +24,7 @@ from ..equations.start import Continued
 from ..equations.stationary_frame import RUN_UP, check_no_balls
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
+from ..motion.rebounds import pilot_run
 from ..motion.revolutions import check_constant
 from ..motion.simulate import simulate
 from ..scene import Scene
@@ -284,7 +285,8 @@ def _first(
     if isinstance(guess, HarmonicOrbit):
         return _from_orbit(guess, orders, revolutions, len(system.ports))
     if not isinstance(guess, TimeHistory) or guess.steps_per_revolution is None:
-        guess = simulate(scene, revolutions, start=start_of(guess))
+        with pilot_run():
+            guess = simulate(scene, revolutions, start=start_of(guess))
     steps = cast(int, guess.steps_per_revolution)
     count = revolutions * steps
     if guess.time.size <= count:

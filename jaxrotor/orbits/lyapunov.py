@@ -18,8 +18,8 @@ from ..core.tables import notebook_table
 from ..equations.start import AbstractStart, AtRest, Continued
 from ..equations.system import assemble, port_groups
 from ..motion.base import Plan
+from ..motion.rebounds import Rebounds, in_revolutions
 from ..motion.revolutions import March, check_constant, revolution_rate
-from ..motion.simulate import check_steps
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
@@ -150,7 +150,8 @@ def lyapunov(
             "The motion did not stay finite: take more `steps_per_revolution`, or look at "
             "`jaxrotor.roots` for growth."
         )
-    check_steps(good, march.contact_stiffness_ratio, chosen.order, steps)
+    stops = Rebounds(scene, system.members, good.touched, march.contact_stiffness_ratio)
+    stops.check(chosen, in_revolutions(steps))
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
     exponents, error = largest_first(*mean_and_error(growth), length)

@@ -12,14 +12,15 @@ import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core.checks import check_counts
-from ..core.compiled import QUICKLY
+from ..core.compiled import QUICKLY, compiled_quickly
 from ..core.progress import waiting
 from ..core.quantities import known
 from ..equations.start import AbstractStart, Continued
 from ..equations.system import System, assemble, port_groups
 from ..motion.base import Plan
 from ..motion.history import TimeHistory
-from ..motion.revolutions import check_constant, joined, revolution_rate
+from ..motion.rebounds import Rebounds, in_revolutions
+from ..motion.revolutions import March, check_constant, joined, revolution_rate
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
@@ -135,6 +136,12 @@ def periodic(
             "has settled for longer (a chaotic motion settles on none, see `jaxrotor.lyapunov`), check "
             "`revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
         )
+    if not (failed or traced) and system.members:
+        span = jnp.asarray(2 * jnp.pi) if revolutions else first.rate * found.period
+        ratio = _stiffness_ratios(system, chosen, together, stations, first.rate, span, first.steps)
+        touched = bool(jnp.any(found.contact_force != 0))
+        stops = Rebounds(scene, system.members, touched, ratio, found.contact_force)
+        stops.check(chosen, in_revolutions(steps_per_revolution), measured=estimate)
     if not estimate:
         return found
     finer = dataclasses.replace(
@@ -158,8 +165,7 @@ def _find(
     tolerance: float,
     max_iterations: int,
 ) -> PeriodicOrbit:
-    options = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
-    plan = Plan(solver, None, dfx.ForwardMode(), guess.steps, guess.steps, **options)
+    plan = _plan(solver, together, guess.steps)
     period = guess.span, guess.turn, guess.start, guess.revolutions
     shooting = Shooting.near(system, plan, stations, guess.rate, *period)
     root = optx.root_find(
@@ -202,6 +208,18 @@ def _find(
         steps=guess.steps,
         solver=solver_name(solver),
     )
+
+
+def _plan(solver: Exponential, together: tuple[tuple[int, ...], ...], steps: int) -> Plan:
+    options = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
+    return Plan(solver, None, dfx.ForwardMode(), steps, steps, **options)
+
+
+@compiled_quickly
+def _stiffness_ratios(system, solver, together, stations, rate, span, steps):
+    """See `Tableau.contact_stiffness_ratio`, of steps of a period with an angle `span`."""
+    march = March.of(system, _plan(solver, together, steps), rate, stations, span)
+    return march.contact_stiffness_ratio
 
 
 _COMPILED = eqx.filter_jit(_find)

@@ -71,4 +71,6 @@ def motions_of(dataset: xr.Dataset, lanes: np.ndarray) -> xr.Dataset:
     }
     how = run_of(attributes)
     observe = Orbit(), WhirlSpectrum(how["steps_per_revolution"])
-    return sweep(loads(attributes["scene"]), {"lane": values}, observe=observe, **how)
+    return sweep(
+        loads(attributes["scene"]), {"lane": values}, observe=observe, error_sample=0, **how
+    )

@@ -67,7 +67,7 @@ class CoupledStep(eqx.Module):
         return self.plain.reading
 
     @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`; zero without contact."""
         return self.plain.contact_stiffness_ratio
 

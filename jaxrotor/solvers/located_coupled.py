@@ -172,7 +172,7 @@ class LocatedCoupledStep(eqx.Module):
         return self.plain.reading
 
     @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`."""
         return self.plain.contact_stiffness_ratio
 

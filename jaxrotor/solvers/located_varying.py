@@ -152,7 +152,7 @@ class LocatedVaryingStep(eqx.Module):
         return self.plain.reading
 
     @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `VaryingStep.contact_stiffness_ratio`."""
         return self.plain.contact_stiffness_ratio
 

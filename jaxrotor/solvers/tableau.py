@@ -66,25 +66,24 @@ class Tableau(eqx.Module):
         seen: Float[Array, "p4 m2"],
         ports: tuple[Port, ...],
         through: Float[Array, "p4 p2"] | None = None,
-    ) -> Float[Array, "2"]:
-        """Force of a stop after a unit of force is held for one step, at the hardest port.
+    ) -> Float[Array, "k 2"]:
+        """Force of every stop after a unit of force is held at its port for one step.
 
         `k d` and `c v`, with the stiffness `k` and damping `c` of the stop, and the displacement `d` and
         velocity `v` that the unit force gives the port in a step `h`. A mass `m` on the stop alone has
-        `k h^2 / (2 m)` and `c h / m`. `seen` reads the ports, whose forces are the first of the inputs. A
-        port that yields at once by `through` presses a stop as much softer.
+        `k h^2 / (2 m)` and `c h / m`. Stiffness and damping are those of `Port.hardnesses`. `seen` reads
+        the ports, whose forces are the first of the inputs. A port that yields at once by `through`
+        presses a stop as much softer.
         """
-        hardness = jnp.stack([port.hardness() for port in ports])  # (p, 2)
-        found = hardness * jnp.stack(self._port_response(seen), axis=1)
+        hardness = [port.hardnesses() for port in ports]  # (k, 2) each
+        found = [h * own for h, own in zip(hardness, self._port_response(seen), strict=True)]
         if through is not None:
-            own = _own_parts(through, len(ports))
-            least = linalg.svd(own, compute_uv=False)[..., -1]
-            found = found / (1 + jnp.sum(hardness.T * least, axis=0))[:, None]
-        return found[jnp.argmax(found.sum(1))]
+            least = linalg.svd(_own_parts(through, len(ports)), compute_uv=False)[..., -1].T
+            softer = [1 + h @ own for h, own in zip(hardness, least, strict=True)]
+            found = [f / one[:, None] for f, one in zip(found, softer, strict=True)]
+        return jnp.concatenate(found)
 
-    def _port_response(
-        self, seen: Float[Array, "p4 m2"]
-    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    def _port_response(self, seen: Float[Array, "p4 m2"]) -> Float[Array, "p 2"]:
         """Displacement [m] and velocity [m/s] of every port after a step under a unit force held there."""
         p = seen.shape[0] // 4
         inputs = self.weights.shape[1] // (2 * len(self.stages))
@@ -94,7 +93,7 @@ class Tableau(eqx.Module):
         determinant = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] * own[..., 1, 0]
         # The larger singular value: the softer of two unequal axes counts.
         most = jnp.sqrt((square + jnp.sqrt(larger(square**2 - 4 * determinant**2, 0.0))) / 2)
-        return most[0], most[1]
+        return most.T
 
 
 def _own_parts(response: Float[Array, "..."], p: int) -> Float[Array, "2 p 2 2"]:

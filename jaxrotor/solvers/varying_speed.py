@@ -189,10 +189,10 @@ class VaryingStep(eqx.Module):
     ports: tuple[Port, ...]
 
     @property
-    def contact_stiffness_ratio(self) -> Float[Array, "2"]:
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`; zero without contact."""
         if not self.ports:
-            return jnp.zeros(2)
+            return jnp.zeros((0, 2))
         return self.tableau.contact_stiffness_ratio(self.reading, self.ports)
 
     def several(

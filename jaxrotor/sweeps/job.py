@@ -1,7 +1,7 @@
 """Job: the lanes of a sweep, run block by block into labelled data."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -10,10 +10,15 @@ import numpy as np
 import xarray as xr
 
 from ..core.attributes import about, flags
-from ..core.outcome import STATUS, failed, statuses, too_long
+from ..core.outcome import FEWEST, STATUS, failed, rebound_steps, statuses, too_long
+from ..core.plausibility import FewStepsWarning, warn
+from ..effects.base import AbstractContact
+from ..effects.rub import AbstractRub
 from ..equations.start import numbers_of
+from ..equations.system import structure
 from ..files.toml import dumps
 from ..motion.integrated import IntegratedPace
+from ..motion.rebounds import counted, few_steps, in_revolutions, is_pilot_run
 from ..motion.stepped import Stepping
 from ..results.provenance import BRANCHES, as_json, assumed, versions
 from ..solvers.choice import solver_name
@@ -23,8 +28,17 @@ from .lanes import Context, Lanes, Stages, run_chunk, run_rows
 from .observe import Variable
 
 
+MOVED = 1e-9  # of its state, by which the start of a lane is moved to see whether it diverges
+APART = 1e-4  # of a variable: two such lanes differ by more where they diverge
 STEPS_IN_SINGLE = "float32 steps"  # precision of lanes stepped in float32 by jax in float64
-NO_ERROR = ("status", "extrema_missed", "unresolved", "reversal_watched")
+NO_ERROR = (
+    "status",
+    "rebound_steps",
+    "diverges",
+    "extrema_missed",
+    "unresolved",
+    "reversal_watched",
+)
 
 
 class Job(NamedTuple):
@@ -81,9 +95,21 @@ class Job(NamedTuple):
     def repeat(
         self, lanes: np.ndarray, tick: Callable[[int], None], *, finer: Context, size: int
     ) -> xr.Dataset:
-        """Data set of some lanes, by their numbers, with the finer steps of another context."""
-        results = run_chunk(finer, self.stages, points_of(self.axes, lanes), size, tick)
-        return _dataset(finer, {"error_lane": lanes}, results)
+        """Data set of some lanes, by their numbers, with the finer steps of another context.
+
+        `diverges` says whether a lane ends elsewhere from a start that is moved by `MOVED` of it.
+        """
+        count, points = len(lanes), points_of(self.axes, lanes)
+        moved = np.repeat([0.0, MOVED], count)
+        results = run_chunk(
+            finer, self.stages, np.tile(points, (2, 1)), 2 * size, tick, moved=moved
+        )
+        half = lambda own: _dataset(
+            finer, {"error_lane": lanes}, jax.tree.map(lambda leaf: leaf[own], results)
+        )
+        found, other = half(slice(count)), half(slice(count, None))
+        apart = _apart(found, other)
+        return found.assign(diverges=("error_lane", apart))
 
 
 def points_of(axes: Mapping[str, np.ndarray], lanes: np.ndarray) -> np.ndarray:
@@ -113,7 +139,8 @@ def errors_of(
     """Errors of some lanes, as the change by twice the steps.
 
     The first is a data set of the errors of every lane that was repeated; the second has the largest
-    and the median error of every variable, which become its attributes.
+    and the median error of every variable, which become its attributes. Lanes that diverge, as chaos
+    does, have no part in these: two runs of them differ by more than their steps.
     """
     lanes = repeated["error_lane"].values
     status = found["status"]
@@ -121,18 +148,58 @@ def errors_of(
     these = {dim: xr.DataArray(place, dims="error_lane") for dim, place in places.items()}
     before = lambda name: found[name].isel(these).values  # reads no other lanes from a store
     good = ~failed(before("status")) & ~failed(repeated["status"].values)
-    errors, summary = {}, {}
-    for name, array in repeated.data_vars.items():
-        if array.dims[1:] not in ((), ("limiter",)) or name in NO_ERROR:
-            continue
+    diverges = repeated["diverges"].values & good
+    attrs = about("1", f"whether a start moved by {MOVED:g} of it ends elsewhere")
+    errors: dict[str, Any] = {"diverges": ("error_lane", diverges.astype(np.int8), attrs)}
+    summary = {}
+    for name, array in _single(repeated):
         error = np.abs(array.values.astype(float) - before(name))
         error[~good] = np.nan
         long_name = f"change of {array.attrs['long_name']} by twice the steps"
         errors[f"{name}_error"] = (array.dims, error, about(array.attrs["units"], long_name))
-        known = error[np.isfinite(error)]
+        known = error[~diverges]
+        known = known[np.isfinite(known)]
         if known.size:
             summary[name] = {"error": float(known.max()), "error_median": float(np.median(known))}
     return xr.Dataset(errors, {"error_lane": repeated["error_lane"]}), summary
+
+
+def _single(dataset: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
+    """Variables with one number a lane, or one a contact, that steps may change."""
+    for name, array in dataset.data_vars.items():
+        if array.dims[1:] in ((), ("limiter",)) and name not in NO_ERROR:
+            yield str(name), array
+
+
+def _apart(found: xr.Dataset, other: xr.Dataset) -> np.ndarray:
+    """Whether lanes from two neighbouring starts end apart, by any variable but times."""
+    apart = np.zeros(found.sizes["error_lane"], bool)
+    for name, array in _single(found):
+        if array.attrs["units"] in ("s", "rad/s") or not np.issubdtype(array.dtype, np.floating):
+            continue
+        change = np.abs(array.values - other[name].values)
+        size = np.nanmax(np.abs(array.values), initial=0.0)
+        far = np.nan_to_num(change) > APART * size
+        apart |= far.reshape(len(apart), -1).any(axis=1)
+    return apart
+
+
+def check_rebounds(context: Context, found: xr.Dataset) -> None:
+    """Warn of lanes with few steps a rebound from a stop, see `Rebounds`."""
+    solver = context.plan.solver
+    if "rebound_steps" not in found or not isinstance(solver, Exponential):
+        return
+    steps = found["rebound_steps"].values.reshape(found["status"].size, -1)
+    steps = np.where(np.isnan(steps), np.inf, steps)
+    few = (steps < FEWEST[solver.order, solver.located]).any(axis=1)
+    if few.any() and not is_pilot_run():
+        _, contact = np.unravel_index(np.argmin(steps), steps.shape)
+        name = context.scene.name_of(context.scene.of(AbstractContact)[contact])
+        cure = in_revolutions(context.plan.steps)
+        if context.interval is not None:
+            cure = lambda more: f"{more:.2g} times as many `steps_per_revolution`"
+        stop = f"In {few.sum()} of {few.size} lanes steps are few: `{name}`"
+        warn(few_steps(stop, float(steps.min()), solver, cure), FewStepsWarning)
 
 
 def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -> xr.Dataset:
@@ -151,6 +218,14 @@ def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -
         variables[name] = ((*axes, *one.dims), values, attrs)
     if any("axis" in one.dims for one in reported.values()):
         coords["axis"] = ("axis", ["x", "y"])
+    ratio = _ratio_of_touched(context, results, reported, bounced=True)
+    if ratio.size:
+        steps = np.full(ratio.shape[:2], np.nan)
+        steps[:, list(_members(context))] = rebound_steps(ratio)
+        steps = np.where(np.isfinite(steps), steps, np.nan)
+        attrs = about("1", "steps of a rebound from each stop that was touched")
+        steps = steps.reshape(*shape, -1)
+        variables["rebound_steps"] = ((*axes, "limiter"), steps, attrs)
     status = _status(context, results, reported).reshape(shape)
     variables["status"] = (tuple(axes), status, flags("outcome of the lane", STATUS))
     if getattr(context.plan.solver, "located", False):
@@ -176,10 +251,35 @@ def _status(context: Context, results: Lanes, reported: Mapping[str, Variable]) 
             undefined |= np.isnan(reported[name].values)
     overlong = np.zeros(len(outcome.ok), bool)
     if isinstance(context.plan.solver, Exponential):
-        overlong = np.asarray(outcome.touched) & too_long(
-            results.contact_stiffness_ratio, context.plan.solver.order
-        )
+        ratio = _ratio_of_touched(context, results, reported, bounced=False)
+        overlong = too_long(ratio, context.plan.solver.order)
     return statuses(outcome, results.started, undefined, overlong)
+
+
+def _ratio_of_touched(
+    context: Context, results: Lanes, reported: Mapping[str, Variable], *, bounced: bool
+) -> np.ndarray:
+    """Contact stiffness ratios of the contacts that each lane has touched, see `counted`.
+
+    With `bounced` the rows are those of the contacts of the scene alone, and there are none without stops.
+    """
+    ratio = np.asarray(results.contact_stiffness_ratio)
+    ratio = np.where(np.asarray(results.outcome.touched)[:, None, None], ratio, 0.0)
+    if not ratio.size:
+        return ratio
+    loads, members = None, _members(context)
+    if "duty" in reported:
+        duty = np.asarray(reported["duty"].values)
+        loads = duty > 0, duty > 1 - 1e-9
+    found = counted(context.scene, members, ratio, loads, bounced=bounced)
+    if not bounced:
+        return found
+    return found[:, : len(members) if context.scene.of(AbstractRub) else 0]
+
+
+def _members(context: Context) -> tuple[int, ...]:
+    """Number in the scene of the contact of each law, see `System.members`."""
+    return structure(context.scene, context.plan.together).members
 
 
 def coords_of(context: Context, axes: Mapping[str, np.ndarray]) -> dict[str, Any]:

@@ -86,7 +86,7 @@ class Lanes(NamedTuple):
     stored: tuple  # what every observable stored of every kept revolution
     outcome: Outcome
     started: np.ndarray  # whether the starting state is finite
-    contact_stiffness_ratio: np.ndarray  # (lanes, 2), see `Tableau.contact_stiffness_ratio`
+    contact_stiffness_ratio: np.ndarray  # (lanes, k, 2), see `Tableau.contact_stiffness_ratio`
     end: tuple[np.ndarray, ...] | None  # see `AbstractMarch.decode`, (lanes, ..) each
 
 
@@ -98,16 +98,20 @@ def run_chunk(
     tick: Callable[[int], None],
     begin: tuple[np.ndarray, ...] | None = None,
     keep_end: bool = False,
+    moved: np.ndarray | None = None,
 ) -> Lanes:
     """Results of a chunk of lanes, in programs for `size` of them.
 
     Lanes start from the start of the context, or each from its own state in `begin`; with `keep_end`
-    the results have the states at the end, or those at the beginning of lanes that failed.
+    the results have the states at the end, or those at the beginning of lanes that failed. Starts are
+    `moved` by a share of the state of each.
     """
     lanes = len(points)
     pad = lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], size - lanes, axis=0)])
     padded = pad(points), jax.tree.map(pad, begin)
     shared, own, y, ratio = stages.prepare(context, *padded)
+    if moved is not None:
+        y = jax.device_put(np.asarray(y) * (1 + pad(moved)[:, None]).astype(y.dtype))
     started = np.isfinite(y).reshape(size, -1).all(axis=1)
     decode = lambda y: jax.tree.map(np.asarray, stages.decode(shared, own, y))
     first = decode(y) if keep_end else None
@@ -287,7 +291,7 @@ _build_all = compiled_quickly(_build_lane_by_lane)
 
 def _build(
     scene: Scene, plan: Plan, start: AbstractStart, station, paced, paths, point, begin, basis
-) -> tuple[AbstractMarch, Array, Float[Array, "2"]]:
+) -> tuple[AbstractMarch, Array, Float[Array, "k 2"]]:
     """March of a lane, its state at the start, and its contact stiffness ratio.
 
     `paced` says how windows are stepped, or is the period of a revolution, see `revolution_rate`.

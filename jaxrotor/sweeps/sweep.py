@@ -40,7 +40,7 @@ from .axes import (
 )
 from .cluster import executor
 from .grid import Block, Gathered, block_shape, blocks
-from .job import Job, coords_of, errors_of, points_of
+from .job import Job, check_rebounds, coords_of, errors_of, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, everything
 from .pace import checked_times, finer, pace_of, start_of_lanes, stepped_by, windows_of
@@ -101,9 +101,11 @@ def sweep(
         nodes: as in `simulate`.
         tolerance: as in `simulate`, and that of the shapes, see `solver`.
         error_sample: number of lanes, spread over all, to run again with twice the steps and in all
-            coordinates, with a tenth of the tolerance of an adaptive solver. The largest and the median
-            change of every variable that has one number a lane are its attributes `error` and
+            coordinates, with a tenth of the tolerance of an adaptive solver; by default `PILOT_LANES`
+            where exponential steps go through contact and no states are carried. The largest and the
+            median change of every variable that has one number a lane are its attributes `error` and
             `error_median`; changes of single lanes are in `<name>_error`, over `error_lane`, their number.
+            Lanes that `diverges` names, as chaotic ones, are left out of the attributes.
         carry: path of `over` whose values are taken one after the other, up and then down, or down and
             then up where they descend. Every lane continues from the state it has reached; after a
             failure, from the state before it. The data set is over `branch` ("up", "down") too.
@@ -129,7 +131,7 @@ def sweep(
             along `times`.
         precision: "float32" or "float64", in which lanes are stepped, by default that of jax. With
             "float32" equations, the coefficients of the steps and observables stay in float64, and
-            `error_sample`, by default `PILOT_LANES` where no states are carried, is run in float64.
+            `error_sample` is run in float64.
 
     Returns:
         Dataset over the swept paths, or over the name of paths that vary together, which are coordinates
@@ -349,7 +351,9 @@ def _run(
     """Compute the blocks that are not in place yet, then errors from some lanes that are run again."""
     (sink, todo, size), context = place, job.context
     if error_sample is None:
-        error_sample = PILOT_LANES * (context.in_single and job.carry is None)
+        stepped = isinstance(context.plan.solver, Exponential)
+        checked = context.in_single or (stepped and bool(context.plan.together))
+        error_sample = PILOT_LANES * (checked and job.carry is None)
     sample = _evenly_spread(job.lanes, error_sample)
     if not todo and np.array_equal(sink.finished().get("error_lane", []), sample):
         sample = sample[:0]  # their errors are known already
@@ -371,7 +375,9 @@ def _run(
             parts = running.each(repeat, chunks, tick)
             repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
             sink.add(*errors_of(found, repeated))
-    return sink.finished()
+    found = sink.finished()
+    check_rebounds(context, found)
+    return found
 
 
 def _chunks(lanes: np.ndarray, most: int, workers: int) -> tuple[list[np.ndarray], int]:

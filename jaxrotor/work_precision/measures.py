@@ -15,6 +15,7 @@ from ..core.outcome import failed
 from ..equations.start import AbstractStart, Launch
 from ..motion.history import TimeHistory
 from ..motion.reactions import reactions
+from ..motion.rebounds import pilot_run
 from ..motion.run_up import run_up
 from ..motion.transient import controller_for, default_solver
 from ..scene import Scene
@@ -154,22 +155,24 @@ class LongRun(AbstractMeasure):
             "section": observe.Section,
         }.get(self.name, observe.Contact)()
         steps = setting.steps or SAMPLES
-        found = sweep(
-            scene,
-            {"spin.speed": np.full(lanes, float(scene.spin.speed))},
-            start=setting.cast(self.start),
-            settle=self.settle,
-            keep=self.keep,
-            observe=[observable],
-            steps_per_revolution=steps,
-            at=self.at,
-            solver=setting.solver,
-            controller=setting.controller(),
-            workers=1,  # because the precision is set for this thread
-            lanes_per_chunk=lanes,
-            progress=False,
-            max_steps=max(4096, 2 * steps),
-        )
+        with pilot_run():
+            found = sweep(
+                scene,
+                {"spin.speed": np.full(lanes, float(scene.spin.speed))},
+                start=setting.cast(self.start),
+                settle=self.settle,
+                keep=self.keep,
+                observe=[observable],
+                steps_per_revolution=steps,
+                at=self.at,
+                solver=setting.solver,
+                controller=setting.controller(),
+                error_sample=0,
+                workers=1,  # because the precision is set for this thread
+                lanes_per_chunk=lanes,
+                progress=False,
+                max_steps=max(4096, 2 * steps),
+            )
         if failed(found["status"]).any():
             raise RuntimeError("not finite, or the solver could not meet its tolerance")
         first = found[self.name].isel({"spin.speed": 0}).values
