@@ -1,6 +1,6 @@
 """Error of a motion against the steps that a rebound from a stop takes, by plain and by located steps.
 
-    python benchmarks/rebound.py                 # some fifteen minutes on a core
+    python benchmarks/rebound.py    # some five minutes of a core
     python benchmarks/rebound.py --only 'linear stop' --steps 64 256
 
 The error is the largest difference of two displacements at a station over the largest displacement,
@@ -93,12 +93,12 @@ def cases() -> dict[str, Case]:
     limiter = rotor.of(jr.Limiter)[0]
     return {
         "linear stop": Case(jeffcott(one), stop(0.0, 1e-3, 1e6), 1e6, 20),
-        "damped stop": Case(jeffcott(damped), stop(0.0, 1e-3, 1e6, 400.0), 1e6, 20),
-        "zero gap": Case(jeffcott(zero), stop(0.0, 0.0, 1e6), 1e6, 5),
-        "two stops, 10 : 1": Case(
+        "stop with damping": Case(jeffcott(damped), stop(0.0, 1e-3, 1e6, 400.0), 1e6, 20),
+        "stop without gap": Case(jeffcott(zero), stop(0.0, 0.0, 1e6), 1e6, 5),
+        "two stops, 10 : 1 in stiffness": Case(
             jeffcott(one, soft), lambda z, v: both[0](z, v) + both[1](z, v), 1e6, 5
         ),
-        "kinked springs": Case(
+        "springs on both sides, no gap": Case(
             jeffcott(*springs), lambda z, v: pair[0](z, v) + pair[1](z, v), 4e5, 5
         ),
         "ring with friction": Case(jeffcott(rub), ring(1e-3, 1e6, 0.1, 0.05), 1e6, 5),
@@ -177,7 +177,8 @@ def main() -> None:
         want = reference(case, samples)
         period = 2 * math.pi / float(case.scene.spin.speed)
         for steps in given.steps:
-            count = steps * math.pi * math.sqrt(MASS / case.stiffness) / period
+            mass = float(case.scene.of(jr.Disc)[0].mass)
+            count = steps * math.pi * math.sqrt(mass / case.stiffness) / period
             errors = []
             for solver in SOLVERS:
                 how = {"solver": solver, "start": case.start}

@@ -76,11 +76,9 @@ from .analysis import (
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .core.caller import FewStepsWarning as FewStepsWarning
 from .core.pilot import Pilot as Pilot
-from .core.plausibility import (
-    FewStepsWarning as FewStepsWarning,
-    ImplausibleWarning as ImplausibleWarning,
-)
+from .core.plausibility import ImplausibleWarning as ImplausibleWarning
 from .core.program_cache import keep_programs as keep_programs
 from .design import (
     Estimate as Estimate,

@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from ..core.plausibility import FewStepsWarning, ImplausibleWarning
+from ..core.caller import FewStepsWarning
+from ..core.plausibility import ImplausibleWarning
 from ..core.program_cache import keep_programs_of_commands
 from ..files.shipped import source
 from .interrupt import stop_on_ctrl_c
@@ -110,7 +111,7 @@ class OneSentence(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _doubts_noted():
+            with _doubts_noted(ctx):
                 return super().invoke(ctx)
         except (typer.Exit, typer.Abort):  # typer's own, though RuntimeErrors
             raise
@@ -124,24 +125,30 @@ class OneSentence(TyperGroup):
             if ctx.params["debug"]:
                 raise
             sentence = _one_line(error) or type(error).__name__
-            if __name__ in ctx.meta:
-                name, words = ctx.meta[__name__]
-                sentence = typed(sentence, name, words, list(COMMANDS), loaded(name))
-            typer.echo(sentence, err=True)
+            typer.echo(_typed(ctx, sentence), err=True)
             raise typer.Exit(2) from None
 
 
+def _typed(ctx: Any, sentence: str) -> str:
+    """A sentence of the library, reworded for the command that was typed."""
+    if __name__ not in ctx.meta:
+        return sentence
+    name, words = ctx.meta[__name__]
+    return typed(sentence, name, words, list(COMMANDS), loaded(name))
+
+
 @contextlib.contextmanager
-def _doubts_noted() -> Iterator[None]:
+def _doubts_noted(ctx: Any) -> Iterator[None]:
     """Print every warning of an implausible number or of few steps once, in a line on stderr."""
     with warnings.catch_warnings():
         for category in _DOUBTS:
             warnings.simplefilter("always", category)
-        warnings.showwarning = functools.partial(_noted_once, warnings.showwarning, set())
+        warnings.showwarning = functools.partial(_noted_once, ctx, warnings.showwarning, set())
         yield
 
 
 def _noted_once(
+    ctx: Any,
     other: Callable[..., None],
     noted: set[str],
     message: Any,
@@ -154,7 +161,7 @@ def _noted_once(
         other(message, category, *rest, **more)
     elif str(message) not in noted:
         noted.add(str(message))
-        typer.echo(f"Note: {message}", err=True)
+        typer.echo(f"Note: {_typed(ctx, str(message))}", err=True)
 
 
 def _one_line(error: object) -> str:

@@ -15,6 +15,7 @@ class Solver(enum.StrEnum):
 
     exponential2 = "exponential2"
     exponential4 = "exponential4"
+    exponential4_located = "exponential4-located"
     kvaerno3 = "kvaerno3"
     kvaerno4 = "kvaerno4"
     kvaerno5 = "kvaerno5"
@@ -29,6 +30,7 @@ class Solver(enum.StrEnum):
 _SOLVERS = {
     Solver.exponential2: lambda: Exponential(2),
     Solver.exponential4: lambda: Exponential(4),
+    Solver.exponential4_located: lambda: Exponential(4, located=True),
     Solver.kvaerno3: dfx.Kvaerno3,
     Solver.kvaerno4: dfx.Kvaerno4,
     Solver.kvaerno5: dfx.Kvaerno5,

@@ -52,6 +52,9 @@ def typed(sentence: str, name: str, words: Sequence[str], commands: Sequence[str
 
     sentence = re.sub(r"`jaxrotor\.([a-z_]+)`", function, sentence)
     sentence = re.sub(r"`([a-z_]+)`", argument, sentence)
+    if "solver" in options:
+        located = "`solver=Exponential(4, located=True)`"
+        sentence = sentence.replace(located, "--solver exponential4-located")
     sentence = re.sub(
         r"`scene\.without\(['\"](\w+)['\"]\)`", r"a scene file without its \1", sentence
     )

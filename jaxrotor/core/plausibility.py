@@ -1,4 +1,4 @@
-"""Warnings: numbers that no machine has, mostly because of a wrong unit, and steps that are few.
+"""Plausibility: warnings of numbers that no machine has, mostly because of a wrong unit.
 
 A length is compared with the length of the machine that fits its role, a mass with the mass of the rotor,
 a speed with the other speeds and with what materials hold, a stiffness with the weight on it. Bounds are
@@ -11,11 +11,10 @@ import dataclasses
 import functools
 import itertools
 import math
-import sys
-import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from .caller import warn
 from .doubt import RPM, Doubt, Known, between, doubt, meant, times
 
 
@@ -76,27 +75,10 @@ class ImplausibleWarning(UserWarning):
     """A number of a scene is far outside the range of machines; its unit may be wrong."""
 
 
-class FewStepsWarning(UserWarning):
-    """A stop was touched whose rebounds take few steps, so that the motion may be off by percents."""
-
-
-def warn(sentence: str, category: type[Warning]) -> None:
-    """Warn at the line of the caller outside the package."""
-    level, caller = 1, sys._getframe()
-    while caller.f_back is not None and _ours(caller.f_globals.get("__name__", "")):
-        level, caller = level + 1, caller.f_back
-    warnings.warn(sentence, category, stacklevel=level)
-
-
 def warn_implausible(found: Found, part: str = "") -> None:
     """Warn of every implausible number, or of those of a part, at the line that called the package."""
     for sentence in (one for one in doubts(found) if one.startswith(f"`{part}" if part else "")):
         warn(sentence, ImplausibleWarning)
-
-
-def _ours(module: str) -> bool:
-    """Whether a module belongs to the package or to the libraries that call it."""
-    return module.partition(".")[0] in ("jaxrotor", "equinox", "jaxtyping", "beartype")
 
 
 def doubts(found: Found) -> Iterator[str]:

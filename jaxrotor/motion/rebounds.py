@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.caller import FewStepsWarning, warn
 from ..core.outcome import FEWEST, gains_energy, more_needed, rebound_steps
-from ..core.plausibility import FewStepsWarning, warn
 from ..core.quantities import known
 from ..effects.base import AbstractContact
 from ..effects.rub import AbstractRub

@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from ..core.attributes import about, flags
+from ..core.caller import FewStepsWarning, warn
 from ..core.outcome import FEWEST, STATUS, failed, rebound_steps, statuses, too_long
-from ..core.plausibility import FewStepsWarning, warn
 from ..effects.base import AbstractContact
 from ..effects.rub import AbstractRub
 from ..equations.start import numbers_of
@@ -125,7 +125,7 @@ def _by_branch(results: Lanes, values: int) -> Lanes:
     def by_branch(leaf: np.ndarray) -> np.ndarray:
         rest = leaf.shape[2:]
         there, back = leaf[:, :values], leaf[:, : values - 1 : -1]
-        return np.stack([there, back]).swapaxes(1, 2).reshape(-1, *rest)
+        return np.stack([there, back]).swapaxes(1, 2).reshape(2 * values * len(leaf), *rest)
 
     return jax.tree.map(by_branch, results)
 

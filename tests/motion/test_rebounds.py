@@ -1,4 +1,4 @@
-"""Steps of a rebound: what is told of a stop that few steps resolve, against SciPy and `pi sqrt(m / k)`."""
+"""Steps of a rebound: what is told of few of them, against SciPy and `pi sqrt(m / k)`."""
 
 import re
 
@@ -6,8 +6,10 @@ import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
 
 import jaxrotor as jr
+from jaxrotor.cli import app
 
 
 MASS, SHAFT, DAMPING, ECCENTRICITY, SPEED, GAP, HARD = 1.0, 4e3, 2.0, 1e-3, 60.0, 1e-3, 1e7
@@ -80,6 +82,15 @@ def test_only_stops_that_are_touched_matter():
     behind = stop(HARD, gap=1.01 * GAP)
     with pytest.warns(jr.FewStepsWarning, match="^`limiters.1` was touched with 2.4 steps"):
         jr.simulate(jeffcott(soft, behind), 5)
+
+
+def test_a_command_notes_few_steps_in_its_own_options(tmp_path):
+    jr.save(jeffcott(stop()), tmp_path / "stop.toml")
+    done = CliRunner().invoke(app, ["simulate", str(tmp_path / "stop.toml"), "--revolutions", "5"])
+    assert done.exit_code == 0
+    assert "Note: `limiter` was touched with 2.4 steps a rebound" in done.stderr
+    assert re.search(r"take at least 12\d\d --steps instead of 256", done.stderr)
+    assert "--solver exponential4-located, with at least 42" in done.stderr
 
 
 def test_a_run_along_times_tells_how_many_times_as_many_steps():

@@ -22,7 +22,7 @@ from jaxrotor.plot.lane_motions import spread_lanes
 from jaxrotor.results.provenance import as_json
 
 
-STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=1e6)
+STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=4e4)
 ROTOR = one_disc(STOP, mass=10.0, damping=60.0, stiffness=1e5, speed=50.0, eccentricity=1e-4)
 PATHS = "unbalance.eccentricity", "start.angle"
 VALUES, ANGLES = np.linspace(1e-4, 1e-3, 7), np.array([0.0, 1.5])

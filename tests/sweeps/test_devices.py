@@ -28,7 +28,8 @@ def run(chunk, tick):
 
 assert set.union(*spread(run, [0, 1], 2, lambda steps: None)) == set(jax.local_devices())
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 8)}
-how = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 32}
+how = {"start": jr.Whirl(7e-3, 75.0), "settle": 2, "keep": 2, "steps_per_revolution": 48}
+how["error_sample"] = 0
 scene = jr.load("limiter-rotor").with_nodes(4)
 one, two = (jr.sweep(scene, over, workers=n, lanes_per_chunk=2, **how) for n in (1, 2))
 assert one.identical(two)

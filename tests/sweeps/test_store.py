@@ -27,12 +27,12 @@ from jaxrotor.sweeps.grid import block_shape, blocks
 from jaxrotor.sweeps.store import PENDING, OtherSweepError, Store, StoreError
 
 
-STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=1e6)
+STOP = jr.Limiter(0.5, 0.0, gap=7e-3, stiffness=4e4)
 # A mass that meets one stop: of a larger rotor, every process would compile larger programs.
 ROTOR = one_disc(STOP, mass=10.0, damping=60.0, stiffness=1e5, speed=50.0, eccentricity=1e-4)
 OVER = {"unbalance.eccentricity": np.linspace(0, 1e-3, 4), "start.angle": [0.0, 1.0, 2.0]}
 HOW = {"start": jr.Whirl(7e-3, 75.0), "settle": 3, "keep": 2, "steps_per_revolution": 32}
-HOW |= {"lanes_per_chunk": 3, "workers": 1}
+HOW |= {"lanes_per_chunk": 3, "workers": 1, "error_sample": 0}
 
 
 def swept(**options):
@@ -271,7 +271,7 @@ import os, sys, numpy as np, xarray as xr, zarr, jaxrotor as jr, jaxrotor.sweeps
 run, load, whirl = jr.sweep, jr.load, jr.Whirl
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 32), "start.angle": [0.0, 1.0, 2.0]}
 how = {"settle": 3, "keep": 2, "steps_per_revolution": 32, "lanes_per_chunk": 3, "workers": 1}
-how |= {"observe": [jr.observe.Section()]}
+how |= {"observe": [jr.observe.Section()], "error_sample": 0}
 for line in sys.stdin:
     if child := os.fork():
         print("ended", os.waitpid(child, 0)[1], flush=True)
@@ -422,7 +422,7 @@ from jaxrotor.sweeps.store import StoreError
 over = {"unbalance.eccentricity": np.linspace(0, 1e-3, 4), "start.angle": [0.0, 1.0, 2.0]}
 how = dict(settle=3, keep=2, steps_per_revolution=32, lanes_per_chunk=3, workers=1, error_sample=2)
 command = ["sweep", "rotor.toml", "--over", "start.angle=0:3:4", "--settle", "0", "--keep", "2",
-           "--steps", "16", "--start-radius", "1mm", "--workers", "1", "--out"]
+           "--steps", "16", "--start-radius", "1mm", "--workers", "1", "--error-sample", "0", "--out"]
 opened = lambda path: xr.open_zarr(path, chunks=None).load()
 said = []
 
