@@ -189,6 +189,7 @@ class AbstractContact(AbstractEffect):
     """
 
     holds_shaft: ClassVar[bool] = True
+    rebounds: ClassVar[bool] = False  # whether the shaft rebounds from it, as from a stop
 
     at: eqx.AbstractVar[Scalar]
     angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]

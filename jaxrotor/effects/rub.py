@@ -1,7 +1,7 @@
 """Rub: normal force and dry friction of a rim against a viscoelastic contact of any shape."""
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,6 +17,8 @@ class AbstractRub(AbstractContact):
     `blend` [m] and `slip` [m/s] are the widths over which the force sets in and friction reverses; None
     is the sharp law.
     """
+
+    rebounds: ClassVar[bool] = True
 
     gap: eqx.AbstractVar[Scalar]  # [m]
     stiffness: eqx.AbstractVar[Scalar]  # k [N/m]

@@ -12,7 +12,6 @@ from ..core.caller import FewStepsWarning, warn
 from ..core.outcome import FEWEST, gains_energy, more_needed, rebound_steps
 from ..core.quantities import known
 from ..effects.base import AbstractContact
-from ..effects.rub import AbstractRub
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 
@@ -98,7 +97,7 @@ def counted(
     `loads` say whether each contact of the scene was under load ever, and always, (.., contacts).
     """
     contacts = scene.of(AbstractContact)
-    stops = np.array([isinstance(contacts[i], AbstractRub) for i in members], bool)
+    stops = np.array([contacts[i].rebounds for i in members], bool)
     counts = np.broadcast_to(stops | (not bounced), (*ratio.shape[:-2], len(members)))
     if loads is not None and members:
         ever, always = (np.asarray(load)[..., members] for load in loads)

@@ -13,7 +13,6 @@ from ..core.attributes import about, flags
 from ..core.caller import FewStepsWarning, warn
 from ..core.outcome import FEWEST, STATUS, failed, rebound_steps, statuses, too_long
 from ..effects.base import AbstractContact
-from ..effects.rub import AbstractRub
 from ..equations.start import numbers_of
 from ..equations.system import structure
 from ..files.toml import dumps
@@ -274,7 +273,8 @@ def _ratio_of_touched(
     found = counted(context.scene, members, ratio, loads, bounced=bounced)
     if not bounced:
         return found
-    return found[:, : len(members) if context.scene.of(AbstractRub) else 0]
+    stops = any(contact.rebounds for contact in context.scene.of(AbstractContact))
+    return found[:, : stops * len(members)]
 
 
 def _members(context: Context) -> tuple[int, ...]:
