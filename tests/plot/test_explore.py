@@ -122,10 +122,10 @@ def test_the_last_revolutions_are_shown(swept, monkeypatch):
 def test_at_zero_speed_a_revolution_is_the_period_given():
     still = ROTOR.replace({"spin.speed": 0.0, "unbalance.eccentricity": 0.0})
     start, over = jr.Whirl(9e-3), {"limiters.gap": [7e-3, 8e-3]}
-    explorer = plot.explore(jr.sweep(still, over, start=start, period=0.1, progress=False, **RUN))
+    explorer = plot.explore(jr.sweep(still, over, start=start, period=0.009, progress=False, **RUN))
     explorer.show(1)
     scene = still.replace({"limiters.gap": 8e-3})
-    how = {"start": start, "keep": RUN["keep"], "period": 0.1}
+    how = {"start": start, "keep": RUN["keep"], "period": 0.009}
     alone = jr.simulate(scene, 10, RUN["steps_per_revolution"], **how)
     np.testing.assert_allclose(
         drawn(explorer), 1e3 * np.asarray(alone.displacement[:, 0]), atol=1e-12

@@ -169,7 +169,8 @@ def test_steps_that_cannot_be_located_are_counted():
     linear = limiter_rotor(N=1.0, contact=False, gravity=True)
     scene = jr.Scene(linear.shaft, *linear.effects, stop, spin=linear.spin)
     how = {"start": jr.Whirl(5e-3), "solver": jr.Exponential(2, located=True)}
-    run = jr.simulate(scene, 2, 64, **how)
+    with pytest.warns(jr.FewStepsWarning, match="`limiter` was touched with 3.7 steps a rebound"):
+        run = jr.simulate(scene, 2, 64, **how)
     assert run.unresolved > 0 and np.isfinite(run.displacement).all()
 
 
