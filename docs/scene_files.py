@@ -10,6 +10,7 @@ import re
 import typing
 from pathlib import Path
 
+from scene_defaults import WHY as WHY, why
 from scene_examples import EXAMPLES
 
 from jaxrotor import shafts, spins
@@ -36,7 +37,7 @@ shaft. Nothing else is simulated. `jaxrotor new my-rotor.toml` writes a commente
 * Stations (`at`) are measured from the left end of the shaft.
 * `angles = ["0 deg", "90 deg"]` in place of `angle` stands for one part at each of these angles.
 * In the tables below, a key that is "needed" must be given; one that is "absent" has no effect until it
-  is given.
+  is given. A default has the reason why it adds nothing to what is drawn.
 * The name of a parameter is that of its table and key: `disc.mass`, `limiters.0.gap`. `--set`, `--over`
   and `scene.replace` use these names.
 
@@ -71,7 +72,10 @@ def examples(name: str) -> list[str]:
 
 def _part(name: str, cls: type, table: str) -> str:
     fields = [field for field in dataclasses.fields(cls) if field.init]
-    rows = [(field.name, _unit(field), _default(field)) for field in fields]
+    rows = [
+        (field.name, _unit(field), _with_reason(_default(field), name, field.name))
+        for field in fields
+    ]
     noun = f'model = "{name}"' if table in ("[shaft]", "[spin]") else ""
     return _section(name, f"`{table}` {noun and f'with `{noun}`'}".rstrip(), cls, rows)
 
@@ -82,7 +86,9 @@ def _form(form) -> str:
         if key == "speed":
             needed = "that of a constant spin"
         else:
-            needed = "needed" if key in form.needed else f"`{parameters[key].default:g}`"
+            default = parameters[key].default
+            needed = "needed" if key in form.needed else f"`{default:g}`"
+            needed = _with_reason(needed, form.noun, key)
         rows.append((key, 'mm/s, or `"G6.3"`' if key == "grade" else unit, needed))
     noun = form.noun[0].upper() + form.noun[1:]
     text = _section(form.noun, noun, form.build, rows)
@@ -150,6 +156,14 @@ def _unit(field: dataclasses.Field) -> str:
     words, plain = choices_of(kind)
     names = {bool: "true or false", int: "whole number", str: "text"}
     return " or ".join([*(names[one] for one in plain), *(f'`"{one}"`' for one in words)])
+
+
+def _with_reason(default: str, part: str, key: str) -> str:
+    """A default with the reason why it is neutral, if it needs one."""
+    reason = why(part, key)
+    if default == "needed" or not reason:
+        return default
+    return reason if reason.startswith(default) else f"{default}: {reason}"
 
 
 def _default(field: dataclasses.Field) -> str:

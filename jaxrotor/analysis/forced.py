@@ -11,8 +11,9 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, nonnegative, real
 from ..core.tables import RPM, notebook_table
-from ..effects import AbstractBodies, AbstractContact, Disc
+from ..effects import AbstractBodies, AbstractContact, Disc, Gravity
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
+from ..equations.rigid_motions import check_constant_load
 from ..equations.system import System, assemble, structure
 from ..scene import Scene
 from ..shafts.cased import row_of
@@ -169,11 +170,8 @@ def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
     """
     check_linear(scene, speeds)
     speeds, places = _cases(scene, speeds, at)
-    frequencies = jnp.zeros_like(speeds)
-    forward, backward, twice, _ = _respond(scene, speeds, frequencies, places, _of_weight)
-    return WeightResponse(
-        speeds, places.stations, forward + backward, twice
-    )  # both at frequency zero
+    forward, backward, twice, _ = _respond(scene, speeds, 0 * speeds, places, _of_weight)
+    return WeightResponse(speeds, places.stations, forward + backward, twice)
 
 
 def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) -> HarmonicResponse:
@@ -230,6 +228,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
         raise ValueError("Balls have many steady positions; use `run_up` to find one.")
     q, velocity, distance = _steady(assemble(scene))
     if known(distance) and distance < CRITICAL:
+        check_constant_load(scene, 0.0 if scene.of(Gravity) else scene.spin.speed)
         raise ValueError(
             f"The response is unbounded at {float(scene.spin.speed):g} rad/s, an undamped critical speed "
             "or resonance; add damping."
@@ -343,6 +342,7 @@ def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
     *parts, distance = _parts_of_all(assemble(scene), speeds, frequencies, places, forces)
     if known(distance) and np.any(np.asarray(distance) < CRITICAL):
         bad = int(np.argmin(distance))
+        check_constant_load(scene, frequencies[bad])
         raise ValueError(
             f"The response is unbounded at a speed of {float(speeds[bad]):g} rad/s and a frequency of "
             f"{float(frequencies[bad]):g} rad/s, an undamped critical speed or resonance; add damping."

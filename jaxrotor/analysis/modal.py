@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
+from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import (
@@ -32,6 +32,7 @@ from .whirl_tables import OverWhirl, whirl_roots
 
 
 KINDS = ("forward", "backward", "mixed")  # kinds of whirl
+DRIFT = 1e-7  # root of a rigid motion that is zero within rounding, over the first frequency
 STRAIGHT = (
     0.2  # sense of an ellipse with half axes 1 : 10; flatter ones are neither forward nor backward
 )
@@ -216,7 +217,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
 def _modes(scene: Scene, system: System, count: int | None, points: int) -> Modes:
     if system.blocks.hysteretic is None:
         values, vectors = eigenvectors(Pencil.of(system), count)
-        values = less_rounding(values, system.blocks)
+        values = less_rounding(values, system)
     else:
         faster, slower = (eigenvectors(Pencil.of(system, whirl)) for whirl in (1, -1))
         values, vectors = _by_whirl(system.spin.speed, faster, slower)
@@ -269,7 +270,7 @@ def natural_roots(system: System, count: int | None = None) -> Complex[Array, " 
     All of them or, with a `count`, so many of the slowest and some others.
     """
     if system.blocks.hysteretic is None:
-        return less_rounding(eigenvalues(Pencil.of(system), count), system.blocks)
+        return less_rounding(eigenvalues(Pencil.of(system), count), system)
     pairs = [(values, values) for w in (1, -1) for values in [eigenvalues(Pencil.of(system, w))]]
     return _by_whirl(system.spin.speed, *pairs)[0]
 
@@ -286,7 +287,8 @@ def moving_roots(
 
     if system.blocks.hysteretic is None:
         values, slopes, vectors = at_whirl(0, count)
-        return less_rounding(values, system.blocks), slopes, vectors
+        values = less_rounding(values, system)
+        return values, jnp.where(values == 0, 0.0, slopes) if system.free else slopes, vectors
     return _by_whirl(speed, *(at_whirl(whirl, 2 * system.n) for whirl in (1, -1)))
 
 
@@ -303,13 +305,21 @@ def _by_whirl(speed, faster, slower) -> Any:
     return tuple(pick(a, b) for a, b in zip(faster, slower, strict=True))
 
 
-def less_rounding(values: Complex[Array, " m"], blocks: Blocks) -> Complex[Array, " m"]:
-    """Roots with real parts within rounding set to zero, for a rotor without loss and drive."""
+def less_rounding(values: Complex[Array, " m"], system: System) -> Complex[Array, " m"]:
+    """Roots with real parts within rounding set to zero, for a rotor without loss and drive.
+
+    Those of rigid motions that nothing holds are zero. They are multiple roots, of half the digits.
+    """
+    blocks, sizes = system.blocks, jnp.abs(values)
+    if system.free:
+        least = DRIFT * Pencil.mean(system.at_rest).rate
+        values = jnp.where(sizes <= least, 0.0, values)
+        sizes = larger(sizes, least / ROUNDING)
     drives = ("damping", "circulatory", "skew_stiffness", "fixed_damping")
     lasting = all(getattr(blocks, name) is None for name in drives)
     if frame(blocks) != "fixed" or not lasting:
         return values
-    small = jnp.isfinite(values) & is_rounding(values.real, values)
+    small = jnp.isfinite(values) & is_rounding(values.real, sizes)
     return jnp.where(small, 1j * values.imag, values)
 
 

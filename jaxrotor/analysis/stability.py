@@ -156,6 +156,7 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     marginal = (sign[slowest] == 0).all() & ~rising.any()
     refusals = [
         ((sign != sign).any(), why_unknown(isinstance(system, OverWhirl))),
+        (marginal & getattr(system, "free", False), "The rotor is free, and no motion grows,"),
         (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
         (sign[slowest[0]] > 0, "The rotor is unstable already at the lowest speed,"),
         (~rising.any(), "The rotor never loses its stability"),
@@ -290,8 +291,7 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     # The unknown is -i Omega / scale, so that the real shift of `eigenvalues` is not a root.
     speeds = 1j * scale * eigenvalues(Pencil(-even, 1j * odd, still))
     there = (jnp.abs(speeds.imag) < 1e-6 * jnp.abs(speeds)) & (speeds.real > low)
-    speeds = jnp.where(there & (speeds.real < high), speeds.real, high)
-    return jnp.sort(speeds)
+    return jnp.sort(jnp.where(there & (speeds.real < high), speeds.real, high))
 
 
 def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:

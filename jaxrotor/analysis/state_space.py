@@ -70,7 +70,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     circular = isotropic(system.blocks)
     values, enter, leave, still, through = _motions(circular, *map(np.asarray, equations))
     if circular:
-        values: Any = np.asarray(less_rounding(jnp.asarray(values), system.blocks))
+        values: Any = np.asarray(less_rounding(jnp.asarray(values), system))
     order = np.asarray(slowest_first(jnp.asarray(values)))
     every = order[circular | (values[order].imag >= 0)]
     once = every[:modes]

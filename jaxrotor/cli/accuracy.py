@@ -8,6 +8,7 @@ import numpy as np
 import typer
 import xarray as xr
 
+from ..equations.rigid_motions import check_held
 from ..equations.start import Launch
 from ..files.toml import study
 from ..work_precision import measures
@@ -133,6 +134,7 @@ def accuracy(
     start = start_with(table, start_radius, start_rate, start_angle)
     station = optional(at, "m", "--at")
     if quantity is Quantity.onset_speed:
+        check_held(rotor, "The accuracy of an onset speed")
         measure = measures.OnsetSpeed()
     elif quantity is Quantity.root:
         measure = measures.Root(number)

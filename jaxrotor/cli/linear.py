@@ -50,7 +50,7 @@ def roots(
             f"{root['frequency']:.7g}",
             f"{root['frequency_hz']:.6g}",
             *([f"{root['shaft_frequency']:.7g}"] if rotating else []),
-            f"{root['damping_ratio']:.4g}",
+            f"{root['damping_ratio']:.4g}" if root["root"] else "-",
             f"{root['log_decrement']:.4g}" if root["frequency"] else "-",
             root["direction"],
             root["stability"],

@@ -1,5 +1,6 @@
 """Command `show`: contents and linear properties of a scene."""
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +11,7 @@ import numpy as np
 import typer
 
 from ..analysis import onset_speed
+from ..equations.rigid_motions import CURE, unheld
 from ..files.shipped import source
 from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
@@ -73,6 +75,7 @@ def show(
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
+    notes = {"free": unheld(rotor) or None, "material_taken": _material_taken(scene)}
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     why = why.partition(";")[0]  # its advice is for Python
     if as_json:
@@ -84,6 +87,7 @@ def show(
                 "title": name,
                 **assumed(rotor),
                 "parameters": table,
+                **notes,
                 "nodes": None if nodes is None else list(rotor.resolution),
                 "coordinates": coordinates,
                 "whirl_frequencies": whirl,
@@ -107,6 +111,7 @@ def show(
     summary = [
         *answer.assumed(rotor.assumption),
         *[("absent", "parameters without a value; --json lists them")] * (given != parameters),
+        *_note_rows(**notes),
         *[("nodes of each span", f"{_whole(rotor.resolution)} (shaft.nodes = {nodes})")]
         * (nodes is not None),
         ("coordinates", f"{coordinates}, complex x + iy"),
@@ -118,6 +123,20 @@ def show(
         *answer.written(written),
     ]
     answer.print_table(summary)
+
+
+def _material_taken(scene: str) -> str | None:
+    """Name of the material that is taken where the file of a scene names none for its shaft."""
+    shaft = tomllib.loads(source(scene))["shaft"]
+    asked = shaft.get("model", "flexible") == "flexible"
+    return "steel" if asked and "material" not in shaft else None
+
+
+def _note_rows(free: str | None, material_taken: str | None) -> list[tuple[str, str]]:
+    """Rows of what the file leaves out: what holds the rotor, and the material."""
+    held = [("held", f"free: {free}; {CURE}")] if free else []
+    taken = f"{material_taken}, since the file names none"
+    return held + ([("material", taken)] if material_taken else [])
 
 
 def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:

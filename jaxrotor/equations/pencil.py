@@ -166,13 +166,14 @@ class Pencil(eqx.Module):
 
     @property
     def rate(self) -> Scalar:
-        """Estimate of the first natural frequency [rad/s], by which time is scaled.
+        """Estimate of the first natural frequency [rad/s], by which time is scaled; 1 without stiffness.
 
         Each equation is divided by its stiffness, so that a stiff one without mass has no weight.
         """
         stiff = jnp.max(jnp.abs(self.stiffness), axis=1, keepdims=True)
         scaled = jnp.where(stiff > 0, self.inertia / jnp.where(stiff > 0, stiff, 1.0), 0.0)
-        return jax.lax.stop_gradient(1 / jnp.sqrt(linalg.norm(scaled)))
+        size = linalg.norm(scaled)
+        return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.where(size > 0, size, 1.0)))
 
     def at(self, root: Complex[Array, ""]) -> Complex[Array, "m m"]:
         """`P(root)`."""
@@ -355,8 +356,7 @@ def _twice(roots: Complex[Array, " k"], pencil: Pencil) -> Bool[Array, " k"]:
     """Whether another root is equal, judged by the roots: singular values span too many scales."""
     if pencil.inertia.shape[0] == 1:  # equal roots share the one vector
         return jnp.zeros(roots.shape, bool)
-    rate, finite = pencil.rate, jnp.isfinite(roots)
-    floor = jnp.where(jnp.isfinite(rate), rate, 0.0)
+    floor, finite = pencil.rate, jnp.isfinite(roots)
     distances = jnp.abs(roots[:, None] - jnp.where(finite, roots, 0.0))
     distances = jnp.sort(jnp.where(finite, distances, jnp.inf), axis=1)
     return finite & (distances[:, 1] <= ROUNDING * larger(jnp.abs(roots), floor))

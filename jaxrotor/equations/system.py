@@ -30,6 +30,7 @@ from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
+from .rigid_motions import unheld
 from .speed_tables import at_own_speed, has_tables, parts_with_tables, within_tables
 
 
@@ -73,16 +74,14 @@ class Port(eqx.Module):
     ) -> Float[Array, "k 2"]:
         """Force of every law by the formula of a given branch, also beyond its ends [N]."""
         along = lambda law, branch: law.along(branch, displacement, velocity, speed)
-        pairs = zip(self.laws, branches, strict=True)
-        return jnp.concatenate([jax.vmap(along)(stack, branch) for stack, branch in pairs])
+        return jnp.concatenate(list(map(jax.vmap(along), self.laws, branches)))
 
     def margins(
         self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
     ) -> Branches:
         """Margin of every condition of every law: how far it is from changing."""
         margins = lambda law, branch: law.margins(branch, displacement, velocity, speed)
-        pairs = zip(self.laws, branches, strict=True)
-        return tuple(jax.vmap(margins)(stack, branch) for stack, branch in pairs)
+        return tuple(map(jax.vmap(margins), self.laws, branches))
 
     def hardness(self) -> Float[Array, "2"]:
         """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
@@ -160,6 +159,7 @@ class System(eqx.Module):
     deviators: tuple[Port, ...] = ()
     remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
+    free: bool = eqx.field(static=True, default=False)  # in a rigid motion, see `unheld`
     # Blocks of all its parts without tables; None where a damping depends on all blocks together:
     untabled: Blocks | None = None
 
@@ -239,7 +239,8 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     Returns:
         The equations as a `System`.
     """
-    return _assembled(scene, port_groups(scene) if together is None else together)
+    system = _assembled(scene, port_groups(scene) if together is None else together)
+    return dataclasses.replace(system, free=True) if unheld(scene) else system
 
 
 @compiled_quickly

@@ -15,10 +15,11 @@ from ..core.quantities import Scalar, known
 from ..equations.constant_frame import in_constant_axes
 from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
+from ..equations.rigid_motions import check_held, unheld
 from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
 from ..equations.stationary_frame import Motion
-from ..equations.system import System, assemble, has_massless
+from ..equations.system import System, assemble, has_massless, structure
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
 from ..solvers.control import step_control, tuned
@@ -278,13 +279,20 @@ def joined(revolutions: Array) -> Array:
 
 
 def check_constant(scene: Scene, what: str) -> None:
-    """Raise unless a scene has a constant speed and mass at all its coordinates; `what` needs both.
+    """Raise unless a scene is held and has a constant speed and mass at all coordinates, as `what` needs.
 
     The speed must be one for which tables of coefficients have values.
     """
     check_constant_speed(scene, what)
     check_tables(scene)
     check_mass(scene, what)
+    check_held(scene, what, contact=True)
+
+
+def check_weight(scene: Scene) -> None:
+    """Raise if a rotor falls under its weight, since nothing holds it, in contact either."""
+    if unheld(scene) and structure(scene).load.constant is not None:
+        check_held(scene, "A motion under weight", contact=True)
 
 
 def check_constant_speed(scene: Scene, what: str) -> None:

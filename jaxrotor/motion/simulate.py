@@ -18,6 +18,7 @@ from ..core.progress import waiting
 from ..core.quantities import Scalar, known
 from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from ..equations.pencil import frame, unequal_parts
+from ..equations.rigid_motions import check_held
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.speed_tables import check_tables
 from ..equations.start import (
@@ -37,7 +38,7 @@ from ..solvers.exponential import Exponential
 from .base import Plan
 from .history import TimeHistory
 from .rebounds import Rebounds, in_revolutions, pilot_run
-from .revolutions import March, check_constant_speed, joined, revolution_rate
+from .revolutions import March, check_constant_speed, check_weight, joined, revolution_rate
 from .run_up import MOST_STEPS, run_up
 
 
@@ -146,6 +147,7 @@ def simulate(
         raise ValueError(f"`keep` must not exceed `revolutions` = {revolutions}, but is {keep}.")
     check_constant_speed(scene, "Motion by `revolutions`")
     check_tables(scene)
+    check_weight(scene)
     counts = revolutions, keep, steps_per_revolution
     run |= {"adjoint": adjoint, "progress": progress}
     run["measured"] = steps_asked == "auto" and pilots[-1].converged
@@ -200,6 +202,7 @@ def _by_revolutions(
         failed = known(good.ok) and not bool(good.ok)
     if failed:
         check_not_amplified(system, amplified, steps)
+        check_held(scene, "A motion by revolutions")
         start.state(system, stations[0])  # raises if the start is the cause
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "

@@ -27,3 +27,15 @@ class Constraint(AbstractPart):
     def slope(self) -> bool:
         """Whether the slope is held."""
         return self.holds != "pin"
+
+
+Motion = tuple[Scalar | float, Scalar | float]  # a and b of a rigid motion `a + b x`
+
+
+def motions_left(constraints: tuple[Constraint, ...]) -> list[Motion]:
+    """Rigid motions of a shaft that constraints allow: displacement, and tilt about 0 or a pin."""
+    pins = [one.at for one in constraints if one.displacement]
+    motions: list[Motion] = [] if pins else [(1.0, 0.0)]
+    if len(pins) < 2 and not any(one.slope for one in constraints):
+        motions.append((-pins[0] if pins else 0.0, 1.0))
+    return motions

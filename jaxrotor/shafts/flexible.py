@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, real
-from .constraint import Constraint
+from .constraint import Constraint, Motion, motions_left
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
 from .line import NODES, AbstractLine, AbstractShaft, Held, check_ratio, off_shaft
@@ -124,6 +124,10 @@ class FlexibleShaft(AbstractShaft):
     @property
     def stations(self) -> tuple[Scalar, ...]:
         return tuple(own.at for own in (*self.constraints, *self.steps))
+
+    @property
+    def rigid_motions(self) -> list[Motion]:
+        return motions_left(self.constraints)
 
     def reason_against(self, at: float) -> str | None:
         return off_shaft(self, at)

@@ -12,6 +12,7 @@ from jaxtyping import Array, Complex, Float
 from ..core.blocks import Blocks
 from ..core.quantities import Scalar, known
 from ..core.representation import AbstractPart
+from .constraint import Motion
 from .influence import Influence
 from .polynomials import nodes_of_spans
 
@@ -142,6 +143,60 @@ def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]
     return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
 
 
+class RigidLine(AbstractLine):
+    """`z(x) = Sum_k q_k (a_k + b_k x)`: the rigid motions that the constraints allow."""
+
+    motions: Float[Array, "n 2"]  # a [m] or [1] and b [1] or [1/m] of each coordinate
+    length: Scalar
+    anisotropy: None = None
+
+    @property
+    def breaks(self) -> Float[Array, " breaks"]:
+        return jnp.stack([jnp.zeros_like(self.length), self.length])
+
+    @property
+    def stiffness(self) -> Float[Array, "n n"]:
+        return jnp.zeros((len(self.motions), len(self.motions)))
+
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
+    @property
+    def strain_energy(self) -> Float[Array, "n n"]:
+        return self.stiffness
+
+    @property
+    def bending_energy(self) -> Float[Array, "n n"]:
+        return self.bending_stiffness
+
+    def row(self, at: Scalar) -> Float[Array, " n"]:
+        return self.motions @ jnp.stack([jnp.ones_like(at), at])
+
+    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
+        del at
+        return self.motions[:, 1]
+
+    def column(self, at: Scalar) -> Float[Array, " n"]:
+        return self.row(at)
+
+    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
+        return self.slope_row(at)
+
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        length = self.length
+        moments = jnp.array([[length, length**2 / 2], [length**2 / 2, length**3 / 3]])
+        return self.motions @ (jnp.reshape(per_length, ()) * moments) @ self.motions.T
+
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        slopes = self.motions[:, 1]
+        return jnp.reshape(per_length, ()) * self.length * jnp.outer(slopes, slopes)
+
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        along = jnp.stack([self.length, self.length**2 / 2])
+        return self.motions @ (jnp.reshape(per_length, ()) * along)
+
+
 class AbstractShaft(AbstractPart):
     """Shaft: the straight elastic or rigid body that carries all other parts."""
 
@@ -160,6 +215,11 @@ class AbstractShaft(AbstractPart):
     @abc.abstractmethod
     def stations(self) -> tuple[Scalar, ...]:
         """Stations of the shaft itself [m], such as constraints and steps of the diameter."""
+
+    @property
+    @abc.abstractmethod
+    def rigid_motions(self) -> list[Motion]:
+        """Rigid motions, for which the shaft does not bend and its constraints do not yield."""
 
     @abc.abstractmethod
     def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks
 from ..core.quantities import Scalar, check, known, nonnegative, positive, real
+from .constraint import Motion
 from .influence import Influence
 from .line import AbstractLine, AbstractShaft, check_ratio
 
@@ -183,7 +184,8 @@ class MasslessShaft(AbstractShaft):
         if any(coincide(at, place, float(self.length)) for place in places):
             return None
         has = ", ".join(f"{place:g} m" for place in places)
-        return f"is not at a station of the massless shaft; it has: {has}"
+        rigid = ', and its ends do not move without `ends = "elastic"`' * (self.ends == "rigid")
+        return f"is not at a station of the massless shaft; it has: {has}{rigid}"
 
     def seen(self, points: int) -> Float[Array, " x"]:
         del points
@@ -192,6 +194,10 @@ class MasslessShaft(AbstractShaft):
     @property
     def stations(self) -> tuple[Scalar, ...]:
         return ()
+
+    @property
+    def rigid_motions(self) -> list[Motion]:
+        return [(1.0, 0.0)] if self.ends == "elastic" else []
 
     def spans(self, stations: tuple[float, ...]) -> tuple[int, ...]:
         if self.ends == "elastic":

@@ -24,7 +24,7 @@ from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
-from ..motion.revolutions import check_constant_speed, revolution_rate
+from ..motion.revolutions import check_constant_speed, check_weight, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
 from ..scene import Scene, with_shared_nodes
@@ -155,7 +155,7 @@ def sweep(
     check_counts(keep=keep, lanes_per_chunk=lanes_per_chunk)
     check_counts(0, settle=settle, error_sample=error_sample or 0)
     if along is None:
-        check_constant_speed(scene, "`sweep` without `times`")
+        _check_scene(scene, over)
     _check_kick(kick, carry, scene)
     _check_precision(precision)
     over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
@@ -223,6 +223,13 @@ def _checked_observables(
             raise ValueError(f"`{type(one).__name__}` observes balls, but the scene has none.")
         one.check(steps, contacts)
     return observe
+
+
+def _check_scene(scene: Scene, over: Mapping[str, Any]) -> None:
+    """Raise unless the speed is constant, and the rotor held, if no swept support may hold it."""
+    check_constant_speed(scene, "`sweep` without `times`")
+    if not any(path.startswith("support") for path in paths_of(over)):
+        check_weight(scene)
 
 
 def _check_kick(kick: float, carry: str | None, scene: Scene) -> None:

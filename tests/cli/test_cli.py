@@ -121,6 +121,17 @@ def test_show_toml_is_a_scene_to_start_from(quick_onset, place):
     assert float(jr.loads(heavier).get("disc.mass")) == 3.0
 
 
+def test_show_says_that_a_rotor_is_free_and_of_what_it_is(quick_onset, place):
+    shaft = '[shaft]\nlength = "1 m"\ndiameter = "50 mm"\n'
+    parts = '[disc]\nat = "0.5 m"\nmass = "10 kg"\n[spin]\nspeed = "1000 rpm"\n'
+    (place / "free.toml").write_text(shaft + parts)
+    found = answered("show", "free.toml")
+    assert found["free"] == "nothing holds it" and found["material_taken"] == "steel"
+    text = " ".join(call("show", "free.toml").stdout.split())
+    assert "held free: nothing holds it; give the shaft `constraints`" in text
+    assert "material steel, since the file names none" in text
+
+
 def test_show_says_why_there_is_no_onset(quick_onset):
     monkeypatch, module = quick_onset
 

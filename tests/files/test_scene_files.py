@@ -1,6 +1,7 @@
 """The page of scene files is up to date with the classes, and its examples are valid scenes."""
 
 import importlib
+import re
 import tomllib
 from pathlib import Path
 
@@ -54,6 +55,19 @@ def test_every_part_has_examples_of_all_its_keys(script):
         script.examples("magnet")
     with pytest.raises(KeyError, match="Give `colour` of 'disc' an example"):
         script.example_of("disc", "colour")
+
+
+def test_every_default_has_a_reason(script):
+    """A default that is taken without being drawn says in the page why it is neutral, or is asked for."""
+    rows = re.findall(r"^\| `(.+?)` \| .+? \| (.+?) \| `", script.page(), re.MULTILINE)
+    assert len(rows) > 100
+    bare = {"needed", "absent", "that of a constant spin"}
+    unexplained = {
+        key: default for key, default in rows if default not in bare and ": " not in default
+    }
+    assert not unexplained, "Give these a reason in WHY of docs/scene_defaults.py, or ask for them."
+    own = {key for key, _ in rows}
+    assert {name.rpartition(".")[2] for name in script.WHY} <= own
 
 
 def test_examples_of_one_bearing_are_the_same_bearing(script):

@@ -53,7 +53,7 @@ def test_one_direction_has_no_stiffness():
     scene = dual(3, nu=-1.0, kappa=None)
     speeds = np.asarray(jr.critical_speeds(scene).forward)
     np.testing.assert_allclose(speeds, np.sqrt(effective(1.0, -1.0)[1:]), rtol=1e-12)
-    with pytest.raises(ValueError, match="The response is unbounded at a speed of 0 rad/s"):
+    with pytest.raises(ValueError, match="needs a rotor that is held, but it can move as a rigid"):
         jr.weight_response(scene, 0.0)
 
 
