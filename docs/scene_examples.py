@@ -178,12 +178,11 @@ hold = true                        # constant beyond the ends; false: no values 
 [[support]]                        # a seal: tables over the frequency of whirl
 at = "0.1 m"
 frequencies = ["0 rad/s", "200 rad/s", "600 rad/s"]
-kxx = ["1e6 N/m", "1.1e6 N/m", "1.4e6 N/m"]
-kyy = ["1e6 N/m", "1.1e6 N/m", "1.4e6 N/m"]
+kxx = ["-2e5 N/m", "1e5 N/m", "1.4e6 N/m"]  # kyy is the same, unless given
 kxy = [2e5, 2e5, 2e5]
 kyx = [-2e5, -2e5, -2e5]
 cxx = "2e3 N s/m"
-cyy = "2e3 N s/m"
+interpolation = "linear"           # between nodes; "pchip", smooth, unless given
 """,
         """\
 [[support]]                        # by means and axes

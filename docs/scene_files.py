@@ -174,6 +174,8 @@ def _default(field: dataclasses.Field) -> str:
         return "needed"
     if isinstance(default, Material):
         return '`"steel"`'
+    if field.metadata.get("taken") is not None:
+        return f"`{field.metadata['taken'].formula}`"
     if default is None:
         return "that of the shaft" if field.name == "material" else "absent"
     if isinstance(default, tuple):

@@ -10,9 +10,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from .core.checks import suggest
+from .core.checks import check_invariants, check_kind, suggest
 from .core.doubt import Known
-from .core.parameters import Address, addresses, aliases, follow, known_values, with_leaves
+from .core.parameters import (
+    Address,
+    addresses,
+    aliases,
+    follow,
+    given_or_taken,
+    known_values,
+    with_leaves,
+)
 from .core.plausibility import warn_implausible
 from .core.quantities import known, quantity_units
 from .core.representation import number_text
@@ -64,12 +72,12 @@ class Scene(eqx.Module):
         spin: AbstractSpin,
         assumption: str = "",
     ):
-        _check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
+        check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
         lists: Any = (one if isinstance(one, list | tuple) else (one,) for one in effects)
         members: tuple[AbstractEffect, ...] = tuple(itertools.chain.from_iterable(lists))
         for effect in members:
-            _check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
-        _check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
+            check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
+        check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
         self.shaft, self.effects, self.spin, self.assumption = shaft, members, spin, assumption
         check_casings(members)
         stations = _known_stations(shaft, members)
@@ -205,24 +213,28 @@ class Scene(eqx.Module):
 
     def __str__(self) -> str:
         """Text with every parameter, its value and unit; of several effects their values in a row."""
-        lines = [type(self.shaft).__name__ + ", " + type(self.spin).__name__]
-        lines[0] += f" ({self.assumption})" if self.assumption else ""
-        for path in self.paths():
-            leaves = self.leaves(path)
-            if any(leaf is not None for leaf in leaves):
-                values, unit = ", ".join(map(_text, leaves)), self.unit(path)
-                lines.append(f"  {path} = {values}" + ("" if unit == "1" else f" {unit}"))
-        return "\n".join(lines)
+        unit_of = lambda unit: "" if unit == "1" else f" {unit}"
+        rows = (f"  {path} = {text}{unit_of(unit)}" for path, text, unit in self._rows())
+        return "\n".join([self._head(), *rows])
 
     def _repr_html_(self) -> str:
+        rows = self._rows()
+        return notebook_table(self._head(), ("parameter", "value", "unit"), rows, most=len(rows))
+
+    def _head(self) -> str:
         head = f"{type(self.shaft).__name__}, {type(self.spin).__name__}"
-        head += f" ({self.assumption})" if self.assumption else ""
-        rows = [
-            (path, ", ".join(map(_text, leaves)), self.unit(path))
-            for path, leaves in ((path, self.leaves(path)) for path in self.paths())
-            if any(leaf is not None for leaf in leaves)
-        ]
-        return notebook_table(head, ("parameter", "value", "unit"), rows, most=len(rows))
+        return head + (f" ({self.assumption})" if self.assumption else "")
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """Paths of the parameters that are present, their values, and their units, with what was taken."""
+        rows = []
+        for path in self.paths():
+            values, formula = self.values(path)
+            if any(value is not None for value in values):
+                unit = self.unit(path) + (f", = {formula}" if formula else "")
+                texts = ("-" if value is None else number_text(value) for value in values)
+                rows.append((path, ", ".join(texts), unit))
+        return rows
 
     def paths(self) -> list[str]:
         """Paths of all parameters of the shaft, of the spin, and of each kind of effect."""
@@ -236,7 +248,9 @@ class Scene(eqx.Module):
         """
         leaves = [leaf for leaf in self.leaves(path) if leaf is not None]
         if len(leaves) < len(self._find(path)):
-            raise ValueError(f"`{path}` is absent from this scene (None).")
+            formula = self.values(path)[1]
+            taken = f"; `{formula}` is taken for it" if formula else ""
+            raise ValueError(f"`{path}` is absent from this scene (None){taken}.")
         if len({jnp.shape(leaf) for leaf in leaves}) > 1:
             raise ValueError(
                 f"`{path}` has tables of different lengths; name one effect, as in `supports.0.kxx`."
@@ -246,6 +260,14 @@ class Scene(eqx.Module):
     def leaves(self, path: str) -> list[Array | None]:
         """Values of the parameter at a path, one per effect; None where it is absent."""
         return [follow(self, address) for address in self._find(path)]
+
+    def values(self, path: str) -> tuple[list[Array | None], str]:
+        """Values at a path, one per effect, given or taken, and how those are taken that are not given.
+
+        `values("support.kyy")` of a support with `kxx` alone are its `kxx`, and "kxx". The text is empty
+        where all values are given or absent.
+        """
+        return given_or_taken(self, self._find(path))
 
     def unit(self, path: str) -> str:
         """Unit of the parameter at a path; "1" for a dimensionless one."""
@@ -282,7 +304,7 @@ class Scene(eqx.Module):
         for path in checked:
             for address in self._find(path):
                 for depth in range(1, len(address)):
-                    _check_invariants(follow(scene, address[:depth]), path)
+                    check_invariants(follow(scene, address[:depth]), path)
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
@@ -316,23 +338,6 @@ class Scene(eqx.Module):
         raise ValueError(
             f"The scene has no parameter `{path}`{suggest(path, table)}; it has: {', '.join(alike)}."
         )
-
-
-def _check_kind(value: Any, kind: type, what: str, wanted: str) -> None:
-    if not isinstance(value, kind):
-        raise ValueError(f"{what} must be {wanted}, but is {value!r}.")
-
-
-def _check_invariants(module: Any, path: str) -> None:
-    """Check conditions on several fields of a module, as when it is built."""
-    try:
-        getattr(module, "__check_init__", tuple)()
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def _text(leaf: Any) -> str:
-    return "-" if leaf is None else number_text(leaf)
 
 
 # === stations

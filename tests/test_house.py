@@ -181,7 +181,8 @@ def test_capabilities_know_no_effect():
         if path.stem not in ("__init__", "base"):
             known = {there for there in imports(path)[0] if there[0] == "effects"}
             shared = {
-                ("effects", name) for name in ("base", "rub", "film", "film_pressure")
+                ("effects", name)
+                for name in ("base", "coefficients", "rub", "film", "film_pressure")
             }  # no effects
             assert known <= shared, f"{path.stem} imports another effect."
 

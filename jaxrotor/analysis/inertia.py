@@ -65,7 +65,8 @@ def _tensor(disc: Disc, about: ArrayLike) -> Float[Array, "3 3"]:
             axis = jnp.outer(normal, normal)
         else:
             axis = axis + disc.tilt * (jnp.outer(z, lean) + jnp.outer(lean, z))
-    tensor = disc.diametral * one + (disc.polar - disc.diametral) * axis
+    diametral, polar = disc.inertia or (jnp.zeros(()), jnp.zeros(()))
+    tensor = diametral * one + (polar - diametral) * axis
     arm = jnp.asarray(disc.at - about) * z
     if disc.offset is not None:
         angle = disc.offset_angle

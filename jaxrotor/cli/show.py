@@ -68,7 +68,7 @@ def show(
 
             draw(folder / "rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
     written = written_to(out, _FILES)
-    parameters = {path: (_value(rotor, path), rotor.unit(path)) for path in rotor.paths()}
+    parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
     axes, found = described_roots(rotor)
     still = _or_why(lambda: _still(described_roots(rotor.at_speed(0.0))[1]))[0]
@@ -79,14 +79,13 @@ def show(
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     why = why.partition(";")[0]  # its advice is for Python
     if as_json:
-        table = {path: {"value": value, "unit": unit} for path, (value, unit) in parameters.items()}
         whirl = {"standstill": still, "forward": forward, "backward": backward}
         answer.print_json(
             {
                 "scene": scene,
                 "title": name,
                 **assumed(rotor),
-                "parameters": table,
+                "parameters": parameters,
                 **notes,
                 "nodes": None if nodes is None else list(rotor.resolution),
                 "coordinates": coordinates,
@@ -99,12 +98,10 @@ def show(
             }
         )
         return
-    given = {path: pair for path, pair in parameters.items() if pair[0] is not None}
+    given = {path: one for path, one in parameters.items() if one["value"] is not None}
     units = axis_units(scene, rotor, *settings or ())
     angles = angle_unit(scene, *settings or ())
-    rows = [
-        (path, *_typed(value, unit, units, angles, rotor)) for path, (value, unit) in given.items()
-    ]
+    rows = [(path, *_typed(one, units, angles, rotor)) for path, one in given.items()]
     rate = units["speed"]
     speeds = lambda found: f"{_text(_scaled(found, SPEEDS[rate]))} {rate}"
     answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
@@ -162,12 +159,14 @@ def _critical_rows(
 
 
 def _typed(
-    value: Any, unit: str, units: dict[str, Any], angles: tuple[float, str], rotor: Scene
+    parameter: dict[str, Any], units: dict[str, Any], angles: tuple[float, str], rotor: Scene
 ) -> tuple[str, str]:
     """Text of a parameter and its unit, that of the typed speeds, small lengths and angles."""
+    value, unit = parameter["value"], parameter["unit"]
     numbers = [one for one in jax.tree.leaves(value) if one is not None]
     factor, shown = angles if unit == "rad" else written_in(units, unit, numbers, rotor)
-    return _text(_scaled(value, factor)), shown
+    taken = f", = {parameter['taken']}" if "taken" in parameter else ""
+    return _text(_scaled(value, factor)), shown + taken
 
 
 def _scaled(value: Any, factor: float) -> Any:
@@ -175,12 +174,14 @@ def _scaled(value: Any, factor: float) -> Any:
     return value if factor == 1 else jax.tree.map(lambda one: factor * one, value)
 
 
-def _value(scene: Scene, path: str) -> Any:
-    """Value at a path, or those of several effects; None where all are absent."""
-    values = [None if leaf is None else np.asarray(leaf).tolist() for leaf in scene.leaves(path)]
-    if all(value is None for value in values):
-        return None
-    return values if len(values) > 1 else values[0]
+def _parameter(scene: Scene, path: str) -> dict[str, Any]:
+    """Value at a path, or those of several effects, unit, and how a value is taken that is not given."""
+    leaves, formula = scene.values(path)
+    values = [None if leaf is None else np.asarray(leaf).tolist() for leaf in leaves]
+    value = values if len(values) > 1 else values[0]
+    value = None if all(one is None for one in values) else value
+    taken = {"taken": formula} if formula else {}
+    return {"value": value, "unit": scene.unit(path), **taken}
 
 
 def _still(found: list[dict[str, Any]]) -> list[float]:

@@ -32,3 +32,17 @@ def suggest(word: str, words: Sequence[str] | Mapping[str, Any], called: Callabl
     """A hint `(did you mean ..?)`, empty if no word is close; `called` maps a word to the text shown."""
     close = difflib.get_close_matches(word, list(words), n=1)
     return f" (did you mean `{called(close[0])}`?)" if close else ""
+
+
+def check_kind(value: Any, kind: type, what: str, wanted: str) -> None:
+    """Raise unless a value is of a kind."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{what} must be {wanted}, but is {value!r}.")
+
+
+def check_invariants(module: Any, path: str) -> None:
+    """Check conditions on several fields of a module, as when it is built."""
+    try:
+        getattr(module, "__check_init__", tuple)()
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

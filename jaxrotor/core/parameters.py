@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from .doubt import Known
-from .quantities import known, quantity_units, unit_of, with_values
+from .quantities import known, quantity_units, taken_for, unit_of, value_of, with_values
 
 
 Address = tuple[Any, ...]  # attribute names and tuple indices from the tree to a leaf
@@ -64,6 +64,14 @@ def follow(tree: Any, address: Sequence[Any]) -> Any:
     for step in address:
         tree = tree[step] if isinstance(step, int) else getattr(tree, step)
     return tree
+
+
+def given_or_taken(tree: Any, table: Iterable[Address]) -> tuple[list[Any], str]:
+    """Values at addresses, and the formula by which those are taken that are not given, else ""."""
+    owners = [(follow(tree, address[:-1]), address[-1]) for address in table]
+    taken = (taken_for(*owner) for owner in owners)
+    formula = next((one.formula for one in taken if one is not None), "")
+    return [value_of(*owner) for owner in owners], formula
 
 
 def with_leaves(tree: Any, leaves: Mapping[Address, Any]) -> Any:

@@ -1,8 +1,8 @@
-"""Interpolation of tables by shape-preserving cubics."""
+"""Interpolation of tables by shape-preserving cubics or by straight lines."""
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .quantities import Scalar
 
@@ -28,11 +28,31 @@ def pchip(x: Scalar, nodes: Float[Array, " n"], values: Float[Array, "t n"]) -> 
     h = jnp.diff(nodes)
     means = jnp.diff(values, axis=1) / h
     slopes = jax.vmap(_slopes, in_axes=(None, 0))(h, means)
-    k = jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, h.size - 1)
+    k = _interval(x, nodes)
     s, m, first, last = (x - nodes[k]) / h[k], means[:, k], slopes[:, k], slopes[:, k + 1]
     cubic = 3 * m - 2 * first - last + s * (first + last - 2 * m)
     found = values[:, k] + h[k] * s * (first + s * cubic)
     return jnp.where((x >= nodes[0]) & (x <= nodes[-1]), found, jnp.nan)
+
+
+def linear(x: Scalar, nodes: Float[Array, " n"], values: Float[Array, "t n"]) -> Float[Array, " t"]:
+    """`y = y_k + m_k (x - x_k)`, `m_k = (y_(k+1) - y_k) / (x_(k+1) - x_k)`, in the interval of `x`.
+
+    Arguments and result are those of `pchip`. At a node the derivative is that of the interval above
+    it, at the last node that below.
+    """
+    k = _interval(x, nodes)
+    share = (x - nodes[k]) / (nodes[k + 1] - nodes[k])
+    found = values[:, k] + share * (values[:, k + 1] - values[:, k])
+    return jnp.where((x >= nodes[0]) & (x <= nodes[-1]), found, jnp.nan)
+
+
+INTERPOLATIONS = {"pchip": pchip, "linear": linear}
+
+
+def _interval(x: Scalar, nodes: Float[Array, " n"]) -> Int[Array, ""]:
+    """Number of the interval between nodes that `x` is in, of one beyond the ends the nearest."""
+    return jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
 
 
 def _slopes(h: Float[Array, " i"], m: Float[Array, " i"]) -> Float[Array, " n"]:

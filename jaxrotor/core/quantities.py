@@ -11,7 +11,7 @@ import functools
 import math
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -31,6 +31,16 @@ else:
     Tabled = Scalar | Series | Float[Array, "_ _"]
 
 COUNTED = {1: "one", 2: "two"}  # words of the smallest counts of a list
+
+
+class Taken(NamedTuple):
+    """Value of an absent quantity, where another quantity of the same module implies it."""
+
+    source: str  # name of the other quantity
+    formula: str  # as people read it
+    value: Callable[[Any], Any] = lambda other: other
+
+
 _LABEL = re.compile(r"(?P<name>[^\[]+?) \[(?P<unit>[^\]]*)\]")
 
 
@@ -40,6 +50,7 @@ def positive(label: str, **options: Any) -> Any:
     Args:
         label: name and unit, "gap [m]".
         options: `default`, the value of the field if it is not given; None: the field may be absent.
+            `taken`, what is then taken for it, a `Taken`.
 
     Returns:
         The field of an `equinox.Module`.
@@ -108,6 +119,7 @@ def _quantity(
     many: int = 0,  # smallest count of a list of numbers, 0 for a single number
     matrix: bool = False,
     table: bool = False,
+    taken: Taken | None = None,
 ) -> Any:
     match = _LABEL.fullmatch(label)
     if match is None:
@@ -124,7 +136,7 @@ def _quantity(
 
     options = {} if default is dataclasses.MISSING else {"default": default}
     metadata = {"unit": match["unit"], "optional": default is None, "many": many}
-    metadata |= {"matrix": matrix, "table": table}
+    metadata |= {"matrix": matrix, "table": table, "taken": taken}
     return eqx.field(converter=convert, metadata=metadata, **options)
 
 
@@ -238,6 +250,20 @@ def takes_matrix(field: dataclasses.Field) -> bool:
 def takes_table(field: dataclasses.Field) -> bool:
     """Whether a quantity field accepts a list of numbers in place of one."""
     return field.metadata.get("table", False)
+
+
+def taken_for(module: Any, name: str) -> Taken | None:
+    """Value implied for a quantity that is not given; None: it is given, or nothing implies it."""
+    taken = module.__dataclass_fields__[name].metadata.get("taken")
+    if taken is None or getattr(module, name) is not None:
+        return None
+    return None if getattr(module, taken.source) is None else taken
+
+
+def value_of(module: Any, name: str) -> Any:
+    """Value of a quantity, given or taken; None where it is absent."""
+    taken = taken_for(module, name)
+    return getattr(module, name) if taken is None else taken.value(getattr(module, taken.source))
 
 
 def is_table(value: Any) -> bool:

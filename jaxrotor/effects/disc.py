@@ -6,14 +6,18 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.blocks import Blocks, Load
-from ..core.quantities import Scalar, check, nonnegative, real
+from ..core.quantities import Scalar, Taken, check, nonnegative, real, value_of
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear, AbstractLoad
+
+
+_THIN = Taken("polar", "abs(polar) / 2", lambda polar: jnp.abs(polar) / 2)
 
 
 class Disc(AbstractLinear, AbstractLoad):
     """Rigid disc: `F = -m z..`, `L = -I_d z'.. + i Omega I_p z'.` at its station.
 
+    A disc is thin unless `diametral` is given: `I_d = |I_p| / 2`. With neither it is a point mass.
     Offset and tilt of the disc are an unbalance, `(Omega^2 - i Omega.) exp(i theta)` times
 
         force   m e exp(i offset_angle)                            centre of mass `offset` e off the axis
@@ -30,13 +34,29 @@ class Disc(AbstractLinear, AbstractLoad):
 
     at: Scalar = nonnegative("at [m]")
     mass: Scalar = nonnegative("mass [kg]")
-    diametral: Scalar = nonnegative("diametral [kg m^2]", default=0.0)
-    polar: Scalar = real("polar [kg m^2]", default=0.0)
+    diametral: Scalar = nonnegative("diametral [kg m^2]", default=None, taken=_THIN)
+    polar: Scalar = real("polar [kg m^2]", default=None)
     offset: Scalar = nonnegative("offset [m]", default=None)
     offset_angle: Scalar = real("offset_angle [rad]", default=0.0)
     tilt: Scalar = real("tilt [rad]", default=None)
     tilt_axis: Scalar = real("tilt_axis [rad]", default=0.0)
     exact: bool = eqx.field(default=True, static=True)
+
+    def __check_init__(self):
+        if self.polar is None and self.diametral is not None:
+            raise ValueError(
+                "`diametral [kg m^2]` is given without `polar [kg m^2]`; give that too: twice the "
+                "diametral one of a thin disc, 0 if it has no gyroscopic moment."
+            )
+        if self.polar is None and self.tilt is not None:
+            raise ValueError(
+                "`tilt [rad]` belongs to a disc with moments of inertia; give `polar [kg m^2]` too."
+            )
+
+    @property
+    def inertia(self) -> tuple[Scalar, Scalar] | None:
+        """Diametral and polar moment of inertia [kg m^2]; None of a point mass."""
+        return None if self.polar is None else (value_of(self, "diametral"), self.polar)
 
     @classmethod
     def from_dimensions(
@@ -81,13 +101,18 @@ class Disc(AbstractLinear, AbstractLoad):
         return cls(at, mass, mass * radius**2 / 4, mass * radius**2 / 2, **out_of_true)
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        force, couple = line.column(self.at), line.couple_column(self.at)
-        rotary = jnp.outer(couple, line.slope_row(self.at))
+        force = line.column(self.at)
+        mass = self.mass * jnp.outer(force, line.row(self.at))
+        weight, polar = self.mass * force, self._about_axis
+        if self.inertia is None:
+            return Blocks(inertia=mass, weight=weight, polar=polar)
+        diametral, own_polar = self.inertia
+        rotary = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
         return Blocks(
-            inertia=self.mass * jnp.outer(force, line.row(self.at)) + self.diametral * rotary,
-            gyroscopic=self.polar * rotary,
-            weight=self.mass * force,
-            polar=self._about_axis,
+            inertia=mass + diametral * rotary,
+            gyroscopic=own_polar * rotary,
+            weight=weight,
+            polar=polar,
         )
 
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:
@@ -96,18 +121,21 @@ class Disc(AbstractLinear, AbstractLoad):
         if self.offset is not None:
             moment = self.mass * self.offset * jnp.exp(1j * self.offset_angle)
             load = load + Load(unbalance=moment * line.column(self.at))
-        if self.tilt is not None:
+        if self.tilt is not None and self.inertia is not None:
+            diametral, polar = self.inertia
             skew = jnp.sin(self.tilt) * jnp.cos(self.tilt) if self.exact else self.tilt
-            product = 1j * (self.polar - self.diametral) * skew * jnp.exp(1j * self.tilt_axis)
+            product = 1j * (polar - diametral) * skew * jnp.exp(1j * self.tilt_axis)
             load = load + Load(unbalance=product * line.couple_column(self.at))
         return load
 
     @property
-    def _about_axis(self) -> Scalar:
+    def _about_axis(self) -> Scalar | None:
         """Moment of inertia about the axis of rotation [kg m^2]."""
         polar = self.polar
-        if self.exact and self.tilt is not None:
-            polar = polar * jnp.cos(self.tilt) ** 2 + self.diametral * jnp.sin(self.tilt) ** 2
+        if self.exact and self.tilt is not None and self.inertia is not None:
+            diametral, polar = self.inertia
+            polar = polar * jnp.cos(self.tilt) ** 2 + diametral * jnp.sin(self.tilt) ** 2
         if self.exact and self.offset is not None:
-            polar = polar + self.mass * self.offset**2
+            own = self.mass * self.offset**2
+            polar = own if polar is None else polar + own
         return polar

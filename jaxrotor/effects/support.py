@@ -1,7 +1,7 @@
 """Elastic support of a shaft: a bearing given by its stiffness and damping."""
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -11,29 +11,37 @@ from jaxtyping import Array, ArrayLike
 
 from ..core.blocks import Blocks
 from ..core.extremes import bounded
-from ..core.pchip import pchip
+from ..core.pchip import INTERPOLATIONS
 from ..core.plane import plane
 from ..core.quantities import (
     Scalar,
     Series,
     Tabled,
+    Taken,
     check,
     is_table,
     known,
     nonnegative,
-    number_or_nan,
     real,
     series,
     with_values,
 )
 from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
-from .base import AbstractOverSpeed, AbstractSmoothLaw, AbstractUnequal, Deviator, Hardness, Plane
+from .base import AbstractOverSpeed, AbstractUnequal, Deviator
+from .coefficients import (
+    AXES,
+    COEFFICIENTS,
+    LETTERS,
+    DeviatorLaw,
+    Parts,
+    check_tables,
+    check_whole,
+    is_zero,
+    vanishing,
+)
 
 
-_LETTERS = {"stiffness": "k", "damping": "c"}
-_AXES = ("xx", "xy", "yx", "yy")
-_COEFFICIENTS = tuple(letter + axes for letter in _LETTERS.values() for axes in _AXES)
 _MEANS = ("stiffness", "anisotropy", "angle", "cross_stiffness")
 _MEANS += ("damping", "damping_anisotropy", "damping_angle", "cross_damping")
 
@@ -42,8 +50,9 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     """Linear bearing, `F = -k q - c q.` with `k = [[kxx, kxy], [kyx, kyy]]` and `q = (x, y)`.
 
     There are two ways to give it. The first is by coefficients, as in a bearing report: `kxx`, `kxy`, ..
-    `cyy`, where missing ones are zero, or `stiffness` and `damping` as 2 by 2 matrices, which are stored
-    as coefficients. The second is by means and axes, with `z = x + i y`:
+    `cyy`, or `stiffness` and `damping` as 2 by 2 matrices, which are stored as coefficients. `kxx` alone
+    means `kyy = kxx`, `cxx` alone `cyy = cxx`; `kxy` and `kyx` are given both or neither. The second is by
+    means and axes, with `z = x + i y`:
 
         F = -(k + i cross_stiffness) z - k anisotropy exp(2 i angle) z* - (same of c) z.
 
@@ -53,15 +62,17 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     forward whirl. Both ways describe the same bearing: `k = (kxx + kyy) / 2`,
     `cross_stiffness = (kyx - kxy) / 2`, `k anisotropy exp(2 i angle) = (kxx - kyy + i kxy + i kyx) / 2`.
     A support that is known to be isotropic when it is built, or changed by `scene.replace`, has no
-    anisotropic part in the equations.
+    anisotropic part in the equations. A direct stiffness may be negative, as of a seal or of magnetic
+    pull, which drive the shaft off its axis.
 
     Each coefficient `kxx` .. `cyy` is a number, or a table of its values at the `speeds` of rotation, as
     of a film, at `|Omega|` unless they begin below 0. Between the nodes it is the shape-preserving cubic
-    of each table (PCHIP), with a continuous first derivative. A speed outside the nodes is refused, or
-    NaN where it is traced; with `hold=True` coefficients are constant there. Tables belong to a support
-    that does not turn. With `frequencies` in place of `speeds` they are over the frequency of whirl, as
-    of a seal: each root has the coefficients at its own `|Im lambda|`. With both, each table has a row
-    for every speed and a column for every frequency; it is read at the speed first.
+    of each table (PCHIP), with a continuous first derivative, or with `interpolation="linear"` a straight
+    line, whose derivative at a node is that above it. A speed outside the nodes is refused, or NaN where
+    it is traced; with `hold=True` coefficients are constant there. Tables belong to a support that does
+    not turn. With `frequencies` in place of `speeds` they are over the frequency of whirl, as of a seal:
+    each root has the coefficients at its own `|Im lambda|`. With both, each table has a row for every
+    speed and a column for every frequency; it is read at the speed first.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
@@ -77,7 +88,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     holds_shaft: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]", default=None)
-    stiffness: Scalar = nonnegative("stiffness [N/m]", default=None, matrix=True)
+    stiffness: Scalar = real("stiffness [N/m]", default=None, matrix=True)
     damping: Scalar = nonnegative("damping [N s/m]", default=None, matrix=True)
     anisotropy: Scalar = real("anisotropy [1]", default=None)
     damping_anisotropy: Scalar = real("damping_anisotropy [1]", default=None)
@@ -88,11 +99,11 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     kxx: Tabled = real("kxx [N/m]", default=None, table=True)
     kxy: Tabled = real("kxy [N/m]", default=None, table=True)
     kyx: Tabled = real("kyx [N/m]", default=None, table=True)
-    kyy: Tabled = real("kyy [N/m]", default=None, table=True)
+    kyy: Tabled = real("kyy [N/m]", default=None, table=True, taken=Taken("kxx", "kxx"))
     cxx: Tabled = real("cxx [N s/m]", default=None, table=True)
     cxy: Tabled = real("cxy [N s/m]", default=None, table=True)
     cyx: Tabled = real("cyx [N s/m]", default=None, table=True)
-    cyy: Tabled = real("cyy [N s/m]", default=None, table=True)
+    cyy: Tabled = real("cyy [N s/m]", default=None, table=True, taken=Taken("cxx", "cxx"))
     speeds: Series = series("speeds [rad/s]", ascending=True, default=None)
     frequencies: Series = series(
         "frequencies [rad/s]", ascending=True, nonnegative=True, default=None
@@ -100,7 +111,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     hold: bool = eqx.field(
         default=False, static=True
     )  # whether tables are constant beyond the ends
-    angular_stiffness: Scalar = nonnegative("angular_stiffness [N m/rad]", default=None)
+    interpolation: Literal["pchip", "linear"] = eqx.field(default="pchip", static=True)
+    angular_stiffness: Scalar = real("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
     on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
@@ -109,7 +121,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     synchronous: bool = eqx.field(init=False, static=True)  # whirls as it rotates
 
     def __post_init__(self):
-        for name, letter in _LETTERS.items():
+        for name, letter in LETTERS.items():
             value = getattr(self, name)
             if isinstance(value, list | tuple) or np.ndim(value) > 1:
                 self._store_matrix(value, name, letter)
@@ -117,10 +129,15 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         self.synchronous = False
 
     def __check_init__(self):
-        given = [name for name in _COEFFICIENTS if getattr(self, name) is not None]
+        own = {name: getattr(self, name) for name in COEFFICIENTS}
+        given = [name for name, value in own.items() if value is not None]
         means = [name for name in _MEANS if getattr(self, name) is not None]
         self._check_ends()
-        self._check_tables()
+        if self.interpolation not in INTERPOLATIONS:
+            raise ValueError(
+                f"`interpolation` must be 'pchip' or 'linear', but is {self.interpolation!r}."
+            )
+        check_tables(self._tables, self.speeds, self.frequencies, self.rotating)
         if given and means:
             raise ValueError(
                 f"`{given[0]}` and `{means[0]}` belong to two different ways to describe a support; give "
@@ -129,24 +146,29 @@ class Support(AbstractUnequal, AbstractOverSpeed):
             )
         if self.stiffness is None and self.kxx is None:
             raise ValueError(
-                "A support needs a stiffness; give `kxx [N/m]` and, if not zero, kxy, kyx and kyy, or "
-                "`stiffness [N/m]`."
+                "A support needs a stiffness; give `kxx [N/m]`, and kyy if it differs, kxy and kyx, or "
+                "`stiffness [N/m]`; 0 if it has none."
             )
-        for letter, unit in (("k", "N/m"), ("c", "N s/m")):
-            along = [getattr(self, letter + axes) for axes in ("xx", "yy")]
-            total = sum(value for value in along if value is not None)
-            if known(total) and self.frequencies is None:  # dynamic stiffness has either sign
-                total = np.min(total)
-                label = f"{letter}xx + {letter}yy [{unit}]"
-                check(total, label, lambda x: x >= 0, "must not be negative")
-        if self.damping is None and self.damping_anisotropy is not None:
-            raise ValueError(
-                "`damping_anisotropy [1]` is a fraction of `damping [N s/m]`; give that too."
-            )
-        if self.damping_anisotropy is None and self.damping_angle is not None:
-            raise ValueError(
-                "`damping_angle [rad]` belongs to `damping_anisotropy [1]`; give both or neither."
-            )
+        check_whole(own)
+        total = None if self.cxx is None else self._parts("damping").mean
+        if (
+            total is not None and known(total) and self.frequencies is None
+        ):  # dynamic: of either sign
+            label = "cxx + cyy [N s/m]"
+            check(2 * np.min(total), label, lambda x: x >= 0, "must not be negative")
+        for name in ("damping_anisotropy [1]", "cross_damping [N s/m]"):
+            if self.damping is None and getattr(self, name.partition(" ")[0]) is not None:
+                raise ValueError(
+                    f"`{name}` goes with `damping [N s/m]`; give that too, 0 if there is none."
+                )
+        for axis, (share, *others) in {
+            "angle": ("anisotropy", "damping_anisotropy"),
+            "damping_angle": ("damping_anisotropy",),
+        }.items():
+            if getattr(self, axis) is not None and all(
+                getattr(self, name) is None for name in (share, *others)
+            ):
+                raise ValueError(f"`{axis} [rad]` belongs to `{share} [1]`; give both or neither.")
 
     def _check_ends(self) -> None:
         """Raise unless the support has one end that moves and another one to stand on."""
@@ -165,54 +187,10 @@ class Support(AbstractUnequal, AbstractOverSpeed):
                 "`angular_stiffness [N m/rad]` or `angular_damping [N m s/rad]`; leave these out."
             )
 
-    def _check_tables(self) -> None:
-        """Raise unless every table has a value at each of the nodes, and these have a table."""
-        tables = self._tables
-        given = {"speeds": self.speeds, "frequencies": self.frequencies}
-        given = {name: nodes for name, nodes in given.items() if nodes is not None}
-        if not given:
-            for name, table in tables.items():
-                if table.ndim == 1:
-                    raise ValueError(
-                        f"`{name}` is a table of {table.size} numbers; give their `speeds [rad/s]`, or "
-                        "one number."
-                    )
-                raise ValueError(
-                    f"`{name}` is a table of {table.shape[0]} by {table.shape[1]} numbers; give their "
-                    "`speeds [rad/s]` and `frequencies [rad/s]`, or one number; a matrix [[xx, xy], [yx, "
-                    "yy]] is `stiffness` or `damping`."
-                )
-            return
-        named = " and ".join(f"`{name} [rad/s]`" for name in given)
-        if not tables:
-            raise ValueError(
-                f"{named} are the nodes of tables, but no coefficient is a table; give kxx, .. or cyy as "
-                "a list, or leave them out."
-            )
-        shape = tuple(nodes.size for nodes in given.values())
-        for name, table in tables.items():
-            if table.shape == shape:
-                continue
-            if len(given) == 2:
-                raise ValueError(
-                    f"`{name}` must have {shape[0]} rows, one for each of the `speeds [rad/s]`, of "
-                    f"{shape[1]} values, one for each of the `frequencies [rad/s]`, or be one number, but "
-                    f"has shape {table.shape}."
-                )
-            has = table.size if table.ndim == 1 else f"shape {table.shape}"
-            raise ValueError(
-                f"`{name}` must have a value at each of the {shape[0]} {named}, but has {has}."
-            )
-        if self.rotating:
-            raise ValueError(
-                f"Tables over {named} are for a support that does not turn; leave out `rotating`, or give "
-                "numbers."
-            )
-
     @property
     def _tables(self) -> dict[str, Any]:
         """Coefficients that are tables, by their names."""
-        own = {name: getattr(self, name) for name in _COEFFICIENTS}
+        own = {name: getattr(self, name) for name in COEFFICIENTS}
         return {name: value for name, value in own.items() if is_table(value)}
 
     def at_speed(self, speed: ArrayLike) -> "Support":
@@ -230,7 +208,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
             place = bounded(place, nodes[0], nodes[-1])
         axis = 0 if over == "speeds" else -1
         values = jnp.stack([jnp.moveaxis(table, axis, -1) for table in tables.values()])
-        found = pchip(place, nodes, values.reshape(-1, nodes.size)).reshape(values.shape[:-1])
+        read = INTERPOLATIONS[self.interpolation]
+        found = read(place, nodes, values.reshape(-1, nodes.size)).reshape(values.shape[:-1])
         numbers: dict[str, Any] = dict(zip(tables, found, strict=True))
         return with_values(self, **{over: None}, **numbers)
 
@@ -241,14 +220,14 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     @property
     def mean_stiffness(self) -> Tabled:
         """Mean stiffness `(kxx + kyy) / 2` [N/m], of a table at its nodes."""
-        return self._plane("stiffness").mean
+        return self._parts("stiffness").mean
 
     def blocks(self, line: AbstractLine) -> Blocks:
         row, column = self._ends_on(line)
         force = jnp.outer(column, row)
         spring, damper = (
             {part: value if value is None else value * force for part, value in own.items()}
-            for own in map(self._present, _LETTERS)
+            for own in map(self._present, LETTERS)
         )
         stiffness, damping = spring["mean"], damper["mean"]
         if self.angular_stiffness is not None or self.angular_damping is not None:
@@ -274,7 +253,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         )
 
     def deviator(self, line: AbstractLine) -> Deviator | None:
-        parts = [self._present(name)["deviator"] for name in _LETTERS]
+        parts = [self._present(name)["deviator"] for name in LETTERS]
         if self.rotating or parts == [None, None]:
             return None
         law = DeviatorLaw(*(None if part is None else plane(part + 0j) for part in parts))
@@ -286,7 +265,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
 
     def _present(self, name: str) -> dict[str, Any]:
         """Parts of the stiffness or the damping, None where they are known to be zero."""
-        parts = self._plane(name)._asdict()
+        parts = self._parts(name)._asdict()
         return {
             part: None if f"{name} {part}" in self.vanishing else value
             for part, value in parts.items()
@@ -294,7 +273,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
 
     def _store_matrix(self, matrix: Any, name: str, letter: str) -> None:
         """Store a matrix as its coefficients."""
-        if any(getattr(self, letter + axes) is not None for axes in _AXES):
+        if any(getattr(self, letter + axes) is not None for axes in AXES):
             raise ValueError(
                 f"`{name}` is a matrix of {letter}xx, {letter}xy, {letter}yx and {letter}yy, which are "
                 "given too; leave out one of them."
@@ -311,30 +290,31 @@ class Support(AbstractUnequal, AbstractOverSpeed):
                 f"`{name}` must be a 2 by 2 matrix, [[{letter}xx, {letter}xy], [{letter}yx, "
                 f"{letter}yy]], but has shape {matrix.shape}."
             )
-        for axes, value in zip(_AXES, matrix.ravel(), strict=True):
+        for axes, value in zip(AXES, matrix.ravel(), strict=True):
             setattr(self, letter + axes, value)
         setattr(self, name, None)
 
     def _vanishing(self) -> Iterator[str]:
-        """Names of the parts of `_plane` that are known to be zero, such as "stiffness cross"."""
-        for name, letter in _LETTERS.items():
-            own = [getattr(self, letter + axes) for axes in _AXES]
+        """Names of the parts of `_parts` that are known to be zero, such as "stiffness cross"."""
+        for name in LETTERS:
+            own = self._matrix(name)
             if any(value is not None for value in own):
-                xx, xy, yx, yy = map(_numbers_or_nan, own)
-                cross, deviator = _equal(xy, yx), _equal(xx, yy) and _equal(xy, -yx)
+                cross, deviator = vanishing(*own)
             else:
                 share = self.anisotropy if name == "stiffness" else self.damping_anisotropy
-                cross = _is_zero(getattr(self, f"cross_{name}"))
-                deviator = _is_zero(share)
+                cross, deviator = is_zero(getattr(self, f"cross_{name}")), is_zero(share)
             yield from [f"{name} cross"] * cross
             yield from [f"{name} deviator"] * deviator
 
-    def _plane(self, name: str) -> "_Plane":
+    def _matrix(self, name: str) -> list[Any]:
+        """The coefficients xx, xy, yx and yy that are given, the others None."""
+        return [getattr(self, LETTERS[name] + axes) for axes in AXES]
+
+    def _parts(self, name: str) -> Parts:
         """Parts of the stiffness or the damping, whichever way they were given."""
-        letter = _LETTERS[name]
-        own = [getattr(self, letter + axes) for axes in _AXES]
-        if any(value is not None for value in own):
-            return _of_coefficients(*(0.0 if value is None else value for value in own))
+        own = self._matrix(name)
+        if own[0] is not None:
+            return Parts.of_matrix(*own)
         if name == "stiffness":
             share, angle = self.anisotropy, self.angle
         else:
@@ -343,58 +323,4 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         mean, deviator = getattr(self, name), None
         if mean is not None and share is not None:
             deviator = mean * share * jnp.exp(2j * (0.0 if angle is None else angle))
-        return _Plane(mean, getattr(self, f"cross_{name}"), deviator)
-
-
-class DeviatorLaw(AbstractSmoothLaw):
-    """`F = -k z* - c z.*`, the part of a bearing's force that is unequal along axes fixed in space."""
-
-    stiffness: Plane | None  # [Re, Im] of k [N/m]
-    damping: Plane | None  # [Re, Im] of c [N s/m]
-
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
-        force = jnp.zeros_like(displacement)
-        for part, (x, y) in ((self.stiffness, displacement), (self.damping, velocity)):
-            if part is not None:
-                force -= jnp.stack([part[0] * x + part[1] * y, part[1] * x - part[0] * y])
-        return force
-
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
-        return jnp.zeros(())
-
-    def hardness(self) -> Hardness:
-        """Zero, as it does not rebound: the length of the steps is not limited by it."""
-        return Hardness(jnp.zeros(()), jnp.zeros(()), jnp.zeros(2), jnp.zeros(()))
-
-
-class _Plane(NamedTuple):
-    """Parts of `F = -(mean + i cross) z - deviator z*`; None means absent."""
-
-    mean: Any
-    cross: Any
-    deviator: Any
-
-
-def _numbers_or_nan(value: Any) -> Any:
-    """A known coefficient or table as floats, and NaN for anything else, as `number_or_nan`."""
-    if not (is_table(value) and known(value)):
-        return number_or_nan(value)
-    try:
-        return np.asarray(value, float)
-    except (TypeError, ValueError):  # an error that the check of its field reports
-        return np.nan
-
-
-def _equal(one: Any, other: Any) -> bool:
-    """Whether two coefficients are equal at every speed."""
-    fits = not (np.ndim(one) and np.ndim(other)) or np.shape(one) == np.shape(other)
-    return fits and bool(np.all(one - other == 0))
-
-
-def _is_zero(value: Any) -> bool:
-    return value is not None and number_or_nan(value) == 0
-
-
-def _of_coefficients(xx: Any, xy: Any, yx: Any, yy: Any) -> _Plane:
-    """Parts of a 2 by 2 matrix."""
-    return _Plane((xx + yy) / 2, (yx - xy) / 2, (xx - yy) / 2 + 0.5j * (xy + yx))
+        return Parts(mean, getattr(self, f"cross_{name}"), deviator)

@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 
 from .. import shafts, spins
-from ..core.quantities import is_series, is_table, takes_table, unit_of
+from ..core.quantities import is_series, is_table, taken_for, takes_table, unit_of
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..spins.base import AbstractSpin
@@ -55,13 +55,23 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
         elif unit is not None and value is not None:
             many = is_series(field) or (takes_table(field) and is_table(value) and np.ndim(value))
             item = tomlkit.item(_plain(value, here, many))
-            table[field.name] = item if unit == "1" else item.comment(unit)
+            comment = "; ".join([*[unit] * (unit != "1"), *_implied(module, field.name)])
+            table[field.name] = item.comment(comment) if comment else item
         elif isinstance(value, bool | int | str):
             table[field.name] = value
         elif value is not None:
             refuse(here, f"cannot be written: a scene file holds no {type(value).__name__}.")
     table.update(nested)
     return table
+
+
+def _implied(module: Any, source: str) -> list[str]:
+    """Values that a given quantity implies for others that are not given: `kyy = kxx`."""
+    names = [field.name for field in dataclasses.fields(module)]
+    found = {name: taken_for(module, name) for name in names}
+    return [
+        f"{name} = {one.formula}" for name, one in found.items() if one and one.source == source
+    ]
 
 
 def _plain(value: Any, path: str, many: int) -> float | list:

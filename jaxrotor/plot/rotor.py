@@ -119,12 +119,13 @@ def _shaft(ax: Axes, shaft: Any, length: float) -> float:
 
 def _disc(ax: Axes, disc: Disc, length: float) -> float:
     """Draw a disc by `I_p = m R^2 / 2`, `I_d = I_p / 2 + m a^2 / 12`; returns its radius as drawn."""
-    at, mass, polar = _drawn(disc.at), float(disc.mass), abs(float(disc.polar))
+    diametral, polar = (abs(float(value)) for value in disc.inertia or (0.0, 0.0))
+    at, mass = _drawn(disc.at), float(disc.mass)
     if not (mass and polar):
         ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label="mass")
         return 0.0
     radius = _drawn((2 * polar / mass) ** 0.5)
-    thickness = _drawn((12 * max(float(disc.diametral) - polar / 2, 0.0) / mass) ** 0.5)
+    thickness = _drawn((12 * max(diametral - polar / 2, 0.0) / mass) ** 0.5)
     if thickness > THICK * length:  # the inertia represents more than a disc
         thickness = 0.0
     half = max(thickness / 2, 0.003 * length)

@@ -328,7 +328,7 @@ BEARING = {"at": 0.5, "kxx": [1e6, 2e6], "speeds": [100.0, 200.0]}
         ({"kyy": [1e6, 2e6, 3e6]}, "`kyy` must have a value at each of the 2"),
         ({"speeds": [200.0, 100.0]}, "must be ascending"),
         ({"kxx": [1e6], "speeds": [100.0]}, "must be a list of two or more"),
-        ({"kxx": [1e6, -2e6]}, "`kxx + kyy [N/m]` must not be negative, but is -2e+06"),
+        ({"cxx": [1e3, -2e3]}, "`cxx + cyy [N s/m]` must not be negative, but is -4000"),
         ({"kxx": [1e6, np.nan]}, "must be a list of two or more finite numbers"),
         ({"rotating": True}, "for a support that does not turn"),
     ],

@@ -453,6 +453,7 @@ stiffness = "1 MN/m"
 at = "0.5 m"
 mass = "9 kg"
 diametral = "1 kg m^2"
+polar = 0.0
 [spin]
 speed = "1500 rpm"
 """

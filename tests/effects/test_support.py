@@ -253,13 +253,13 @@ def test_coefficients_are_the_matrices():
     for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(one, other)
     alone = of(kxx=2.0)
-    assert alone.stiffness[0, 0] == 1 and alone.fixed_stiffness[0, 0] == 1
+    assert alone.stiffness[0, 0] == 2 and alone.fixed_stiffness is None
     assert alone.damping is None and alone.skew_stiffness is None
 
 
 EQUAL = [
     jr.Support(0.5, 4.0, anisotropy=0.0, angle=0.3, cross_stiffness=0.0),
-    jr.Support(0.5, kxx=4.0, kyy=4.0, kxy=0.0, cxx=0.0),
+    jr.Support(0.5, kxx=4.0, kyy=4.0, kxy=0.0, kyx=0.0, cxx=0.0),
     jr.Support(0.5, 4.0 * ONE),
 ]
 
@@ -301,7 +301,7 @@ def test_traced_values_are_placed_without_checks():
             lambda: support([[1.0, 2.0]]),
             "`stiffness` must be a 2 by 2 matrix, [[kxx, kxy], [kyx, kyy]], but has shape (1, 2)",
         ),
-        (lambda: support(-ONE), "`kxx + kyy [N/m]` must not be negative, but is -2."),
+        (lambda: support(ONE, -ONE), "`cxx + cyy [N s/m]` must not be negative, but is -2."),
         (lambda: support("soft"), "`stiffness [N/m]` must be a number, but is 'soft'"),
         (lambda: support([["a", 1], [2, 3]]), "must be a number or a 2 by 2 matrix of numbers"),
         (

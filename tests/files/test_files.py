@@ -293,7 +293,7 @@ def every_effect() -> Scene:
             members.append(Casing("pedestal", rng.random() / 3))
             continue
         if cls is Support:
-            members.append(Support(of="pedestal", kxx=1 / 3, kyy=1 / 7, cyy=1 / 9))
+            members.append(Support(of="pedestal", kxx=1 / 3, kyy=1 / 7, cxx=0.0, cyy=1 / 9))
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
             numbers: dict = {name: rng.random() / 3 for name in names}
@@ -541,7 +541,7 @@ def test_thin_disc_and_discs_out_of_true():
         "diameter = 0.2\nthickness = 0.01": Disc.from_dimensions(
             0.7, 0.2, 0.01, exact=False, **out_of_true
         ),
-        "mass = 2.5": Disc(0.7, 2.5, exact=False, **out_of_true),
+        "mass = 2.5\npolar = 0.1": Disc(0.7, 2.5, polar=0.1, exact=False, **out_of_true),
     }.items():
         scene = loads(good("mass = 2.5\n", f"{given}\n{wrong}"))
         (found,) = scene.of(Disc)
