@@ -148,7 +148,7 @@ def test_reduced_mass_along_the_shaft(pinned, share):
 def test_several_discs_count_by_their_deflection():
     """`sum m_i (x_i / x)^2`, and `I_d` by the slope."""
     one = beam(False)
-    more = jr.Scene(one.shaft, *one.effects, jr.Disc(LENGTH, 0.1, 2e-4), spin=one.spin)
+    more = jr.Scene(one.shaft, *one.effects, jr.Disc(LENGTH, 0.1, 2e-4, 0.0), spin=one.spin)
     a, l = STATION, LENGTH
     ratio = (3 * a**2 * l - a**3) / (2 * a**3)
     slope = 3 / (2 * a)
@@ -708,7 +708,7 @@ def test_first_order_refuses_what_it_does_not_know(name):
 
 def test_first_order_of_two_discs_and_loads():
     """Discs at one station act as one, and loads do not matter."""
-    parts = jr.Disc(0.3, 1.5, 0.004, 0.02), jr.Disc(0.3, 0.5, 0.006)
+    parts = jr.Disc(0.3, 1.5, 0.004, 0.02), jr.Disc(0.3, 0.5, 0.006, 0.0)
     loads = jr.Gravity(), jr.Unbalance(0.3, 2.0, 1e-4)
     spin = jr.ConstantSpeed(10.0)
     one, two = (

@@ -78,7 +78,7 @@ def stopped():
     """A disc on the end of a rigid shaft that turns about a pin, and a stop on a casing."""
     return jr.Scene(
         jr.RigidShaft(1.0, (jr.Constraint(0.0, "pin"),)),
-        jr.Disc(1.0, HEAVY, TILT),
+        jr.Disc(1.0, HEAVY, TILT, 0.0),
         jr.Support(1.0, SPRING, 8.0),
         jr.Casing("housing", LIGHT),
         jr.Support(of="housing", stiffness=FOUNDATION, damping=30.0),

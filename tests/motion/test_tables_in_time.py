@@ -34,7 +34,7 @@ def rotor(spin):
         )
         for at in (0.0, 1.0)
     ]
-    disc, heavy = jr.Disc(0.5, MASS, 0.1), jr.Unbalance(0.5, MASS, ECCENTRICITY, PHASE)
+    disc, heavy = jr.Disc(0.5, MASS, 0.1, 0.0), jr.Unbalance(0.5, MASS, ECCENTRICITY, PHASE)
     return jr.Scene(jr.RigidShaft(1.0, constraints=()), disc, heavy, *bearings, spin=spin)
 
 

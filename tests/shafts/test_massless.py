@@ -12,7 +12,7 @@ STILL = jr.ConstantSpeed(0.0)
 
 
 def rotor(shaft, *effects):
-    return jr.Scene(shaft, jr.Disc(shaft.at, 1.0, 1.0), *effects, spin=STILL)
+    return jr.Scene(shaft, jr.Disc(shaft.at, 1.0, 1.0, 0.0), *effects, spin=STILL)
 
 
 def elastic(*ends, at=0.3, length=0.6):
