@@ -148,6 +148,40 @@ def test_tables_of_ross_3(changed):
     assert not notes
 
 
+@pytest.mark.parametrize("over", ["speed", "frequency"])
+def test_interpolation_of_ross_3_is_kept(changed, over):
+    """Halfway between two nodes a straight line has the mean of their values."""
+    table = {over: [0.0, 100.0, 200.0, 400.0, 800.0], "kxx": [1e6, 1.1e6, 1.5e6, 3e6, 9e6]}
+    scene, notes = changed(third(**table, cxx=[1e3], interpolation="linear"), speed=600.0)
+    rear = scene.of(jr.Support)[1]
+    read = rear.at_speed if over == "speed" else rear.at_whirl
+    assert float(read(600.0).kxx) == pytest.approx(6e6, rel=1e-15) and not notes
+    notes = changed(third(**table, cxx=[1e3], interpolation="spline"))[1]
+    assert notes == ("interpolation by 'spline' is replaced by PCHIP: rear",)
+
+
+def test_linear_tables_in_series_are_read_by_straight_lines(changed):
+    """Between nodes of its own a table in series is read where the other one has a node."""
+    table = {"kxx": [1e8, 2e8], "speed": [200.0, 800.0], "interpolation": "linear"}
+
+    def link(document):
+        on_support({"cxx": [0.0, 0.0], **table})(document)
+        document["ross_version"] = "3.0.0"
+        one = {"kxx": [3e7, 4e7, 9e7], "kyy": [3e7, 4e7, 9e7], "speed": [200.0, 500.0, 800.0]}
+        document[FRONT].update(cxx=[0.0], cyy=[0.0], interpolation="linear", **one)
+
+    front = changed(link)[0].of(jr.Support)[0]
+    assert front.interpolation == "linear"
+    assert float(front.kxx[1]) == pytest.approx(4e7 * 1.5e8 / 1.9e8, rel=1e-12)
+
+
+def test_negative_direct_stiffness_of_a_seal(changed):
+    seal = {"frequency": [500.0, 800.0], "kxx": [-2e4, -3e4], "cxx": [15.0, 15.0]}
+    scene, _ = changed(lambda d: d.update({"LabyrinthSeal_L": {"n": 3, "tag": "L", **seal}}))
+    (own,) = [one for one in scene.of(jr.Support) if one.speeds is not None and one.kxx[0] < 0]
+    assert own.kxx.tolist() == own.kyy.tolist() == [-2e4, -3e4]
+
+
 def test_tables_over_speed_and_whirl_frequency(changed):
     speeds, whirls = np.array([100.0, 400.0, 900.0]), np.array([0.0, 1000.0])
     table = 1e7 + 2e4 * speeds[:, None] - 5e3 * whirls
@@ -208,7 +242,8 @@ def test_negative_speed_is_refused():
         (put(SHAFT, shear_method_calc="hutchinson"), "Cowper in place of Hutchinson"),
         (put(SHAFT, gyroscopic=False), "gyroscopic is taken into account all along the shaft"),
         (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) is left out: front"),
-        (put(FRONT, kzz=[1e5]), "axial stiffness and damping are left out: front"),
+        (put(FRONT, kzz=[1e5]), "axial stiffness, damping and inertia are left out: front"),
+        (put(FRONT, preload=0.3), "`preload` is not read: front"),
         (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget is left out: Gadget"),
         (
             lambda d: d.update({"PointMass_a": {"n": 3, "mx": 1.0, "my": 2.0}}),
@@ -396,6 +431,11 @@ def test_short_section_takes_its_neighbours_diameter(changed):
             "tables over `speed` and `frequency` of one",
         ),
         (put(FRONT, cxx=[-9e9]), "front: `cxx + cyy [N s/m]` must not be negative, but is -"),
+        (
+            lambda d: d[FRONT].pop("kxy"),
+            "front: `kyx [N/m]` is given without `kxy [N/m]`; give that too: 0 if",
+        ),
+        (lambda d: d[FRONT].pop("kxx"), "front.kxx is missing; a bearing or seal needs it, 0 if"),
         (put(FRONT, n_link=40), "n_link must be the node of another bearing"),
         (put("DiskElement_middle", n=31), "n must be a node of the shaft, but is 31"),
         (put("DiskElement_middle", m="heavy"), "m must be in kg, but is 'heavy'"),

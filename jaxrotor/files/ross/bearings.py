@@ -8,7 +8,7 @@ import numpy as np
 
 from ...effects import Casing, Disc, Support
 from ..units import SceneError, refuse
-from .coefficients import Coefficients, coefficients
+from .coefficients import Coefficients, coefficients, is_bearing
 from .file import Element, Notes, station
 
 
@@ -31,7 +31,7 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
 
 def casings(elements: Sequence[Element], places: dict[int, float]) -> dict[int, str]:
     """Names of casings by their nodes: point masses beside the shaft that a bearing holds or stands on."""
-    bearings = [element for element in elements if "kxx" in element.table]
+    bearings = [element for element in elements if is_bearing(element)]
     links = [e for e in bearings if e.table.get("n_link") is not None]
     held = {e.node for e in bearings} | {e.count("n_link") for e in links}
     found: dict[int, str] = {}
@@ -74,11 +74,11 @@ def supports(
 
     `names` are those of casings by their nodes.
     """
-    bearings = [element for element in elements if "kxx" in element.table]
+    bearings = [element for element in elements if is_bearing(element)]
     of_ground = {e.node: e for e in bearings if e.node not in places and e.node not in names}
     known = ("ShaftElement", "PointMass")
     for element in elements:
-        if element.kind not in known and not {"kxx", "Ip"} & element.table.keys():
+        if element.kind not in known and not is_bearing(element) and "Ip" not in element.table:
             notes.add(f"{element.kind} is left out", element)
     for element in bearings:
         if element.node not in places and element.node not in names:
@@ -143,7 +143,12 @@ def _series(element: Element, one: Coefficients, other: Coefficients, notes: Not
         refuse(element.path, "and its support must have stiffness along both axes.")
     loss = sum(a @ c @ a for a, (_, c) in zip(soft, parts, strict=True))
     damping = stiffness @ loss @ stiffness
-    return Coefficients(speeds, None, stiffness[:, None], damping[:, None])
+    if {one.interpolation, other.interpolation} == {"linear", "pchip"} and given:
+        notes.add(
+            "tables in series, one linear and one by PCHIP, are interpolated by PCHIP", element
+        )
+    kind = one.interpolation if one.interpolation == other.interpolation else "pchip"
+    return Coefficients(speeds, None, stiffness[:, None], damping[:, None], kind)
 
 
 def _made(element: Element, build: Any, *values: Any, **named: Any) -> Any:

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..units import quantity, refuse, show
+from ...effects.coefficients import AXES, COEFFICIENTS, check_whole
+from ..units import SceneError, quantity, refuse, show
 from .file import Element, Notes
 
 
-_AXES = ("xx", "xy", "yx", "yy")
 _UNITS = {"k": "N/m", "c": "N s/m", "m": "kg"}
 
 
@@ -23,6 +23,7 @@ class Coefficients(NamedTuple):
     frequencies: np.ndarray | None  # (f,) [rad/s]; None: the same at every frequency
     stiffness: np.ndarray  # (w, f, 2, 2) [N/m]
     damping: np.ndarray  # (w, f, 2, 2) [N s/m]
+    interpolation: str = "pchip"  # between the nodes of tables, or "linear"
 
     def at(self, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (v, 2, 2) of synchronous whirl at speeds (v,), as at the ends beyond."""
@@ -37,7 +38,8 @@ class Coefficients(NamedTuple):
             if nodes is None:
                 matrices = matrices[0]
             else:
-                matrices = _interpolated(nodes, matrices, np.clip(speed, nodes[0], nodes[-1]))
+                at = np.clip(speed, nodes[0], nodes[-1])
+                matrices = _interpolated(self.interpolation, nodes, matrices, at)
         return matrices
 
     @property
@@ -49,29 +51,41 @@ class Coefficients(NamedTuple):
         for letter, matrix in zip("kc", (self.stiffness, self.damping), strict=True):
             if letter == "c" and not matrix.any():
                 continue
-            for axes, values in zip(_AXES, matrix.reshape(-1, 4).T, strict=True):
+            for axes, values in zip(AXES, matrix.reshape(-1, 4).T, strict=True):
                 found[letter + axes] = values.reshape(shape) if np.ptp(values) else values[0]
         if any(np.ndim(value) for value in found.values()):
-            found |= given | {"hold": True}
+            found |= given | {"hold": True, "interpolation": self.interpolation}
         return found
 
 
-def _interpolated(nodes: np.ndarray, values: np.ndarray, at: Any) -> np.ndarray:
-    """Values at a place by PCHIP along the first axis."""
-    from scipy.interpolate import PchipInterpolator
+def _interpolated(kind: str, nodes: np.ndarray, values: np.ndarray, at: Any) -> np.ndarray:
+    """Values at a place by a kind of interpolation along the first axis."""
+    from scipy.interpolate import PchipInterpolator, interp1d
 
-    return np.asarray(PchipInterpolator(nodes, values, axis=0)(at))
+    of = PchipInterpolator if kind == "pchip" else interp1d
+    return np.asarray(of(nodes, values, axis=0)(at))
+
+
+def is_bearing(element: Element) -> bool:
+    """Whether an element has coefficients of a bearing or seal."""
+    return not element.table.keys().isdisjoint(COEFFICIENTS)
 
 
 def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
     """Coefficients of a bearing or seal; notes tell what is changed in a scene at a speed [rad/s]."""
-    planar = {letter + axes: unit for letter, unit in _UNITS.items() for axes in _AXES}
-    axial = {f"{letter}zz": _UNITS[letter] for letter in "kc"}
+    if element.table.get("kxx") is None:
+        refuse(f"{element.path}.kxx", "is missing; a bearing or seal needs it, 0 if it has none.")
+    try:
+        check_whole(element.table)
+    except ValueError as error:
+        raise SceneError(f"{element.path}: {error}") from None
+    planar = {letter + axes: unit for letter, unit in _UNITS.items() for axes in AXES}
+    axial = {f"{letter}zz": _UNITS[letter] for letter in _UNITS}
     found = {key: _numbers(element, key, unit) for key, unit in (planar | axial).items()}
     if any(found[key].any() for key in planar if key[0] == "m"):
         notes.add("inertia of a bearing or seal (mxx, ..) is left out", element)
     if any(found[key].any() for key in axial):
-        notes.add("axial stiffness and damping are left out", element)
+        notes.add("axial stiffness, damping and inertia are left out", element)
     own = {key: values for key, values in found.items() if key in planar and key[0] != "m"}
     nodes = _nodes_of(element, own)
     every = np.stack(np.broadcast_arrays(*own.values()))
@@ -83,11 +97,16 @@ def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
     if speeds is not None and not speeds[0] <= speed <= speeds[-1]:
         ends = f"{speeds[0]:g} to {speeds[-1]:g} rad/s"
         notes.add(f"coefficients for {ends} are taken at the nearer end", element)
-    if speeds is not None and element.version < 3:
+    tabled = any(one is not None for one in nodes.values())
+    kind = element.table.get("interpolation")
+    if tabled and kind not in (None, "pchip", "linear"):
+        notes.add(f"interpolation by {show(kind)} is replaced by PCHIP", element)
+    elif speeds is not None and element.version < 3 and kind is None:
         notes.add(
             "coefficients that depend on speed are interpolated by PCHIP, as by ROSS 3", element
         )
-    return Coefficients(speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1])
+    kind = "linear" if kind == "linear" else "pchip"
+    return Coefficients(speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1], kind)
 
 
 def _numbers(element: Element, key: str, unit: str) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +10,20 @@ from ..units import quantity, refuse, show
 
 
 Table = dict[str, Any]
+
+
+_DRAWN = ("n", "tag", "color", "scale_factor")
+_BEARING = ("n_link", "frequency", "speed", "interpolation", "seal_leakage", "leakage")
+_BEARING += tuple(letter + axes for letter in "kcm" for axes in ("xx", "xy", "yx", "yy", "zz"))
+_SHAFT = ("L", "idl", "odl", "idr", "odr", "material", "axial_force", "torque", "alpha", "beta")
+_SHAFT += ("shear_effects", "rotary_inertia", "gyroscopic", "shear_method_calc")
+_READ = {  # keys of elements that are read, or have no part in the motion
+    "ShaftElement": _SHAFT,
+    "DiskElement": ("m", "Id", "Ip"),
+    "PointMass": ("m", "mx", "my", "mz"),
+    "BearingElement": _BEARING,
+    "SealElement": _BEARING,
+}
 
 
 class Element(NamedTuple):
@@ -93,6 +107,15 @@ def read(source: str) -> list[Element]:
     if not any(element.kind == "ShaftElement" for element in found):
         refuse(source, "has no shaft elements; give a file that ROSS has written by `Rotor.save`.")
     return found
+
+
+def note_unread(elements: Iterable[Element], notes: Notes) -> None:
+    """Note the keys of elements that have no place in a scene."""
+    for element in elements:
+        read = _READ.get(element.kind)
+        for key, value in element.table.items() if read is not None else ():
+            if key not in read and key not in _DRAWN and value is not None:
+                notes.add(f"`{_line(key)}` is not read", element)
 
 
 def station(element: Element, places: dict[int, float]) -> float:

@@ -11,7 +11,7 @@ from ...shafts.materials import Material
 from ...spins.constant import ConstantSpeed
 from ..units import SceneError, quantity, refuse
 from .bearings import casings, discs, housed, supports
-from .file import Notes, read
+from .file import Notes, note_unread, read
 from .shaft import merged, placed, sections, step
 
 
@@ -26,8 +26,9 @@ def from_ross(
     Shaft elements become one `FlexibleShaft` without constraints, with their shear and rotary inertia,
     and with a `Step` where the section changes. Disks, and point masses on the shaft, become `Disc`.
     Bearings and seals become `Support` with all eight coefficients, numbers or tables over the speed, the
-    whirl frequency or both, constant beyond their ends. Between the nodes of a table over speed ROSS 3
-    interpolates as `Support` does, ROSS 2 by splines. A tapered element becomes up to four uniform ones,
+    whirl frequency or both, constant beyond their ends; `kyy` and `cyy` that a file leaves out are `kxx`
+    and `cxx`. Between the nodes of a table ROSS 3 interpolates as `Support` does, and its `interpolation`
+    is kept; ROSS 2 took splines. A tapered element becomes up to four uniform ones,
     and layers of sleeves become one ring.
 
     A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
@@ -61,6 +62,7 @@ def from_ross(
         *housed(elements, housings, places, notes),
         *supports(elements, places, housings, speed, notes),
     ]
+    note_unread(elements, notes)
     shaft, *steps = merged(rings, total, notes)
     ends = [0.0, total, *(at for at, _ in placed(shaft, steps)), *_stations(effects)]
     spans = len({round(at / total, 4) for at in ends}) - 1
