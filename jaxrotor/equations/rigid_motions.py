@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
-from ..core.quantities import Scalar, known
+from ..core.quantities import Scalar, known, value_of
 from ..effects.base import (
     AbstractCasing,
     AbstractContact,
@@ -91,7 +91,7 @@ def _resists(spring: Any) -> bool:
     number = lambda value: np.asarray(0.0 if value is None else value)
     if spring.kxx is None:
         return bool(number(spring.stiffness) > 0 and abs(number(spring.anisotropy)) < 1)
-    least = [number(spring.kxx).min(), number(spring.kyy).min()]
+    least = [number(spring.kxx).min(), number(value_of(spring, "kyy")).min()]
     cross = np.abs(number(spring.kxy) + number(spring.kyx)).max()
     return bool(min(least) > 0 and cross < 2 * np.sqrt(np.prod(least)))
 

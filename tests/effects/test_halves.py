@@ -124,7 +124,7 @@ def test_of_tables_too(over):
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"kyy": 1.0}, "`kyy [N/m]` is given without `kxx [N/m]`; give that too: 0 if"),
+        ({"kyy": 1.0}, "A support needs a stiffness; give `kxx [N/m]`"),
         ({"kxx": 1.0, "kxy": 1.0}, "`kxy [N/m]` is given without `kyx [N/m]`; give that too: 0 if"),
         ({"kxx": 1.0, "kyx": 1.0}, "`kyx [N/m]` is given without `kxy [N/m]`"),
         ({"kxx": 1.0, "cyy": 1.0}, "`cyy [N s/m]` is given without `cxx [N s/m]`"),
@@ -132,7 +132,7 @@ def test_of_tables_too(over):
         ({"kxx": 1.0, "cxx": 1.0, "cyx": 0.0}, "`cyx [N s/m]` is given without `cxy [N s/m]`"),
         ({"stiffness": 1.0, "cross_damping": 1.0}, "`cross_damping [N s/m]` goes with `damping"),
         ({"stiffness": 1.0, "angle": 1.0}, "`angle [rad]` belongs to `anisotropy [1]`"),
-        ({"kyy": [1.0, 2.0], "speeds": [0.0, 1.0]}, "`kyy [N/m]` is given without `kxx [N/m]`"),
+        ({"kyy": [1.0, 2.0], "speeds": [0.0, 1.0]}, "give `kxx [N/m]`, and kyy if it differs"),
     ],
 )
 @pytest.mark.parametrize("ends", [{"at": 0.5}, {"of": "a", "on": "b"}])
