@@ -59,9 +59,9 @@ def loop_gain(system: System) -> Scalar:
     flexibility = rows @ linalg.solve(_of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns)
     force = lambda z, port: port.forces(z, still, system.spin.speed).sum(0)
     slope = lambda port: jax.jacfwd(force)(still, port)
-    moduli = jnp.stack([linalg.norm(slope(port), 2) for port in ports])
+    moduli = jnp.stack([linalg.spectral_norm(slope(port)) for port in ports])
     roots = jnp.sqrt(jnp.tile(moduli, 2))
-    return linalg.norm(roots[:, None] * flexibility * roots, 2)
+    return linalg.spectral_norm(roots[:, None] * flexibility * roots)
 
 
 class ConstantFrame(eqx.Module):
