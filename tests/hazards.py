@@ -1,4 +1,4 @@
-"""Programs of very many lanes, run by a process that may hang or crash.
+"""Programs of very many lanes, run by a process that may hang or crash, on one processor or on all.
 
 `python tests/hazards.py NAME ..` runs them in turn, and writes a line of JSON for each one done. The
 compiler has its own settings there, as it has for a user: those of `conftest.py` hide half of what
@@ -22,10 +22,11 @@ import numpy as np
 
 import jaxrotor as jr
 from jaxrotor import objectives as of
+from jaxrotor.core import linalg
 from jaxrotor.core.compiled import QUICKLY
 
 
-LANES, CHUNK = 16_384 + 128, 128  # some programs of jax went wrong above 16 384
+LANES, CHUNK = 20_000, 128  # some programs of jax went wrong above 16 384
 # Options by which the program of chunks is compiled: as other tests compile theirs.
 SIMPLY = {
     "compiler_options": QUICKLY["compiler_options"] | {"xla_disable_hlo_passes": flags.PASSES}
@@ -33,7 +34,9 @@ SIMPLY = {
 LIMIT = 240  # [s] for one program, its compilation included; most take less than 10
 
 
-def outcomes(names: Iterable[str], limit: float = LIMIT) -> dict[str, str]:
+def outcomes(
+    names: Iterable[str], limit: float = LIMIT, one_processor: bool = False
+) -> dict[str, str]:
     """What became of each program: "" if all is well, else what is wrong.
 
     One process runs them all. Where it hangs or crashes, the next one goes on behind that program. The
@@ -41,7 +44,7 @@ def outcomes(names: Iterable[str], limit: float = LIMIT) -> dict[str, str]:
     """
     left, found = list(names), {}
     while left:
-        lines, ended = _process(left, limit)
+        lines, ended = _process(left, limit, one_processor)
         done = [json.loads(line) for line in lines]
         found |= {one["name"]: one["error"] for one in done}
         left = left[len(done) :]
@@ -50,12 +53,18 @@ def outcomes(names: Iterable[str], limit: float = LIMIT) -> dict[str, str]:
     return found
 
 
-def _process(names: list[str], limit: float) -> tuple[list[str], str]:
+def _process(names: list[str], limit: float, one_processor: bool) -> tuple[list[str], str]:
     """Lines that a process wrote, and how it ended."""
-    settings = {key: value for key, value in os.environ.items() if key != "XLA_FLAGS"}
+    own = ("XLA_FLAGS", "NPROC")  # of the tests
+    settings = {key: value for key, value in os.environ.items() if key not in own}
+    every = os.sched_getaffinity(0)
     command = [sys.executable, __file__, *names]
     with tempfile.TemporaryFile("w+") as said, tempfile.TemporaryFile("w+") as errors:
-        process = subprocess.Popen(command, stdout=said, stderr=errors, env=settings)
+        try:
+            os.sched_setaffinity(0, {max(every)} if one_processor else every)
+            process = subprocess.Popen(command, stdout=said, stderr=errors, env=settings)
+        finally:
+            os.sched_setaffinity(0, every)
         try:
             ended = _wait(process, said.fileno(), limit)
         finally:
@@ -112,6 +121,14 @@ def lapack() -> None:
         jax.block_until_ready(together(a))
 
 
+def singular() -> None:
+    """Batched singular values in loops beside each other: each waited for the only thread (0.9.1)."""
+    a = jnp.asarray(np.random.default_rng(0).normal(size=(8, 8, 8, 8)))
+    step = jax.vmap(lambda a: a + linalg.svd(a)[0])
+    loop = lambda a: jax.lax.fori_loop(0, 5, lambda _, a: step(a), a)
+    jax.block_until_ready(jax.jit(lambda a: [loop(part) for part in a])(a))
+
+
 def fourier() -> None:
     """Batched Fourier transforms that do not depend on each other: likewise (0.11.1, 0.11.2)."""
     a = jnp.asarray(np.random.default_rng(0).normal(size=(8, 2000, 512))) + 0j
@@ -142,6 +159,12 @@ def loops() -> None:
 
 
 # === of the library
+
+
+def tables() -> None:
+    """Critical speeds of bearings whose tables are level are those of bearings without tables."""
+    speeds = jr.critical_speeds(level(False), 2).forward
+    np.testing.assert_allclose(jr.critical_speeds(level(True), 2).forward, speeds, 1e-9)
 
 
 def one_chunk() -> None:
@@ -230,6 +253,20 @@ def sprung():
     disc, heavy = jr.Disc(0.5, 10.0, 0.2, 0.1), jr.Unbalance(0.5, 10.0, 1e-4)
     return jr.Scene(
         jr.RigidShaft(1.0), disc, heavy, *bearings, *stops(), spin=jr.ConstantSpeed(50.0)
+    )
+
+
+def level(tabled: bool) -> jr.Scene:
+    """An elastic shaft in bearings of 2e7 N/m and 100 N s/m at all speeds."""
+    table = {"speeds": [10.0, 3000.0], "kxx": [2e7] * 2, "kyy": [2e7] * 2}
+    damping = {"cxx": [100.0] * 2, "cyy": [100.0] * 2}
+    bearing = table | damping if tabled else {"stiffness": 2e7, "damping": 100.0}
+    shaft = jr.FlexibleShaft(1.0, 0.05, constraints=(), nodes=5)
+    return jr.Scene(
+        shaft,
+        jr.Disc(0.5, 10.0),
+        *(jr.Support(at, **bearing) for at in (0.0, 1.0)),
+        spin=jr.ConstantSpeed(100.0),
     )
 
 
@@ -385,8 +422,8 @@ FUNCTIONS: dict[str, tuple[dict[str, Callable], Callable]] = {
     ),
 }
 
-PLAIN = {one.__name__: one for one in (rows, lapack, fourier, fused, loops)}
-PROGRAMS = PLAIN | {"sweep": one_chunk}
+PLAIN = {one.__name__: one for one in (rows, lapack, singular, fourier, fused, loops)}
+PROGRAMS = PLAIN | {"sweep": one_chunk, "tables": tables}
 PROGRAMS |= {name: mapped(*case) for name, case in FUNCTIONS.items()}
 FAILING = {
     "sleep": lambda: time.sleep(1e6),

@@ -29,12 +29,13 @@ def test_this_jax_is_one_of_those_allowed():
     assert "0.7.2" in allowed()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", params=[False, True], ids=["all processors", "one processor"])
 def found(request):
     """What became of the programs that the tests of this session look at, all run by one process."""
     own = [item for item in request.session.items if item.module is request.module]
-    chosen = [item.callspec.params["name"] for item in own if "found" in item.fixturenames]
-    return hazards.outcomes(chosen)
+    params = [item.callspec.params for item in own if "found" in item.fixturenames]
+    chosen = [one["name"] for one in params if one["found"] == request.param]
+    return hazards.outcomes(chosen, one_processor=request.param)
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -43,8 +44,10 @@ def test_many_lanes_at_once(found, name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("found", [True], indirect=True, ids=["one processor"])
 @pytest.mark.parametrize("name", [name for name in hazards.PROGRAMS if name not in QUICK])
 def test_very_many_lanes_equal_chunks_of_few(found, name):
+    """A pool of one thread hangs wherever a larger one may."""
     assert found[name] == ""
 
 

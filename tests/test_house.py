@@ -195,7 +195,7 @@ def test_matplotlib_is_imported_by_plots_alone():
 
 @pytest.mark.parametrize("path", [p for p in SOURCES if name_of(p) != "core/linalg"], ids=name_of)
 def test_decompositions_are_those_of_linalg(path):
-    """LAPACK hangs where a process has one processor, see the module."""
+    """Some of jax hang where a process has one processor, see the module."""
     there = r"jnp\.(?:linalg|roots|polyfit)\b|jax\.(?:numpy|scipy|lax)\.linalg|\b(?:lineax|lx)\."
     assert not re.findall(there, path.read_text())
 
