@@ -63,6 +63,7 @@ class Scene(eqx.Module):
     spin: AbstractSpin
     spans: tuple[int, ...] = eqx.field(static=True)
     resolution: tuple[int, ...] = eqx.field(static=True)  # nodes of every span
+    attached: tuple[int, ...] = eqx.field(static=True)  # stations, see `AbstractShaft.attached`
     assumption: str = eqx.field(static=True)
 
     def __init__(
@@ -88,11 +89,13 @@ class Scene(eqx.Module):
             )
         self.spans = _spans(shaft, members, stations)
         self.resolution = shaft.resolution(stations, self.spans, _count_held(members))
+        self.attached = shaft.attached(stations, self.resolution)
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
         """The elastic line of the shaft, and of the casings beside it if there are any."""
-        line = self.shaft.line(_stations(self.shaft, self.effects), self.spans, self.resolution)
+        stations = _stations(self.shaft, self.effects)
+        line = self.shaft.line(stations, self.spans, self.resolution, self.attached)
         casings = tuple(casing.name for casing in self.of(AbstractCasing))
         if not casings:
             return line

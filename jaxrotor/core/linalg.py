@@ -13,16 +13,18 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.lax.linalg import SvdAlgorithm, svd as _svd
-from jax.numpy.linalg import det, eig, eigvals, inv, matrix_power, norm, qr, solve
+from jax.numpy.linalg import cholesky, det, eig, eigh, eigvals, inv, matrix_power, norm, qr, solve
 from jax.scipy.linalg import block_diag, expm, lu_factor, lu_solve, solve_triangular
 from jaxtyping import Array, Float, Inexact
 
 
 __all__ = [
     "block_diag",
+    "cholesky",
     "cond",
     "det",
     "eig",
+    "eigh",
     "eigvals",
     "expm",
     "inv",

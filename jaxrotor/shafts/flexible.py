@@ -11,16 +11,28 @@ from jaxtyping import Array, Float
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, real
+from .condensed import MODES, CondensedLine
 from .constraint import Constraint, Motion, motions_left
 from .greens import CantileverKernel, HeldKernel
 from .influence import Influence
-from .line import NODES, AbstractLine, AbstractShaft, Held, check_ratio, off_shaft
+from .line import (
+    NODES,
+    AbstractLine,
+    AbstractShaft,
+    AbstractSpectralLine,
+    Held,
+    check_ratio,
+    off_shaft,
+)
 from .materials import Material, steel
 from .resolution import nodes_needed
-from .section import Section, Step
+from .section import Section, Step, stacked
 from .shear import ShearLine
 from .spectral import SpectralLine
 from .trapezoid import TrapezoidLine
+
+
+LARGE = 160  # coordinates beyond which a line is condensed
 
 
 class FlexibleShaft(AbstractShaft):
@@ -71,7 +83,7 @@ class FlexibleShaft(AbstractShaft):
                 "With shear, and in the trapezoidal rule, slopes are coordinates, which have no inertia "
                 "without `rotary_inertia`; keep it."
             )
-        for section in self._sections:
+        for section in (self._first, *(step.section(self.material) for step in self.steps)):
             section.check(self.shear)
         check_ratio(self.anisotropy)
         if self.rule == "trapezoid" and (self.steps or self.shear or self._held_inside):
@@ -96,17 +108,22 @@ class FlexibleShaft(AbstractShaft):
     @property
     def rigidity(self) -> Scalar:
         """Bending stiffness `EI` [N m^2] at the start of the shaft."""
-        return self._sections[0].rigidity
+        return self._first.rigidity
 
     @property
     def mass_per_length(self) -> Scalar:
         """`rho A` [kg/m] at the start of the shaft."""
-        return self._sections[0].mass_per_length
+        return self._first.mass_per_length
 
     @property
-    def _sections(self) -> list[Section]:
-        first = Section(self.diameter, self.inner_diameter, self.material)
-        return [first, *(step.section(self.material) for step in self.steps)]
+    def _first(self) -> Section:
+        return Section(self.diameter, self.inner_diameter, self.material)
+
+    @property
+    def _sections(self) -> Section:
+        """All sections as one, whose numbers have a leading axis."""
+        every = [self._first, *(step.section(self.material) for step in self.steps)]
+        return stacked(every, self.shear)
 
     @property
     def _held_inside(self) -> bool:
@@ -183,28 +200,42 @@ class FlexibleShaft(AbstractShaft):
         held += sum(one.displacement + one.slope for one in self.constraints)
         with jax.ensure_compile_time_eval():
             slowness = np.asarray(_slowness(self._sections))
-            starts = [np.asarray(step.at) for step in self.steps]
+            starts = np.array([float(step.at) for step in self.steps])
         ends = np.array([0.0, *(stations[k] for k in spans[1:-1]), float(self.length)])
         waves = slowness[_section_of_span(ends, starts)] * np.diff(ends)
         return nodes_needed(waves, held, self.shear)
 
+    def attached(
+        self, stations: tuple[float, ...], resolution: tuple[int, ...]
+    ) -> tuple[int, ...]:
+        own, length, found = len(self.stations), float(self.length), dict[float, int]()
+        for number, at in enumerate(stations[own:], own):
+            if all(abs(at - other) > 1e-9 * length for other in found):
+                found[at] = number
+        coordinates = sum(resolution) * (2 if self.shear else 1) + (not self.shear) * len(resolution)
+        worth = coordinates > LARGE and coordinates > 2 * (MODES + 2 * len(found))
+        return tuple(found.values()) if worth and self.nodes == "auto" else ()
+
     def line(
-        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+        self,
+        stations: tuple[Scalar, ...],
+        spans: tuple[int, ...],
+        resolution: tuple[int, ...],
+        attached: tuple[int, ...],
     ) -> AbstractLine:
         ends = self._ends(stations, spans)
         held, free = self._held(spans)
         if self.shear:
-            rigidity = jnp.stack([section.rigidity for section in self._sections])
-            stiff = jnp.stack([section.shear_stiffness for section in self._sections])
-            own = _section_of_span(ends, [step.at for step in self.steps])
-            return ShearLine(
-                bending=rigidity[own],
-                shear=stiff[own],
+            sections, own = self._sections, self._section_of_span(ends)
+            line = ShearLine(
+                bending=sections.rigidity[own],
+                shear=sections.shear_stiffness[own],
                 ends=ends,
                 degrees=resolution,
                 held=held,
                 anisotropy=self.anisotropy,
             )
+            return self._condensed(line, stations, attached)
         kernel = self._beam
         if held[0] != (True, True) or any(any(one) for one in held[1:]):
             holds = [(k, sloped) for k, one in enumerate(held) for sloped in (0, 1) if one[sloped]]
@@ -216,7 +247,23 @@ class FlexibleShaft(AbstractShaft):
         if self.rule == "trapezoid":
             (cells,) = resolution
             return TrapezoidLine(kernel=kernel, length=self.length, cells=cells, **common)
-        return SpectralLine(kernel=kernel, ends=ends, degrees=resolution, **common)
+        line = SpectralLine(kernel=kernel, ends=ends, degrees=resolution, **common)
+        return self._condensed(line, stations, attached)
+
+    def _condensed(
+        self,
+        line: AbstractSpectralLine,
+        stations: tuple[Scalar, ...],
+        attached: tuple[int, ...],
+    ) -> AbstractLine:
+        if not attached:
+            return line
+        sections, own = self._sections, self._section_of_span(line.breaks)
+        inertia = line.work_along(sections.mass_per_length[own], 0)
+        if self.rotary_inertia:
+            inertia = inertia + line.work_along(sections.rotary_inertia[own], 1)
+        at = jnp.stack([jnp.asarray(stations[k], float) for k in attached])
+        return CondensedLine.of(line, inertia, at)
 
     def _ends(
         self, stations: tuple[Scalar, ...] | tuple[float, ...], spans: tuple[int, ...]
@@ -244,13 +291,12 @@ class FlexibleShaft(AbstractShaft):
     # --- equations
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        own = _section_of_span(line.breaks, [step.at for step in self.steps])
-        mass = jnp.stack([section.mass_per_length for section in self._sections])[own]
+        sections, own = self._sections, self._section_of_span(line.breaks)
+        mass = sections.mass_per_length[own]
         inertia = line.forces_along(mass)
         gyroscopic = None
         if self.rotary_inertia:
-            rotary = jnp.stack([section.rotary_inertia for section in self._sections])[own]
-            couples = line.couples_along(rotary)
+            couples = line.couples_along(sections.rotary_inertia[own])
             inertia = inertia + couples
             gyroscopic = self.polar_ratio * couples
         return Blocks(
@@ -265,35 +311,41 @@ class FlexibleShaft(AbstractShaft):
     def influence(self) -> Influence | None:
         shear = None
         if self.shear:
-            shear = 1 / jnp.stack([section.shear_stiffness for section in self._sections])
+            shear = 1 / self._sections.shear_stiffness
         beam = eqx.tree_at(lambda b: b.shear, self._beam, shear, is_leaf=lambda leaf: leaf is None)
         return Influence.of(beam, self.constraints, self.length)
 
     @property
     def _beam(self) -> CantileverKernel:
-        starts = jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
-        rigidity = jnp.stack([section.rigidity for section in self._sections])
-        return CantileverKernel(starts, 1 / rigidity)
+        return CantileverKernel(self._starts, 1 / self._sections.rigidity)
 
     @property
     def _polar(self) -> Scalar:
         """Moment of inertia about the axis [kg m^2]."""
-        starts = jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
-        rotary = jnp.stack([section.rotary_inertia for section in self._sections])
-        return self.polar_ratio * jnp.sum(rotary * jnp.diff(starts, append=self.length))
+        lengths = jnp.diff(self._starts, append=self.length)
+        return self.polar_ratio * jnp.sum(self._sections.rotary_inertia * lengths)
+
+    @property
+    def _starts(self) -> Float[Array, " sections"]:
+        """Starts of all sections [m]."""
+        return jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
+
+    def _section_of_span(self, ends: Float[Array, " ends"]) -> Array:
+        """Index of the section of every span."""
+        return _section_of_span(ends, self._starts[1:])
 
 
 @compiled_quickly
-def _slowness(sections: list[Section]) -> Float[Array, " sections"]:
-    return jnp.stack([section.slowness for section in sections])
+def _slowness(sections: Section) -> Float[Array, " sections"]:
+    return sections.slowness
 
 
-def _section_of_span(ends: Any, starts: list[Any]) -> Any:
+def _section_of_span(ends: Any, starts: Any) -> Any:
     """Index of the section of every span: (spans,), or (1,) if there are no steps."""
-    if not starts:
+    if not starts.size:
         return np.zeros(1, int)
     middles = (ends[:-1] + ends[1:]) / 2
-    return sum((middles > start).astype(int) for start in starts)
+    return (middles[:, None] > starts).sum(1)
 
 
 def _only(number: int, taken: int, at: float) -> int:

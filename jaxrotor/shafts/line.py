@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -105,9 +106,48 @@ class AbstractSpectralLine(AbstractLine):
     degrees: eqx.AbstractVar[tuple[int, ...]]  # intervals between the nodes of each span
     held: eqx.AbstractVar[Held]
 
+    @property
+    @abc.abstractmethod
+    def flexibility(self) -> Float[Array, "n n"]:
+        """Coordinates due to generalized forces, with a support that is statically determinate if free."""
+
+    @property
+    @abc.abstractmethod
+    def rigid_motions(self) -> Float[Array, "n r"] | None:
+        """Rigid motions that the constraints allow; None if there are none."""
+
+    @abc.abstractmethod
+    def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        """`Int row^T per_length row ds` of displacements (0) or slopes (1): Galerkin's equations."""
+
+    @abc.abstractmethod
+    def work_of_load(self, per_length: PerLength) -> Float[Array, " n"]:
+        """`Int row per_length ds`."""
+
     @abc.abstractmethod
     def _deflection(self, force: Array) -> Array:
         """Terms in the equations of generalized forces, which are `row(x) F` for a force `F` at `x`."""
+
+    @property
+    @abc.abstractmethod
+    def _places(self) -> np.ndarray:
+        """Coordinate of every function of a span: (span, function); their number where it has none."""
+
+    @property
+    @abc.abstractmethod
+    def _unconstrained(self) -> np.ndarray:
+        """Indices of the displacements and slopes that no constraint holds: the coordinates."""
+
+    def _assembled(self, local: Float[Array, "spans i j"]) -> Float[Array, "n n"]:
+        """Sum of quadratic forms of the functions of every span, as one of the coordinates."""
+        n, places = self._unconstrained.size, self._places
+        every = jnp.zeros((n + 1, n + 1)).at[places[:, :, None], places[:, None, :]].add(local)
+        return every[:n, :n]
+
+    def _placed(self, local: Array, places: Any) -> Float[Array, " n"]:
+        """Linear form of the coordinates, from its values for functions with these places."""
+        n = self._unconstrained.size
+        return jnp.zeros(n + 1).at[places].add(local)[:n]
 
     @property
     def breaks(self) -> Float[Array, " ends"]:
@@ -127,6 +167,18 @@ class AbstractSpectralLine(AbstractLine):
 
     def couple_column(self, at: Scalar) -> Float[Array, " n"]:
         return self._deflection(self.slope_row(at))
+
+    @eqx.filter_jit
+    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        return self._deflection(self.work_along(per_length, 0))
+
+    @eqx.filter_jit
+    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+        return self._deflection(self.work_along(per_length, 1))
+
+    @eqx.filter_jit
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        return self._deflection(self.work_of_load(per_length))
 
 
 def gauss_points(breaks: Float[Array, " breaks"]) -> tuple[Array, Array]:
@@ -239,8 +291,18 @@ class AbstractShaft(AbstractPart):
         """
 
     @abc.abstractmethod
+    def attached(
+        self, stations: tuple[float, ...], resolution: tuple[int, ...]
+    ) -> tuple[int, ...]:
+        """Numbers of the `stations` whose static deflections a condensed line has; none if it is not."""
+
+    @abc.abstractmethod
     def line(
-        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+        self,
+        stations: tuple[Scalar, ...],
+        spans: tuple[int, ...],
+        resolution: tuple[int, ...],
+        attached: tuple[int, ...],
     ) -> AbstractLine:
         """Elastic line, smooth on the spans between the listed stations, of `resolution` nodes each."""
 

@@ -216,8 +216,17 @@ class MasslessShaft(AbstractShaft):
         del stations, spans, held
         return ()
 
+    def attached(
+        self, stations: tuple[float, ...], resolution: tuple[int, ...]
+    ) -> tuple[int, ...]:
+        return ()
+
     def line(
-        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+        self,
+        stations: tuple[Scalar, ...],
+        spans: tuple[int, ...],
+        resolution: tuple[int, ...],
+        attached: tuple[int, ...],
     ) -> MasslessLine:
         del spans, resolution
         elasticity = jnp.reshape(self.k11, (1, 1))

@@ -29,12 +29,18 @@ def nodes_of_spans(degrees: tuple[int, ...], ends: Float[Array, " ends"]) -> Flo
     return jnp.append(ends[0], beyond if own.size == inner.size else beyond.ravel()[own])
 
 
-def incidence(degrees: tuple[int, ...], count: int) -> np.ndarray:
-    """Incidence of the nodes of every span, 0 or 1: (span, node of the span, node of the shaft)."""
-    places = np.zeros((len(degrees), max(degrees) + 1, count))
-    for k, (first, degree) in enumerate(zip(node_of_ends(degrees)[:-1], degrees, strict=True)):
-        places[k, range(degree + 1), range(first, first + degree + 1)] = 1
-    return places
+def nodes_in_spans(degrees: tuple[int, ...]) -> np.ndarray:
+    """Indices of the nodes of every span among those of the shaft; -1 beyond its degree."""
+    own = np.arange(max(degrees) + 1)
+    within = own <= np.array(degrees)[:, None]
+    return np.where(within, node_of_ends(degrees)[:-1, None] + own, -1)
+
+
+def numbered(indices: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Places of indices among those `kept`, in order; their number where an index is not, or is -1."""
+    places = np.full(max(indices.max(), kept.max(initial=0)) + 2, kept.size)
+    places[kept] = np.arange(kept.size)
+    return places[indices]  # of -1 the last place, which is not kept
 
 
 @functools.cache

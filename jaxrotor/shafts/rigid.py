@@ -65,8 +65,17 @@ class RigidShaft(AbstractShaft):
         del stations, spans, held
         return ()
 
+    def attached(
+        self, stations: tuple[float, ...], resolution: tuple[int, ...]
+    ) -> tuple[int, ...]:
+        return ()
+
     def line(
-        self, stations: tuple[Scalar, ...], spans: tuple[int, ...], resolution: tuple[int, ...]
+        self,
+        stations: tuple[Scalar, ...],
+        spans: tuple[int, ...],
+        resolution: tuple[int, ...],
+        attached: tuple[int, ...],
     ) -> RigidLine:
         del stations, spans, resolution
         motions = jnp.array(self.rigid_motions, float).reshape(-1, 2)

@@ -1,9 +1,11 @@
 """Round sections of a shaft, solid or hollow, and steps from one to the next."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..core.quantities import Scalar, known, nonnegative, positive
+from ..core.quantities import Scalar, known, nonnegative, positive, with_values
 from ..core.representation import AbstractPart
 from .materials import Material
 
@@ -75,6 +77,17 @@ class Section(eqx.Module):
             raise ValueError(
                 "A shaft with `shear` needs the `shear_modulus [Pa]` of its material, but it is absent."
             )
+
+
+def stacked(sections: Sequence[Section], shear: bool) -> Section:
+    """Sections as one whose numbers have a leading axis; the shear modulus only with `shear`."""
+    hollow = any(section.inner_diameter is not None for section in sections)
+    column = lambda values: jnp.stack([jnp.zeros(()) if one is None else one for one in values])
+    of_material = lambda name: column(getattr(section.material, name) for section in sections)
+    names = ("youngs_modulus", "density", *["shear_modulus"] * shear)
+    material = with_values(sections[0].material, **{name: of_material(name) for name in names})
+    inner = column(section.inner_diameter for section in sections) if hollow else None
+    return Section(column(section.diameter for section in sections), inner, material)
 
 
 class Step(AbstractPart):

@@ -19,10 +19,11 @@ from ..core import linalg
 from ..core.quantities import Scalar
 from .line import AbstractSpectralLine, Held, PerLength
 from .polynomials import (
-    incidence,
     interpolants,
     legendre_polynomials,
     node_of_ends,
+    nodes_in_spans,
+    numbered,
 )
 
 
@@ -39,7 +40,7 @@ class ShearLine(AbstractSpectralLine):
     @property
     def stiffness(self) -> Float[Array, "n n"]:
         unit = jnp.eye(self._unconstrained.size)
-        rigid = self._rigid
+        rigid = self.rigid_motions
         if rigid is None:
             return unit
         return unit - rigid @ linalg.solve(rigid.T @ rigid, rigid.T)
@@ -51,12 +52,12 @@ class ShearLine(AbstractSpectralLine):
     @property
     def strain_energy(self) -> Float[Array, "n n"]:
         angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
-        return self.bending_energy + self._integral(self.shear, angle, angle)
+        return self.bending_energy + self._integral(self.shear, angle)
 
     @property
     def bending_energy(self) -> Float[Array, "n n"]:
         curvature = self._at_gauss(1, 1) / self.ends[-1]
-        return self._integral(self.bending, curvature, curvature)
+        return self._integral(self.bending, curvature)
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 0)
@@ -64,39 +65,43 @@ class ShearLine(AbstractSpectralLine):
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 1) / self.ends[-1]
 
-    @eqx.filter_jit
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        z = self._at_gauss(0, 0)
-        return self._deflection(self._integral(per_length, z, z))
+    def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        forms = self._at_gauss(1, 0) / self.ends[-1] if derivative else self._at_gauss(0, 0)
+        return self._integral(per_length, forms)
 
-    @eqx.filter_jit
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        psi = self._at_gauss(1, 0) / self.ends[-1]
-        return self._deflection(self._integral(per_length, psi, psi))
-
-    @eqx.filter_jit
-    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
-        unit = jnp.ones((self._widths.size, max(self.degrees) + 1, 1))
-        return self._deflection(self._integral(per_length, self._at_gauss(0, 0), unit)[:, 0])
+    def work_of_load(self, per_length: PerLength) -> Float[Array, " n"]:
+        local = jnp.einsum("pg,pgi->pi", self._weights(per_length), self._at_gauss(0, 0))
+        return self._placed(local, self._places)
 
     # --- energy
 
     @eqx.filter_jit
     def _deflection(self, force: Array) -> Array:
-        """Coordinates due to forces of Galerkin's equations, with a soft spring on each rigid motion."""
-        energy = self.strain_energy
-        if (rigid := self._rigid) is not None:
-            energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
-        return linalg.solve(energy, force)
-
-    def _integral(self, per_length: PerLength, left: Array, right: Array) -> Float[Array, "n m"]:
-        """`Int per_length left right dx` of linear forms at the Gauss points (spans, g, n)."""
-        density = jnp.asarray(per_length)[..., None] * self._widths[:, None] * self._gauss[1] / 2
-        return jnp.einsum("pg,pgn,pgm->nm", density, left, right)
+        return linalg.solve(self._supported_energy, force)
 
     @property
-    def _rigid(self) -> Float[Array, "n r"] | None:
-        """Rigid motions that the constraints allow; None if there are none."""
+    def flexibility(self) -> Float[Array, "n n"]:
+        return linalg.inv(self._supported_energy)
+
+    @property
+    def _supported_energy(self) -> Float[Array, "n n"]:
+        """`strain_energy` with a soft spring on each rigid motion."""
+        energy = self.strain_energy
+        if (rigid := self.rigid_motions) is not None:
+            energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
+        return energy
+
+    def _weights(self, per_length: PerLength) -> Float[Array, "spans g"]:
+        """Weights of an integral at the Gauss points."""
+        return jnp.asarray(per_length)[..., None] * self._widths[:, None] * self._gauss[1] / 2
+
+    def _integral(self, per_length: PerLength, forms: Array) -> Float[Array, "n n"]:
+        """`Int per_length form^T form dx` of a linear form at the Gauss points: (spans, g, function)."""
+        local = jnp.einsum("pg,pgi,pgj->pij", self._weights(per_length), forms, forms)
+        return self._assembled(local)
+
+    @property
+    def rigid_motions(self) -> Float[Array, "n r"] | None:
         pins = [k for k, (displacement, _) in enumerate(self.held) if displacement]
         slopes = any(slope for _, slope in self.held)
         if len(pins) >= 2 or (pins and slopes):
@@ -112,7 +117,7 @@ class ShearLine(AbstractSpectralLine):
     @property
     def _unconstrained(self) -> np.ndarray:
         """Indices of the displacements and slopes that no constraint holds: the coordinates."""
-        count = self.nodes.size
+        count = sum(self.degrees) + 1
         places = node_of_ends(self.degrees)
         held = np.array(self.held, bool).T  # displacement, slope
         return np.delete(np.arange(2 * count), [*places[held[0]], *count + places[held[1]]])
@@ -122,21 +127,22 @@ class ShearLine(AbstractSpectralLine):
         """Gauss points on [-1, 1] and weights, the same for every span."""
         return np.polynomial.legendre.leggauss(max(self.degrees) + 1)
 
-    def _at_gauss(self, which: int, derivative: int) -> Float[Array, "spans g n"]:
-        """Linear forms of `z` (0) or `l psi` (1), or of its derivative, at the Gauss points of spans."""
+    def _at_gauss(self, which: int, derivative: int) -> Float[Array, "spans g f"]:
+        """Functions of a span for `z` (0) or `l psi` (1), or derivatives, at its Gauss points."""
         order = max(self.degrees)
         differentiated = legendre.legder(np.eye(order + 1), derivative) * 2.0**derivative
         basis = legendre.legval(self._gauss[0], differentiated)  # (k, g)
-        forms = np.einsum("kg,pkj,pjn->pgn", basis, self._interpolants, self._places(which))
-        return forms / self._widths[:, None, None] ** derivative
+        forms = np.einsum("kg,pkj->pgj", basis, self._interpolants)
+        both = [forms, 0 * forms] if which == 0 else [0 * forms, forms]
+        return np.concatenate(both, axis=2) / self._widths[:, None, None] ** derivative
 
     @eqx.filter_jit
     def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:
         span = jnp.searchsorted(self.ends[1:-1], at)
         local = (at - self.ends[span]) / self._widths[span]
         basis = legendre_polynomials(max(self.degrees), local)
-        forms = self._interpolants @ self._places(which)  # (span, k, n)
-        return basis @ jnp.asarray(forms)[span]
+        places = np.split(self._places, 2, axis=1)[which]
+        return self._placed(basis @ jnp.asarray(self._interpolants)[span], jnp.asarray(places)[span])
 
     @property
     def _interpolants(self) -> np.ndarray:
@@ -147,8 +153,10 @@ class ShearLine(AbstractSpectralLine):
             found[k, : degree + 1, : degree + 1] = interpolants(degree)
         return found
 
-    def _places(self, which: int) -> np.ndarray:
-        """Incidence of the displacements (0) or slopes (1) of every span: (span, node, n)."""
-        count = self.nodes.size
-        places = incidence(self.degrees, 2 * count)
-        return np.roll(places, which * count, axis=2)[..., self._unconstrained]
+    @property
+    def _places(self) -> np.ndarray:
+        """Coordinates of the displacements, then of the slopes, at the nodes of every span."""
+        displaced = nodes_in_spans(self.degrees)
+        count = sum(self.degrees) + 1
+        sloped = np.where(displaced < 0, -1, displaced + count)
+        return numbered(np.concatenate([displaced, sloped], axis=1), self._unconstrained)

@@ -28,9 +28,10 @@ from .polynomials import (
     cubics,
     hermite_and_bubbles,
     in_hermite_and_bubbles,
-    incidence,
     interpolants,
     node_of_ends,
+    nodes_in_spans,
+    numbered,
     products,
 )
 
@@ -78,34 +79,36 @@ class SpectralLine(AbstractSpectralLine):
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 1)
 
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._deflection(self._integral(per_length, 0))
+    def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        return self._integral(per_length, derivative)
 
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._deflection(self._integral(per_length, 1))
-
-    @eqx.filter_jit
-    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+    def work_of_load(self, per_length: PerLength) -> Float[Array, " n"]:
         means = self._interpolants[:, 0] * self._scales  # as the mean of P_k is 0 but for P_0
-        loads = (self._widths * per_length)[:, None] * means
-        return self._deflection(jnp.einsum("pi,pin->n", loads, self._places))
+        return self._placed((self._widths * per_length)[:, None] * means, self._places)
 
     # --- energy
 
     @eqx.filter_jit
     def _deflection(self, force: Array) -> Array:
-        """Terms in the equations of generalized forces, which are `row(x) F` for a force `F` at `x`."""
-        deflection, kernel = self._flexibility @ force, self.kernel
-        if isinstance(kernel, HeldKernel):
+        deflection, kernel, motions = self.flexibility @ force, self.kernel, self.rigid_motions
+        if motions is not None:
+            assert isinstance(kernel, HeldKernel)
             coordinates = np.searchsorted(self._unconstrained, self._free_nodes)
-            for number, own in enumerate(coordinates):
-                motion = kernel.rigid_motion(number, self.nodes, self.ends[1:-1])
-                work = kernel.compliance * motion[self._unconstrained] @ force
-                deflection = deflection.at[int(own)].set(work)
+            work = kernel.compliance * motions.T @ force
+            deflection = deflection.at[coordinates].set(work)
         return deflection
 
     @property
-    def _flexibility(self) -> Float[Array, "n n"]:
+    def rigid_motions(self) -> Float[Array, "n r"] | None:
+        if not self.free:
+            return None
+        assert isinstance(self.kernel, HeldKernel)
+        motion = lambda number: self.kernel.rigid_motion(number, self.nodes, self.ends[1:-1])
+        motions = [motion(number)[self._unconstrained] for number in range(len(self.free))]
+        return jnp.stack(motions, axis=1)
+
+    @property
+    def flexibility(self) -> Float[Array, "n n"]:
         """`N G N^T + bubbles`: coordinates due to a unit generalized force on each of them.
 
         `G` is the Green's function between the ends of spans, `N` Hermite's cubics at the nodes.
@@ -115,10 +118,9 @@ class SpectralLine(AbstractSpectralLine):
         for k, (degree, left, right) in enumerate(self._orders):
             own = bubble_flexibility(degree, degree + left + right)
             bubbles[k, : degree + 1, : degree + 1] = own
-        nodes = self._places[:, : most + 1]
-        widths = self._widths**3 / self._rigidity
-        within = jnp.einsum("p,pij,pin,pjm->nm", widths, bubbles, nodes, nodes)
-        return n @ self._flexibility_of_ends @ n.T + within
+        within = (self._widths**3 / self._rigidity)[:, None, None] * bubbles
+        clamped = self._assembled(jnp.pad(within, [(0, 0), (0, 2), (0, 2)]))
+        return n @ self._flexibility_of_ends @ n.T + clamped
 
     @property
     def _flexibility_of_ends(self) -> Float[Array, "e2 e2"]:
@@ -133,16 +135,17 @@ class SpectralLine(AbstractSpectralLine):
         """Coordinates of the cubics of unit displacements, then of unit scaled slopes, at the ends."""
         spans, most = len(self.degrees), max(self.degrees)
         shapes = np.zeros((spans, most + 1, 4))
-        of_span = np.zeros((spans, 4, 2 * (spans + 1)))
+        first = np.arange(spans)[:, None]
+        of_span = np.concatenate([first, first + spans + 1, first + 1, first + spans + 2], axis=1)
         for k, degree in enumerate(self.degrees):
             count = degree + (k == spans - 1)  # a node that two spans share belongs to the second
             shapes[k, :count] = cubics(degree)[:count]
-            of_span[k, range(4), [k, spans + 1 + k, k + 1, spans + 2 + k]] = 1
         slopes = self._widths / self.ends[-1]
         scale = jnp.stack([jnp.ones_like(slopes), slopes] * 2, axis=1)
-        nodes = self._places[:, : most + 1]
-        at_nodes = jnp.einsum("pie,pe,pin,pem->nm", shapes, scale, nodes, of_span)
-        return at_nodes + np.einsum("pn,pm->nm", self._places[:, -1], of_span[:, -1])
+        n, places = self._unconstrained.size, self._places
+        found = jnp.zeros((n + 1, 2 * (spans + 1)))
+        found = found.at[places[:, : most + 1, None], of_span[:, None]].add(shapes * scale[:, None])
+        return found.at[places[:, -1], of_span[:, -1]].add(1.0)[:n]
 
     @eqx.filter_jit
     def _integral(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
@@ -151,8 +154,8 @@ class SpectralLine(AbstractSpectralLine):
         gram = products(coefficients.shape[1] - 1, derivative)
         forms = np.einsum("pki,kl,plj->pij", coefficients, gram, coefficients)
         densities = per_length * self._widths ** (1 - 2 * derivative)
-        scaled = self._scales[:, :, None] * self._places
-        return jnp.einsum("p,pij,pin,pjm->nm", densities, forms, scaled, scaled)
+        scales = self._scales
+        return self._assembled(densities[:, None, None] * forms * scales[:, :, None] * scales[:, None])
 
     @property
     def _rigidity(self) -> Float[Array, " spans"]:
@@ -193,14 +196,12 @@ class SpectralLine(AbstractSpectralLine):
 
     @property
     def _places(self) -> np.ndarray:
-        """Incidence of the values at the nodes of a span, then of the slopes at its ends: (.., .., n)."""
-        spans, most = len(self.degrees), max(self.degrees)
-        count = sum(self.degrees) + 1
-        places = np.zeros((spans, most + 3, count + spans - 1))
-        places[:, : most + 1] = incidence(self.degrees, places.shape[2])
-        for k in range(spans - 1):  # the slope between span k and the next
-            places[k, -1, count + k] = places[k + 1, -2, count + k] = 1
-        return places[..., self._unconstrained]
+        """Coordinates of the values at the nodes of every span, then of the slopes at its two ends."""
+        spans = len(self.degrees)
+        slopes = np.full((spans, 2), -1)  # that between span k and the next is the right one of k
+        slopes[:-1, 1] = slopes[1:, 0] = sum(self.degrees) + 1 + np.arange(spans - 1)
+        every = np.concatenate([nodes_in_spans(self.degrees), slopes], axis=1)
+        return numbered(every, self._unconstrained)
 
     @property
     def _interpolants(self) -> np.ndarray:
@@ -236,5 +237,5 @@ class SpectralLine(AbstractSpectralLine):
             hermite_and_bubbles(max(self.degrees) + 2, local, derivative)
             @ jnp.asarray(self._in_bubbles)[span]
         )
-        form = (shapes * self._scales[span]) @ jnp.asarray(self._places)[span]
-        return form / self._widths[span] ** derivative
+        form = shapes * self._scales[span] / self._widths[span] ** derivative
+        return self._placed(form, jnp.asarray(self._places)[span])

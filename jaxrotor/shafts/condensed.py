@@ -1,0 +1,136 @@
+"""Elastic line of a long stepped shaft in few coordinates: its slowest modes and static deflections.
+
+    q = W a,   W = (rigid motions, modes of the shaft alone, residual deflections by forces and couples)
+
+The deflections are those by a unit force and a unit couple at each station where effects act, less their
+part in the modes. So what effects do at rest is exact, and what they do at a frequency w of whirl is
+exact but for the inertia of the modes left out. The coordinates are orthogonal in the strain energy:
+`W' E W = 1` but for rigid motions. Source: Rubin (1975), residual attachment modes; Craig, Kurdila,
+Fundamentals of Structural Dynamics (2006), section 17.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import linalg
+from ..core.quantities import Scalar
+from .line import AbstractLine, AbstractSpectralLine, PerLength
+
+
+MODES = 40  # of the shaft alone; see benchmarks/size.py for the error of fewer and more
+COUPLE_ARM = 0.1  # of the length: of the pair of forces that stands for a couple, which sets its scale
+FLOOR = 1e-12  # flexibility of a combination of loads, relative to the greatest, that counts as zero
+
+
+class CondensedLine(AbstractLine):
+    """`z(x) = row(x) W a`: Galerkin's equations, the work of all forces on the columns of `W`.
+
+    Derivatives take `W` as given, as Rayleigh's quotient allows.
+    """
+
+    line: AbstractSpectralLine
+    shapes: Float[Array, "n r"]  # W
+    rigid: int = eqx.field(static=True)  # number of rigid motions, which come first
+    anisotropy: Scalar | None
+
+    @classmethod
+    def of(
+        cls,
+        line: AbstractSpectralLine,
+        inertia: Float[Array, "n n"],
+        stations: Float[Array, " s"],
+    ) -> "CondensedLine":
+        """The line with loads at some stations, whose shaft alone has a quadratic form of inertia."""
+        held, own, at = jax.lax.stop_gradient((line, inertia, stations))
+        motions = held.rigid_motions
+        rigid = 0 if motions is None else motions.shape[1]
+        return cls(line, _shapes(held, own, at, motions), rigid, line.anisotropy)
+
+    @property
+    def breaks(self) -> Float[Array, " breaks"]:
+        return self.line.breaks
+
+    @property
+    def stiffness(self) -> Float[Array, "r r"]:
+        return self.strain_energy
+
+    @property
+    def bending_stiffness(self) -> Float[Array, "r r"]:
+        return self.bending_energy
+
+    @property
+    def strain_energy(self) -> Float[Array, "r r"]:
+        return _orthonormal(self.rigid, self._condensed(self.line.strain_energy))
+
+    @property
+    def bending_energy(self) -> Float[Array, "r r"]:
+        return self._condensed(self.line.bending_energy)
+
+    def row(self, at: Scalar) -> Float[Array, " r"]:
+        return self.line.row(at) @ self.shapes
+
+    def slope_row(self, at: Scalar) -> Float[Array, " r"]:
+        return self.line.slope_row(at) @ self.shapes
+
+    def column(self, at: Scalar) -> Float[Array, " r"]:
+        return self.row(at)
+
+    def couple_column(self, at: Scalar) -> Float[Array, " r"]:
+        return self.slope_row(at)
+
+    def forces_along(self, per_length: PerLength) -> Float[Array, "r r"]:
+        return self._condensed(self.line.work_along(per_length, 0))
+
+    def couples_along(self, per_length: PerLength) -> Float[Array, "r r"]:
+        return self._condensed(self.line.work_along(per_length, 1))
+
+    def load_along(self, per_length: PerLength) -> Float[Array, " r"]:
+        return self.line.work_of_load(per_length) @ self.shapes
+
+    def _condensed(self, form: Float[Array, "n n"]) -> Float[Array, "r r"]:
+        return self.shapes.T @ form @ self.shapes
+
+
+def _shapes(
+    line: AbstractSpectralLine,
+    inertia: Float[Array, "n n"],
+    stations: Float[Array, " s"],
+    motions: Float[Array, "n k"] | None,
+) -> Float[Array, "n r"]:
+    """The columns of `W`."""
+    flexibility = line.flexibility
+    if motions is not None:
+        # Forces less those of rigid acceleration deflect a free shaft, whatever supports it.
+        root = linalg.cholesky(motions.T @ inertia @ motions)
+        motions = linalg.solve_triangular(root, motions.T, lower=True).T
+        flexibility = flexibility - motions @ (motions.T @ inertia @ flexibility)
+        flexibility = flexibility - (flexibility @ inertia @ motions) @ motions.T
+    root = linalg.cholesky(inertia)
+    squares, vectors = linalg.eigh(root.T @ flexibility @ root)  # 1 / w^2, ascending
+    squares, vectors = squares[: -MODES - 1 : -1], vectors[:, : -MODES - 1 : -1]
+    modes = flexibility @ (root @ vectors) / squares  # of unit inertia
+    rows = [jax.vmap(line.row)(stations), jax.vmap(line.slope_row)(stations)]
+    loads = jnp.concatenate([rows[0], COUPLE_ARM * line.breaks[-1] * rows[1]])
+    deflections = flexibility @ loads.T
+    deflections = deflections - modes @ (modes.T @ (inertia @ deflections))
+    own = loads @ deflections
+    sizes, ways = linalg.eigh((own + own.T) / 2)
+    sizes = jnp.maximum(sizes, FLOOR * sizes[-1])
+    found = [modes * jnp.sqrt(squares), deflections @ (ways / jnp.sqrt(sizes))]
+    if motions is not None:
+        found.insert(0, motions * jnp.sqrt(squares[0]))
+    return jnp.concatenate(found, axis=1)
+
+
+@eqx.filter_custom_jvp
+def _orthonormal(rigid, energy):
+    """`W' E W`, which is one but for rigid motions, where it is zero; its derivative is that of `E`."""
+    return jnp.diag(jnp.asarray(np.arange(energy.shape[0]) >= rigid, energy.dtype))
+
+
+@_orthonormal.def_jvp
+def _orthonormal_jvp(primals, tangents):
+    return _orthonormal(*primals), tangents[1]
