@@ -11,8 +11,8 @@ from ..core.blocks import Blocks
 from ..core.extremes import bounded, largest
 from ..core.quantities import Scalar, check, known
 from ..effects import AbstractLinear, Support
+from ..equations.parts import assemble_load
 from ..equations.speed_tables import at_own_speed
-from ..equations.system import assemble_load
 from ..scene import Scene
 from ..shafts import FlexibleShaft, MasslessShaft, RigidShaft
 from ..shafts.virtual import VirtualLine

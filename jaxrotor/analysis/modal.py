@@ -12,6 +12,7 @@ from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
+from ..equations.parts import assemble_blocks
 from ..equations.pencil import (
     ROUNDING,
     Frame,
@@ -23,7 +24,7 @@ from ..equations.pencil import (
     isotropic,
     moving_eigenvalues,
 )
-from ..equations.system import System, assemble, assemble_blocks
+from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from ..spins.base import sense_of

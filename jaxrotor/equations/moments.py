@@ -12,7 +12,8 @@ from ..shafts.virtual import VirtualLine
 from ..spins.drive import Drive
 from .forces import Contacts, contact_torque, races_of, resistance
 from .kinematics import Kinematics
-from .system import System, assemble_blocks, assemble_load
+from .parts import assemble_blocks, assemble_load
+from .system import System
 
 
 class MomentBalance(eqx.Module):

@@ -19,19 +19,17 @@ from ..effects.base import (
     AbstractContact,
     AbstractDamping,
     AbstractLaw,
-    AbstractLinear,
-    AbstractLoad,
     AbstractUnequal,
 )
 from ..scene import Scene
 from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
-from ..shafts.virtual import VirtualLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
+from .parts import Parts, assemble_blocks, assemble_load, blocks_of_parts, linear_blocks
 from .rigid_motions import unheld
-from .speed_tables import at_own_speed, has_tables, parts_with_tables, within_tables
+from .speed_tables import has_tables, parts_with_tables, within_tables
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -190,8 +188,9 @@ class System(eqx.Module):
         scene = self.tabled.at_speed(speed)
         if self.untabled is None:
             return assemble_blocks(scene, self.line)
-        own = (at_own_speed(scene, part).blocks(self.line) for part in parts_with_tables(scene))
-        return sum(own, self.untabled)
+        return sum(
+            linear_blocks(scene, self.line, parts_with_tables(scene)).values(), self.untabled
+        )
 
     @property
     def at_rest(self) -> "System":
@@ -246,7 +245,7 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
 @compiled_quickly
 def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     line = scene.line()
-    parts = _parts(scene, line)
+    parts = blocks_of_parts(scene, line)
     blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
     ports, members = [], []
@@ -277,18 +276,20 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     )
 
 
-def _untabled(scene: Scene, parts: dict[str, Blocks]) -> Blocks | None:
+def _untabled(scene: Scene, parts: Parts) -> Blocks | None:
     """See `System.untabled`."""
-    tabled = [scene.name_of(part) for part in parts_with_tables(scene)]
+    tabled = {scene.name_of(part) for part in parts_with_tables(scene)}
     if not tabled or scene.of(AbstractDamping):
         return None
-    return sum((own for name, own in parts.items() if name not in tabled), Blocks())
+    return sum((own for names, own in parts.items() if tabled.isdisjoint(names)), Blocks())
 
 
-def _deviators(scene: Scene, line: AbstractLine, parts: dict[str, Blocks]) -> Iterator[Port]:
+def _deviators(scene: Scene, line: AbstractLine, parts: Parts) -> Iterator[Port]:
     """See `System.deviators`."""
     effects = {scene.name_of(effect): effect for effect in scene.of(AbstractUnequal)}
-    present = [(part, block) for part, own in parts.items() for block in own.present]
+    present = [
+        (part, block) for own, sums in parts.items() for part in own for block in sums.present
+    ]
     turning = any(block.startswith("rotating_") for _, block in present)
     spread = any(block.startswith("fixed_") and part not in effects for part, block in present)
     if turning and not spread and not has_tables(scene):
@@ -298,47 +299,13 @@ def _deviators(scene: Scene, line: AbstractLine, parts: dict[str, Blocks]) -> It
         )
 
 
-def _owners(scene: Scene, parts: dict[str, Blocks]) -> Iterator[tuple[str, str]]:
+def _owners(scene: Scene, parts: Parts) -> Iterator[tuple[str, str]]:
     """Names of blocks, "contact" and "bodies", each with a part of the scene that adds to it."""
-    for part, own in parts.items():
-        yield from ((block, part) for block in own.present)
+    present = {part: sums.present for own, sums in parts.items() for part in own}
+    for part in sorted(present, key=["the shaft", *map(scene.name_of, scene.effects)].index):
+        yield from ((block, part) for block in present[part])
     for what, kind in (("contact", AbstractContact), ("bodies", AbstractBodies)):
         yield from ((what, scene.name_of(effect)) for effect in scene.of(kind))
-
-
-def assemble_blocks(scene: Scene, line: AbstractLine) -> Blocks:
-    """Blocks of the shaft and of all effects, as they enter the equations of a line."""
-    return sum(_parts(scene, line).values(), Blocks())
-
-
-def _parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
-    """Blocks of the shaft and of every effect by its name."""
-    parts = _linear_parts(scene, line)
-    dampings = scene.of(AbstractDamping)
-    if not dampings:
-        return parts
-    blocks = motion = sum(parts.values(), Blocks())
-    if isinstance(line, VirtualLine):
-        motion = sum(_linear_parts(scene, line.line).values(), Blocks())
-    found = {scene.name_of(effect): effect.damping(line, blocks, motion) for effect in dampings}
-    return parts | found
-
-
-def _linear_parts(scene: Scene, line: AbstractLine) -> dict[str, Blocks]:
-    """Blocks of the shaft and of every linear effect by its name."""
-    effects = {
-        scene.name_of(effect): at_own_speed(scene, effect).blocks(line)
-        for effect in scene.of(AbstractLinear)
-    }
-    return {"the shaft": scene.shaft.blocks(line)} | effects
-
-
-def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
-    """All loads of a scene, as they enter the equations of a line."""
-    load = Load()
-    for effect in scene.of(AbstractLoad):
-        load = load + effect.load(line, blocks)
-    return load
 
 
 def structure(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:

@@ -21,9 +21,10 @@ from ..equations.forces import (
     resistance,
 )
 from ..equations.kinematics import Kinematics
+from ..equations.parts import assemble_blocks, assemble_load
 from ..equations.pencil import Pencil, frame
 from ..equations.rotating_frame import Transient
-from ..equations.system import System, assemble, assemble_blocks, assemble_load
+from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.cased import ends, row_of
 from ..shafts.influence import Influence

@@ -21,8 +21,12 @@ from .line import AbstractLine, AbstractSpectralLine, PerLength
 
 
 MODES = 40  # of the shaft alone; see benchmarks/size.py for the error of fewer and more
-COUPLE_ARM = 0.1  # of the length: of the pair of forces that stands for a couple, which sets its scale
-FLOOR = 1e-12  # flexibility of a combination of loads, relative to the greatest, that counts as zero
+COUPLE_ARM = (
+    0.1  # of the length: of the pair of forces that stands for a couple, which sets its scale
+)
+FLOOR = (
+    1e-12  # flexibility of a combination of loads, relative to the greatest, that counts as zero
+)
 
 
 class CondensedLine(AbstractLine):

@@ -26,7 +26,7 @@ from .line import (
 )
 from .materials import Material, steel
 from .resolution import nodes_needed
-from .section import Section, Step, stacked
+from .section import Section, Step, column, stacked
 from .shear import ShearLine
 from .spectral import SpectralLine
 from .trapezoid import TrapezoidLine
@@ -205,14 +205,14 @@ class FlexibleShaft(AbstractShaft):
         waves = slowness[_section_of_span(ends, starts)] * np.diff(ends)
         return nodes_needed(waves, held, self.shear)
 
-    def attached(
-        self, stations: tuple[float, ...], resolution: tuple[int, ...]
-    ) -> tuple[int, ...]:
+    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
         own, length, found = len(self.stations), float(self.length), dict[float, int]()
         for number, at in enumerate(stations[own:], own):
             if all(abs(at - other) > 1e-9 * length for other in found):
                 found[at] = number
-        coordinates = sum(resolution) * (2 if self.shear else 1) + (not self.shear) * len(resolution)
+        coordinates = sum(resolution) * (2 if self.shear else 1) + (not self.shear) * len(
+            resolution
+        )
         worth = coordinates > LARGE and coordinates > 2 * (MODES + 2 * len(found))
         return tuple(found.values()) if worth and self.nodes == "auto" else ()
 
@@ -328,7 +328,7 @@ class FlexibleShaft(AbstractShaft):
     @property
     def _starts(self) -> Float[Array, " sections"]:
         """Starts of all sections [m]."""
-        return jnp.stack([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
+        return column([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
 
     def _section_of_span(self, ends: Float[Array, " ends"]) -> Array:
         """Index of the section of every span."""

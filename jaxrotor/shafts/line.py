@@ -291,9 +291,7 @@ class AbstractShaft(AbstractPart):
         """
 
     @abc.abstractmethod
-    def attached(
-        self, stations: tuple[float, ...], resolution: tuple[int, ...]
-    ) -> tuple[int, ...]:
+    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
         """Numbers of the `stations` whose static deflections a condensed line has; none if it is not."""
 
     @abc.abstractmethod

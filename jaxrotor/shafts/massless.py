@@ -216,9 +216,7 @@ class MasslessShaft(AbstractShaft):
         del stations, spans, held
         return ()
 
-    def attached(
-        self, stations: tuple[float, ...], resolution: tuple[int, ...]
-    ) -> tuple[int, ...]:
+    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
         return ()
 
     def line(

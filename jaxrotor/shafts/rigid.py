@@ -65,9 +65,7 @@ class RigidShaft(AbstractShaft):
         del stations, spans, held
         return ()
 
-    def attached(
-        self, stations: tuple[float, ...], resolution: tuple[int, ...]
-    ) -> tuple[int, ...]:
+    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
         return ()
 
     def line(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar, known, nonnegative, positive, with_values
 from ..core.representation import AbstractPart
@@ -80,14 +81,28 @@ class Section(eqx.Module):
 
 
 def stacked(sections: Sequence[Section], shear: bool) -> Section:
-    """Sections as one whose numbers have a leading axis; the shear modulus only with `shear`."""
-    hollow = any(section.inner_diameter is not None for section in sections)
-    column = lambda values: jnp.stack([jnp.zeros(()) if one is None else one for one in values])
-    of_material = lambda name: column(getattr(section.material, name) for section in sections)
-    names = ("youngs_modulus", "density", *["shear_modulus"] * shear)
-    material = with_values(sections[0].material, **{name: of_material(name) for name in names})
-    inner = column(section.inner_diameter for section in sections) if hollow else None
-    return Section(column(section.diameter for section in sections), inner, material)
+    """Sections as one whose numbers have a leading axis; the shear modulus only with `shear`.
+
+    A material that all sections share stays as it is.
+    """
+    inner = [section.inner_diameter for section in sections]
+    if any(one is not None for one in inner):
+        inner = column([jnp.zeros(()) if one is None else one for one in inner])
+    else:
+        inner = None
+    materials = [section.material for section in sections]
+    material = materials[0]
+    if any(one is not material for one in materials):
+        names = ("youngs_modulus", "density", *["shear_modulus"] * shear)
+        numbers = {name: column([getattr(one, name) for one in materials]) for name in names}
+        material = with_values(material, **numbers)
+    return Section(column([section.diameter for section in sections]), inner, material)
+
+
+@eqx.filter_jit  # traced once a program, which may have hundreds of numbers
+def column(values: list[Scalar]) -> Float[Array, " values"]:
+    """Numbers as an array."""
+    return jnp.stack(values)
 
 
 class Step(AbstractPart):

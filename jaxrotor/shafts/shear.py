@@ -65,6 +65,7 @@ class ShearLine(AbstractSpectralLine):
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 1) / self.ends[-1]
 
+    @eqx.filter_jit
     def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
         forms = self._at_gauss(1, 0) / self.ends[-1] if derivative else self._at_gauss(0, 0)
         return self._integral(per_length, forms)
@@ -142,7 +143,9 @@ class ShearLine(AbstractSpectralLine):
         local = (at - self.ends[span]) / self._widths[span]
         basis = legendre_polynomials(max(self.degrees), local)
         places = np.split(self._places, 2, axis=1)[which]
-        return self._placed(basis @ jnp.asarray(self._interpolants)[span], jnp.asarray(places)[span])
+        return self._placed(
+            basis @ jnp.asarray(self._interpolants)[span], jnp.asarray(places)[span]
+        )
 
     @property
     def _interpolants(self) -> np.ndarray:

@@ -79,6 +79,7 @@ class SpectralLine(AbstractSpectralLine):
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         return self._form(at, 1)
 
+    @eqx.filter_jit
     def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
         return self._integral(per_length, derivative)
 
@@ -155,7 +156,9 @@ class SpectralLine(AbstractSpectralLine):
         forms = np.einsum("pki,kl,plj->pij", coefficients, gram, coefficients)
         densities = per_length * self._widths ** (1 - 2 * derivative)
         scales = self._scales
-        return self._assembled(densities[:, None, None] * forms * scales[:, :, None] * scales[:, None])
+        return self._assembled(
+            densities[:, None, None] * forms * scales[:, :, None] * scales[:, None]
+        )
 
     @property
     def _rigidity(self) -> Float[Array, " spans"]:
