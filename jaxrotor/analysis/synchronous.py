@@ -9,6 +9,7 @@ a speed are speeds `Omega_j(Omega)`, and the critical ones are the crossings `Om
 import functools
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Inexact, Int
@@ -65,7 +66,7 @@ def crossings(system: System) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
     """
     held = jax.lax.stop_gradient(system)
     count = len(families(held))
-    searched = _searched(held, count)
+    searched, beyond = _searched(held)
 
     def of_family(family: Array) -> Float[Array, " c"]:
         @jax.jit  # traced once a program
@@ -82,24 +83,50 @@ def crossings(system: System) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
             first, last = speeds[k], speeds[k + 1]
             ends = values[k, j], values[k + 1, j]
             root = sign_change(lambda speed: above(speed)[j], first, last, *ends, ends[1] > 0)
-            root = jax.lax.stop_gradient(root)
-            # One evaluation has the value, its slope and, as `system` is that of `held`, the derivative.
-            nearest = lambda speed: _nearest(root, *_family(system, speed, family))
-            value, slope = jax.jvp(nearest, (root,), (jnp.ones_like(root),))
-            now, slope = jax.lax.stop_gradient((value, slope - 1))
-            same = jnp.abs(now - root) < SAME * (now + root)  # else a whirl begins or ends there
-            moved = (value - now) / slope
-            return jnp.where(same, root - moved, jnp.inf)
+            # Where the value does not vanish at its change of sign, a whirl begins or ends there.
+            return jnp.where(jnp.abs(above(root)[j]) < SAME, root, jnp.inf)
 
         changes = (values[:-1] > 0) != (values[1:] > 0)
         order = jnp.argsort(~changes.ravel())[: values.shape[1] + MORE]
         places = order // values.shape[1], order % values.shape[1]
         none = lambda _: jnp.asarray(jnp.inf)
         one = lambda case: jax.lax.cond(case[0], refined, none, case[1])
-        return jax.lax.map(one, (changes.ravel()[order], places))
+        within = jax.lax.map(one, (changes.ravel()[order], places))
+        if not beyond:
+            return within
+        # Beyond all tables the stiffness is constant, so the whirls at their end are critical there.
+        last = values[-1]
+        inside = (last > 0) & (last < 1)
+        far = searched[-1] * (1 + last) / jnp.where(inside, 1 - last, 1.0)
+        return jnp.concatenate([within, jnp.where(inside, far, jnp.inf)])
 
     found = jax.lax.map(of_family, jnp.arange(count))
-    return found.ravel(), jnp.repeat(jnp.arange(count), found.shape[1])
+    family = jnp.repeat(jnp.arange(count), found.shape[1])
+    return _implicit(system, jax.lax.stop_gradient(found.ravel()), family), family
+
+
+@eqx.filter_custom_jvp
+def _implicit(system, speeds, families):
+    """Crossings `Omega = Omega_j(Omega)`, with the derivatives of the implicit function."""
+    return speeds
+
+
+@_implicit.def_jvp
+def _implicit_jvp(primals, tangents):
+    """`d Omega = d Omega_j / (1 - dOmega_j / dOmega)`."""
+    system, speeds, families = primals
+
+    def moved(case):
+        root, family = case
+        nearest = lambda system, speed: _nearest(root, *_family(system, speed, family))
+        none = jax.tree.map(lambda _: None, tangents[0])
+        _, slope = eqx.filter_jvp(nearest, (system, root), (none, jnp.ones_like(root)))
+        _, change = eqx.filter_jvp(nearest, (system, root), (tangents[0], jnp.zeros_like(root)))
+        return change / (1 - slope)
+
+    none = lambda case: jnp.zeros_like(case[0])
+    one = lambda case: jax.lax.cond(jnp.isfinite(case[0]), moved, none, case)
+    return speeds, jax.lax.map(one, (speeds, families))
 
 
 def _family(system: System, speed: Scalar, family: Array | int) -> Family:
@@ -113,25 +140,17 @@ def _whirls(system: System, speed: Scalar, family: Array | int) -> Float[Array, 
     return jnp.sort(synchronous_of(*_family(system, speed, family))[0])
 
 
-def _searched(system: System, count: int) -> Float[Array, " w"]:
-    """Speeds between which crossings of so many families are sought."""
+def _searched(system: System) -> tuple[Float[Array, " w"], bool]:
+    """Speeds between which crossings are sought, and whether there are critical speeds above, too."""
     assert system.tabled is not None
     sense, tables = system.spin.sense, system.tabled.of(AbstractOverSpeed)
     span = speed_range(system.tabled, sense)
     nodes = [in_sense(one, sense) for part in tables for one in part.nodes_over_speed]
-
-    def between(low: Scalar, high: Scalar) -> Float[Array, " w"]:
-        """Even intervals, cut at the nodes of tables."""
-        even = jnp.linspace(low, high, SAMPLES + 1)
-        return jnp.sort(jnp.concatenate([even, *(jnp.clip(one, low, high) for one in nodes)]))
-
-    if span is not None:
-        return between(*span)
     top = larger(jnp.max(jnp.stack([one[-1] for one in nodes])), 0.0)
-    # Beyond all tables they are constant.
-    beyond = jax.lax.map(lambda family: _whirls(system, top, family), jnp.arange(count))
-    fastest = jnp.max(jnp.where(jnp.isfinite(beyond), beyond, 0.0))
-    return jnp.append(between(jnp.zeros(()), top), 1.01 * larger(fastest, top))
+    low, high = (jnp.zeros(()), top) if span is None else span
+    even = jnp.linspace(low, high, SAMPLES + 1)
+    cut = [jnp.clip(one, low, high) for one in nodes]
+    return jnp.sort(jnp.concatenate([even, *cut])), span is None
 
 
 def _sampled(
@@ -142,13 +161,13 @@ def _sampled(
     Inside, an interval is sampled where a value changes its sign, or may do so twice, since it is no
     further from zero than it changes here or beside. Elsewhere its first value stands for all inside.
     """
-    ends = jax.lax.map(function, speeds)
+    ends = _in_order(function, speeds)
     padded = jnp.concatenate([ends[:1], ends, ends[-1:]])
     before, first, last, behind = padded[:-3], padded[1:-2], padded[2:-1], padded[3:]
     near = jnp.minimum(jnp.abs(first), jnp.abs(last))
     steps = [jnp.abs(first - before), jnp.abs(last - first), jnp.abs(behind - last)]
     touches = near <= jnp.max(jnp.stack(steps), axis=0)
-    to_sample = jnp.any(touches | ((first > 0) != (last > 0)), axis=1)
+    to_sample = jnp.any(touches | ((first > 0) != (last > 0)), axis=1) & (jnp.diff(speeds) > 0)
     shares = jnp.arange(PARTS) / PARTS
     parts = speeds[:-1, None] + jnp.diff(speeds)[:, None] * shares
 
@@ -160,6 +179,21 @@ def _sampled(
     sampled_or_repeated = lambda case: jax.lax.cond(case[0], inside, repeated, case[1:])
     values = jax.lax.map(sampled_or_repeated, (to_sample, parts, first)).reshape(-1, ends.shape[1])
     return jnp.append(parts.ravel(), speeds[-1]), jnp.concatenate([values, ends[-1:]])
+
+
+def _in_order(
+    function: Callable[[Scalar], Array], speeds: Float[Array, " w"]
+) -> Float[Array, "w m"]:
+    """Values at ascending speeds, each speed once, as most tables of a machine have the same nodes."""
+
+    def go(before, speed):
+        same = lambda: before[1]
+        value = jax.lax.cond(speed == before[0], same, lambda: function(speed))
+        return (speed, value), value
+
+    value = jax.eval_shape(function, speeds[0])
+    begin = -jnp.ones_like(speeds[0]), jnp.zeros(value.shape, value.dtype)  # no speed is negative
+    return jax.lax.scan(go, begin, speeds)[1]
 
 
 def filled(system: System, kind: type = complex) -> Callable[[Array | None], Array]:

@@ -181,6 +181,7 @@ class System(eqx.Module):
         spin = constant(speed)
         return dataclasses.replace(self, spin=spin, blocks=self.blocks_at(spin.speed))
 
+    @eqx.filter_jit  # traced once a program
     def blocks_at(self, speed: Scalar) -> Blocks:
         """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
         if self.tabled is None:
