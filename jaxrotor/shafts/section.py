@@ -11,49 +11,55 @@ from ..core.representation import AbstractPart
 from .materials import Material
 
 
-class Section(eqx.Module):
-    """Round section with outer diameter `D` and inner diameter `d` (None: solid), of a material."""
+Numbers = Float[Array, "*sections"]
 
-    diameter: Scalar
-    inner_diameter: Scalar | None
+
+class Section(eqx.Module):
+    """Round section with outer diameter `D` and inner diameter `d` (None: solid), of a material.
+
+    Several sections in one have numbers with a leading axis, see `stacked`.
+    """
+
+    diameter: Numbers
+    inner_diameter: Numbers | None
     material: Material
 
     @property
-    def _ratio(self) -> Scalar:
+    def _ratio(self) -> Numbers:
         return jnp.zeros(()) if self.inner_diameter is None else self.inner_diameter / self.diameter
 
     @property
-    def area(self) -> Scalar:
+    def area(self) -> Numbers:
         """`A = pi (D^2 - d^2) / 4` [m^2]."""
         return jnp.pi * self.diameter**2 / 4 * (1 - self._ratio**2)
 
     @property
-    def second_moment(self) -> Scalar:
+    def second_moment(self) -> Numbers:
         """`I = pi (D^4 - d^4) / 64` [m^4]."""
         return jnp.pi * self.diameter**4 / 64 * (1 - self._ratio**4)
 
     @property
-    def rigidity(self) -> Scalar:
+    def rigidity(self) -> Numbers:
         """Bending stiffness `EI` [N m^2]."""
         return self.material.youngs_modulus * self.second_moment
 
     @property
-    def mass_per_length(self) -> Scalar:
+    def mass_per_length(self) -> Numbers:
         """`rho A` [kg/m]."""
         return self.material.density * self.area
 
     @property
-    def rotary_inertia(self) -> Scalar:
+    def rotary_inertia(self) -> Numbers:
         """`rho I` [kg m], diametral moment of inertia per length."""
         return self.material.density * self.second_moment
 
     @property
-    def slowness(self) -> Scalar:
+    def slowness(self) -> Numbers:
         """`(rho A / EI)^(1/4)` [s^(1/2)/m]: the wave number over the square root of the frequency."""
         return (self.mass_per_length / self.rigidity) ** 0.25
 
     @property
-    def shear_stiffness(self) -> Scalar:
+    def shear_stiffness(self) -> Numbers:
         """Shear stiffness `k G A` [N] with the shear coefficient of a hollow circle.
 
         `k = 6 (1 + r^2)^2 (1 + nu) / [(7 + 6 nu)(1 + r^2)^2 + (20 + 12 nu) r^2]`, `r = d / D`,
