@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import linalg
+from ..core.extremes import larger
 from ..core.quantities import Scalar
 from .line import AbstractLine, AbstractSpectralLine, PerLength
 
@@ -122,7 +123,7 @@ def _shapes(
     deflections = deflections - modes @ (modes.T @ (inertia @ deflections))
     own = loads @ deflections
     sizes, ways = linalg.eigh((own + own.T) / 2)
-    sizes = jnp.maximum(sizes, FLOOR * sizes[-1])
+    sizes = larger(sizes, FLOOR * sizes[-1])
     found = [modes * jnp.sqrt(squares), deflections @ (ways / jnp.sqrt(sizes))]
     if motions is not None:
         found.insert(0, motions * jnp.sqrt(squares[0]))

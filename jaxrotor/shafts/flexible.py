@@ -330,7 +330,7 @@ class FlexibleShaft(AbstractShaft):
         """Starts of all sections [m]."""
         return column([jnp.zeros_like(self.length), *(step.at for step in self.steps)])
 
-    def _section_of_span(self, ends: Float[Array, " ends"]) -> Array:
+    def _section_of_span(self, ends: Float[Array, " ends"]) -> Any:
         """Index of the section of every span."""
         return _section_of_span(ends, self._starts[1:])
 
