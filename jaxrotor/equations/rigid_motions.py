@@ -9,6 +9,7 @@ shaft.
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -54,14 +55,14 @@ def check_constant_load(scene: Scene, frequency: Scalar | float) -> None:
 def unheld(scene: Scene) -> str:
     """A clause that says in which rigid motion a rotor without contact is free; "" where it is held.
 
-    A rotor with traced values, or with coefficients over the frequency of whirl, counts as held.
+    Where values are traced, or coefficients are over the frequency of whirl, the number of springs counts.
     """
     if not scene.shaft.rigid_motions and not scene.of(AbstractCasing) or _surely_held(scene):
         return ""
     tables = scene.of(AbstractOverSpeed)
     leaves = jax.tree.leaves((scene.shaft, scene.effects))
     if not all(map(known, leaves)) or any(one.frequencies is not None for one in tables):
-        return ""
+        return "it can move as a rigid body" if _too_few(scene) else ""
     stiffness = np.asarray(_restraint(scene))
     if not np.isfinite(stiffness).all():  # beyond the tables
         return ""
@@ -83,6 +84,17 @@ def _surely_held(scene: Scene) -> bool:
     return any(abs(float(a) + float(b) * at) > 1e-6 * float(scene.shaft.length) for at in held)
 
 
+def _too_few(scene: Scene) -> bool:
+    """Whether there are fewer springs, each against one displacement or tilt, than rigid motions."""
+    springs: tuple[Any, ...] = scene.of(AbstractUnequal)
+    count = len(springs) + sum(one.angular_stiffness is not None for one in springs)
+    if count >= len(scene.shaft.rigid_motions) + len(scene.of(AbstractCasing)):
+        return False
+    others = [one for one in scene.of(AbstractLinear) if not isinstance(one, AbstractUnequal)]
+    shapes = eqx.filter_eval_shape(lambda line: [one.blocks(line) for one in others], _line(scene))
+    return not any("stiffness" in name for blocks in shapes for name in blocks.present)
+
+
 def _resists(spring: Any) -> bool:
     """Whether a support resists displacements along every axis, by its mean or its coefficients.
 
@@ -99,13 +111,7 @@ def _resists(spring: Any) -> bool:
 @compiled_quickly
 def _restraint(scene: Scene) -> Float[Array, "m m"]:
     """Stiffness of all effects against the rigid motions along x, then along y."""
-    casings = tuple(casing.name for casing in scene.of(AbstractCasing))
-    length = scene.shaft.length
-    motions = jnp.array(scene.shaft.rigid_motions, float).reshape(-1, 2)
-    sizes = jnp.abs(motions) @ jnp.stack([jnp.ones_like(length), length])
-    line: AbstractLine = RigidLine(motions=motions / sizes[:, None], length=length)
-    if casings:
-        line = CasedLine(line=line, casings=casings, anisotropy=None)
+    line = _line(scene)
     parts = (at_own_speed(scene, part).blocks(line) for part in scene.of(AbstractLinear))
     blocks, zero = sum(parts, Blocks()), jnp.zeros(line.stiffness.shape, complex)
     own, skew, fixed, turning = (
@@ -120,6 +126,16 @@ def _restraint(scene: Scene) -> Float[Array, "m m"]:
     equal, unequal = own + 1j * skew, fixed + turning
     ahead, across = equal + unequal, equal - unequal
     return jnp.block([[ahead.real, -across.imag], [ahead.imag, across.real]])
+
+
+def _line(scene: Scene) -> AbstractLine:
+    """The shaft as a rigid one, with casings, in coordinates of unit displacements."""
+    casings = tuple(casing.name for casing in scene.of(AbstractCasing))
+    length = scene.shaft.length
+    motions = jnp.array(scene.shaft.rigid_motions, float).reshape(-1, 2)
+    sizes = jnp.abs(motions) @ jnp.stack([jnp.ones_like(length), length])
+    line = RigidLine(motions=motions / sizes[:, None], length=length)
+    return CasedLine(line=line, casings=casings, anisotropy=None) if casings else line
 
 
 def _described(scene: Scene, null: np.ndarray) -> str:

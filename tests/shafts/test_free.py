@@ -1,6 +1,7 @@
 """A shaft has no constraints unless they are drawn, and rotors that nothing holds are treated as free."""
 
 import fem
+import jax
 import numpy as np
 import pytest
 import scipy.linalg
@@ -64,6 +65,16 @@ def test_a_free_rigid_rotor_precesses():
     assert jr.growth_rate(scene) == 0.0
 
 
+def test_a_free_rotor_neither_grows_nor_decays_where_it_is_traced():
+    """Growth is zero, not rounding of either sign, also in programs that take the scene."""
+    for effects in ((), (jr.Support(0.0, 1e6),)):
+        growth = jax.jit(lambda scene, speed: jr.growth_rate(scene.at_speed(speed)))
+        found = [growth(rigid(*effects), speed) for speed in (0.0, 1.0, 50.0)]
+        np.testing.assert_array_equal(found, 0.0)
+    boundary = jr.stability_boundary(rigid(jr.Support(0.0, 1e6)), "spin.speed", [0.0, 10.0, 90.0])
+    assert not boundary.values.size
+
+
 def rigid(*effects, speed=0.0, constraints=()):
     """Rigid shaft with a disc whose polar is twice its diametral moment of inertia."""
     disc = jr.Disc(0.5, 10.0, 0.1, 0.2)
@@ -111,6 +122,7 @@ def test_what_holds_a_rotor(scene, free):
     assert unheld(scene) == free
 
 
+@pytest.mark.slow
 def test_what_needs_a_held_rotor_refuses_a_free_one():
     cure = "needs a rotor that is held, but nothing holds it; give the shaft `constraints`, for"
     falling = rigid(jr.Gravity(), speed=10.0)
