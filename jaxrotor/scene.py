@@ -359,9 +359,8 @@ def _stations(shaft, effects) -> tuple[Any, ...]:
 def _known_stations(shaft, effects) -> tuple[float, ...] | None:
     """All stations, or None while any of them or the length is traced."""
     stations = _stations(shaft, effects)
-    if not all(known(at) for at in (shaft.length, *stations)):
-        return None
-    return tuple(float(at) for at in stations)
+    whole = all(map(known, (shaft.length, *stations)))
+    return tuple(map(float, stations)) if whole else None
 
 
 def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
@@ -381,9 +380,8 @@ def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
     Stations and the shaft decide nodes that are "auto"; where one of these varies, every span has 8.
     """
     decides = any(path.startswith("shaft.") or path.endswith(".at") for path in paths)
-    if decides and getattr(scene.shaft, "nodes", None) == "auto":
-        return scene.with_nodes(NODES)
-    return scene
+    varies = decides and getattr(scene.shaft, "nodes", None) == "auto"
+    return scene.with_nodes(NODES) if varies else scene
 
 
 def _count_held(effects) -> int:

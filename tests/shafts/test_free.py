@@ -99,6 +99,8 @@ TILTS, ALONG_Y = "it can move as a rigid body", "it can move as a rigid body alo
         (rigid(jr.Support(0.0, 1e6, angular_stiffness=1.0)), ""),
         (rigid(AT, jr.Support(1.0, kxx=1e6, kyy=0.0)), ALONG_Y),
         (rigid(AT, jr.Support(1.0, kxx=1e6, kyy=1.0)), ""),
+        (rigid(AT, jr.Support(1.0, kxx=1e6)), ""),
+        (rigid(AT, jr.Support(1.0, -1e5)), ""),  # unstable, but not free
         (rigid(AT, jr.Support(1.0, kxx=0.0, kxy=1e6, kyx=-1e6, kyy=0.0)), ""),
         (
             rigid(
