@@ -1,0 +1,75 @@
+"""Shafts of many sections, whose line is condensed, against finite elements."""
+
+import fem
+import jax
+import numpy as np
+import pytest
+
+import jaxrotor as jr
+
+
+LENGTH, SECTIONS, SPEED = 2.0, 60, 600.0
+MATERIAL = jr.Material(2.05e11, 7830.0, 8e10)
+DIAMETERS = [0.11 + 0.03 * (k % 3) + 0.002 * (k % 5) for k in range(SECTIONS)]
+STARTS = [LENGTH * k / SECTIONS for k in range(SECTIONS)]
+DISCS = [(LENGTH * k / 16, 35.0, 0.5, 0.9) for k in (5, 8, 11)]
+BEARINGS = [(LENGTH * k / 16, 8e7) for k in (2, 14)]
+
+
+def scene(shear):
+    steps = [jr.Step(at, own) for at, own in zip(STARTS[1:], DIAMETERS[1:], strict=True)]
+    shaft = jr.FlexibleShaft(LENGTH, DIAMETERS[0], MATERIAL, steps=steps, shear=shear)
+    discs = [jr.Disc(*disc) for disc in DISCS]
+    bearings = [jr.Support(at, kxx=stiff) for at, stiff in BEARINGS]
+    return jr.Scene(shaft, *discs, *bearings, spin=jr.ConstantSpeed(SPEED))
+
+
+def whirls(shear):
+    """Whirl frequencies [rad/s] at the speed by finite elements, ascending.
+
+    Of two meshes: their error goes with the square of the length of the elements.
+    """
+    coarse, fine = (whirls_of_elements(shear, LENGTH / pieces)[:8] for pieces in (60, 120))
+    return (4 * fine - coarse) / 3
+
+
+def whirls_of_elements(shear, longest):
+    stops = [*STARTS[1:], LENGTH]
+    stretches = [fem.Stretch(*piece) for piece in zip(stops, DIAMETERS, strict=True)]
+    springs = [(at, stiff * np.eye(2)) for at, stiff in BEARINGS]
+    material = (2.05e11, 7830.0, 8e10 if shear else np.inf)
+    _, mass, turned, stiff = fem.matrices(stretches, DISCS, springs, material, longest)
+    flexible = np.linalg.inv(stiff)
+    rate = np.block([[-flexible @ (SPEED * turned), -flexible @ mass], [np.eye(len(mass)), 0 * mass]])
+    found = 1 / np.linalg.eigvals(rate)
+    return np.sort(found.imag[found.imag > 0])
+
+
+@pytest.mark.slow  # an assembly of sixty sections, and dense eigenvalues of 1000 unknowns
+@pytest.mark.parametrize("shear", [True, False])
+def test_whirls_are_those_of_finite_elements(shear):
+    rotor = scene(shear)
+    assert rotor.attached and rotor.line().stiffness.shape[0] < 60
+    found = np.sort(np.abs(np.asarray(jr.roots(rotor, 8)).imag))
+    assert found == pytest.approx(whirls(shear), rel=1e-6)
+
+
+@pytest.mark.slow  # the derivative of the assembly
+def test_derivatives_are_those_of_all_coordinates():
+    rotor = scene(False)
+    path = "supports.kxx"
+    slowest = lambda rotor, value: np.abs(np.asarray(jr.roots(rotor.replace({path: value}), 2)).imag)
+    step = 8e3
+    full = rotor.with_nodes(4)
+    assert not full.attached
+    differences = (slowest(full, 8e7 + step) - slowest(full, 8e7 - step)) / (2 * step)
+    _, exact = jax.jvp(
+        lambda value: jr.roots(rotor.replace({path: value}), 2).imag, (8e7,), (1.0,)
+    )
+    assert np.abs(np.asarray(exact)) == pytest.approx(np.abs(differences), rel=1e-4)
+
+
+def test_few_sections_keep_their_coordinates():
+    shaft = jr.FlexibleShaft(1.0, 0.05)
+    few = jr.Scene(shaft, jr.Disc(0.5, 10.0), spin=jr.ConstantSpeed(SPEED))
+    assert not few.attached
