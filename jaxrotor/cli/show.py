@@ -25,11 +25,9 @@ from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_
 from .output import draft_or_none, draw, written_to
 
 
-CONDENSED = ": modes of the shaft, and its deflections by loads where parts are"
-
-
 _FILES = ("rotor.png",)
 SAME = 1e-6  # relative difference below which two frequencies are shown as one
+_CONDENSED = ": modes of the shaft, and its deflections by loads where parts are"
 _SHOWN = 3  # number of whirl frequencies shown of each kind
 
 
@@ -114,7 +112,7 @@ def show(
         *_note_rows(**notes),
         *[("nodes of each span", f"{_whole(rotor.resolution)} (shaft.nodes = {nodes})")]
         * (nodes is not None),
-        ("coordinates", f"{coordinates}, complex x + iy" + CONDENSED * bool(rotor.attached)),
+        ("coordinates", f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.attached)),
         ("whirl at standstill", speeds(still)),
         ("forward, at speed", speeds(forward)),
         ("backward, at speed", speeds(backward)),
