@@ -102,7 +102,7 @@ def _equations(system: System, forces, displacements):
         plane = jnp.eye(2)
         columns = jnp.einsum("nf,ab->anfb", columns, plane).reshape(2 * system.n, -1)
         rows = jnp.einsum("sn,ab->sabn", rows, plane).reshape(-1, 2 * system.n)
-    shift = pencil.rate
+    shift = pencil.shift
     response = linalg.solve(pencil.at(jnp.asarray(shift + 0j)), columns)
     return pencil.inverse(shift), response, rows, shift
 

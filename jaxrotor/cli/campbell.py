@@ -12,6 +12,7 @@ from ..analysis.critical import critical_between
 from ..analysis.modal import KINDS, kind_of_whirl
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
+from ..equations.static_instability import static_instability
 from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer
@@ -142,7 +143,8 @@ def critical(
 
     jaxrotor critical limiter-rotor --count 3
     """
-    found = critical_speeds(scene_with(scene, settings), count)
+    rotor = scene_with(scene, settings)
+    found, unstable = critical_speeds(rotor, count), static_instability(rotor)
     senses, stations = np.asarray(found.senses), np.asarray(found.stations)
     speeds, shares = np.asarray(found.speeds).tolist(), np.asarray(found.forward_share).tolist()
     described = [
@@ -158,7 +160,9 @@ def critical(
     if as_json:
         pairs = list(zip(found.kinds, described, strict=True))
         kinds = {kind: [one for k, one in pairs if k == kind] for kind in KINDS}
-        answer.print_json({"scene": scene, "stations": stations, **kinds})
+        answer.print_json(
+            {"scene": scene, "statically_unstable": unstable or None, "stations": stations, **kinds}
+        )
         return
     rows = [
         (
@@ -173,6 +177,8 @@ def critical(
     ]
     heads = ("whirl", "undamped [rad/s]", "[rpm]", "[Hz]", "forward energy", "forward stations")
     answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
+    if unstable:
+        answer.print_table([("statically unstable", unstable)])
 
 
 def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:

@@ -12,6 +12,7 @@ import typer
 
 from ..analysis import onset_speed
 from ..equations.rigid_motions import CURE, unheld
+from ..equations.static_instability import static_instability
 from ..files.shipped import source
 from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
@@ -76,7 +77,11 @@ def show(
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
-    notes = {"free": unheld(rotor) or None, "material_taken": _material_taken(scene)}
+    notes = {
+        "free": unheld(rotor) or None,
+        "statically_unstable": static_instability(rotor) or None,
+        "material_taken": _material_taken(scene),
+    }
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     why = why.partition(";")[0]  # its advice is for Python
     if as_json:
@@ -130,10 +135,13 @@ def _material_taken(scene: str) -> str | None:
     return "steel" if asked and "material" not in shaft else None
 
 
-def _note_rows(free: str | None, material_taken: str | None) -> list[tuple[str, str]]:
-    """Rows of what the file leaves out: what holds the rotor, and the material."""
+def _note_rows(
+    free: str | None, statically_unstable: str | None, material_taken: str | None
+) -> list[tuple[str, str]]:
+    """Rows of what holds the rotor, or does not, and of the material that the file leaves out."""
     held = [("held", f"free: {free}; {CURE}")] if free else []
     taken = f"{material_taken}, since the file names none"
+    held += [("statically unstable", statically_unstable)] if statically_unstable else []
     return held + ([("material", taken)] if material_taken else [])
 
 

@@ -52,7 +52,7 @@ def _shift(inertia: Float[Array, "n n"], stiffness: Float[Array, "n n"]) -> Scal
     stiff = jnp.max(jnp.abs(stiffness), axis=1, keepdims=True)
     held = stiff > 0
     size = linalg.norm(jnp.where(held, inertia / jnp.where(held, stiff, 1.0), 0.0))
-    return jax.lax.stop_gradient(jnp.where(size > 0, 1 / jnp.where(size > 0, size, 1.0), 1.0))
+    return jax.lax.stop_gradient(jnp.where(size > 0, 0.7 / jnp.where(size > 0, size, 1.0), 1.0))
 
 
 @jax.custom_jvp

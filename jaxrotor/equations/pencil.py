@@ -22,6 +22,7 @@ from .system import System
 Frame = Literal["fixed", "rotating", "periodic"]
 
 ROUNDING = 1e-9  # relative to a root: a part or a distance this small counts as zero
+BESIDE = 0.83  # shift to slow roots, over the estimate of the first natural frequency
 
 
 def is_rounding(part: Any, root: Any) -> Any:
@@ -175,6 +176,11 @@ class Pencil(eqx.Module):
         size = linalg.norm(scaled)
         return jax.lax.stop_gradient(1 / jnp.sqrt(jnp.where(size > 0, size, 1.0)))
 
+    @property
+    def shift(self) -> Scalar:
+        """Shift [rad/s] to slow roots, beside `sqrt(-K / M)` of a mass on negative stiffness."""
+        return BESIDE * self.rate
+
     def at(self, root: Complex[Array, ""]) -> Complex[Array, "m m"]:
         """`P(root)`."""
         return root**2 * self.inertia + root * self.damping + self.stiffness
@@ -226,7 +232,7 @@ def moving_eigenvalues(
     digits or is not finite. See `root_changes` for exact derivatives of single roots.
     """
     own, moved = pencil.along_axes, change.along_axes
-    shift, m = own.rate, own.inertia.shape[0]
+    shift, m = own.shift, own.inertia.shape[0]
     found = slowest(own.near(shift), count, left=True)
     values = _values(found.values / shift, shift)
     finite = jnp.isfinite(values)
@@ -278,7 +284,7 @@ def _along_axes(pair: Complex[Array, "m m"]) -> Float[Array, "m m"]:
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _eigenvalues(count, inertia, damping, stiffness):
     pencil = Pencil(inertia, damping, stiffness)
-    shift = pencil.rate
+    shift = pencil.shift
     if count is not None:
         found = slowest(pencil.near(shift), count, right=False)
         return _values(found.values / shift, shift)
@@ -288,7 +294,7 @@ def _eigenvalues(count, inertia, damping, stiffness):
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _eigenvectors(count, inertia, damping, stiffness):
     pencil = Pencil(inertia, damping, stiffness)
-    shift = pencil.rate
+    shift = pencil.shift
     if count is not None:
         found = slowest(pencil.near(shift), count)
         assert found.right is not None
