@@ -132,7 +132,7 @@ def test_heavy_damping_leaves_real_roots(kind):
     real = np.abs(np.asarray(jr.roots(scene)).imag) < 1e-9
     assert real.sum() == 2
     modal, dense = (
-        jr.simulate(scene, 2, 32, solver=jr.Exponential(2, basis=basis))
+        jr.simulate(scene, 2, 80, solver=jr.Exponential(2, basis=basis))
         for basis in ("modal", "dense")
     )
     np.testing.assert_allclose(modal.coordinates, dense.coordinates, rtol=0, atol=1e-12)
