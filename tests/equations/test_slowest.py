@@ -90,8 +90,11 @@ def test_changes_of_roots(kind):
 
 
 def test_missing_roots_are_noticed():
-    """Three equal machines have every root three times, and a block of two vectors finds two of them."""
-    blocks = [block_diag(*[one] * 3) for one in matrices("real", sizes=16)]
+    """Eight equal machines have every root eight times, of which a block of two vectors finds two.
+
+    Rounding adds a third and a fourth in time, on some processors, so five are never there.
+    """
+    blocks = [block_diag(*[one] * 8) for one in matrices("real", sizes=16)]
     assert not sure(pencil(blocks), COUNT)
     values = np.asarray(eqx.filter_jit(eigenvalues)(pencil(blocks), COUNT))
     wanted, _ = reference(*blocks, COUNT)
