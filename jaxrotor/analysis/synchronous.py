@@ -19,7 +19,7 @@ from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..core.sign_change import sign_change
 from ..effects.base import AbstractOverSpeed
-from ..equations.pencil import BESIDE, Pencil, check_axes, frame, isotropic, root_changes
+from ..equations.pencil import Pencil, check_axes, frame, isotropic, root_changes
 from ..equations.speed_tables import in_sense, speed_range
 from ..equations.system import System
 
@@ -244,7 +244,7 @@ def _nearest_squares_jvp(primals, tangents):
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _squares(vectors: bool, stiffness: Array, inertia: Array):
     """Every `s` with `(K - s M) q = 0`, infinite for massless coordinates; and `q`, one per row."""
-    shift, shapes = (BESIDE**2) * _scale(stiffness, inertia), None
+    shift, shapes = Pencil(inertia, inertia, stiffness).shift ** 2, None
     matrix = linalg.solve(stiffness + shift * inertia, inertia)
     if vectors:
         inverses, columns = linalg.eig(matrix)

@@ -178,8 +178,8 @@ class Pencil(eqx.Module):
 
     @property
     def shift(self) -> Scalar:
-        """Shift [rad/s] to slow roots, beside `sqrt(-K / M)` of a mass on negative stiffness."""
-        return BESIDE * self.rate
+        """Shift [rad/s] to slow roots; of one mass beside its root `sqrt(-K / M)` where K < 0."""
+        return self.rate if self.inertia.shape[0] > 2 else BESIDE * self.rate
 
     def at(self, root: Complex[Array, ""]) -> Complex[Array, "m m"]:
         """`P(root)`."""
