@@ -96,8 +96,8 @@ class Campbell(eqx.Module):
         roots = values[k, branch] + part * (values[k + 1, branch] - values[k, branch])
         ways = ways[k, branch]
         whirls = ~is_rounding(roots.imag, roots)
-        order = np.argsort((k + part)[whirls])
-        at, roots, ways = (one[whirls][order] for one in (at, roots, ways))
+        ascending = np.flatnonzero(whirls)[np.argsort((k + part)[whirls])]
+        at, roots, ways = at[ascending], roots[ascending], ways[ascending]
         return Crossings(at, np.abs(roots.imag), -roots.real / np.abs(roots), ways)
 
 

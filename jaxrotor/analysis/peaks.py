@@ -188,7 +188,7 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
             f"Peaks are those of one station, but `at` has {found.stations.size}; give one of them."
         )
     heights, sharp = np.asarray(found.major)[::way, 0], np.asarray(critical.speeds)[unbounded]
-    rows = [(speed, np.inf, speed, speed) for speed in sharp.tolist()]
+    rows: list[tuple[float, ...]] = [(speed, np.inf, speed, speed) for speed in sharp.tolist()]
     for k in _summits(heights).tolist():
         around = grid[k - 1 : k + 2]
         if not np.any((around[0] <= sharp) & (sharp <= around[2])):

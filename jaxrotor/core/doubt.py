@@ -46,7 +46,8 @@ class Doubt(NamedTuple):
 
 def doubt(path: str, value: float, unit: str, why: str, usual: tuple[float, float]) -> Doubt:
     """A doubt with the first unit that brings the number between bounds, else with the last."""
-    return Doubt(path, value, unit, why, *(meant(value, unit, usual) or UNITS[unit][-1]))
+    other, factor = meant(value, unit, usual) or UNITS[unit][-1]
+    return Doubt(path, value, unit, why, other, factor)
 
 
 def meant(value: float, unit: str, usual: tuple[float, float]) -> tuple[str, float] | None:

@@ -76,7 +76,7 @@ def check_whole(given: Mapping[str, Any]) -> None:
     for letter, unit in _UNITS.items():
         own = {axes: given.get(letter + axes) is not None for axes in AXES}
         first = next((axes for axes, there in own.items() if there), None)
-        wanted = None
+        wanted, also = None, ""
         if first is not None and not own["xx"]:
             wanted, also = "xx", "0 if there is none along x"
         elif own["xy"] != own["yx"]:

@@ -31,7 +31,7 @@ def static_instability(scene: Scene) -> str:
     drives = [one for one in tabled if _is_negative(one)]
     if not drives:
         return ""
-    still = [one.at_whirl(0.0) if one in tabled else one for one in scene.effects]
+    still = [one.at_whirl(0.0) if isinstance(one, Support) else one for one in scene.effects]
     system = assemble(scene.of_parts(*still))
     if frame(system.blocks) not in ("fixed", "rotating"):
         return ""

@@ -54,8 +54,9 @@ class Rebounds(NamedTuple):
 
         Nothing is checked while values are traced. There is no warning where the error was `measured`.
         """
-        if self.too_long(solver):
-            more = more_needed(self._ratio(bounced=False), solver.order)
+        every = self._ratio(bounced=False)
+        if every is not None and gains_energy(self.touched, every, solver.order):
+            more = more_needed(every, solver.order)
             raise RuntimeError(
                 "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
                 f"take {cure(more)}, or a softer stop."

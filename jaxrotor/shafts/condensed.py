@@ -52,7 +52,8 @@ class CondensedLine(AbstractLine):
         held, own, at = jax.lax.stop_gradient((line, inertia, stations))
         motions = held.rigid_motions
         rigid = 0 if motions is None else motions.shape[1]
-        return cls(line, _shapes(held, own, at, motions), rigid, line.anisotropy)
+        shapes = _shapes(held, own, at, motions)
+        return cls(line=line, shapes=shapes, rigid=rigid, anisotropy=line.anisotropy)
 
     @property
     def breaks(self) -> Float[Array, " breaks"]:

@@ -1,6 +1,7 @@
 """Round sections of a shaft, solid or hollow, and steps from one to the next."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from ..core.representation import AbstractPart
 from .materials import Material
 
 
-Numbers = Float[Array, "*sections"]
+Numbers = Any  # of one section, or an array of those of several
 
 
 class Section(eqx.Module):

@@ -135,7 +135,7 @@ class ShearLine(AbstractSpectralLine):
         basis = legendre.legval(self._gauss[0], differentiated)  # (k, g)
         forms = np.einsum("kg,pkj->pgj", basis, self._interpolants)
         both = [forms, 0 * forms] if which == 0 else [0 * forms, forms]
-        return np.concatenate(both, axis=2) / self._widths[:, None, None] ** derivative
+        return jnp.concatenate(both, axis=2) / self._widths[:, None, None] ** derivative
 
     @eqx.filter_jit
     def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:

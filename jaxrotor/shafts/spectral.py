@@ -103,8 +103,9 @@ class SpectralLine(AbstractSpectralLine):
     def rigid_motions(self) -> Float[Array, "n r"] | None:
         if not self.free:
             return None
-        assert isinstance(self.kernel, HeldKernel)
-        motion = lambda number: self.kernel.rigid_motion(number, self.nodes, self.ends[1:-1])
+        kernel = self.kernel
+        assert isinstance(kernel, HeldKernel)
+        motion = lambda number: kernel.rigid_motion(number, self.nodes, self.ends[1:-1])
         motions = [motion(number)[self._unconstrained] for number in range(len(self.free))]
         return jnp.stack(motions, axis=1)
 

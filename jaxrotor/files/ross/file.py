@@ -113,7 +113,9 @@ def note_unread(elements: Iterable[Element], notes: Notes) -> None:
     """Note the keys of elements that have no place in a scene."""
     for element in elements:
         read = _READ.get(element.kind)
-        for key, value in element.table.items() if read is not None else ():
+        if read is None:
+            continue
+        for key, value in element.table.items():
             if key not in read and key not in _DRAWN and value is not None:
                 notes.add(f"`{_line(key)}` is not read", element)
 
