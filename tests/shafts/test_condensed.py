@@ -40,7 +40,9 @@ def whirls_of_elements(shear, longest):
     material = (2.05e11, 7830.0, 8e10 if shear else np.inf)
     _, mass, turned, stiff = fem.matrices(stretches, DISCS, springs, material, longest)
     flexible = np.linalg.inv(stiff)
-    rate = np.block([[-flexible @ (SPEED * turned), -flexible @ mass], [np.eye(len(mass)), 0 * mass]])
+    rate = np.block(
+        [[-flexible @ (SPEED * turned), -flexible @ mass], [np.eye(len(mass)), 0 * mass]]
+    )
     found = 1 / np.linalg.eigvals(rate)
     return np.sort(found.imag[found.imag > 0])
 
@@ -58,14 +60,14 @@ def test_whirls_are_those_of_finite_elements(shear):
 def test_derivatives_are_those_of_all_coordinates():
     rotor = scene(False)
     path = "supports.kxx"
-    slowest = lambda rotor, value: np.abs(np.asarray(jr.roots(rotor.replace({path: value}), 2)).imag)
+    slowest = lambda rotor, value: np.abs(
+        np.asarray(jr.roots(rotor.replace({path: value}), 2)).imag
+    )
     step = 8e3
     full = rotor.with_nodes(4)
     assert not full.attached
     differences = (slowest(full, 8e7 + step) - slowest(full, 8e7 - step)) / (2 * step)
-    _, exact = jax.jvp(
-        lambda value: jr.roots(rotor.replace({path: value}), 2).imag, (8e7,), (1.0,)
-    )
+    _, exact = jax.jvp(lambda value: jr.roots(rotor.replace({path: value}), 2).imag, (8e7,), (1.0,))
     assert np.abs(np.asarray(exact)) == pytest.approx(np.abs(differences), rel=1e-4)
 
 
