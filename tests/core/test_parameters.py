@@ -75,10 +75,10 @@ def test_changed_leaves_refresh_flags(table):
 
 def test_known_values_have_units(table):
     assert known_values(PLANE, table) == {
-        "body.length": (7.0, "m"),
-        "body.ends.0.span": (0.5, "m"),
-        "wings.0.span": (4.0, "m"),
-        "wings.1.span": (-5.0, "m"),
+        "body.length": (7.0, "m", 7.0),
+        "body.ends.0.span": (0.5, "m", 0.5),
+        "wings.0.span": (4.0, "m", 4.0),
+        "wings.1.span": (-5.0, "m", -5.0),
     }
 
     def traced(plane):
