@@ -68,7 +68,7 @@ class AbstractOverSpeed(AbstractLinear):
 
     def read_at(self, speed: ArrayLike) -> Scalar:
         """Where tables over the speed are read: at `|Omega|`, unless their nodes begin below 0."""
-        speed = jnp.asarray(speed)
+        speed = jnp.asarray(speed, float)
         back = speed < 0 if self.speeds is None else (speed < 0) & (self.speeds[0] >= 0)
         return jnp.where(back, -speed, speed)
 

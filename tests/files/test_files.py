@@ -1009,19 +1009,19 @@ def test_every_slip_gets_one_sentence(old, new, message):
         ),
         (
             good("[unbalance]", "[disc]\n[unbalance]"),
-            "my.toml has [disc] a second time, at line 8; write [[disc]] for each of several.",
+            "my.toml has [disc] a second time, at line 9; write [[disc]] for each of several.",
         ),
         (
             good("[unbalance]", "[[discs]]\n[discs]\n[unbalance]"),
-            "my.toml has [discs] a second time, at line 9; write [[discs]] for each of several.",
+            "my.toml has [discs] a second time, at line 10; write [[discs]] for each of several.",
         ),
         (
             good("[unbalance]", "[[disc]]\n[unbalance]"),
-            "my.toml has [disc] a second time, at line 8; write [[disc]] for each of several.",
+            "my.toml has [disc] a second time, at line 9; write [[disc]] for each of several.",
         ),
         (
             good("mass = 2.5", "mass = 2.5\nmass = 3"),
-            "my.toml gives mass a second time, at line 8; keep one of the two.",
+            "my.toml gives mass a second time, at line 9; keep one of the two.",
         ),
         ("[shaft]\na = " + "9" * 5000, "my.toml is not valid TOML: Exceeds the limit"),
         ("a = " + "[" * 9000, "my.toml is not valid TOML: "),
