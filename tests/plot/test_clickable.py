@@ -127,7 +127,7 @@ def test_a_map(map_page):
     held = content_of(map_page)
     names = [held["groups"][k]["name"] for k in held["group"]]
     assert names == ["backward whirl", "forward whirl", "no result", "forward whirl"]
-    assert held["axes"][1] == {"name": "spin speed", "unit": "", "values": [50, 60]}
+    assert held["axes"][1] == {"name": "spin speed", "unit": "rad/s", "values": [50, 60]}
     assert held["motions"] == [] and "a &lt; b" in map_page.read_text("utf-8")
 
 
