@@ -21,7 +21,7 @@ from ..core.quantities import Scalar
 from .line import AbstractLine, AbstractSpectralLine, PerLength
 
 
-MODES = 40  # of the shaft alone; see benchmarks/size.py for the error of fewer and more
+MODES = 40  # of the shaft alone; docs/choosing.md has the error
 COUPLE_ARM = (
     0.1  # of the length: of the pair of forces that stands for a couple, which sets its scale
 )
