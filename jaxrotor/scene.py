@@ -63,8 +63,8 @@ class Scene(eqx.Module):
     spin: AbstractSpin
     spans: tuple[int, ...] = eqx.field(static=True)
     resolution: tuple[int, ...] = eqx.field(static=True)  # nodes of every span
-    attached: tuple[int, ...] = eqx.field(static=True)  # stations, see `AbstractShaft.attached`
     assumption: str = eqx.field(static=True)
+    attached: tuple[int, ...] = eqx.field(static=True, default=())  # see `AbstractShaft.attached`
 
     def __init__(
         self,

@@ -10,9 +10,9 @@ import typer
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
 from ..analysis.critical import critical_between
 from ..analysis.modal import KINDS, kind_of_whirl
+from ..analysis.static_instability import static_instability
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
-from ..equations.static_instability import static_instability
 from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer

@@ -11,8 +11,8 @@ import numpy as np
 import typer
 
 from ..analysis import onset_speed
+from ..analysis.static_instability import static_instability
 from ..equations.rigid_motions import CURE, unheld
-from ..equations.static_instability import static_instability
 from ..files.shipped import source
 from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
@@ -77,11 +77,7 @@ def show(
     forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
-    notes = {
-        "free": unheld(rotor) or None,
-        "statically_unstable": static_instability(rotor) or None,
-        "material_taken": _material_taken(scene),
-    }
+    notes = _notes(scene, rotor)
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     why = why.partition(";")[0]  # its advice is for Python
     if as_json:
@@ -126,6 +122,15 @@ def show(
         *answer.written(written),
     ]
     answer.print_table(summary)
+
+
+def _notes(scene: str, rotor: Scene) -> dict[str, str | None]:
+    """Free motions, static instability and a material that the file does not name."""
+    return {
+        "free": unheld(rotor) or None,
+        "statically_unstable": static_instability(rotor) or None,
+        "material_taken": _material_taken(scene),
+    }
 
 
 def _material_taken(scene: str) -> str | None:

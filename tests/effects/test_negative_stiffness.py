@@ -6,7 +6,7 @@ import pytest
 import scipy.linalg
 
 import jaxrotor as jr
-from jaxrotor.equations.static_instability import static_instability
+from jaxrotor.analysis.static_instability import static_instability
 
 
 SHAFT, MASS = 1e6, 2.0  # [N/m], [kg]

@@ -11,9 +11,9 @@ import numpy as np
 from ..core.quantities import known, value_of
 from ..effects import Support
 from ..effects.base import AbstractOverSpeed
+from ..equations.pencil import Pencil, frame
+from ..equations.system import assemble
 from ..scene import Scene
-from .pencil import Pencil, frame
-from .system import assemble
 
 
 ROUNDING = 1e-9  # of the inverse square of the slowest motion
