@@ -30,8 +30,9 @@ class CriticalSpeeds(eqx.Module):
     nearly straight lines.
     """
 
-    # [rad/s], of the scene's sense, by rising magnitude; where traced, infinite ones fill up
-    speeds: Float[Array, " c"]
+    speeds: Float[
+        Array, " c"
+    ]  # [rad/s] in the scene's sense, by magnitude; traced, infinite ones fill up
     forward_share: Float[Array, " c"]  # from 0 to 1
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle

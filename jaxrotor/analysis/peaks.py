@@ -58,9 +58,8 @@ class ResponsePeaks(eqx.Module):
     )
     speeds: Float[np.ndarray, " k"]  # [rad/s]
     amplitudes: Float[np.ndarray, " k"]  # major half axis [m]
-    # Speeds of half power [rad/s] of smaller and of larger magnitude, NaN if there is none:
-    lower: Float[np.ndarray, " k"]
-    upper: Float[np.ndarray, " k"]
+    lower: Float[np.ndarray, " k"]  # half power, of smaller magnitude [rad/s], NaN if there is none
+    upper: Float[np.ndarray, " k"]  # the same, of larger magnitude
 
     @property
     def amplification(self) -> Float[np.ndarray, " k"]:
