@@ -249,7 +249,7 @@ def draw(solution: Solution) -> np.ndarray:
     for column, ends in zip(axes.T, (solution.before, solution.after), strict=True):
         across = 1e3 * ends["unbalance.eccentricity"].values
         for name, tint, mark in zip(STARTS, tints, "o^s", strict=True):
-            lanes = ends.sel(start=name).transpose("unbalance.eccentricity", "start.angle")
+            lanes = ends.sel(start=name).transpose("unbalance.eccentricity", "start.angle", ...)
             style = {
                 "color": tint,
                 "markersize": 2,
