@@ -23,9 +23,8 @@ BASE = {"mu": 0.2, "kappa": 0.16, "delta": 0.1, "alpha": 1.0, "nu": 0.3, "angle"
 def rotor(p, *, mu, kappa, delta, alpha, nu, angle, support=0.16, mass=None):
     """Disc of unit mass on a shaft of unit mean stiffness, in two supports of stiffness 1 / alpha each."""
     ends = [] if mass is None else [jr.Disc(0.0, mass)]
-    supports = [
-        jr.Support(at, 1 / alpha, damping=support, anisotropy=nu, angle=angle) for at in (0.0, 1.0)
-    ]
+    unequal = {} if nu is None else {"anisotropy": nu, "angle": angle}
+    supports = [jr.Support(at, 1 / alpha, damping=support, **unequal) for at in (0.0, 1.0)]
     return jr.Scene(
         jr.MasslessShaft(1.0, 0.5, 1.0, anisotropy=mu, damping=kappa, ends="elastic"),
         jr.Disc(0.5, 1.0),
