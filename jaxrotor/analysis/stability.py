@@ -223,11 +223,8 @@ def stability_crossings(
         )
     speeds, unstable = np.asarray(speeds), 1 * (np.asarray(sign) > 0)
     inner, outer = _outward(speeds, unstable)
-    found = [
-        (_refine(system, *map(jnp.asarray, speeds[i : i + 2])), bool(outer[i]))
-        for i in np.flatnonzero(inner != outer)
-    ]
-    return sorted(found, key=lambda one: abs(float(one[0].speed)))
+    places = sorted(np.flatnonzero(inner != outer), key=lambda i: abs(speeds[i]))
+    return [(_refine(system, *map(jnp.asarray, speeds[i : i + 2])), bool(outer[i])) for i in places]
 
 
 def _checked(within, samples: int) -> tuple[Array, Array] | None:

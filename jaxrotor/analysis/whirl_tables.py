@@ -213,19 +213,24 @@ def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c
     count = at_grid.shape[1]
     order = jnp.argsort(~changes.ravel())[: count + MORE]
 
-    def one(place: Array) -> Complex[Array, ""]:
+    def frequency(place: Array) -> Scalar:
         k, j = place // count, place % count
         first, last = at_grid[k, j], at_grid[k + 1, j]
-        w = sign_change(lambda w: above(w)[j], grid[k], grid[k + 1], first, last, last > 0)
-        roots = values(jnp.abs(w))
-        root = roots[jnp.argmin(jnp.abs(roots.imag - w))]
-        return jnp.where(jnp.abs(root.imag - w) <= SAME * jnp.abs(w), root, jnp.inf)
+        return sign_change(lambda w: above(w)[j], grid[k], grid[k + 1], first, last, last > 0)
 
-    def either(place: Array) -> Complex[Array, ""]:
-        none = lambda place: jnp.inf + 0j * place
-        return jax.lax.cond(changes.ravel()[place], one, none, place)
+    def either(place: Array) -> tuple[Scalar, Complex[Array, " m"]]:
+        none = lambda place: jnp.inf
+        w = jax.lax.cond(changes.ravel()[place], frequency, none, place)
+        roots = jax.lax.cond(jnp.isfinite(w), values, lambda w: jnp.full(count, jnp.inf + 0j), abs(w))
+        return w, roots
 
-    return jax.lax.map(either, order)
+    found, roots = jax.lax.map(either, order)
+    # Roots of one frequency are told apart by their real parts: rounding orders their frequencies.
+    near = lambda at, w: jnp.abs(at - w) <= SAME * jnp.abs(w)
+    earlier = jnp.tril(near(found, found[:, None]), -1).sum(1)
+    here = jnp.where(near(roots.imag, found[:, None]), roots, jnp.inf)
+    here = jnp.take_along_axis(here, jnp.argsort(here.real, axis=1), axis=1)
+    return jnp.take_along_axis(here, jnp.minimum(earlier, count - 1)[:, None], axis=1)[:, 0]
 
 
 def _polished(system: System, root: Complex[Array, ""]) -> Complex[Array, ""]:

@@ -152,7 +152,7 @@ def errors_of(
     errors: dict[str, Any] = {"diverges": ("error_lane", diverges.astype(np.int8), attrs)}
     summary = {}
     for name, array in _single(repeated):
-        error = np.abs(array.values.astype(float) - before(name))
+        error = _distance(array.values.astype(float), before(name))
         error[~good] = np.nan
         long_name = f"change of {array.attrs['long_name']} by twice the steps"
         errors[f"{name}_error"] = (array.dims, error, about(array.attrs["units"], long_name))
@@ -176,11 +176,16 @@ def _apart(found: xr.Dataset, other: xr.Dataset) -> np.ndarray:
     for name, array in _single(found):
         if array.attrs["units"] in ("s", "rad/s") or not np.issubdtype(array.dtype, np.floating):
             continue
-        change = np.abs(array.values - other[name].values)
+        change = _distance(array.values, other[name].values)
         size = np.nanmax(np.abs(array.values), initial=0.0)
         far = np.nan_to_num(change) > APART * size
         apart |= far.reshape(len(apart), -1).any(axis=1)
     return apart
+
+
+@np.errstate(invalid="ignore")  # lanes that failed may be infinite in both
+def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.abs(one - other)
 
 
 def check_rebounds(context: Context, found: xr.Dataset) -> None:

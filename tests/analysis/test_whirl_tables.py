@@ -50,7 +50,8 @@ def scanned(at, top, mass=MASS):
     roots = []
     for k, j in np.argwhere((apart[:-1] > 0) != (apart[1:] > 0)):
         share = apart[k, j] / (apart[k, j] - apart[k + 1, j])
-        roots.append(every[k, j] + share * (every[k + 1, j] - every[k, j]))
+        after = every[k + 1, np.argmin(np.abs(every[k + 1] - every[k, j]))]
+        roots.append(every[k, j] + share * (after - every[k, j]))
     return np.array([root for root in roots if root.imag > 1e-3])
 
 
