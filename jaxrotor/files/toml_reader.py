@@ -38,6 +38,12 @@ Table = dict[str, Any]
 
 _MOST = 10_000_000  # largest integer that is accepted; a larger one is a mistake
 _WORDS = {int: f"a whole number up to {_MOST}", bool: "true or false", str: "a text"}
+_OTHER_WORDS = {  # for parts, as an engineer may call them
+    **dict.fromkeys(("bearing", "seal", "wear_ring", "magnetic_pull", "spring"), "support"),
+    **dict.fromkeys(("impeller", "wheel", "coupling", "fan", "rotor_core", "point_mass"), "disc"),
+    **dict.fromkeys(("foundation", "pedestal", "housing"), "casing"),
+    **{"stop": "limiter", "rub_ring": "annular_stator", "weight": "gravity", "speed": "spin"},
+}
 
 
 def read(text: str, source: str) -> tuple[Scene, Table]:
@@ -64,7 +70,7 @@ def _scene(document: Table, prefix: str) -> Scene:
             names = {
                 name: f"[{named[name].kind if name in named else name}]"
                 for name in (*known, *named)
-            }
+            } | {word: f"[{kind}]" for word, kind in _OTHER_WORDS.items()}
             near = suggest(key, names, names.get)
             refuse(f"{prefix}{key}", f"is not a part of a scene{near}; it has: {', '.join(known)}.")
     _check_keys(document, document, ("shaft", "spin"), prefix, "scene")

@@ -175,7 +175,7 @@ class FlexibleShaft(AbstractShaft):
             if number < own and near and not (coincident and not constraint):
                 raise ValueError(
                     f"The constraint or step at {at:g} m is nearer than {shortest:.2g} m to another one "
-                    "or to an end of the shaft; move one of them."
+                    f"or to an end of the shaft, which is {length:g} m long; move one of them."
                 )
             if not near and self.rule == "spectral":
                 inner.append(number)

@@ -876,6 +876,8 @@ def study_of(text):
         ("[disc]", "[dicss]", "dicss is not a part of a scene (did you mean `[disc]`?)"),
         ("[shaft]", "[shfat]", "shfat is not a part of a scene (did you mean `[shaft]`?)"),
         ("[shaft]", "[spindle]", "spindle is not a part of a scene"),
+        ("[disc]", "[impeller]", "impeller is not a part of a scene (did you mean `[disc]`?)"),
+        ("[disc]", "[bearings]", "bearings is not a part of a scene (did you mean `[support]`?)"),
         ('[spin]\nspeed = "1500 rpm"\n', "", "spin is missing; a scene needs: shaft, spin."),
         (
             "[shaft]",

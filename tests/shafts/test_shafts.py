@@ -516,7 +516,10 @@ def build(**options):
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: build(constraints=(Constraint(0.5), Constraint(0.501))), "is nearer than 0.002 m"),
+        (
+            lambda: build(constraints=(Constraint(0.5), Constraint(0.501))),
+            "is nearer than 0.002 m .* which is 1 m long",
+        ),
         (lambda: build(constraints=(Constraint(0.0), Constraint(0.0, "guide"))), "Two constraints"),
         (lambda: build(constraints=(Constraint(1.5),)), "is off the shaft"),
         (lambda: build(steps=(Step(1.0, 0.03),)), "is at an end of the shaft"),
