@@ -251,7 +251,7 @@ class Scene(eqx.Module):
         """
         leaves = [leaf for leaf in self.leaves(path) if leaf is not None]
         if len(leaves) < len(self._find(path)):
-            formula = self.values(path)[1]
+            formula = self.values(path)[1].partition(" where ")[0]
             taken = f"; `{formula}` is taken for it" if formula else ""
             raise ValueError(f"`{path}` is absent from this scene (None){taken}.")
         if len({jnp.shape(leaf) for leaf in leaves}) > 1:

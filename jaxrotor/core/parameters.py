@@ -69,9 +69,11 @@ def follow(tree: Any, address: Sequence[Any]) -> Any:
 def given_or_taken(tree: Any, table: Iterable[Address]) -> tuple[list[Any], str]:
     """Values at addresses, and the formula by which those are taken that are not given, else ""."""
     owners = [(follow(tree, address[:-1]), address[-1]) for address in table]
-    taken = (taken_for(*owner) for owner in owners)
+    taken = [taken_for(*owner) for owner in owners]
     formula = next((one.formula for one in taken if one is not None), "")
-    return [value_of(*owner) for owner in owners], formula
+    given = any(getattr(*owner) is not None for owner in owners)
+    values = [value_of(*owner) for owner in owners]
+    return values, f"{formula} where not given" if formula and given else formula
 
 
 def with_leaves(tree: Any, leaves: Mapping[Address, Any]) -> Any:

@@ -166,6 +166,9 @@ def test_what_is_taken_is_shown_and_written():
     shown = {path: _parameter(scene, path) for path in ("supports.kyy", "disc.diametral")}
     assert shown["supports.kyy"] == {"value": [1e7, 1e7], "unit": "N/m", "taken": "kxx"}
     assert shown["disc.diametral"]["value"] == 0.2
+    one = jr.loads(text.replace("[[support]]", "[[support]]\nkyy = 3e7", 1))
+    assert _parameter(one, "supports.kyy")["value"] == [3e7, 1e7]
+    assert _parameter(one, "supports.kyy")["taken"] == "kxx where not given"
 
 
 # === tables by straight lines
