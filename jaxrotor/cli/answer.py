@@ -31,7 +31,9 @@ def print_table(
     table = Table(box=box.SIMPLE_HEAD if heads else None, show_header=bool(heads), pad_edge=False)
     for i in range(len(rows[0]) if rows else len(heads)):
         justify = "right" if i in numbers else "left"
-        table.add_column(heads[i] if heads else "", justify=justify, overflow="fold")
+        whole = i == 0 and bool(heads)  # names, such as paths, to be copied
+        head = heads[i] if heads else ""
+        table.add_column(head, justify=justify, overflow="fold", no_wrap=whole)
     for row in rows:
         table.add_row(*row)
     Console(markup=False, highlight=False, emoji=False).print(table)

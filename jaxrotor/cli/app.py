@@ -55,7 +55,7 @@ COMMANDS = {
     ),
     "response": (
         "response",
-        "Steady response to unbalance: its peaks, and its values at the critical speeds.",
+        "Steady response to unbalance: its peaks, and its values at operating and critical speeds.",
     ),
     "balance": (
         "balance",

@@ -1,6 +1,7 @@
 """Commands `campbell` and `critical`: whirl frequencies against speed, and critical speeds."""
 
 import math
+from collections.abc import Mapping, Sized
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +14,8 @@ from ..analysis.modal import KINDS, kind_of_whirl
 from ..analysis.static_instability import static_instability
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
+from ..equations.rigid_motions import unheld
+from ..equations.speed_tables import speed_range
 from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer
@@ -144,7 +147,7 @@ def critical(
     jaxrotor critical limiter-rotor --count 3
     """
     rotor = scene_with(scene, settings)
-    found, unstable = critical_speeds(rotor, count), static_instability(rotor)
+    found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
     senses, stations = np.asarray(found.senses), np.asarray(found.stations)
     speeds, shares = np.asarray(found.speeds).tolist(), np.asarray(found.forward_share).tolist()
     described = [
@@ -160,9 +163,8 @@ def critical(
     if as_json:
         pairs = list(zip(found.kinds, described, strict=True))
         kinds = {kind: [one for k, one in pairs if k == kind] for kind in KINDS}
-        answer.print_json(
-            {"scene": scene, "statically_unstable": unstable or None, "stations": stations, **kinds}
-        )
+        noted = {"free": free or None, "statically_unstable": unstable or None}
+        answer.print_json({"scene": scene, **noted, "stations": stations, **kinds})
         return
     rows = [
         (
@@ -176,9 +178,22 @@ def critical(
         for kind, one, sense in zip(found.kinds, described, senses, strict=True)
     ]
     heads = ("whirl", "undamped [rad/s]", "[rpm]", "[Hz]", "forward energy", "forward stations")
-    answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    if unstable:
-        answer.print_table([("statically unstable", unstable)])
+    if rows:
+        answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
+    end = end_of_search(rotor, {kind: getattr(found, kind) for kind in KINDS}, count)
+    notes = {"held": free and f"free: {free}", "statically unstable": unstable, "critical": end}
+    answer.print_table([(name, note) for name, note in notes.items() if note])
+
+
+def end_of_search(rotor: Scene, found: Mapping[str, Sized], count: int) -> str:
+    """A clause that says where tables over speed end the search for `count` critical speeds, else ""."""
+    span = speed_range(rotor, rotor.spin.sense)
+    if span is None or all(len(own) >= count for kind, own in found.items() if kind != "mixed"):
+        return ""
+    low, high = (float(rotor.spin.sense * end) for end in span)
+    others = "no others" if any(map(len, found.values())) else "none"
+    between = f"{low:g} to {high:g} rad/s ({rpm(low):.6g} to {rpm(high):.6g} rpm)"
+    return f"{others} from {between}, the speeds of all tables; extend them to search farther"
 
 
 def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:

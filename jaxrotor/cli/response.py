@@ -68,7 +68,7 @@ def response(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Steady response to unbalance: its peaks, and its values at the critical speeds.
+    """Steady response to unbalance: its peaks, and its values at operating and critical speeds.
 
     The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
     gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
@@ -82,9 +82,7 @@ def response(
     ```
     """
     whole = rotor = scene_with(scene, settings)
-    station = rotor.stations(
-        optional(at, "m", "--at")
-    )  # by default of a contact, before it is left out
+    station = rotor.stations(optional(at, "m", "--at"))  # of a contact, before it is left out
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
@@ -105,25 +103,27 @@ def response(
         finite = found.speeds[np.isfinite(found.amplitudes)]
         peaks = [_at(rotor, speed, station) for speed in finite.tolist()]
         growth = growth_at(rotor, result.speeds)
+        ends = [] if range_ is None else list(dict.fromkeys(range_))
+        running = [_at(rotor, one, station) for one in ends if speeds.min() <= one <= speeds.max()]
         if folder is not None:
             data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
             write_dataset(data, folder / "response.zarr", units)
             shown_with = {"growth": growth, "operating": range_}
             _draw(found, whole, shown_with, folder, units)
-    largest = max(one["amplitude"] or 0.0 for one in (*peaks, *critical, {"amplitude": 0.0}))
+    largest = max((one["amplitude"] or 0.0 for one in (*running, *peaks, *critical)), default=0.0)
     answer.note_large(largest, float(rotor.shaft.length))
     unstable = float(np.mean(growth > 0))
     if as_json:
         shown = {"station": result.stations[0], "without": contacts, "peaks": peaks}
         shown |= {"margins": _margins(found, range_), "operating": range_}
-        shown |= {"critical": critical, "unstable_share": unstable}
+        shown |= {"at_operating": running, "critical": critical, "unstable_share": unstable}
         answer.print_json({"scene": scene, **shown, "written": written_to(out, _FILES)})
         return
-    unit, length = units["speed"], units["length"] or "mm"
-    rows = [("peak", *_row(one, SPEEDS[unit], LENGTHS[length])) for one in peaks]
-    rows += [
-        (f"critical, {one['kind']}", *_row(one, SPEEDS[unit], LENGTHS[length])) for one in critical
-    ]
+    unit, own = units["speed"], "\N{MICRO SIGN}m" if largest < 1e-4 else "mm"
+    length = units["length"] or own
+    named = [("operating", one) for one in running] + [("peak", one) for one in peaks]
+    named += [(f"critical, {one['kind']}", one) for one in critical]
+    rows = [(name, *_row(one, SPEEDS[unit], LENGTHS[length])) for name, one in named]
     heads = ("", f"[{unit}]", f"amplitude [{length}]", "phase [deg]", "growth [1/s]")
     if rows:
         answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
@@ -131,10 +131,10 @@ def response(
     notes = [("station", f"{result.stations[0]:g} m")]
     notes += [("without", ", ".join(contacts))] if contacts else []
     notes += _clearance_note(_nearest(found, whole), found, (LENGTHS[length], length))
-    notes += [("peak", "none between these speeds")] if not found.speeds.size else []
-    if range_ is not None:
-        ends = " to ".join(f"{SPEEDS[unit] * one:.6g}" for one in dict.fromkeys(range_))
-        notes.append(("operating", f"{ends} {unit}"))
+    text = lambda own, word: f" {word} ".join(f"{SPEEDS[unit] * one:.6g}" for one in own)
+    none = f"none between these speeds, {text((speeds[0], speeds[-1]), 'and')} {unit}"
+    notes += [("peak", none)] if not found.speeds.size else []
+    notes += [("operating", f"{text(ends, 'to')} {unit}")] if ends else []
     if unstable:
         notes.append(
             ("unstable", f"at {100 * unstable:.3g} % of the speeds, where no response is attained")

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import typer
 
 from ..analysis import onset_speed
+from ..analysis.modal import KINDS
 from ..analysis.static_instability import static_instability
 from ..equations.rigid_motions import CURE, unheld
 from ..files.shipped import source
@@ -20,7 +22,7 @@ from ..results.provenance import assumed
 from ..scene import Scene
 from . import answer
 from .axis_units import angle_unit, axis_units, written_in
-from .campbell import described_critical
+from .campbell import described_critical, end_of_search
 from .linear import described_onset, described_roots
 from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
 from .output import draft_or_none, draw, written_to
@@ -74,14 +76,14 @@ def show(
     nodes = getattr(rotor.shaft, "nodes", None)
     axes, found = described_roots(rotor)
     still = _or_why(lambda: _still(described_roots(rotor.at_speed(0.0))[1]))[0]
-    forward, backward = (_whirl(found, direction) for direction in ("forward", "backward"))
+    whirl = {kind: _whirl(found, kind) for kind in KINDS}
     coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
+    end = end_of_search(rotor, critical, _SHOWN) if critical else ""
     notes = _notes(scene, rotor)
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
     why = why.partition(";")[0]  # its advice is for Python
     if as_json:
-        whirl = {"standstill": still, "forward": forward, "backward": backward}
         answer.print_json(
             {
                 "scene": scene,
@@ -91,7 +93,7 @@ def show(
                 **notes,
                 "nodes": None if nodes is None else list(rotor.resolution),
                 "coordinates": coordinates,
-                "whirl_frequencies": whirl,
+                "whirl_frequencies": {"standstill": still, **whirl},
                 "critical_speeds": critical,
                 "no_critical_speeds": no_critical or None,
                 "onset": onset,
@@ -115,9 +117,9 @@ def show(
         * (nodes is not None),
         ("coordinates", f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.attached)),
         ("whirl at standstill", speeds(still)),
-        ("forward, at speed", speeds(forward)),
-        ("backward, at speed", speeds(backward)),
+        *[(f"{kind}, at speed", speeds(own)) for kind, own in whirl.items() if own],
         *_critical_rows(critical, no_critical, rate),
+        *([("critical", end)] if end else []),
         ("loses stability", f"at {speeds(onset['speed'])}" if onset else why),
         *answer.written(written),
     ]
@@ -220,6 +222,11 @@ def _text(value: Any) -> str:
         return "-"
     if isinstance(value, list):
         texts = [f"[{_text(one)}]" if isinstance(one, list) else _text(one) for one in value]
-        same = len(texts) > 1 and len(set(texts)) == 1
-        return f"{texts[0]} each" if same else ", ".join(texts)
+        if len(texts) > 1 and len(set(texts)) == 1:
+            return f"{texts[0]} each"
+        runs = [(text, len(list(run))) for text, run in groupby(texts)]
+        return ", ".join(
+            f"{count} times {text}" if count > 1 and text[0] == "[" else ", ".join([text] * count)
+            for text, count in runs
+        )
     return f"{value:.7g}"

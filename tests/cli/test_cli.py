@@ -127,6 +127,7 @@ def test_show_says_that_a_rotor_is_free_and_of_what_it_is(quick_onset, place):
     (place / "free.toml").write_text(shaft + parts)
     found = answered("show", "free.toml")
     assert found["free"] == "nothing holds it" and found["material_taken"] == "steel"
+    assert answered("critical", "free.toml", "--count", 3)["free"] == found["free"]
     text = " ".join(call("show", "free.toml").stdout.split())
     assert "held free: nothing holds it; give the shaft `constraints`" in text
     assert "material steel, since the file names none" in text
@@ -296,6 +297,36 @@ def test_critical():
     assert "92.3870847" in text and "91.7564785" in text and "393.68" not in text
 
 
+def in_seals(along_x, along_y):
+    """A disc of 10 kg midway between two supports, whose stiffness is by tables that end at 80 rad/s."""
+    tables = {"speeds": [0.0, 80.0], "kxx": [along_x] * 2, "kyy": [along_y] * 2}
+    seals = [jr.Support(at, **tables) for at in (0.0, 0.6)]
+    shaft, disc = jr.RigidShaft(0.6), jr.Disc(0.3, 10.0, 0.1, 0.0)
+    jr.save(jr.Scene(shaft, disc, *seals, spin=jr.ConstantSpeed(50.0)), "seals.toml")
+    return "seals.toml"
+
+
+@pytest.mark.slow
+def test_critical_says_where_tables_end_it(place, quick_onset):
+    """`sqrt(k / m)` is 100 rad/s, beyond the tables; with a quarter of the stiffness it is 50 rad/s."""
+    name = in_seals(5e4, 5e4)
+    text = " ".join(call("critical", name, "--count", 1).stdout.split())
+    between = "from 0 to 80 rad/s (0 to 763.944 rpm), the speeds of all tables"
+    assert text.startswith(f"critical none {between}") and "extend them" in text
+    shown = " ".join(call("show", name).stdout.split())
+    assert f"critical none {between}" in shown
+    text = " ".join(call("critical", in_seals(12500.0, 12500.0), "--count", 2).stdout.split())
+    assert " 50 " in text and f"no others {between}" in text
+
+
+def test_show_has_whirl_that_is_neither_forward_nor_backward(place, quick_onset):
+    """Whirl in unequal supports without gyroscopics is along lines: `sqrt(kxx / m)`, `sqrt(kyy / m)`."""
+    name = in_seals(5e4, 2e5)
+    whirl = answered("show", name)["whirl_frequencies"]
+    assert whirl["mixed"][:2] == pytest.approx([100.0, 200.0], rel=1e-9)
+    assert re.search(r"mixed, at speed +100, 200", call("show", name).stdout)
+
+
 # === response
 
 
@@ -317,6 +348,10 @@ def test_response(place, monkeypatch):
     assert shown["without"] == ["limiters"] and shown["station"] == 0.3
     assert drawn["clearance"] == 0.002  # [m]; the amplitude is 1 mm
     eccentricity, ratio = 0.1 * 0.01 / 10, 0.05
+    (running,) = shown["at_operating"]
+    exact = eccentricity * 50**2 / (1e4 - 50**2 + 500j)
+    assert running["speed"] == 50 and running["amplitude"] == pytest.approx(abs(exact), rel=1e-10)
+    assert running["phase"] == pytest.approx(np.angle(exact), rel=1e-10)
     (peak,) = shown["peaks"]
     assert peak["speed"] == pytest.approx(100 / np.sqrt(1 - 2 * ratio**2), rel=1e-10)
     largest = eccentricity / (2 * ratio * np.sqrt(1 - ratio**2))
@@ -1150,12 +1185,13 @@ def test_all_that_a_new_scene_prepares_is_valid(place):
     scene = jr.loads(f"{first}[spin]{third.partition('[sweep]')[0]}")
     assert isinstance(scene.spin, jr.SpeedProfile) and 'speed = "1500 rpm"' in second
     assert [float(step.diameter) for step in scene.shaft.steps] == [0.04, 0.03]
-    film, same = scene.of(jr.Support)[2:]
+    film, seal, same, foundation = scene.of(jr.Support)[2:]
+    assert seal.kyx.tolist() == (-seal.kxy).tolist() and foundation.of == "pedestal"
     for name in ("kxx", "kxy", "kyx", "kyy", "cxx", "cyy"):
         assert float(getattr(film, name)) == float(getattr(same, name)) != 0
     assert {effect.kind for effect in scene.effects} == {
         *("disc", "unbalance", "support", "internal_damping", "external_damping"),
-        *("disc_damping", "gravity", "limiter"),
+        *("disc_damping", "gravity", "limiter", "casing"),
     }
     assert len(scene.of(jr.Disc)) == 2 and len(scene.of(jr.Limiter)) == 4
 
