@@ -221,7 +221,9 @@ def _crossings(values: Callable, grid: Float[Array, " g"]) -> Complex[Array, " c
     def either(place: Array) -> tuple[Scalar, Complex[Array, " m"]]:
         none = lambda place: jnp.inf
         w = jax.lax.cond(changes.ravel()[place], frequency, none, place)
-        roots = jax.lax.cond(jnp.isfinite(w), values, lambda w: jnp.full(count, jnp.inf + 0j), abs(w))
+        roots = jax.lax.cond(
+            jnp.isfinite(w), values, lambda w: jnp.full(count, jnp.inf + 0j), abs(w)
+        )
         return w, roots
 
     found, roots = jax.lax.map(either, order)

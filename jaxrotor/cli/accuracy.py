@@ -194,12 +194,12 @@ def _summary(found: xr.Dataset) -> dict[str, Any]:
 
 
 def _print(found: xr.Dataset, written: list[str]) -> None:
-    heads = ("method", "setting", "value", "relative error", "compile", "run", "memory", "")
-    rows = []
+    heads = ("method", "setting", "value", "relative error", "compile", "run", "memory")
+    rows, failed = [], []
     for i in range(found.sizes["run"]):
         one = {str(name): array.values[i] for name, array in found.variables.items()}
         if one["status"] != 0:
-            rows.append((str(one["method"]), _short(one), "", "", "", "", "", str(one["reason"])))
+            failed.append((f"{one['method']}, {_short(one)}", str(one["reason"])))
             continue
         value = f"{one['value']:.9g}"
         if "value_imag" in one:
@@ -213,10 +213,11 @@ def _print(found: xr.Dataset, written: list[str]) -> None:
                 f"{one['compile_time']:.2f} s",
                 f"{one['run_time']:.3g} s",
                 "" if np.isnan(one["memory"]) else f"{one['memory'] / 1e6:.3g} MB",
-                "",
             )
         )
-    answer.print_table(rows, heads, numbers=[2, 3, 4, 5, 6])
+    if rows:
+        answer.print_table(rows, heads, numbers=[2, 3, 4, 5, 6])
+    answer.print_table(failed)
     about = found.attrs
     value = complex(about["reference"], about.get("reference_imag", 0.0))
     text = f"{value.real:.12g}" + (f"{value.imag:+.12g}j" if value.imag else "")

@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from ..analysis import steady_state
-from ..effects import AbstractBodies
+from ..effects import AbstractBodies, AbstractContact
 from ..equations.start import Continued
 from ..motion.reactions import Reactions, reactions as reactions_of
 from ..motion.run_up import run_up as run
@@ -103,6 +103,11 @@ def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None)
     steady = isinstance(rotor.spin, ConstantSpeed) and duration is None and times is None
     if not steady or rotor.of(AbstractBodies):
         return run(rotor, instants(rotor, duration, samples, times))
+    if contacts := sorted({effect.plural for effect in rotor.of(AbstractContact)}):
+        raise ValueError(
+            f"The steady state is that of a linear rotor, but the scene has {', '.join(contacts)}; "
+            "add --duration, as in --duration 2s, for a run from rest, or leave them out of the file."
+        )
     speed = abs(float(rotor.spin.speed))
     period = 2 * math.pi / speed if speed else 1.0  # at rest any time will do
     return run(rotor, np.linspace(0.0, period, samples), start=Continued(*steady_state(rotor)))

@@ -1056,6 +1056,7 @@ def test_balance_with_balls(place):
         (["run-up", "limiter-rotor", "--duration", "1s", "--times", "0,1"], "leave out"),
         (["run-up", "limiter-rotor", "--times", "0:1"], "start : stop : count"),
         (["reactions", "limiter-rotor", "--times", "1s,0s"], "must ascend"),
+        (["reactions", "limiter-rotor"], "has limiters; add --duration, as in --duration 2s"),
         (["balance", "limiter-rotor", "--planes", "0m"], "two different stations"),
         (["balance", "limiter-rotor", "--planes", "0m,9m"], "on the shaft"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=1:2"], "start : stop : count"),
@@ -1345,6 +1346,25 @@ def test_accuracy_lists_every_setting_and_writes_data_and_pictures(place):
         "accuracy", "turbine-run-up", "--quantity", "reaction", "--duration", "0.1s"
     )
     assert "is none of the methods" in refused("accuracy", "limiter-rotor", "--method", "magic")
+
+
+def test_accuracy_gives_reasons_a_line(capsys, monkeypatch):
+    """A setting that fails has its sentence below the table, not in a narrow column of it."""
+    monkeypatch.setenv("COLUMNS", "80")
+    columns = {"method": ["spectral"] * 2, "axis": ["nodes"] * 2, "nodes": [3, 4], "status": [0, 1]}
+    columns |= {"reason": ["", "The rotor never loses its stability from 0 to 9 rad/s."]}
+    columns |= dict.fromkeys(
+        ("relative_error", "compile_time", "run_time", "memory"), [0.5, np.nan]
+    )
+    found = xr.Dataset({name: ("run", values) for name, values in columns.items()})
+    found["value"] = "run", [2.0, np.nan], {"long_name": "onset speed", "units": "rad/s"}
+    about = {"reference": 2.0, "reference_uncertainty": 0.1, "reference_setting": "14 nodes"}
+    importlib.import_module("jaxrotor.cli.accuracy")._print(
+        found.assign_attrs(about, reference_reason="", lanes=1), []
+    )
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    failed = "spectral, 4 nodes  The rotor never loses its stability from 0 to 9 rad/s."
+    assert failed in lines and any(line.startswith("spectral   3 nodes") for line in lines)
 
 
 @pytest.mark.slow
