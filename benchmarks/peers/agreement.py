@@ -10,7 +10,7 @@ OSCILLATES = 1.0  # frequency above which a root is compared: ROSS leaves real o
 def wanted(question: str, answer: list | float) -> list[np.ndarray]:
     """The values of an answer that are compared: an array for every speed, or a single one."""
     values = np.asarray(answer, float)
-    if question in ("Campbell diagram", "modes"):
+    if question in ("Campbell diagram", "modes", "roots"):
         roots = values @ [1, 1j]
         return [_oscillating(one) for one in (roots if roots.ndim == 2 else [roots])]
     return [values[:CRITICAL] if question == "critical speeds" else np.atleast_1d(values)]
@@ -20,7 +20,7 @@ def matched(question: str, answer: list | float, converged: list | float) -> lis
     """The values of an answer in the order of the converged ones; of roots and speeds the nearest."""
     right = wanted(question, converged)
     values = np.asarray(answer, float)
-    if question in ("response", "threshold"):
+    if question in ("response", "threshold", "growth rate"):
         return wanted(question, answer)
     if question != "critical speeds":
         values = values @ [1, 1j]

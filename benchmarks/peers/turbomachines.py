@@ -26,10 +26,11 @@ class Machine(NamedTuple):
     scene: str  # file, or name of a scene that jaxrotor ships
     highest: float  # speed up to which Campbell diagram and response go [rad/s]
     speed: float  # of the modes [rad/s]
-    seal: float  # damping c of the seal [N s/m]
+    seal: float  # damping c of the seal [N s/m]; 0: none
     unstable: float  # speed up to which the threshold is looked for [rad/s]
     disc: float  # station of disc, unbalance and seal [m]
-    nodes: int  # of every span of jaxrotor's shaft
+    nodes: int | None  # of every span of jaxrotor's shaft; None: those of the scene
+    element: float = ELEMENT  # length of an element of ROSS [m]
 
 
 MACHINES = {
@@ -38,20 +39,28 @@ MACHINES = {
 }
 
 
+def machine_of(asked: Mapping[str, Any]) -> Machine:
+    """The machine that a request names, or has as a list."""
+    which = asked["machine"]
+    return MACHINES[which] if isinstance(which, str) else Machine(*which)
+
+
 def request(
-    name: str, question: str, *, speeds: int = 61, rotor: dict | None = None, **how: Any
+    which: str | Machine, question: str, *, speeds: int = 61, rotor: dict | None = None, **how: Any
 ) -> dict:
     """A question as a table that both programs read.
 
     Args:
-        name: of the machine.
-        question: one of `QUESTIONS`.
+        which: the machine, or the name of one.
+        question: one of `QUESTIONS`, or "numbers", "roots", "growth rate", "show".
         speeds: how many speeds a Campbell diagram has.
         rotor: numbers of the rotor, see `with_jaxrotor.numbers`, where ROSS is asked.
         how: `response_speeds`, how many the response has; `nodes` of a span of jaxrotor's shaft;
-            `cut`, how many elements of ROSS take the place of one; `rtol` of ROSS's critical speeds.
+            `cut`, how many elements of ROSS take the place of one; `rtol` of ROSS's critical speeds;
+            `count` of jaxrotor's critical speeds of each kind; `most`, how many eigenvalues ROSS has;
+            `near`, speeds from which ROSS takes one step to a critical speed or a threshold.
     """
-    return {"machine": name, "question": question, "speeds": speeds, "rotor": rotor, **how}
+    return {"machine": which, "question": question, "speeds": speeds, "rotor": rotor, **how}
 
 
 def spread(highest: float, count: int) -> list[float]:
@@ -60,7 +69,11 @@ def spread(highest: float, count: int) -> list[float]:
     return [first + (highest - first) * k / (count - 1) for k in range(count)]
 
 
-def serve(answer: Callable[[dict], Callable[[], Any]], plain: Callable[[Any], Any]) -> None:
+def serve(
+    answer: Callable[[dict], Callable[[], Any]],
+    plain: Callable[[Any], Any],
+    beside: Callable[[], dict] = dict,
+) -> None:
     """Answer requests, one a line of the standard input, with the seconds that each call took.
 
     `seconds` are those of a clock, `processor` those that all threads of the program computed.
@@ -68,6 +81,7 @@ def serve(answer: Callable[[dict], Callable[[], Any]], plain: Callable[[Any], An
     Args:
         answer: prepares a request: the rotor is built there, and the call that is timed is returned.
         plain: what that call returns, as lists of numbers.
+        beside: what else a reply says.
     """
     out, sys.stdout = sys.stdout, sys.stderr  # what the programs print beside is no answer
     for line in sys.stdin:
@@ -76,4 +90,4 @@ def serve(answer: Callable[[dict], Callable[[], Any]], plain: Callable[[Any], An
         began, busy = time.perf_counter(), time.process_time()
         found = call()
         spent = {"seconds": time.perf_counter() - began, "processor": time.process_time() - busy}
-        print(json.dumps(spent | {"answer": plain(found)}), file=out, flush=True)
+        print(json.dumps(spent | beside() | {"answer": plain(found)}), file=out, flush=True)

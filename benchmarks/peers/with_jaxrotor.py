@@ -12,8 +12,10 @@ import jax
 import numpy as np
 
 import jaxrotor as jr
+from jaxrotor.cli import app
 
-from .turbomachines import MACHINES, Machine, serve, spread
+from .clock import COMPILING, listen
+from .turbomachines import Machine, machine_of, serve, spread
 
 
 BRANCHES = 6
@@ -24,12 +26,17 @@ def scene_of(machine: Machine, nodes: int | None = None) -> jr.Scene:
     """The machine without stops, with its own number of nodes a span or another one."""
     scene = jr.load(machine.scene)
     scene = scene.without("limiters") if scene.of(jr.Limiter) else scene
-    shaft = dataclasses.replace(scene.shaft, nodes=nodes or machine.nodes)
+    nodes = nodes or machine.nodes
+    if nodes is None:
+        return scene
+    shaft = dataclasses.replace(scene.shaft, nodes=nodes)
     return jr.Scene(shaft, *scene.effects, spin=scene.spin)
 
 
 def sealed(scene: jr.Scene, machine: Machine) -> jr.Scene:
-    """The scene with the seal: half of its damping turns with the shaft."""
+    """The scene with the seal, if any: half of its damping turns with the shaft."""
+    if not machine.seal:
+        return scene
     half = {"stiffness": 0.0, "damping": machine.seal / 2}
     own = (jr.Support(machine.disc, **half), jr.Support(machine.disc, **half, rotating=True))
     return jr.Scene(scene.shaft, *scene.effects, *own, spin=scene.spin)
@@ -39,11 +46,12 @@ def numbers(scene: jr.Scene) -> dict[str, Any]:
     """Lengths [m], masses [kg] and coefficients of a rotor of one material, for ROSS to build."""
     shaft = scene.shaft
     made = shaft.material
-    own = lambda support, key: float(getattr(support, key))
-    keys = [letter + axes for letter in "kc" for axes in ("xx", "xy", "yx", "yy")]
+    own = lambda part, key: np.asarray(getattr(part, key)).tolist()
+    keys = [letter + axes for letter in "kc" for axes in ("xx", "xy", "yx", "yy")] + ["speeds"]
     return {
         "length": float(shaft.length),
         "nodes": shaft.nodes,
+        "coordinates": jr.assemble(scene).n,
         "material": [float(made.youngs_modulus), float(made.density), float(made.shear_modulus)],
         "sections": [[0.0, float(shaft.diameter)]]
         + [[float(step.at), float(step.diameter)] for step in shaft.steps],
@@ -63,7 +71,9 @@ def numbers(scene: jr.Scene) -> dict[str, Any]:
 
 def answer(asked: dict) -> Callable[[], Any]:
     """The call that answers a request."""
-    machine, question = MACHINES[asked["machine"]], asked["question"]
+    machine, question = machine_of(asked), asked["question"]
+    if question == "show":
+        return lambda: app(["show", machine.scene], standalone_mode=False)
     scene = scene_of(machine, asked.get("nodes"))
     if question == "numbers":
         return lambda: numbers(scene)
@@ -71,7 +81,7 @@ def answer(asked: dict) -> Callable[[], Any]:
         speeds = np.array(spread(machine.highest, asked["speeds"]))
         return lambda: jr.campbell(scene, speeds, BRANCHES).values
     if question == "critical speeds":
-        return lambda: jr.critical_speeds(scene).speeds
+        return lambda: jr.critical_speeds(scene, asked.get("count")).speeds
     if question == "response":
         speeds = np.array(spread(machine.highest, asked["response_speeds"]))
         return lambda: ellipses(jr.unbalance_response(scene, speeds, machine.disc))
@@ -79,6 +89,10 @@ def answer(asked: dict) -> Callable[[], Any]:
         whole = sealed(scene, machine)
         return lambda: jr.onset_speed(whole, (0.0, machine.unstable), SCAN, progress=False).speed
     turning = scene.at_speed(machine.speed)
+    if question == "growth rate":
+        return lambda: jr.growth_rate(turning)
+    if question == "roots":
+        return lambda: jr.roots(turning, 12)
     return lambda: jr.modes(turning, 12).values
 
 
@@ -95,7 +109,7 @@ def waited(call: Callable[[], Any]) -> Callable[[], Any]:
 
 def plain(found: Any) -> Any:
     """Real and imaginary parts of roots, else the numbers themselves, as lists."""
-    if isinstance(found, dict):
+    if found is None or isinstance(found, dict):
         return found
     found = np.asarray(found)
     return (np.stack([found.real, found.imag], -1) if np.iscomplexobj(found) else found).tolist()
@@ -104,4 +118,5 @@ def plain(found: Any) -> Any:
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
     jr.keep_programs(sys.argv[1])
-    serve(lambda asked: waited(answer(asked)), plain)
+    listen()
+    serve(lambda asked: waited(answer(asked)), plain, lambda: {"compiling": sum(COMPILING)})

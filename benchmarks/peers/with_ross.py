@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .turbomachines import ELEMENT, MACHINES, Machine, serve, spread
+from .turbomachines import Machine, machine_of, serve, spread
 
 
 warnings.simplefilter("ignore")
@@ -21,18 +21,20 @@ FREQUENCIES = 8  # branches of a Campbell diagram; some are torsional
 SCAN = 40  # speeds at which the threshold is bracketed
 
 
-def rotor(numbers: dict, cut: int = 1, seal: tuple[float, float] | None = None, damped=True):
-    """The rotor of ROSS with elements of `ELEMENT / cut`.
+def rotor(
+    numbers: dict, longest: float, seal: tuple[float, float] | None = None, damped: bool = True
+) -> Any:
+    """The rotor of ROSS.
 
     Args:
         numbers: see `with_jaxrotor.numbers`.
-        cut: how many elements take the place of one of the default length.
+        longest: length of its elements [m].
         seal: its station [m] and damping [N s/m].
         damped: whether the bearings keep their damping and the antisymmetric part of their stiffness,
             which `jaxrotor.critical_speeds` leaves out.
     """
-    length = ELEMENT / cut
-    count = round(numbers["length"] / length)
+    count = round(numbers["length"] / longest)
+    length = numbers["length"] / count
     young, density, shear = numbers["material"]
     material = ross.Material("of_the_shaft", rho=density, E=young, G_s=shear)
     shaft = []
@@ -46,11 +48,14 @@ def rotor(numbers: dict, cut: int = 1, seal: tuple[float, float] | None = None, 
     ]
     bearings = []
     for at, coefficients in numbers["bearings"]:
-        own = {"cxx": 0.0, "cyy": 0.0} | coefficients
+        own = {key: np.asarray(value) for key, value in coefficients.items()}
+        over = {"frequency": own.pop("speeds")} if "speeds" in own else {}
+        zero = 0 * own["kxx"]
+        own = {"kyy": own["kxx"], "cxx": zero, "cyy": own.get("cxx", zero)} | own
         if not damped:
-            shared = (own.get("kxy", 0.0) + own.get("kyx", 0.0)) / 2
-            own = {"kxx": own["kxx"], "kyy": own["kyy"], "kxy": shared, "kyx": shared, "cxx": 0.0}
-        bearings.append(ross.BearingElement(n=node(at), **own))
+            shared = (own.get("kxy", zero) + own.get("kyx", zero)) / 2
+            own = {"kxx": own["kxx"], "kyy": own["kyy"], "kxy": shared, "kyx": shared, "cxx": zero}
+        bearings.append(ross.BearingElement(n=node(at), **own, **over))
     if seal is not None:
         at, damping = seal
         speeds = np.array([0.0, 1e4])  # the stiffness across is linear in the speed
@@ -67,34 +72,44 @@ def rotor(numbers: dict, cut: int = 1, seal: tuple[float, float] | None = None, 
 
 def answer(asked: dict) -> Callable[[], Any]:
     """The call that answers a request."""
-    numbers, cut, question = asked["rotor"], asked.get("cut", 1), asked["question"]
-    machine = MACHINES[asked["machine"]]
+    numbers, machine, question = asked["rotor"], machine_of(asked), asked["question"]
+    element = machine.element / asked.get("cut", 1)
     if question == "threshold":
-        sealed = rotor(numbers, cut, (machine.disc, machine.seal))
+        seal = (machine.disc, machine.seal) if machine.seal else None
+        sealed = rotor(numbers, element, seal)
+        if "near" in asked:
+            return lambda: refined(lambda speed: growth(sealed, speed), *asked["near"])
         return lambda: threshold(sealed, machine)
-    built = rotor(numbers, cut, damped=question != "critical speeds")
+    built = rotor(numbers, element, damped=question != "critical speeds")
+    most = asked.get("most", 12)
     if question == "Campbell diagram":
         speeds = np.array(spread(machine.highest, asked["speeds"]))
         return lambda: branches(built.run_campbell(speeds, frequencies=FREQUENCIES))
     if question == "critical speeds":
         rtol = asked.get("rtol", 0.005)
-        return lambda: built.run_critical_speed(rtol=rtol).wn()
+        if "near" in asked:
+            apart = lambda speed: built.run_modal(speed, num_modes=most).wn - speed
+            nearest = lambda speed: min(apart(speed), key=abs)
+            return lambda: [refined(nearest, near) for near in asked["near"]]
+        return lambda: built.run_critical_speed(num_modes=most, rtol=rtol).wn()
     if question == "response":
         speeds = np.array(spread(machine.highest, asked["response_speeds"]))
         ((at, moment),) = numbers["unbalances"]
-        node = round(at * cut / ELEMENT)
+        node = round(at / element)
         run = built.run_unbalance_response
         return lambda: ellipses(run(node, moment, 0.0, speeds).forced_resp, node)
     if question == "motion":
         times = np.linspace(0.0, asked["seconds"], asked["samples"])
         return lambda: orbit(built, machine, numbers, times)
-    return lambda: built.run_modal(machine.speed).evalues
+    if question == "growth rate":
+        return lambda: growth(built, machine.speed)
+    return lambda: built.run_modal(machine.speed, num_modes=most).evalues
 
 
 def orbit(built: Any, machine: Machine, numbers: dict, times: np.ndarray) -> np.ndarray:
     """Displacement x + i y [m] of the disc from rest, under the unbalance at constant speed."""
     ((at, moment),) = numbers["unbalances"]
-    count, node = built.number_dof, round(at / ELEMENT)
+    count, node = built.number_dof, round(at / machine.element)
     force = np.zeros((times.size, built.ndof))
     turned = moment * machine.speed**2 * np.exp(1j * machine.speed * times)
     force[:, count * node], force[:, count * node + 1] = turned.real, turned.imag
@@ -115,22 +130,30 @@ def ellipses(amplitudes: np.ndarray, node: int) -> np.ndarray:
     return np.stack([np.abs(x + 1j * y), np.abs(x - 1j * y)], axis=1) / 2
 
 
-def threshold(sealed: Any, machine: Machine) -> float:
-    """Speed where the largest growth rate of lateral motion crosses zero, bracketed by a scan.
+def growth(built: Any, speed: float) -> float:
+    """Largest growth rate [1/s] of lateral motion.
 
     Axial and torsional motions have no damping here, so their growth rates are rounding errors.
     """
+    modal = built.run_modal(speed)
+    parts = np.abs(modal.evectors[: built.ndof].reshape(-1, 6, modal.evalues.size)) ** 2
+    along = parts[:, (2, 5)].sum((0, 1)) > parts[:, (0, 1, 3, 4)].sum((0, 1))
+    return float(modal.evalues.real[~along].max())
 
-    def growth(speed: float) -> float:
-        modal = sealed.run_modal(speed)
-        parts = np.abs(modal.evectors[: sealed.ndof].reshape(-1, 6, modal.evalues.size)) ** 2
-        along = parts[:, (2, 5)].sum((0, 1)) > parts[:, (0, 1, 3, 4)].sum((0, 1))
-        return float(modal.evalues.real[~along].max())
 
-    low = 0.0
+def refined(function: Callable[[float], float], near: float) -> float:
+    """Zero of a function by one step of the secant method from a place near it."""
+    other = near * (1 + 1e-4)
+    here, there = function(near), function(other)
+    return near - here * (other - near) / (there - here)
+
+
+def threshold(sealed: Any, machine: Machine) -> float:
+    """Speed where the largest growth rate crosses zero, bracketed by a scan."""
+    low, own = 0.0, lambda speed: growth(sealed, speed)
     for high in np.linspace(0.0, machine.unstable, SCAN)[1:]:
-        if growth(high) > 0:
-            return brentq(growth, low, high, xtol=1e-9)
+        if own(high) > 0:
+            return brentq(own, low, high, xtol=1e-9)
         low = high
     return float("nan")
 
