@@ -1,7 +1,7 @@
 """Interpolation of tables by shape-preserving cubics or by straight lines."""
 
-import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .quantities import Scalar
@@ -27,7 +27,7 @@ def pchip(x: Scalar, nodes: Float[Array, " n"], values: Float[Array, "t n"]) -> 
     """
     h = jnp.diff(nodes)
     means = jnp.diff(values, axis=1) / h
-    slopes = jax.vmap(_slopes, in_axes=(None, 0))(h, means)
+    slopes = _slopes(h, means)
     k = _interval(x, nodes)
     s, m, first, last = (x - nodes[k]) / h[k], means[:, k], slopes[:, k], slopes[:, k + 1]
     cubic = 3 * m - 2 * first - last + s * (first + last - 2 * m)
@@ -52,24 +52,22 @@ INTERPOLATIONS = {"pchip": pchip, "linear": linear}
 
 def _interval(x: Scalar, nodes: Float[Array, " n"]) -> Int[Array, ""]:
     """Number of the interval between nodes that `x` is in, of one beyond the ends the nearest."""
-    return jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
+    return jnp.sum(nodes[1:-1] <= x)
 
 
-def _slopes(h: Float[Array, " i"], m: Float[Array, " i"]) -> Float[Array, " n"]:
+def _slopes(h: Float[Array, " i"], m: Float[Array, "t i"]) -> Float[Array, "t n"]:
     """Slopes at the nodes, from the lengths of all intervals and the mean slopes in them."""
     if h.size == 1:
-        return jnp.concatenate([m, m])
+        return jnp.concatenate([m, m], axis=1)
     one, other = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
-    before, after = m[:-1], m[1:]
+    before, after = m[:, :-1], m[:, 1:]
     alike = before * after > 0
     mean = one / jnp.where(alike, before, 1.0) + other / jnp.where(alike, after, 1.0)
     inner = jnp.where(alike, (one + other) / mean, 0.0)
-    ends = _at_end(h[0], h[1], m[0], m[1]), _at_end(h[-1], h[-2], m[-1], m[-2])
-    return jnp.append(jnp.append(ends[0], inner), ends[1])
-
-
-def _at_end(h: Scalar, next_h: Scalar, m: Scalar, next_m: Scalar) -> Scalar:
-    """Slope at an end by three points, limited to keep the shape."""
-    slope = ((2 * h + next_h) * m - h * next_m) / (h + next_h)
-    turns = (jnp.sign(m) != jnp.sign(next_m)) & (jnp.abs(slope) > 3 * jnp.abs(m))
-    return jnp.where(jnp.sign(slope) != jnp.sign(m), 0.0, jnp.where(turns, 3 * m, slope))
+    # At an end by three points, limited to keep the shape.
+    outer, second = np.array([0, -1]), np.array([1, -2])
+    h, next_h, m, next_m = h[outer], h[second], m[:, outer], m[:, second]
+    ends = ((2 * h + next_h) * m - h * next_m) / (h + next_h)
+    turns = (jnp.sign(m) != jnp.sign(next_m)) & (jnp.abs(ends) > 3 * jnp.abs(m))
+    ends = jnp.where(jnp.sign(ends) != jnp.sign(m), 0.0, jnp.where(turns, 3 * m, ends))
+    return jnp.concatenate([ends[:, :1], inner, ends[:, 1:]], axis=1)

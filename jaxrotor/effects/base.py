@@ -41,6 +41,15 @@ class AbstractLinear(AbstractEffect):
         """Blocks of this effect."""
 
 
+class Ends(NamedTuple):
+    """Rows and columns of what an effect acts on, see `AbstractLine`; those of the slope may be absent."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " r"]
+    slope_row: Float[Array, " n"] | None = None
+    couple_column: Float[Array, " r"] | None = None
+
+
 class AbstractOverSpeed(AbstractLinear):
     """Linear effect whose coefficients may be tables over the speed of rotation or over whirl.
 
@@ -72,8 +81,19 @@ class AbstractOverSpeed(AbstractLinear):
         back = speed < 0 if self.speeds is None else (speed < 0) & (self.speeds[0] >= 0)
         return jnp.where(back, -speed, speed)
 
+    def blocks(self, line: AbstractLine) -> Blocks:
+        return self.blocks_between(self.ends_on(line))
+
     @abc.abstractmethod
-    def at_speed(self, speed: ArrayLike) -> AbstractLinear:
+    def ends_on(self, line: AbstractLine) -> Ends:
+        """Where the effect acts, which does not depend on the speed."""
+
+    @abc.abstractmethod
+    def blocks_between(self, ends: Ends) -> Blocks:
+        """Blocks of this effect, from `ends_on` of its line."""
+
+    @abc.abstractmethod
+    def at_speed(self, speed: ArrayLike) -> "AbstractOverSpeed":
         """The effect with its coefficients at a speed [rad/s] in place of tables over it."""
 
     @abc.abstractmethod

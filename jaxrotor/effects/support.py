@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from ..core.blocks import Blocks
 from ..core.extremes import bounded
@@ -28,7 +28,7 @@ from ..core.quantities import (
 )
 from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
-from .base import AbstractOverSpeed, AbstractUnequal, Deviator
+from .base import AbstractOverSpeed, AbstractUnequal, Deviator, Ends
 from .coefficients import (
     AXES,
     COEFFICIENTS,
@@ -150,12 +150,13 @@ class Support(AbstractUnequal, AbstractOverSpeed):
                 "`stiffness [N/m]`; 0 if it has none."
             )
         check_whole(own)
-        total = None if self.cxx is None else self._parts("damping").mean
-        if (
-            total is not None and known(total) and self.frequencies is None
-        ):  # dynamic: of either sign
+        direct = [self.cxx, self.cxx if self.cyy is None else self.cyy]
+        if self.cxx is not None and all(map(known, direct)) and self.frequencies is None:
+            least = np.min(
+                sum(map(np.asarray, direct))
+            )  # over whirl, damping may be of either sign
             label = "cxx + cyy [N s/m]"
-            check(2 * np.min(total), label, lambda x: x >= 0, "must not be negative")
+            check(least, label, lambda x: x >= 0, "must not be negative")
         for name in ("damping_anisotropy [1]", "cross_damping [N s/m]"):
             if self.damping is None and getattr(self, name.partition(" ")[0]) is not None:
                 raise ValueError(
@@ -222,16 +223,21 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         """Mean stiffness `(kxx + kyy) / 2` [N/m], of a table at its nodes."""
         return self._parts("stiffness").mean
 
-    def blocks(self, line: AbstractLine) -> Blocks:
-        row, column = self._ends_on(line)
-        force = jnp.outer(column, row)
+    def ends_on(self, line: AbstractLine) -> Ends:
+        displaced = ends(line, self.at if self.of is None else self.of, self.on)
+        if self.angular_stiffness is None and self.angular_damping is None:
+            return Ends(*displaced)
+        return Ends(*displaced, line.slope_row(self.at), line.couple_column(self.at))
+
+    def blocks_between(self, ends: Ends) -> Blocks:
+        force = jnp.outer(ends.column, ends.row)
         spring, damper = (
             {part: value if value is None else value * force for part, value in own.items()}
             for own in map(self._present, LETTERS)
         )
         stiffness, damping = spring["mean"], damper["mean"]
-        if self.angular_stiffness is not None or self.angular_damping is not None:
-            couple = jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
+        if ends.slope_row is not None:
+            couple = jnp.outer(ends.couple_column, ends.slope_row)
             if self.angular_stiffness is not None:
                 stiffness = (
                     0.0 if stiffness is None else stiffness
@@ -257,11 +263,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         if self.rotating or parts == [None, None]:
             return None
         law = DeviatorLaw(*(None if part is None else plane(part + 0j) for part in parts))
-        return Deviator(*self._ends_on(line), law)
-
-    def _ends_on(self, line: AbstractLine) -> tuple[Array, Array]:
-        """Row and column of the displacement of the one end relative to the other."""
-        return ends(line, self.at if self.of is None else self.of, self.on)
+        return Deviator(*self.ends_on(line)[:2], law)
 
     def _present(self, name: str) -> dict[str, Any]:
         """Parts of the stiffness or the damping, None where they are known to be zero."""

@@ -158,7 +158,7 @@ class CoupledForces(eqx.Module):
             n=size,
             deviators=(),
             tabled=None,
-            untabled=None,
+            over_speed=None,
         )
         corotating = None if moments is None else moments.corotating
         if moments is not None:

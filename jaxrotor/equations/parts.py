@@ -1,6 +1,6 @@
 """Parts of a scene: what the shaft and its effects add to the equations of motion."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -9,11 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.blocks import Blocks, Load
-from ..effects.base import AbstractDamping, AbstractEffect, AbstractLinear, AbstractLoad
+from ..core.quantities import Scalar
+from ..effects.base import (
+    AbstractDamping,
+    AbstractEffect,
+    AbstractLinear,
+    AbstractLoad,
+    AbstractOverSpeed,
+    Ends,
+)
 from ..scene import Scene
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
-from .speed_tables import at_own_speed
+from .speed_tables import at_own_speed, parts_with_tables
 
 
 Parts = dict[tuple[str, ...], Blocks]  # sums of blocks, by the names of the parts that add to them
@@ -44,15 +52,39 @@ def blocks_of_parts(scene: Scene, line: AbstractLine) -> Parts:
     return parts | found
 
 
-def linear_blocks(scene: Scene, line: AbstractLine, effects: Sequence[AbstractLinear]) -> Parts:
-    """Blocks of every group of some linear effects of a scene, at its speed."""
-    return _of_groups(scene, effects, lambda effect: at_own_speed(scene, effect).blocks(line))
-
-
 def _linear_parts(scene: Scene, line: AbstractLine) -> Parts:
     """Blocks of the shaft and of every group of linear effects."""
-    effects = linear_blocks(scene, line, scene.of(AbstractLinear))
+    blocks = lambda effect: at_own_speed(scene, effect).blocks(line)
+    effects = _of_groups(scene, scene.of(AbstractLinear), blocks)
     return {("the shaft",): scene.shaft.blocks(line)} | effects
+
+
+class OverSpeed(eqx.Module):
+    """Blocks of a scene at any speed, with all that does not depend on it computed once."""
+
+    constant: Blocks  # of all parts without tables
+    groups: tuple[tuple[AbstractOverSpeed, Ends], ...]  # effects of equal structure, and their ends
+
+    @classmethod
+    def of(cls, scene: Scene, line: AbstractLine, parts: Parts) -> "OverSpeed | None":
+        """Blocks of a scene whose parts are known at one speed.
+
+        None without tables, or where a damping depends on all blocks together.
+        """
+        tabled = parts_with_tables(scene)
+        if not tabled or scene.of(AbstractDamping):
+            return None
+        names = set(map(scene.name_of, tabled))
+        constant = sum((own for part, own in parts.items() if names.isdisjoint(part)), Blocks())
+        ends_of = lambda effect: effect.ends_on(line)
+        groups = map(_stack, _groups(tabled))
+        return cls(constant, tuple((own, _of_each(ends_of, own)) for own in groups))
+
+    def blocks_at(self, speed: Scalar) -> Blocks:
+        """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
+        read = lambda effect, ends: effect.at_speed(speed).blocks_between(ends)
+        every = (_summed(_of_each(read, *group)) for group in self.groups)
+        return sum(every, self.constant)
 
 
 def _of_groups(
@@ -62,16 +94,37 @@ def _of_groups(
 
     So a machine of fifty discs and ten tables compiles as fast as one of two discs and a table.
     """
+    return {tuple(map(scene.name_of, own)): _sum(own, of) for own in _groups(effects)}
+
+
+def _groups(effects: Sequence[AbstractEffect]) -> Iterable[list[AbstractEffect]]:
+    """Effects of equal structure together."""
     groups: dict[Any, list[AbstractEffect]] = {}
     for effect in effects:
         leaves, structure = jax.tree.flatten(effect)
         groups.setdefault((structure, *map(np.shape, leaves)), []).append(effect)
-    return {tuple(map(scene.name_of, own)): _sum(own, of) for own in groups.values()}
+    return groups.values()
+
+
+def _stack(effects: list[AbstractEffect]) -> Any:
+    """Effects of equal structure as one whose numbers have a leading axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
+
+
+def _of_each(of: Callable, *stacks: Any) -> Any:
+    """What a function gives of every member of stacks, along a leading axis."""
+    if jax.tree.leaves(stacks[0])[0].shape[0] > 1:
+        return eqx.filter_vmap(of)(*stacks)
+    found = of(*jax.tree.map(lambda leaf: leaf[0], stacks))
+    return jax.tree.map(lambda leaf: leaf[None], found)
 
 
 def _sum(effects: list[AbstractEffect], of: Callable[[Any], _T]) -> _T:
     """Sum of what every effect of a group gives."""
     if len(effects) == 1:
         return of(effects[0])
-    stack = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
-    return jax.tree.map(lambda every: every.sum(0), eqx.filter_vmap(of)(stack))
+    return _summed(eqx.filter_vmap(of)(_stack(effects)))
+
+
+def _summed(every: _T) -> _T:
+    return jax.tree.map(lambda leaf: leaf.sum(0), every)

@@ -17,7 +17,6 @@ from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
-    AbstractDamping,
     AbstractLaw,
     AbstractUnequal,
 )
@@ -27,9 +26,9 @@ from ..shafts.line import AbstractLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
-from .parts import Parts, assemble_blocks, assemble_load, blocks_of_parts, linear_blocks
+from .parts import OverSpeed, Parts, assemble_blocks, assemble_load, blocks_of_parts
 from .rigid_motions import unheld
-from .speed_tables import has_tables, parts_with_tables, within_tables
+from .speed_tables import has_tables, within_tables
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -158,8 +157,7 @@ class System(eqx.Module):
     remainder: int = eqx.field(static=True, default=0)  # how many of the last `ports` are such
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
     free: bool = eqx.field(static=True, default=False)  # in a rigid motion, see `unheld`
-    # Blocks of all its parts without tables; None where a damping depends on all blocks together:
-    untabled: Blocks | None = None
+    over_speed: OverSpeed | None = None  # see there
 
     @property
     def steep(self) -> bool:
@@ -186,12 +184,9 @@ class System(eqx.Module):
         """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
         if self.tabled is None:
             return self.blocks
-        scene = self.tabled.at_speed(speed)
-        if self.untabled is None:
-            return assemble_blocks(scene, self.line)
-        return sum(
-            linear_blocks(scene, self.line, parts_with_tables(scene)).values(), self.untabled
-        )
+        if self.over_speed is None:
+            return assemble_blocks(self.tabled.at_speed(speed), self.line)
+        return self.over_speed.blocks_at(speed)
 
     @property
     def at_rest(self) -> "System":
@@ -273,16 +268,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         tuple(_owners(scene, parts)),
         deviators=tuple(_deviators(scene, line, parts)),
         tabled=scene if has_tables(scene) else None,
-        untabled=_untabled(scene, parts),
+        over_speed=OverSpeed.of(scene, line, parts),
     )
-
-
-def _untabled(scene: Scene, parts: Parts) -> Blocks | None:
-    """See `System.untabled`."""
-    tabled = {scene.name_of(part) for part in parts_with_tables(scene)}
-    if not tabled or scene.of(AbstractDamping):
-        return None
-    return sum((own for names, own in parts.items() if tabled.isdisjoint(names)), Blocks())
 
 
 def _deviators(scene: Scene, line: AbstractLine, parts: Parts) -> Iterator[Port]:

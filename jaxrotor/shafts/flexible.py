@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks
-from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, as_tuple, known, nonnegative, positive, real
 from .condensed import MODES, CondensedLine
 from .constraint import Constraint, Motion, motions_left
@@ -83,7 +82,7 @@ class FlexibleShaft(AbstractShaft):
                 "With shear, and in the trapezoidal rule, slopes are coordinates, which have no inertia "
                 "without `rotary_inertia`; keep it."
             )
-        for section in (self._first, *(step.section(self.material) for step in self.steps)):
+        for section in self._each:
             section.check(self.shear)
         check_ratio(self.anisotropy)
         if self.rule == "trapezoid" and (self.steps or self.shear or self._held_inside):
@@ -120,10 +119,13 @@ class FlexibleShaft(AbstractShaft):
         return Section(self.diameter, self.inner_diameter, self.material)
 
     @property
+    def _each(self) -> list[Section]:
+        return [self._first, *(step.section(self.material) for step in self.steps)]
+
+    @property
     def _sections(self) -> Section:
         """All sections as one, whose numbers have a leading axis."""
-        every = [self._first, *(step.section(self.material) for step in self.steps)]
-        return stacked(every, self.shear)
+        return stacked(self._each, self.shear)
 
     @property
     def _held_inside(self) -> bool:
@@ -198,9 +200,8 @@ class FlexibleShaft(AbstractShaft):
         if self.rule == "trapezoid" or not all(map(known, jax.tree.leaves(self))):
             return (NODES,) * (len(spans) - 1)
         held += sum(one.displacement + one.slope for one in self.constraints)
-        with jax.ensure_compile_time_eval():
-            slowness = np.asarray(_slowness(self._sections))
-            starts = np.array([float(step.at) for step in self.steps])
+        slowness = np.array([jax.tree.map(np.asarray, one).slowness for one in self._each])
+        starts = np.array([float(step.at) for step in self.steps])
         ends = np.array([0.0, *(stations[k] for k in spans[1:-1]), float(self.length)])
         waves = slowness[_section_of_span(ends, starts)] * np.diff(ends)
         return nodes_needed(waves, held, self.shear)
@@ -333,11 +334,6 @@ class FlexibleShaft(AbstractShaft):
     def _section_of_span(self, ends: Float[Array, " ends"]) -> Any:
         """Index of the section of every span."""
         return _section_of_span(ends, self._starts[1:])
-
-
-@compiled_quickly
-def _slowness(sections: Section) -> Float[Array, " sections"]:
-    return sections.slowness
 
 
 def _section_of_span(ends: Any, starts: Any) -> Any:

@@ -27,7 +27,7 @@ class Section(eqx.Module):
 
     @property
     def _ratio(self) -> Numbers:
-        return jnp.zeros(()) if self.inner_diameter is None else self.inner_diameter / self.diameter
+        return 0.0 if self.inner_diameter is None else self.inner_diameter / self.diameter
 
     @property
     def area(self) -> Numbers:
