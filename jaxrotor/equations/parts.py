@@ -112,7 +112,7 @@ def _stack(effects: list[AbstractEffect]) -> Any:
 
 
 def _of_each(of: Callable, *stacks: Any) -> Any:
-    """What a function gives of every member of stacks, along a leading axis."""
+    """Results of a function for every member of stacks, along a leading axis."""
     if jax.tree.leaves(stacks[0])[0].shape[0] > 1:
         return eqx.filter_vmap(of)(*stacks)
     found = of(*jax.tree.map(lambda leaf: leaf[0], stacks))
