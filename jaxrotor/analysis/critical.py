@@ -1,5 +1,6 @@
 """Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -126,7 +127,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     """
     scene = synchronous(scene)
     check_linear(scene, [])
-    found = _synchronous(scene, assemble(scene), count, points)
+    found = dataclasses.replace(_synchronous(scene, assemble(scene), points), count=count)
     if not known(found.speeds):
         return found
     finite = np.isfinite(found.speeds)
@@ -148,7 +149,7 @@ def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
 
 
 @compiled_quickly
-def _synchronous(scene: Scene, system: System, count: int | None, points: int) -> CriticalSpeeds:
+def _synchronous(scene: Scene, system: System, points: int) -> CriticalSpeeds:
     """Critical speeds by rising magnitude; infinite ones fill up."""
     check_moves(system)
     stations = scene.shaft.seen(points)
@@ -156,7 +157,7 @@ def _synchronous(scene: Scene, system: System, count: int | None, points: int) -
     order = jnp.argsort(speeds)
     share, senses = jax.lax.stop_gradient((share, senses))
     speeds = _signed(system, speeds[order])
-    return CriticalSpeeds(speeds, share[order], stations, senses[order], count)
+    return CriticalSpeeds(speeds, share[order], stations, senses[order], None)
 
 
 def _signed(system: System, speeds: Float[Array, " c"]) -> Float[Array, " c"]:

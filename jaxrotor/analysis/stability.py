@@ -33,6 +33,7 @@ BEYOND = (
     "A whirl beyond the tables over its frequency may be unstable, as it is with the coefficients at "
     "their end (give wider tables, or `hold=True`)"
 )
+REACH = 16  # see `_turn`
 TURNS = 8  # number of turning points of the growth rate refined between samples
 
 
@@ -81,6 +82,12 @@ def why_unknown(over_whirl: bool) -> str:
 @compiled_quickly
 def _growth_rate(system: System | OverWhirl, steps: int) -> Scalar:
     return growth_of(system, steps)[0]
+
+
+@compiled_quickly
+def growth_rates(system: System | OverWhirl, speeds: Float[Array, " k"]) -> Float[Array, " k"]:
+    """Growth rates [1/s] at some speeds [rad/s], as `growth_rate` where traced."""
+    return jax.lax.map(lambda speed: growth_of(system.at_speed(speed))[0], speeds)
 
 
 def growth_of(system: System | OverWhirl, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
@@ -141,7 +148,7 @@ def onset_speed(
     check_linear(scene, [] if within is None else within)
     with waiting(progress, "onset of instability"):
         system = OverWhirl.of(scene)
-        speeds, sign = _scan(system, _checked(within, samples), samples)
+        speeds, sign = _scan(system, _checked(within, samples), samples, outward=True)
         found = _onset(system, speeds, sign, samples, throw)
         return jax.block_until_ready(found) if known(found.speed) else found
 
@@ -209,7 +216,7 @@ def stability_crossings(
     """
     check_linear(scene, [] if within is None else within)
     system = OverWhirl.of(scene)
-    speeds, sign = _scan(system, _checked(within, samples), samples)
+    speeds, sign = _scan(system, _checked(within, samples), samples, outward=False)
     if not known(sign):
         raise ValueError(
             "The number of crossings depends on values, so `stability_crossings` cannot run inside "
@@ -240,9 +247,13 @@ def _checked(within, samples: int) -> tuple[Array, Array] | None:
 
 @compiled_quickly
 def _scan(
-    system: System | OverWhirl, within, samples: int
+    system: System | OverWhirl, within, samples: int, outward: bool
 ) -> tuple[Float[Array, " w"], Float[Array, " w"]]:
-    """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal."""
+    """Speeds (samples and turning points), and the sign of the growth rate there, 0 if marginal.
+
+    `outward`: from the lowest magnitude on, up to the first loss of stability and no further: the rotor
+    counts as unstable beyond.
+    """
     system = jax.lax.stop_gradient(system)
     growth_at = _growth(system)
     low, high = jnp.sort(jnp.stack(_range(system) if within is None else within))
@@ -253,13 +264,14 @@ def _scan(
         between = (bent[1:] + bent[:-1]) / 2
         speeds = jnp.sort(jnp.concatenate([speeds, bent, between]))
     # One speed at a time: see `sweep._build_lanes` on batched linear algebra.
-    growth = jax.lax.map(growth_at, speeds)
+    growth = _until_lost(growth_at, speeds) if outward else jax.lax.map(growth_at, speeds)
     before, here, after = growth[:-2], growth[1:-1], growth[2:]
     peak = (here < 0) & (here >= before) & (here >= after)
     dip = (here > 0) & (here <= before) & (here <= after)
     closest = jnp.where(peak | dip, jnp.abs(here), jnp.inf)
     calls = jnp.argsort(closest)[:TURNS]
-    turn = lambda i: _turn(growth_at, jax.lax.dynamic_slice(speeds, (i,), (3,)), here[i])
+    three = lambda array, i: jax.lax.dynamic_slice(array, (i,), (3,))
+    turn = lambda i: _turn(growth_at, three(speeds, i), three(growth, i))
     as_it_is = lambda i: (speeds[i + 1], here[i])  # most rotors have fewer turning points
     either = lambda i: jax.lax.cond(jnp.isfinite(closest[i]), turn, as_it_is, i)
     turns = jax.lax.map(either, calls)
@@ -291,23 +303,52 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     return jnp.sort(jnp.where(there & (speeds.real < high), speeds.real, high))
 
 
-def _turn(growth_at: Callable, speeds: Float[Array, " 3"], growth: Scalar) -> tuple[Array, Array]:
-    """Speed and growth rate at the extremum of the rate among three speeds, by golden section."""
-    sign = -jnp.sign(growth)
+def _until_lost(growth_at: Callable, speeds: Float[Array, " w"]) -> Float[Array, " w"]:
+    """Growth rates from the lowest magnitude of the speed on; infinite beyond a loss of stability."""
+    order = jnp.argsort(jnp.abs(speeds))
+
+    def go(state):
+        k, growth, _, before = state
+        own = growth_at(speeds[order[k]])
+        return k + 1, growth.at[order[k]].set(own), (before <= 0) & (own > 0), own
+
+    # NaN: unknown growth is no loss, and is refused by those who ask.
+    goes_on = lambda state: (state[0] < speeds.size) & ~state[2]
+    begin = 0, jnp.full_like(speeds, jnp.inf), jnp.zeros((), bool), jnp.asarray(jnp.inf)
+    return jax.lax.while_loop(goes_on, go, begin)[1]
+
+
+def _turn(
+    growth_at: Callable, speeds: Float[Array, " 3"], growth: Float[Array, " 3"]
+) -> tuple[Array, Array]:
+    """Speed and growth rate at the extremum of the rate among three speeds, by golden section.
+
+    It ends where the rate has changed its sign, or zero is further than `REACH` times what the best rate
+    exceeds the lower end by: a concave rate rises by 1.6 times that at most.
+    """
+    sign = -jnp.sign(growth[1])
 
     # `optimistix.GoldenSearch` compiles about 0.3 s longer (of 1.5 to 3 s) and runs no faster.
-    def narrow(_, state):
-        low, best, high, top = state
-        right = high - best > best - low
-        speed = best + (3 - 5**0.5) / 2 * jnp.where(right, high - best, low - best)
+    def narrow(state):
+        k, (low, best, high), (left, top, right) = state
+        above = high - best > best - low
+        speed = best + (3 - 5**0.5) / 2 * jnp.where(above, high - best, low - best)
         value = sign * growth_at(speed)
         better = value > top
-        low = jnp.where(better == right, jnp.where(better, best, speed), low)
-        high = jnp.where(better == right, high, jnp.where(better, best, speed))
-        return low, jnp.where(better, speed, best), high, jnp.maximum(value, top)
+        # The new place, or the best one before, becomes an end.
+        end, at_end = jnp.where(better, best, speed), jnp.where(better, top, value)
+        moves_low = better == above
+        low, left = jnp.where(moves_low, end, low), jnp.where(moves_low, at_end, left)
+        high, right = jnp.where(moves_low, high, end), jnp.where(moves_low, right, at_end)
+        best, top = jnp.where(better, speed, best), jnp.maximum(value, top)
+        return k + 1, (low, best, high), (left, top, right)
 
-    state = (*speeds, sign * growth)
-    _, speed, _, top = jax.lax.fori_loop(0, 36, narrow, state)
+    def goes_on(state):
+        k, _, (left, top, right) = state
+        return (k < 36) & (top < 0) & (top + REACH * (top - jnp.minimum(left, right)) >= 0)
+
+    state = 0, tuple(speeds), tuple(sign * growth)
+    _, (_, speed, _), (_, top, _) = jax.lax.while_loop(goes_on, narrow, state)
     return speed, sign * top
 
 

@@ -4,11 +4,9 @@ import math
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import typer
-from jaxtyping import Array
 
 from ..analysis import (
     HarmonicResponse,
@@ -17,8 +15,9 @@ from ..analysis import (
     response_peaks,
     unbalance_response,
 )
+from ..analysis.stability import growth_rates
+from ..analysis.whirl_tables import OverWhirl
 from ..core.attributes import about
-from ..core.compiled import compiled_quickly
 from ..effects import AbstractContact, Disc
 from ..equations.speed_tables import speed_range
 from ..files.units import quantity
@@ -254,12 +253,7 @@ def _verdict(one: dict[str, Any]) -> str:
 
 def growth_at(rotor: Scene, speeds: Any) -> np.ndarray:
     """Largest growth rate [1/s] at each of the speeds [rad/s], NaN where it is unknown."""
-    return np.asarray(_growth_rates(rotor, jnp.asarray(speeds)))
-
-
-@compiled_quickly
-def _growth_rates(rotor: Scene, speeds: Array) -> Array:
-    return jax.lax.map(lambda speed: growth_rate(rotor.at_speed(speed)), speeds)
+    return np.asarray(growth_rates(OverWhirl.of(rotor), jnp.asarray(speeds)))
 
 
 def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
