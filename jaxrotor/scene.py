@@ -395,6 +395,6 @@ def _has_automatic_nodes(shaft) -> bool:
     return getattr(shaft, "nodes", None) == "auto" and all(map(known, jax.tree.leaves(shaft)))
 
 
-def _addresses(scene: Scene) -> dict[str, list[Address]]:
+def _addresses(scene: Scene) -> Mapping[str, list[Address]]:
     """Addresses of all parameters of a scene, by their paths."""
     return addresses(scene, ("shaft", "spin"), "effects")

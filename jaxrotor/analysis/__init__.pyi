@@ -43,6 +43,7 @@ from .forced import (
     unbalance_response as unbalance_response,
     weight_response as weight_response,
 )
+from .growth import growth_rate as growth_rate
 from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
 from .maps import (
     Boundary as Boundary,
@@ -66,7 +67,6 @@ from .reduction import (
 from .settling import Settled as Settled, settled as settled
 from .stability import (
     Onset as Onset,
-    growth_rate as growth_rate,
     onset_speed as onset_speed,
     stability_crossings as stability_crossings,
 )

@@ -17,7 +17,7 @@ from ..core.compiled import compiled
 from ..equations.speed_tables import has_whirl_tables
 from ..scene import Scene, with_shared_nodes
 from .films import check_linear
-from .stability import EDGES, STEPS, growth_of, undamped_side, why_unknown
+from .growth import EDGES, STEPS, growth_of, undamped_side, why_unknown
 from .whirl_tables import OverWhirl
 
 

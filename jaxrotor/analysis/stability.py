@@ -1,4 +1,4 @@
-"""Growth rate of a rotor, and the speeds at which it loses or regains stability."""
+"""Speeds at which a rotor loses or regains stability."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
-from ..core.extremes import largest
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known, on_host
 from ..core.sign_change import sign_change
@@ -21,18 +20,19 @@ from ..equations.speed_tables import speed_range
 from ..equations.system import System
 from ..scene import Scene
 from .films import check_linear
-from .floquet import exponents
+from .growth import (
+    EDGES,
+    beyond_rounding,
+    first_frequency,
+    largest_growth,
+    rate_over_speed,
+    roots_at,
+    undamped_side,
+    why_unknown,
+)
 from .whirl_tables import OverWhirl
 
 
-EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
-# Steps per half revolution; the smallest number that resolves the first mode is used.
-STEPS = (32, 128, 512)
-TOO_SLOW = "The lowest speeds are too low for Floquet multipliers"
-BEYOND = (
-    "A whirl beyond the tables over its frequency may be unstable, as it is with the coefficients at "
-    "their end (give wider tables, or `hold=True`)"
-)
 REACH = 16  # see `_turn`
 TURNS = 8  # number of turning points of the growth rate refined between samples
 
@@ -42,68 +42,6 @@ class Onset(NamedTuple):
 
     speed: Scalar  # [rad/s]
     whirl_frequency: Scalar  # [rad/s], positive from x to y; for unequal axes see `onset_speed`
-
-
-def growth_rate(scene: Scene) -> Scalar:
-    """`max Re lambda`: largest growth rate of the straight rotor, stable where it is negative.
-
-    `lambda` are its `roots` or, where no frame has constant coefficients, the Floquet exponents
-    `log(mu) / T`, with the smallest number of `STEPS` that resolves the first mode (where traced, with
-    the smallest of all). At rest such a rotor has the roots of its present position.
-
-    Args:
-        scene: the rotor at its own speed.
-
-    Returns:
-        Growth rate [1/s], zero where it is within rounding. Differentiable. NaN where the speed is too
-        low for the steps: below 1/30 of the first natural frequency where traced, else below 1/490; and,
-        where traced, if a whirl beyond tables over its frequency may grow.
-
-    Raises:
-        ValueError: tables of coefficients have no values at the speed of the scene, or a whirl beyond
-            tables over its frequency grows with the coefficients at their end.
-    """
-    check_linear(scene)
-    system = OverWhirl.of(scene)
-    growth = _growth_rate(system, STEPS[0])
-    if isinstance(system, OverWhirl) and known(growth) and np.isnan(growth):
-        raise ValueError(f"{BEYOND}.")
-    for steps in STEPS[1:]:
-        if known(growth) and np.isnan(growth):
-            growth = _growth_rate(system, steps)
-    return growth
-
-
-def why_unknown(over_whirl: bool) -> str:
-    """Beginning of a sentence that says why a growth rate is NaN, with or without tables over whirl."""
-    return BEYOND if over_whirl else TOO_SLOW
-
-
-@compiled_quickly
-def _growth_rate(system: System | OverWhirl, steps: int) -> Scalar:
-    return growth_of(system, steps)[0]
-
-
-@compiled_quickly
-def growth_rates(system: System | OverWhirl, speeds: Float[Array, " k"]) -> Float[Array, " k"]:
-    """Growth rates [1/s] at some speeds [rad/s], as `growth_rate` where traced."""
-    return jax.lax.map(lambda speed: growth_of(system.at_speed(speed))[0], speeds)
-
-
-def growth_of(system: System | OverWhirl, steps: int = STEPS[0]) -> tuple[Scalar, Scalar]:
-    """Largest growth rate [1/s] with rounding set to zero, and as computed."""
-    values = exponents(system, steps)
-    return _beyond_rounding(values, _first(system)), _largest(values)
-
-
-def undamped_side(ends: Any) -> Any:
-    """Whether growth (4, ..) at `EDGES` of a bracket is only rounding near one end of it.
-
-    The rotor is then marginally stable on that side, where growth has no sign to search by: the boundary
-    is where growth exceeds rounding. Two places are tested, as at one growth may be zero by chance.
-    """
-    still = ends == 0
-    return still[:2].all(0) | still[2:].all(0)
 
 
 def onset_speed(
@@ -255,7 +193,7 @@ def _scan(
     counts as unstable beyond.
     """
     system = jax.lax.stop_gradient(system)
-    growth_at = _growth(system)
+    growth_at = rate_over_speed(system)
     low, high = jnp.sort(jnp.stack(_range(system) if within is None else within))
     speeds = jax.lax.stop_gradient(jnp.linspace(low, high, samples + 1))
     turning = frame(system.blocks) == "rotating"
@@ -284,7 +222,7 @@ def _range(system: System | OverWhirl) -> tuple[Scalar, Scalar]:
     """Speeds that are searched by default, in the sense of the spin."""
     sense = system.spin.sense
     span = None if system.tabled is None else speed_range(system.tabled, sense)
-    low, high = (jnp.zeros(()), 40 * _first(system)) if span is None else span
+    low, high = (jnp.zeros(()), 40 * first_frequency(system)) if span is None else span
     return sense * low, sense * high
 
 
@@ -294,7 +232,7 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
     `P(0) = K0 + Omega K1 + Omega^2 K2` is singular there. Solved as an eigenvalue problem, without a
     grid of speeds, so that no band is too narrow to be found.
     """
-    scale = _first(system)
+    scale = first_frequency(system)
     still, ahead, back = (Pencil.of(system.at_speed(x * scale)).stiffness for x in (0.0, 1.0, -1.0))
     odd, even = (ahead - back) / 2, (ahead + back) / 2 - still
     # The unknown is -i Omega / scale, so that the real shift of `eigenvalues` is not a root.
@@ -304,17 +242,17 @@ def _bent(system: System, low: Scalar, high: Scalar) -> Float[Array, " b"]:
 
 
 def _until_lost(growth_at: Callable, speeds: Float[Array, " w"]) -> Float[Array, " w"]:
-    """Growth rates from the lowest magnitude of the speed on; infinite beyond a loss of stability."""
+    """Growth rates from the lowest magnitude of the speed on; infinite beyond the first above zero."""
     order = jnp.argsort(jnp.abs(speeds))
+    one_sense = speeds[0] * speeds[-1] >= 0  # else all, as both senses may lose it
 
     def go(state):
-        k, growth, _, before = state
+        k, growth, _ = state
         own = growth_at(speeds[order[k]])
-        return k + 1, growth.at[order[k]].set(own), (before <= 0) & (own > 0), own
+        return k + 1, growth.at[order[k]].set(own), one_sense & (own > 0)
 
-    # NaN: unknown growth is no loss, and is refused by those who ask.
     goes_on = lambda state: (state[0] < speeds.size) & ~state[2]
-    begin = 0, jnp.full_like(speeds, jnp.inf), jnp.zeros((), bool), jnp.asarray(jnp.inf)
+    begin = 0, jnp.full_like(speeds, jnp.inf), jnp.zeros((), bool)
     return jax.lax.while_loop(goes_on, go, begin)[1]
 
 
@@ -358,8 +296,8 @@ def _refine(system: System | OverWhirl, low: Scalar, high: Scalar) -> Onset:
     step = 1e-3 * (high - low)
     # One place after the other, so that the roots are compiled once.
     places = jnp.stack([speed, high, speed + step, speed - step])
-    values, there, *either = jax.lax.map(lambda place: _roots_at(system, place), places)
-    towards = jnp.where(_beyond_rounding(there, _first(system)) > 0, *either)
+    values, there, *either = jax.lax.map(lambda place: roots_at(system, place), places)
+    towards = jnp.where(beyond_rounding(there, first_frequency(system)) > 0, *either)
     whirl = values[_crosses(system, values, towards)].imag
     if system.blocks.hysteretic is not None:
         whirl = jnp.where(_synchronous(values, speed), speed, whirl)
@@ -369,22 +307,24 @@ def _refine(system: System | OverWhirl, low: Scalar, high: Scalar) -> Onset:
 def _crosses(system: System | OverWhirl, values: Array, beyond: Array) -> Array:
     """Index of the root that crosses: of marginal ones that which grows on the unstable side, `beyond`."""
     growing = beyond[jnp.argmax(beyond.real)].imag
-    size = jnp.maximum(_first(system), jnp.max(jnp.where(jnp.isfinite(values), abs(values), 0.0)))
+    size = jnp.maximum(
+        first_frequency(system), jnp.max(jnp.where(jnp.isfinite(values), abs(values), 0.0))
+    )
     # Near a double root, where a band of divergence ends, all roots have few digits.
-    tied = values.real >= _largest(values) - 1e3 * ROUNDING * size
+    tied = values.real >= largest_growth(values) - 1e3 * ROUNDING * size
     return jnp.argmin(jnp.where(tied, jnp.abs(values.imag - growing), jnp.inf))
 
 
 @eqx.filter_custom_jvp
 def _crossing(system: System | OverWhirl, low: Scalar, high: Scalar) -> Scalar:
     """Speed between `low` and `high` where stability changes."""
-    ends = jax.lax.map(_growth(system), low + jnp.asarray(EDGES) * (high - low))
+    ends = jax.lax.map(rate_over_speed(system), low + jnp.asarray(EDGES) * (high - low))
     lost, marginal = ends[-1] > 0, undamped_side(ends)
-    first = _first(system)
+    first = first_frequency(system)
 
     def growth(speed: Scalar) -> Scalar:
-        values = _roots_at(system, speed)
-        return jnp.where(marginal, _beyond_rounding(values, first), _largest(values))
+        values = roots_at(system, speed)
+        return jnp.where(marginal, beyond_rounding(values, first), largest_growth(values))
 
     return sign_change(growth, low, high, ends[0], ends[-1], lost)
 
@@ -394,15 +334,15 @@ def _crossing_jvp(primals, tangents):
     """`dOmega = -dr / (dr / dOmega)`, with the residual r the growth rate or `Omega - Im lambda`."""
     system, low, high = primals
     speed = _crossing(system, low, high)
-    values = _roots_at(system, speed)
+    values = roots_at(system, speed)
     jump = jnp.zeros((), bool)
     if system.blocks.hysteretic is not None:
         jump = _synchronous(values, speed)
     nearest = jnp.argmin(jnp.abs(jnp.sort(values.imag) - speed))
 
     def residual(system, speed):
-        values = _roots_at(system, speed)
-        return jnp.where(jump, speed - jnp.sort(values.imag)[nearest], _largest(values))
+        values = roots_at(system, speed)
+        return jnp.where(jump, speed - jnp.sort(values.imag)[nearest], largest_growth(values))
 
     _, change = eqx.filter_jvp(lambda system: residual(system, speed), (system,), (tangents[0],))
     slope = jax.jvp(lambda speed: residual(system, speed), (speed,), (jnp.ones_like(speed),))[1]
@@ -411,28 +351,3 @@ def _crossing_jvp(primals, tangents):
 
 def _synchronous(values: Array, speed: Scalar) -> Array:
     return jnp.any(is_rounding(values.imag - speed, speed))
-
-
-def _first(system: System | OverWhirl) -> Scalar:
-    """Scale [rad/s] of the order of the first natural frequency."""
-    return Pencil.mean(system.at_rest).rate
-
-
-def _largest(values: Array) -> Scalar:
-    return largest(values.real)
-
-
-def _beyond_rounding(values: Array, first: Scalar) -> Scalar:
-    """Largest growth rate [1/s], zero where it is within rounding."""
-    small = is_rounding(values.real, jnp.maximum(jnp.abs(values), first))
-    return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
-
-
-def _growth(system: System | OverWhirl) -> Callable[[Scalar], Scalar]:
-    """The function from a speed [rad/s] to the largest growth rate [1/s]."""
-    first = _first(system)
-    return lambda speed: _beyond_rounding(_roots_at(system, speed), first)
-
-
-def _roots_at(system: System | OverWhirl, speed: Scalar) -> Array:
-    return exponents(system.at_speed(speed))

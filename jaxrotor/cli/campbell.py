@@ -20,6 +20,7 @@ from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer
 from .axis_units import axis_units
+from .linear import growth_at
 from .options import (
     MOST,
     AsJson,
@@ -36,7 +37,6 @@ from .options import (
     speeds_between,
 )
 from .output import draft_or_none, draw, labelled, write_dataset, written_to
-from .response import growth_at
 
 
 _FILES = ("campbell.zarr", "campbell.png")

@@ -3,12 +3,15 @@
 import math
 from typing import Annotated, Any
 
+import jax.numpy as jnp
 import numpy as np
 import typer
 from jaxtyping import Array
 
 from ..analysis import Modes, Onset, modes, onset_speed
+from ..analysis.growth import growth_rates
 from ..analysis.modal import kind_of_whirl
+from ..analysis.whirl_tables import OverWhirl
 from ..core.compiled import compiled_quickly
 from ..equations.pencil import frame, is_rounding
 from ..equations.system import structure
@@ -180,3 +183,8 @@ def _stability(root: complex) -> str:
     if is_rounding(root.real, root):
         return "marginal"
     return "stable" if root.real < 0 else "unstable"
+
+
+def growth_at(rotor: Scene, speeds: Any) -> np.ndarray:
+    """Largest growth rate [1/s] at each of the speeds [rad/s], NaN where it is unknown."""
+    return np.asarray(growth_rates(OverWhirl.of(rotor), jnp.asarray(speeds)))

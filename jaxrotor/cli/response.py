@@ -4,7 +4,6 @@ import math
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax.numpy as jnp
 import numpy as np
 import typer
 
@@ -15,8 +14,6 @@ from ..analysis import (
     response_peaks,
     unbalance_response,
 )
-from ..analysis.stability import growth_rates
-from ..analysis.whirl_tables import OverWhirl
 from ..core.attributes import about
 from ..effects import AbstractContact, Disc
 from ..equations.speed_tables import speed_range
@@ -26,6 +23,7 @@ from ..plot.units import LENGTHS, SPEEDS
 from ..scene import Scene
 from . import answer
 from .axis_units import axis_units
+from .linear import growth_at
 from .options import (
     AsJson,
     At,
@@ -249,11 +247,6 @@ def _verdict(one: dict[str, Any]) -> str:
     if one["required"] is None:
         return "unknown"
     return ("kept" if one["kept"] else "too close") if one["required"] else "not needed"
-
-
-def growth_at(rotor: Scene, speeds: Any) -> np.ndarray:
-    """Largest growth rate [1/s] at each of the speeds [rad/s], NaN where it is unknown."""
-    return np.asarray(growth_rates(OverWhirl.of(rotor), jnp.asarray(speeds)))
 
 
 def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:

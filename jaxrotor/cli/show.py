@@ -6,7 +6,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
-import equinox as eqx
 import jax
 import numpy as np
 import typer
@@ -15,6 +14,7 @@ from ..analysis import onset_speed
 from ..analysis.modal import KINDS
 from ..analysis.static_instability import static_instability
 from ..equations.rigid_motions import CURE, unheld
+from ..equations.system import assemble
 from ..files.shipped import source
 from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
@@ -77,7 +77,7 @@ def show(
     axes, found = described_roots(rotor)
     still = _or_why(lambda: _still(described_roots(rotor.at_speed(0.0))[1]))[0]
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
-    coordinates = eqx.filter_eval_shape(lambda scene: scene.line().stiffness, rotor).shape[0]
+    coordinates = assemble(rotor).n
     critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
     notes = _notes(scene, rotor)

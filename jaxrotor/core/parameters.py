@@ -21,7 +21,7 @@ Address = tuple[Any, ...]  # attribute names and tuple indices from the tree to 
 Addresses = Mapping[str, list[Address]]  # by path; several where a path stands for all of a kind
 
 
-def addresses(tree: eqx.Module, parts: Iterable[str], members: str) -> dict[str, list[Address]]:
+def addresses(tree: eqx.Module, parts: Iterable[str], members: str) -> Addresses:
     """Addresses of all parameters of a tree, by their paths.
 
     Args:
@@ -29,6 +29,12 @@ def addresses(tree: eqx.Module, parts: Iterable[str], members: str) -> dict[str,
         parts: names of the fields that hold a part.
         members: name of the field that holds the tuple of members.
     """
+    return _addresses(jax.tree.structure(tree), tuple(parts), members)
+
+
+@functools.lru_cache(64)  # commands ask for each of hundreds of parameters
+def _addresses(structure: Any, parts: tuple[str, ...], members: str) -> Addresses:
+    tree = jax.tree.unflatten(structure, range(structure.num_leaves))
     table: dict[str, list[Address]] = {}
     for part in parts:
         for leaf in _quantities(getattr(tree, part)):

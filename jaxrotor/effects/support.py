@@ -236,7 +236,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
             for own in map(self._present, LETTERS)
         )
         stiffness, damping = spring["mean"], damper["mean"]
-        if ends.slope_row is not None:
+        if ends.slope_row is not None and ends.couple_column is not None:
             couple = jnp.outer(ends.couple_column, ends.slope_row)
             if self.angular_stiffness is not None:
                 stiffness = (
