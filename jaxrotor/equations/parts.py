@@ -102,7 +102,8 @@ def _groups(effects: Sequence[AbstractEffect]) -> Iterable[list[AbstractEffect]]
     groups: dict[Any, list[AbstractEffect]] = {}
     for effect in effects:
         leaves, structure = jax.tree.flatten(effect)
-        groups.setdefault((structure, *map(np.shape, leaves)), []).append(effect)
+        alone = () if all(map(eqx.is_array_like, leaves)) else (id(effect),)  # has a function, say
+        groups.setdefault((structure, *map(np.shape, leaves), *alone), []).append(effect)
     return groups.values()
 
 

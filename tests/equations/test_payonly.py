@@ -1,6 +1,8 @@
 """Absent parts cost nothing: size of the compiled equations, strength zero, retracing, closed forms."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import diffrax as dfx
 import equinox as eqx
@@ -33,7 +35,8 @@ from jaxrotor import (
     Whirl,
     assemble,
 )
-from jaxrotor.core.blocks import Load
+from jaxrotor.core.blocks import Blocks, Load
+from jaxrotor.effects import AbstractLinear
 from jaxrotor.effects.film import AbstractFilm
 from jaxrotor.equations.rotating_frame import RotatingState, Transient
 from jaxrotor.equations.stationary_frame import Motion
@@ -395,3 +398,27 @@ def test_linear_scene_is_exact_at_any_step():
     coarse = jr.simulate(scene, 30, 4, keep=1, start=STARTED).displacement
     fine = jr.simulate(scene, 30, 64, keep=1, start=STARTED).displacement[::16]
     np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-12)
+
+
+class _Spring(AbstractLinear):
+    """Spring of one's own, whose stiffness may be a function of its station."""
+
+    kind: ClassVar[str] = "spring"
+    plural: ClassVar[str] = "springs"
+
+    at: Any
+    stiffness: Callable | None = None
+
+    def blocks(self, line):
+        stiffness = 2e3 if self.stiffness is None else self.stiffness(self.at)
+        return Blocks(stiffness=stiffness * jnp.outer(line.column(self.at), line.row(self.at)))
+
+
+def test_parts_of_ones_own_may_have_functions():
+    """Parts of one class are traced together where numbers alone tell them apart: `Sum k x^2`."""
+    functions = [_Spring(jnp.array(1.0), lambda x, k=k: k * x) for k in (1e3, 2e3)]
+    plain = [_Spring(jnp.array(at)) for at in (0.5, 1.0)]
+    shaft = jr.RigidShaft(1.0, constraints=[jr.Constraint(0.0)])
+    scene = jr.Scene(shaft, Disc(1.0, 1.0), *functions, *plain, spin=jr.ConstantSpeed(0.0))
+    stiffness = float(assemble(scene).blocks.stiffness[0, 0])
+    assert stiffness == pytest.approx(3e3 + 2e3 * 1.25, rel=1e-14)
