@@ -227,6 +227,20 @@ def test_circulatory_stiffness_tells_the_senses_apart(rpm):
     np.testing.assert_allclose(jr.growth_rate(scene.at_speed(speed)), growth, rtol=2e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [100.0, -100.0])
+def test_objectives_of_a_reversed_rotor_have_the_same_sign(speed):
+    """`w (1 + c / h)` by internal damping h and external c, and `w (sqrt(1 + mu) - sqrt(1 - mu))`."""
+    shaft, disc, spin = jr.MasslessShaft(1.0, 0.5, 1e6), jr.Disc(0.5, 10.0), jr.ConstantSpeed(speed)
+    damped = dataclasses.replace(shaft, damping=20.0)
+    scene = jr.Scene(damped, disc, jr.DiscDamping(0.5, 5.0), spin=spin)
+    found = jr.objectives.onset_speed(scene, (0.0, 9 * speed), 20)
+    assert float(found) == pytest.approx(np.sqrt(1e5) * 1.25, rel=1e-8)
+    scene = jr.Scene(dataclasses.replace(shaft, anisotropy=0.1), disc, spin=spin)
+    gap = np.sqrt(1.1e5) - np.sqrt(0.9e5)
+    assert float(jr.objectives.critical_gap(scene)) == pytest.approx(gap, rel=1e-9)
+
+
 def test_tables_over_speed_are_read_at_the_magnitude():
     """A table from 0 on is that of both senses; one that begins below 0 has a value for each."""
     nodes, own = [0.0, 100.0, 300.0], [1e6, 2e6, 4e6]

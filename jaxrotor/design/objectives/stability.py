@@ -15,7 +15,7 @@ from .means import over
 def onset_speed(
     scene: Scene, within: tuple[float, float] | None = None, samples: int = 200
 ) -> Scalar:
-    """`Omega*` [rad/s] with `max Re lambda(Omega*) = 0`, rising; see `jaxrotor.onset_speed`.
+    """`|Omega*|` [rad/s] with `max Re lambda(Omega*) = 0`, rising; see `jaxrotor.onset_speed`.
 
     Smooth while the same whirl is the first to grow. It jumps where a band of instability opens or
     closes below, and its slope grows without bound where two crossings merge (a tongue's tip).
@@ -26,13 +26,13 @@ def onset_speed(
         samples: growth rates computed to bracket the onset.
 
     Returns:
-        The onset speed [rad/s]; not a number where there is none.
+        The onset speed [rad/s], positive for reversed rotation too; not a number where there is none.
     """
-    return analysis.onset_speed(scene, within, samples, throw=False).speed
+    return jnp.abs(analysis.onset_speed(scene, within, samples, throw=False).speed)
 
 
 def critical_gap(scene: Scene, order: int = 0) -> Scalar:
-    """`P_along - P_across` [rad/s] of the critical speeds of an unequal shaft; see `axis_speeds`.
+    """`|P_along| - |P_across|` [rad/s] of the critical speeds of an unequal shaft; see `axis_speeds`.
 
     Signed, so smooth through zero, where its square is least and the band between the two speeds
     closes; the sorted difference has a kink there.
@@ -47,7 +47,7 @@ def critical_gap(scene: Scene, order: int = 0) -> Scalar:
     Source: Klochkov, eq. (17).
     """
     along, across = analysis.axis_speeds(scene)
-    return along[order] - across[order]
+    return jnp.abs(along[order]) - jnp.abs(across[order])
 
 
 def largest_growth(scene: Scene, speeds: Any, sharpness: float | int | None = None) -> Scalar:
