@@ -12,6 +12,7 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts import MasslessShaft
 from .films import check_linear
+from .forced import ending_span
 
 
 class Reduction(eqx.Module):
@@ -34,7 +35,7 @@ def reduction(scene: Scene, at) -> Reduction:
     Args:
         scene: a rotor held by supports or constraints, the same along every axis; its speed and
             damping do not matter.
-        at: station [m]; exact where an effect is located there, so that the line may have a kink.
+        at: station [m]; a span is made to end there, as in `forced_response`.
 
     Returns:
         `Reduction`: equivalent massless shaft, mass and condensed mass matrix. Differentiable.
@@ -48,7 +49,7 @@ def reduction(scene: Scene, at) -> Reduction:
     check_linear(scene)
     (at,) = scene.stations(at)
     length = scene.shaft.length
-    flexibility, moved, condition = _static(assemble(scene), at)
+    flexibility, moved, condition = _static(assemble(ending_span(scene, at)), at)
     obstacles = {
         "is free to move as a rigid body": ~(condition < 1e12),
         "has no slope": flexibility[1, 1] <= 0,

@@ -117,6 +117,14 @@ def test_stiffness_and_mass(case):
     assert float(found.mass) == pytest.approx(closed, rel=1e-10)
 
 
+@pytest.mark.slow
+def test_reduction_to_a_station_without_a_part():
+    """The same closed forms with the disc at the end of the shaft, which has no part at the station."""
+    shaft = jr.reduction(beam(False, at=LENGTH), STATION).shaft
+    for name, value in zip(("k11", "k12", "k22"), COEFFICIENTS[False, "derived"], strict=False):
+        assert float(getattr(shaft, name)) == pytest.approx(value, rel=1e-8)
+
+
 def test_printed_coefficients():
     """The coefficients follow from the derived set, not from the printed EI and mass per length (E5)."""
     for name, pinned in (("CAN", False), ("PIN", True)):
