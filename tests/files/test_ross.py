@@ -182,6 +182,13 @@ def test_negative_direct_stiffness_of_a_seal(changed):
     assert own.kxx.tolist() == own.kyy.tolist() == [-2e4, -3e4]
 
 
+def test_coefficients_without_a_value_are_those_that_ross_takes(changed):
+    """In ROSS `kyy=None` is `kxx`, and `cyy=None` is `cxx`; a JSON file has null for both."""
+    front = changed(put(FRONT, kyy=None, cyy=None))[0].of(jr.Support)[0]
+    assert float(front.kyy) == float(front.kxx) == 3e7
+    assert float(front.cyy) == float(front.cxx) == 4e3
+
+
 def test_tables_over_speed_and_whirl_frequency(changed):
     speeds, whirls = np.array([100.0, 400.0, 900.0]), np.array([0.0, 1000.0])
     table = 1e7 + 2e4 * speeds[:, None] - 5e3 * whirls

@@ -111,8 +111,9 @@ def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
 
 def _numbers(element: Element, key: str, unit: str) -> np.ndarray:
     """Values of a coefficient, (1,), (w,) or (w, f)."""
-    missing = element.table.get(f"{key[0]}xx", 0.0) if key[1:] == "yy" else 0.0
-    given, path = element.table.get(key, missing), f"{element.path}.{key}"
+    names = [key, *[f"{key[0]}xx"] * (key[1:] == "yy")]
+    values = (element.table.get(name) for name in names)
+    given, path = next((one for one in values if one is not None), 0.0), f"{element.path}.{key}"
     rows = given if isinstance(given, list) else [given]
     if not rows:
         refuse(path, f"must be a number or a list of numbers, but is {show(given)}.")
