@@ -25,7 +25,7 @@ SLENDER = 1.5e3  # length over diameter: more than any shaft has
 BURST = 0.2  # speed at the surface over that of sound, sqrt(E / rho): any material bursts at less
 RIM = 1.5e3  # [m/s], speed at a rim, or at a radius of gyration, which no disc survives
 GRAVITY = 9.8  # [m/s^2]
-SAG = 0.02  # over length: of a shaft supported at both ends, under its discs
+SAG = 0.02  # over length: of a span of a shaft supported at both ends, under its discs
 SOFT = 0.1  # stiffness of supports over that of the shaft, `48 E I / l^3`
 GIVE = 0.02  # over diameter: how far supports softer than that give way under the weight
 UNEQUAL = 300.0  # stiffness along one axis over that across it: more than any bearing has
@@ -350,14 +350,18 @@ class _Machine:
     def stiffness(self) -> Iterator[Doubt | str]:
         """Shafts, discs and supports that the weight bends or moves too far.
 
-        The sag of a shaft supported at both ends is `m g l^3 / (48 E I)`, that of all supports `m g / k`.
+        The sag of a shaft supported at both ends is `m g l^3 / (48 E I)`, and less by `n^3` where what
+        holds it cuts it into n spans; that of all supports is `m g / k`.
         """
         weight, length = GRAVITY * self.mass, self.length
         bent = 48 * self._modulus * math.pi * self.diameter**4 / 64 / length**3  # [N/m]
         discs = dict(self._of("disc", "mass"))
-        if self.real and GRAVITY * self._discs > SAG * length * bent:
+        holds = (path for path in self.found if path.startswith(("support", "shaft.constraint")))
+        stations = {self._value(path) for path in holds if path.endswith(".at")}
+        spans = max(1, len(stations) - 1)
+        if self.real and GRAVITY * self._discs > SAG * length * spans**3 * bent:
             path = max(discs, key=lambda path: discs[path].value)
-            sag = GRAVITY * self._discs / (bent * length)
+            sag = GRAVITY * self._discs / (bent * length * spans**3)
             why = f"under which the shaft would sag by {100 * sag:.3g} % of its length"
             yield doubt(path, discs[path].value, "kg", why, (0.0, math.inf))
         k11 = self._value("shaft.k11")

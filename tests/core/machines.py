@@ -84,6 +84,12 @@ MACHINES = {
         *(jr.Support(at, 2e7) for at in (3.0, 6.0, 9.0)),
         stiffness=equal(1e7, 1e3),
     ),
+    "train of turbines on seven bearings": lambda: machine(
+        *(42.0, 0.6, 4e4, 0.7, 314.16, 2e-5),
+        *(jr.Disc(at, 4e4, polar=1e4) for at in (3.0, 10.0, 17.0, 25.0, 32.0, 39.0)),
+        *(jr.Support(at, kxx=1e9) for at in (7.0, 14.0, 20.0, 28.0, 35.0)),
+        stiffness=equal(1e9, 1e6),
+    ),
     "laboratory rotor": lambda: machine(
         *(0.56, 0.01, 0.8, 0.0375, 300.0, 1e-4),
         jr.Limiter(0.28, 1.0, 1e-3, 1e6, rim_radius=0.0375, blend=1e-5),
