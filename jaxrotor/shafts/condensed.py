@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
-from .line import AbstractLine, AbstractSpectralLine, PerLength
+from .line import AbstractSpectralLine, AbstractWorkLine, PerLength
 
 
 MODES = 40  # of the shaft alone; docs/choosing.md has the error
@@ -30,7 +30,7 @@ FLOOR = (
 )
 
 
-class CondensedLine(AbstractLine):
+class CondensedLine(AbstractWorkLine):
     """`z(x) = row(x) W a`: Galerkin's equations, the work of all forces on the columns of `W`.
 
     Derivatives take `W` as given, as Rayleigh's quotient allows.
@@ -60,14 +60,6 @@ class CondensedLine(AbstractLine):
         return self.line.breaks
 
     @property
-    def stiffness(self) -> Float[Array, "r r"]:
-        return self.strain_energy
-
-    @property
-    def bending_stiffness(self) -> Float[Array, "r r"]:
-        return self.bending_energy
-
-    @property
     def strain_energy(self) -> Float[Array, "r r"]:
         return _orthonormal(self.rigid, self._condensed(self.line.strain_energy))
 
@@ -80,12 +72,6 @@ class CondensedLine(AbstractLine):
 
     def slope_row(self, at: Scalar) -> Float[Array, " r"]:
         return self.line.slope_row(at) @ self.shapes
-
-    def column(self, at: Scalar) -> Float[Array, " r"]:
-        return self.row(at)
-
-    def couple_column(self, at: Scalar) -> Float[Array, " r"]:
-        return self.slope_row(at)
 
     def forces_along(self, per_length: PerLength) -> Float[Array, "r r"]:
         return self._condensed(self.line.work_along(per_length, 0))

@@ -195,7 +195,25 @@ def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]
     return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
 
 
-class RigidLine(AbstractLine):
+class AbstractWorkLine(AbstractLine):
+    """Line whose equations are those of virtual work: stiffness by energy, columns as rows."""
+
+    @property
+    def stiffness(self) -> Float[Array, "n n"]:
+        return self.strain_energy
+
+    @property
+    def bending_stiffness(self) -> Float[Array, "n n"]:
+        return self.bending_energy
+
+    def column(self, at: Scalar) -> Float[Array, " n"]:
+        return self.row(at)
+
+    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
+        return self.slope_row(at)
+
+
+class RigidLine(AbstractWorkLine):
     """`z(x) = Sum_k q_k (a_k + b_k x)`: the rigid motions that the constraints allow."""
 
     motions: Float[Array, "n 2"]  # a [m] or [1] and b [1] or [1/m] of each coordinate
@@ -207,20 +225,12 @@ class RigidLine(AbstractLine):
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
     @property
-    def stiffness(self) -> Float[Array, "n n"]:
+    def strain_energy(self) -> Float[Array, "n n"]:
         return jnp.zeros((len(self.motions), len(self.motions)))
 
     @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
     def bending_energy(self) -> Float[Array, "n n"]:
-        return self.bending_stiffness
+        return self.strain_energy
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         return self.motions @ jnp.stack([jnp.ones_like(at), at])
@@ -228,12 +238,6 @@ class RigidLine(AbstractLine):
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         del at
         return self.motions[:, 1]
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self.row(at)
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self.slope_row(at)
 
     def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
         length = self.length

@@ -10,10 +10,10 @@ from ..core.blocks import Blocks
 from ..core.quantities import Scalar, check, known, nonnegative, positive, real
 from .constraint import Motion
 from .influence import Influence
-from .line import AbstractLine, AbstractShaft, check_ratio
+from .line import AbstractLine, AbstractShaft, AbstractWorkLine, check_ratio
 
 
-class MasslessLine(AbstractLine):
+class MasslessLine(AbstractWorkLine):
     """`q = (z, [z'], [z_0])`: displacement and slope at the station, common displacement of the ends."""
 
     elasticity: Float[Array, "n n"]
@@ -27,20 +27,12 @@ class MasslessLine(AbstractLine):
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
     @property
-    def stiffness(self) -> Float[Array, "n n"]:
+    def strain_energy(self) -> Float[Array, "n n"]:
         return self.elasticity
 
     @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
     def bending_energy(self) -> Float[Array, "n n"]:
-        return self.bending_stiffness
+        return self.elasticity
 
     def row(self, at: Scalar) -> Float[Array, " n"]:
         unit = jnp.eye(self.elasticity.shape[0])
@@ -53,12 +45,6 @@ class MasslessLine(AbstractLine):
         del at
         size = self.elasticity.shape[0]
         return jnp.eye(size)[1] if self.tilts else jnp.zeros(size)
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self.row(at)
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self.slope_row(at)
 
     def forces_along(self, per_length):
         return _refuse_distributed(per_length)
