@@ -189,6 +189,12 @@ def test_coefficients_without_a_value_are_those_that_ross_takes(changed):
     assert float(front.cyy) == float(front.cxx) == 4e3
 
 
+@pytest.mark.parametrize("key", ["Id", "Ip", "m"])
+def test_half_a_disc_is_not_left_out(changed, key):
+    with pytest.raises(jr.SceneError, match=rf"DiskElement_middle\.{key} is missing"):
+        changed(lambda document: document["DiskElement_middle"].pop(key))
+
+
 def test_tables_over_speed_and_whirl_frequency(changed):
     speeds, whirls = np.array([100.0, 400.0, 900.0]), np.array([0.0, 1000.0])
     table = 1e7 + 2e4 * speeds[:, None] - 5e3 * whirls

@@ -18,7 +18,7 @@ _SLOW = 0.3  # omega C / K up to which two in series damp nearly as in slow moti
 def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -> Iterator[Disc]:
     """Discs from disk elements, and from point masses on the shaft."""
     for element in elements:
-        if "Id" in element.table and "Ip" in element.table:
+        if _is_disc(element):
             if element.kind != "DiskElement":
                 notes.add(f"{element.kind} is taken as a disc", element)
             inertia = (element.number(key, "kg m^2") for key in ("Id", "Ip"))
@@ -27,6 +27,11 @@ def discs(elements: Sequence[Element], places: dict[int, float], notes: Notes) -
             )
         elif element.kind == "PointMass" and element.node in places:
             yield _made(element, Disc, station(element, places), _mass(element, notes))
+
+
+def _is_disc(element: Element) -> bool:
+    """Whether an element is a disc, or has a moment of inertia."""
+    return element.kind == "DiskElement" or not element.table.keys().isdisjoint(("Id", "Ip"))
 
 
 def casings(elements: Sequence[Element], places: dict[int, float]) -> dict[int, str]:
@@ -78,7 +83,7 @@ def supports(
     of_ground = {e.node: e for e in bearings if e.node not in places and e.node not in names}
     known = ("ShaftElement", "PointMass")
     for element in elements:
-        if element.kind not in known and not is_bearing(element) and "Ip" not in element.table:
+        if element.kind not in known and not is_bearing(element) and not _is_disc(element):
             notes.add(f"{element.kind} is left out", element)
     for element in bearings:
         if element.node not in places and element.node not in names:
