@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import linalg
-from ..core.extremes import larger
 from ..core.quantities import Scalar
 from .line import AbstractSpectralLine, AbstractWorkLine, PerLength
 
@@ -100,21 +99,28 @@ def _shapes(
         motions = linalg.solve_triangular(root, motions.T, lower=True).T
         flexibility = flexibility - motions @ (motions.T @ inertia @ flexibility)
         flexibility = flexibility - (flexibility @ inertia @ motions) @ motions.T
-    root = linalg.cholesky(inertia)
-    squares, vectors = linalg.eigh(root.T @ flexibility @ root)  # 1 / w^2, ascending
-    squares, vectors = squares[: -MODES - 1 : -1], vectors[:, : -MODES - 1 : -1]
-    modes = flexibility @ (root @ vectors) / squares  # of unit inertia
     rows = [jax.vmap(line.row)(stations), jax.vmap(line.slope_row)(stations)]
     loads = jnp.concatenate([rows[0], COUPLE_ARM * line.breaks[-1] * rows[1]])
+    count = len(loads)
+    root = linalg.cholesky(inertia)
+    squares, vectors = linalg.eigh(root.T @ flexibility @ root)  # 1 / w^2, ascending
+    squares, vectors = (part[..., : -MODES - 2 * count - 1 : -1] for part in (squares, vectors))
+    modes = flexibility @ (root @ vectors) / jnp.sqrt(squares)  # of unit strain energy
+    work = inertia @ modes / squares  # strain energy of a deflection in each of them
+    found, spare = slice(MODES), slice(MODES + count, None)
     deflections = flexibility @ loads.T
-    deflections = deflections - modes @ (modes.T @ (inertia @ deflections))
+    deflections = deflections - modes[:, found] @ (work[:, found].T @ deflections)
     own = loads @ deflections
-    sizes, ways = linalg.eigh((own + own.T) / 2)
-    sizes = larger(sizes, FLOOR * sizes[-1])
-    found = [modes * jnp.sqrt(squares), deflections @ (ways / jnp.sqrt(sizes))]
+    # Loads of which a combination has no deflection of its own leave their places to faster modes.
+    least = jnp.sqrt(FLOOR * jnp.max(jnp.diagonal(own)))
+    both = jnp.concatenate([deflections, least * modes[:, spare]], axis=1)
+    across = least * work[:, spare].T @ deflections
+    energy = jnp.block([[(own + own.T) / 2, across.T], [across, least**2 * jnp.eye(count)]])
+    sizes, ways = (part[..., -count:] for part in linalg.eigh(energy))
+    shapes = [modes[:, found], both @ (ways / jnp.sqrt(sizes))]
     if motions is not None:
-        found.insert(0, motions * jnp.sqrt(squares[0]))
-    return jnp.concatenate(found, axis=1)
+        shapes.insert(0, motions * jnp.sqrt(squares[0]))
+    return jnp.concatenate(shapes, axis=1)
 
 
 @eqx.filter_custom_jvp

@@ -71,6 +71,38 @@ def test_derivatives_are_those_of_all_coordinates():
     assert np.abs(np.asarray(exact)) == pytest.approx(np.abs(differences), rel=1e-4)
 
 
+@pytest.mark.slow  # two programs of a motion
+def test_motion_of_a_shaft_with_a_disc_at_a_pin():
+    """A force at a pin deflects nothing; the steady motion under unbalance is that of finite elements."""
+    steps = [jr.Step(at, own) for at, own in zip(STARTS[1:], DIAMETERS[1:], strict=True)]
+    pins, middle, damping, moment = (LENGTH / 8, 7 * LENGTH / 8), LENGTH / 2, 2e4, 0.02
+    shaft = jr.FlexibleShaft(
+        LENGTH, DIAMETERS[0], MATERIAL, steps=steps, constraints=[*map(jr.Constraint, pins)]
+    )
+    discs = [(pins[0], 20.0, 0.3, 0.5), (middle, 35.0, 0.5, 0.9)]
+    parts = [
+        *(jr.Disc(*disc) for disc in discs),
+        jr.DiscDamping(middle, damping),
+        jr.Unbalance(middle, moment=moment),
+    ]
+    rotor = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(SPEED))
+    assert rotor.attached
+    found = jr.simulate(rotor, 100, 16, keep=1, at=middle, progress=False).displacement[-1, 0]
+    stretches = [
+        fem.Stretch(*piece) for piece in zip([*STARTS[1:], LENGTH], DIAMETERS, strict=True)
+    ]
+    springs = [(at, 1e14 * np.eye(2)) for at in pins]
+    nodes, mass, turned, stiff = fem.matrices(
+        stretches, discs, springs, (2.05e11, 7830.0, np.inf), LENGTH / 120
+    )
+    rates, x = SPEED * turned, 4 * int(np.argmin(np.abs(nodes - middle)))
+    rates[x : x + 2, x : x + 2] += damping * np.eye(2)
+    force = np.zeros(len(mass), complex)
+    force[x : x + 2] = moment * SPEED**2 * np.array([1.0, -1j])
+    expected = np.linalg.solve(stiff + 1j * SPEED * rates - SPEED**2 * mass, force)[x : x + 2].real
+    assert [found.real, found.imag] == pytest.approx(expected, rel=1e-4)
+
+
 def test_few_sections_keep_their_coordinates():
     shaft = jr.FlexibleShaft(1.0, 0.05)
     few = jr.Scene(shaft, jr.Disc(0.5, 10.0), spin=jr.ConstantSpeed(SPEED))
