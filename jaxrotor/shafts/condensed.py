@@ -32,7 +32,8 @@ FLOOR = (
 class CondensedLine(AbstractWorkLine):
     """`z(x) = row(x) W a`: Galerkin's equations, the work of all forces on the columns of `W`.
 
-    Derivatives take `W` as given, as Rayleigh's quotient allows.
+    Derivatives take as given the forces that bend the shaft into `W`, not `W` itself: its functions follow
+    where sections and stations move.
     """
 
     line: AbstractSpectralLine
@@ -48,10 +49,21 @@ class CondensedLine(AbstractWorkLine):
         stations: Float[Array, " s"],
     ) -> "CondensedLine":
         """The line with loads at some stations, whose shaft alone has a quadratic form of inertia."""
-        held, own, at = jax.lax.stop_gradient((line, inertia, stations))
-        motions = held.rigid_motions
-        rigid = 0 if motions is None else motions.shape[1]
-        shapes = _shapes(held, own, at, motions)
+        rows = [jax.vmap(line.row)(stations), jax.vmap(line.slope_row)(stations)]
+        loads = jnp.concatenate([rows[0], COUPLE_ARM * line.breaks[-1] * rows[1]]).T
+        flexibility, motions = line.flexibility, line.rigid_motions
+        if motions is not None:
+            # Forces less those of rigid acceleration deflect a free shaft, whatever supports it.
+            root = linalg.cholesky(motions.T @ inertia @ motions)
+            motions = linalg.solve_triangular(root, motions.T, lower=True).T
+            flexibility = flexibility - motions @ (motions.T @ inertia @ flexibility)
+            flexibility = flexibility - (flexibility @ inertia @ motions) @ motions.T
+        by_mass, by_loads = _bending(*jax.lax.stop_gradient((flexibility, inertia, loads)))
+        shapes, rigid = flexibility @ (inertia @ by_mass + loads @ by_loads), 0
+        if motions is not None:
+            rigid = motions.shape[1]
+            first = jax.lax.stop_gradient(shapes[:, 0] @ inertia @ shapes[:, 0])  # 1 / w^2
+            shapes = jnp.concatenate([motions * jnp.sqrt(first), shapes], axis=1)
         return cls(line=line, shapes=shapes, rigid=rigid, anisotropy=line.anisotropy)
 
     @property
@@ -85,42 +97,30 @@ class CondensedLine(AbstractWorkLine):
         return self.shapes.T @ form @ self.shapes
 
 
-def _shapes(
-    line: AbstractSpectralLine,
-    inertia: Float[Array, "n n"],
-    stations: Float[Array, " s"],
-    motions: Float[Array, "n k"] | None,
-) -> Float[Array, "n r"]:
-    """The columns of `W`."""
-    flexibility = line.flexibility
-    if motions is not None:
-        # Forces less those of rigid acceleration deflect a free shaft, whatever supports it.
-        root = linalg.cholesky(motions.T @ inertia @ motions)
-        motions = linalg.solve_triangular(root, motions.T, lower=True).T
-        flexibility = flexibility - motions @ (motions.T @ inertia @ flexibility)
-        flexibility = flexibility - (flexibility @ inertia @ motions) @ motions.T
-    rows = [jax.vmap(line.row)(stations), jax.vmap(line.slope_row)(stations)]
-    loads = jnp.concatenate([rows[0], COUPLE_ARM * line.breaks[-1] * rows[1]])
-    count = len(loads)
+def _bending(
+    flexibility: Float[Array, "n n"], inertia: Float[Array, "n n"], loads: Float[Array, "n s2"]
+) -> tuple[Float[Array, "n r"], Float[Array, "s2 r"]]:
+    """`a` and `b` of the generalized forces `M a + loads b` that bend the shaft into columns of `W`."""
+    count = loads.shape[1]
     root = linalg.cholesky(inertia)
     squares, vectors = linalg.eigh(root.T @ flexibility @ root)  # 1 / w^2, ascending
     squares, vectors = (part[..., : -MODES - 2 * count - 1 : -1] for part in (squares, vectors))
     modes = flexibility @ (root @ vectors) / jnp.sqrt(squares)  # of unit strain energy
-    work = inertia @ modes / squares  # strain energy of a deflection in each of them
+    forces = modes / squares  # `M forces` bends the shaft into them
     found, spare = slice(MODES), slice(MODES + count, None)
-    deflections = flexibility @ loads.T
-    deflections = deflections - modes[:, found] @ (work[:, found].T @ deflections)
-    own = loads @ deflections
+    deflections = flexibility @ loads
+    shares = forces[:, found].T @ (inertia @ deflections)
+    deflections = deflections - modes[:, found] @ shares
+    own = loads.T @ deflections
     # Loads of which a combination has no deflection of its own leave their places to faster modes.
     least = jnp.sqrt(FLOOR * jnp.max(jnp.diagonal(own)))
-    both = jnp.concatenate([deflections, least * modes[:, spare]], axis=1)
-    across = least * work[:, spare].T @ deflections
+    across = least * forces[:, spare].T @ (inertia @ deflections)
     energy = jnp.block([[(own + own.T) / 2, across.T], [across, least**2 * jnp.eye(count)]])
     sizes, ways = (part[..., -count:] for part in linalg.eigh(energy))
-    shapes = [modes[:, found], both @ (ways / jnp.sqrt(sizes))]
-    if motions is not None:
-        shapes.insert(0, motions * jnp.sqrt(squares[0]))
-    return jnp.concatenate(shapes, axis=1)
+    of_loads, of_modes = jnp.split(ways / jnp.sqrt(sizes), 2)
+    rest = least * forces[:, spare] @ of_modes - forces[:, found] @ (shares @ of_loads)
+    by_mass = jnp.concatenate([forces[:, found], rest], axis=1)
+    return by_mass, jnp.pad(of_loads, [(0, 0), (MODES, 0)])
 
 
 @eqx.filter_custom_jvp

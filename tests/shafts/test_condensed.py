@@ -24,21 +24,21 @@ def scene(shear):
     return jr.Scene(shaft, *discs, *bearings, spin=jr.ConstantSpeed(SPEED))
 
 
-def whirls(shear):
+def whirls(shear, discs=DISCS):
     """Whirl frequencies [rad/s] at the speed by finite elements, ascending.
 
     Of two meshes: their error goes with the square of the length of the elements.
     """
-    coarse, fine = (whirls_of_elements(shear, LENGTH / pieces)[:8] for pieces in (60, 120))
+    coarse, fine = (whirls_of_elements(shear, LENGTH / pieces, discs)[:8] for pieces in (60, 120))
     return (4 * fine - coarse) / 3
 
 
-def whirls_of_elements(shear, longest):
+def whirls_of_elements(shear, longest, discs):
     stops = [*STARTS[1:], LENGTH]
     stretches = [fem.Stretch(*piece) for piece in zip(stops, DIAMETERS, strict=True)]
     springs = [(at, stiff * np.eye(2)) for at, stiff in BEARINGS]
     material = (2.05e11, 7830.0, 8e10 if shear else np.inf)
-    _, mass, turned, stiff = fem.matrices(stretches, DISCS, springs, material, longest)
+    _, mass, turned, stiff = fem.matrices(stretches, discs, springs, material, longest)
     flexible = np.linalg.inv(stiff)
     rate = np.block(
         [[-flexible @ (SPEED * turned), -flexible @ mass], [np.eye(len(mass)), 0 * mass]]
@@ -69,6 +69,18 @@ def test_derivatives_are_those_of_all_coordinates():
     differences = (slowest(full, 8e7 + step) - slowest(full, 8e7 - step)) / (2 * step)
     _, exact = jax.jvp(lambda value: jr.roots(rotor.replace({path: value}), 2).imag, (8e7,), (1.0,))
     assert np.abs(np.asarray(exact)) == pytest.approx(np.abs(differences), rel=1e-4)
+
+
+@pytest.mark.slow  # the derivative of the assembly
+def test_derivatives_by_a_station_are_those_of_finite_elements():
+    step, (at, *disc) = 2e-3, DISCS[0]
+    moved = (whirls(False, [(at + way * step, *disc), *DISCS[1:]]) for way in (1, -1))
+    differences = np.subtract(*moved) / (2 * step)
+    rotor = scene(False)
+    frequencies = lambda at: jr.roots(rotor.replace({"discs.0.at": at}), 8).imag
+    values, exact = map(np.asarray, jax.jvp(frequencies, (at,), (1.0,)))
+    exact = (np.sign(values) * exact)[np.argsort(np.abs(values))]
+    assert exact == pytest.approx(differences, abs=1e-3 * np.abs(differences).max())
 
 
 @pytest.mark.slow  # two programs of a motion
