@@ -113,7 +113,8 @@ def _numbers(element: Element, key: str, unit: str) -> np.ndarray:
     """Values of a coefficient, (1,), (w,) or (w, f)."""
     names = [key, *[f"{key[0]}xx"] * (key[1:] == "yy")]
     values = (element.table.get(name) for name in names)
-    given, path = next((one for one in values if one is not None), 0.0), f"{element.path}.{key}"
+    given: Any = next((one for one in values if one is not None), 0.0)
+    path = f"{element.path}.{key}"
     rows = given if isinstance(given, list) else [given]
     if not rows:
         refuse(path, f"must be a number or a list of numbers, but is {show(given)}.")
