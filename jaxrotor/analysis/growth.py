@@ -20,6 +20,7 @@ from .whirl_tables import OverWhirl
 
 
 EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
+FAST = 100  # times the first natural frequency, beyond which a growing root loses digits
 # Steps per half revolution; the smallest number that resolves the first mode is used.
 STEPS = (32, 128, 512)
 TOO_SLOW = "The lowest speeds are too low for Floquet multipliers"
@@ -102,8 +103,13 @@ def largest_growth(values: Array) -> Scalar:
 
 
 def beyond_rounding(values: Array, first: Scalar) -> Scalar:
-    """Largest growth rate [1/s], zero where it is within rounding."""
-    small = is_rounding(values.real, jnp.maximum(jnp.abs(values), first))
+    """Largest growth rate [1/s], zero where it is within rounding.
+
+    Roots have the digits of their inverses, so that a fast one that seems to grow has fewer.
+    """
+    size = jnp.maximum(jnp.abs(values), first)
+    small = is_rounding(values.real, size)
+    small = small | (values.real > 0) & is_rounding(values.real, size * size / (FAST * first))
     return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
 
 

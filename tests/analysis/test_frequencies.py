@@ -284,3 +284,20 @@ def test_long_run_settles_on_the_closed_form():
     np.testing.assert_allclose(
         run.displacement[:, 0], expected, rtol=0, atol=1e-5 * abs(np.asarray(amplitude))
     )
+
+
+@pytest.mark.slow
+def test_no_fast_root_of_a_passive_rotor_grows():
+    """Springs and dampers to the ground only take energy; rounding is up to 3e-8 of the fastest root."""
+    bearing = lambda at: jr.Support(at, kxx=1.5e8, kyy=3.5e8, cxx=3e5, cyy=5e5)
+    steps = jr.Step(0.6, 0.18), jr.Step(1.5, 0.12)
+    scene = jr.Scene(
+        jr.FlexibleShaft(2.2, 0.12, steps=steps, nodes=14),
+        jr.Disc(1.05, 620.0, diametral=45.0, polar=14.0),
+        jr.Disc(1.7, 25.0, polar=0.9),
+        bearing(0.3),
+        bearing(1.95),
+        spin=jr.ConstantSpeed(300.0),
+    )
+    for speed in (300.0, 5751.0, 8000.0, 12000.0):
+        assert float(jr.growth_rate(scene.at_speed(speed))) <= 0
