@@ -106,7 +106,7 @@ def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None)
     if contacts := sorted({effect.plural for effect in rotor.of(AbstractContact)}):
         raise ValueError(
             f"The steady state is that of a linear rotor, but the scene has {', '.join(contacts)}; "
-            "add --duration, as in --duration 2s, for a run from rest, or leave them out of the file."
+            "leave them out of the file, or add a --duration such as 2s for a run from rest."
         )
     speed = abs(float(rotor.spin.speed))
     period = 2 * math.pi / speed if speed else 1.0  # at rest any time will do
