@@ -1056,7 +1056,10 @@ def test_balance_with_balls(place):
         (["run-up", "limiter-rotor", "--duration", "1s", "--times", "0,1"], "leave out"),
         (["run-up", "limiter-rotor", "--times", "0:1"], "start : stop : count"),
         (["reactions", "limiter-rotor", "--times", "1s,0s"], "must ascend"),
-        (["reactions", "limiter-rotor"], "has limiters; leave them out of the file, or add a --duration"),
+        (
+            ["reactions", "limiter-rotor"],
+            "has limiters; leave them out of the file, or add a --duration",
+        ),
         (["balance", "limiter-rotor", "--planes", "0m"], "two different stations"),
         (["balance", "limiter-rotor", "--planes", "0m,9m"], "on the shaft"),
         (["sweep", "limiter-rotor", "--over", "spin.speed=1:2"], "start : stop : count"),
