@@ -11,11 +11,8 @@ from pathlib import Path
 from .turbomachines import Machine
 
 
-LENGTH, SPEED, HIGHEST = (
-    2.6,
-    840.0,
-    1600.0,
-)  # [m]; of the scene, and up to which it is asked [rad/s]
+LENGTH = 2.6  # [m]
+SPEED, HIGHEST = 840.0, 1600.0  # of the scene, and up to which it is asked [rad/s]
 LONGEST = 0.026  # largest length of an element of ROSS [m]
 # Tables cover every speed that is asked for and are linear in it, so that all interpolations agree.
 NODES = [210.0 * k for k in range(9)]  # [rad/s]

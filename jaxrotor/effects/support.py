@@ -152,9 +152,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         check_whole(own)
         direct = [self.cxx, self.cxx if self.cyy is None else self.cyy]
         if self.cxx is not None and all(map(known, direct)) and self.frequencies is None:
-            least = np.min(
-                sum(map(np.asarray, direct))
-            )  # over whirl, damping may be of either sign
+            # Over whirl, damping may be of either sign.
+            least = np.min(sum(map(np.asarray, direct)))
             label = "cxx + cyy [N s/m]"
             check(least, label, lambda x: x >= 0, "must not be negative")
         for name in ("damping_anisotropy [1]", "cross_damping [N s/m]"):
