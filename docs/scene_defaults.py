@@ -63,7 +63,7 @@ WHY = {
     "disc given by its dimensions.bore": "solid",
     "unbalance given by its grade.phase": f"{X} of the shaft, from which angles are counted",
     # rotation
-    "drive.odd": "`drag` as it is in the equation; of no account without it or at positive speed",
+    "drive.odd": "asked for where a drive with `drag` turns backward; of no account elsewhere",
     "drive.polar": "absent: that of shaft and discs",
     "drive.feedback": "the rotation is that of motor and resistance alone",
     "drive.stops": "the equation goes on through standstill",

@@ -148,6 +148,8 @@ def run_up(
             "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
             "brakes at any sign of the speed), or take more `max_stops` if it stops often."
         )
+    if isinstance(scene.spin, Drive) and known(motion.run.turning.speed):
+        scene.spin.check_drag(motion.run.turning.speed)
     return _result(scene, times, stations, motion, solver_name(plan.solver), pilots)
 
 

@@ -430,11 +430,14 @@ def test_drag_to_the_letter_runs_away_and_odd_drag_does_not():
         turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039, odd=True)), [0.1, 0.3], controller=FINE
     )
     assert np.allclose(odd.speed, [-124.01992032, 62.28080152], rtol=0, atol=1e-7)
-    letter = turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039))
+    letter = turn(jr.Drive(-300.0, 1950.0, 1.57, 0.039, odd=False))
     with pytest.raises(RuntimeError, match=r"did not stay finite.*odd=True"):
         jr.run_up(letter, [0.1, 0.3])
     before = jr.run_up(letter, [0.1, 0.282039])  # runs away at 0.28204 s
     assert abs(before.speed[1]) > 1e6
+    # From 50 rad/s a brake of 1950 N m turns the rotor back after 0.05 s.
+    with pytest.raises(ValueError, match="turns backward from 50 rad/s under -1950 N m; give `odd"):
+        jr.run_up(turn(jr.Drive(50.0, -1950.0, 1.57, 0.039)), [0.1, 0.2])
 
 
 # === as a function

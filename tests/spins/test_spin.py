@@ -111,6 +111,25 @@ def test_literal_drag_drives_a_negative_speed():
         literal.turning(0.04, jnp.asarray(1.0))
 
 
+@pytest.mark.parametrize(
+    ("speed", "torque", "more"),
+    [(-300.0, 1950.0, {}), (0.0, -20.0, {}), (-100.0, -20.0, {"feedback": True})],
+)
+def test_drag_of_a_drive_that_turns_backward_is_asked_for(speed, torque, more):
+    """`odd`, with which the mirrored drive has the mirrored moment, or the letter, as is said."""
+    with pytest.raises(ValueError, match=r"`drag \[N m s\^2\]` would drive this rotor.*`odd = true`"):
+        jr.Drive(speed, torque, 0.5, 0.1, **more)
+    scene = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1e6), jr.Disc(0.5, 1.0), spin=DRIVE)
+    with pytest.raises(ValueError, match=r"spin\.speed: `drag \[N m s\^2\]` would drive"):
+        scene.replace({"spin.speed": -300.0})
+    odd = jr.Drive(speed, torque, 0.5, 0.1, odd=True, **more)
+    mirrored = jr.Drive(-speed, -torque, 0.5, 0.1, odd=True, **more)
+    speeds = np.array([-200.0, -3.0, 40.0])
+    np.testing.assert_array_equal(odd.moment(speeds), -mirrored.moment(-speeds))
+    by_hand = torque - 0.5 * speeds - 0.1 * np.sign(speeds) * speeds**2
+    np.testing.assert_allclose(odd.moment(speeds), by_hand, rtol=1e-14)
+
+
 VARIED = [
     {"coulomb": 1.0},
     {"drag": 0.1, "odd": True},
