@@ -53,6 +53,7 @@ WHY = {
     "gravity.angle": "downwards, as y points up",
     "rayleigh_damping.mass": "the other one alone",
     "rayleigh_damping.stiffness": "the other one alone",
+    "support.one_sense": "a table is read at the magnitude of the speed unless it begins below 0",
     "support.hold": "nothing is assumed beyond a table: it is refused",
     "support.kyy": "as data sheets mean it",
     "support.cyy": "as data sheets mean it",

@@ -133,12 +133,19 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
             "`linearized(scene.at_speed(speed))`."
         )
     sense = scene.spin.sense
-    if speeds is not None and known(speeds) and known(sense) and sense < 0 <= np.max(speeds):
-        raise ValueError(
-            "The cross-coupling of a film follows the rotation, and this scene turns backward, so "
-            f"`speeds` must be negative, but the highest is {np.max(speeds):g} rad/s; take those of "
-            "its sense, or give `scene.at_speed(..)` a positive speed."
-        )
+    if speeds is not None and known(speeds) and known(sense):
+        least, most = np.min(speeds), np.max(speeds)
+        if sense < 0 <= most:
+            raise ValueError(
+                "The cross-coupling of a film follows the rotation, and this scene turns backward, so "
+                f"`speeds` must be negative, but the highest is {most:g} rad/s; take those of "
+                "its sense, or give `scene.at_speed(..)` a positive speed."
+            )
+        if least < 0 < most:
+            raise ValueError(
+                "The cross-coupling of a film changes its sign with the rotation, so `speeds` must be of "
+                f"one sense, but are from {least:g} to {most:g} rad/s; take one scene for each sense."
+            )
     found = static_positions(scene, speeds)
     films = scene.of(AbstractFilm)
     effects = []
@@ -208,7 +215,8 @@ def _support(
     for letter, matrix in (("k", stiffness), ("c", damping)):
         for i, j, axes in ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy")):
             numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
-    return Support(at=film.at, on=film.on, speeds=speeds, **numbers)
+    sense = {} if speeds is None else {"speeds": speeds, "one_sense": film.turning}
+    return Support(at=film.at, on=film.on, **sense, **numbers)
 
 
 # === equilibrium

@@ -82,7 +82,7 @@ def exponents(system: System | OverWhirl, steps: int = 32) -> Complex[Array, " m
         return jnp.where(grows_beyond(jax.lax.stop_gradient(system.scene)), jnp.nan, values)
     if frame(system.blocks) != "periodic":
         values = natural_roots(system)
-        return jnp.where(jnp.isfinite(values), values, -jnp.inf)
+        return jnp.where(jnp.isinf(values), -jnp.inf, values)
     values, time = half_revolution(system, steps)
     nonzero = values != 0
     return jnp.where(nonzero, jnp.log(jnp.where(nonzero, values, 1.0)) / time, -jnp.inf)

@@ -20,7 +20,7 @@ from ..core.quantities import Scalar
 from ..core.sign_change import sign_change
 from ..effects.base import AbstractOverSpeed
 from ..equations.pencil import Pencil, check_axes, frame, isotropic, root_changes
-from ..equations.speed_tables import in_sense, speed_range
+from ..equations.speed_tables import speed_range
 from ..equations.system import System
 
 
@@ -145,7 +145,7 @@ def _searched(system: System) -> tuple[Float[Array, " w"], bool]:
     assert system.tabled is not None
     sense, tables = system.spin.sense, system.tabled.of(AbstractOverSpeed)
     span = speed_range(system.tabled, sense)
-    nodes = [in_sense(one, sense) for part in tables for one in part.nodes_over_speed]
+    nodes = [one for part in tables for one in part.in_sense(sense)]
     top = larger(jnp.max(jnp.stack([one[-1] for one in nodes])), 0.0)
     low, high = (jnp.zeros(()), top) if span is None else span
     even = jnp.linspace(low, high, SAMPLES + 1)

@@ -6,7 +6,7 @@ columns of `AbstractLine`.
 
 import abc
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -62,6 +62,7 @@ class AbstractOverSpeed(AbstractLinear):
         Series | None
     ]  # nodes of tables over the frequency of whirl [rad/s]
     hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
+    one_sense: eqx.AbstractVar[bool]  # whether `speeds` are those of one sense of rotation
     synchronous: eqx.AbstractVar[bool]  # whether a whirl has the frequency of rotation
 
     @property
@@ -76,10 +77,20 @@ class AbstractOverSpeed(AbstractLinear):
         return None if self.synchronous else self.frequencies
 
     def read_at(self, speed: ArrayLike) -> Scalar:
-        """Where tables over the speed are read: at `|Omega|`, unless their nodes begin below 0."""
+        """Where tables over the speed are read: at `|Omega|`, unless their nodes tell the senses apart."""
         speed = jnp.asarray(speed, float)
-        back = speed < 0 if self.speeds is None else (speed < 0) & (self.speeds[0] >= 0)
-        return jnp.where(back, -speed, speed)
+        return jnp.where(self._signed(self.speeds), speed, jnp.abs(speed))
+
+    def in_sense(self, sense: ArrayLike) -> list[Series]:
+        """`nodes_over_speed` as speeds in one sense, ascending; those of the other are negative."""
+        back = lambda nodes: self._signed(nodes) & (jnp.asarray(sense) < 0)
+        return [jnp.where(back(nodes), -nodes[::-1], nodes) for nodes in self.nodes_over_speed]
+
+    def _signed(self, nodes: Series | None) -> Any:
+        """Whether nodes are speeds of either sense, not magnitudes."""
+        if nodes is None or nodes is not self.speeds:
+            return False
+        return True if self.one_sense else nodes[0] < 0
 
     def blocks(self, line: AbstractLine) -> Blocks:
         return self.blocks_between(self.ends_on(line))

@@ -66,13 +66,14 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     pull, which drive the shaft off its axis.
 
     Each coefficient `kxx` .. `cyy` is a number, or a table of its values at the `speeds` of rotation, as
-    of a film, at `|Omega|` unless they begin below 0. Between the nodes it is the shape-preserving cubic
-    of each table (PCHIP), with a continuous first derivative, or with `interpolation="linear"` a straight
-    line, whose derivative at a node is that above it. A speed outside the nodes is refused, or NaN where
-    it is traced; with `hold=True` coefficients are constant there. Tables belong to a support that does
-    not turn. With `frequencies` in place of `speeds` they are over the frequency of whirl, as of a seal:
-    each root has the coefficients at its own `|Im lambda|`. With both, each table has a row for every
-    speed and a column for every frequency; it is read at the speed first.
+    of a film, at `|Omega|` unless they begin below 0 or are for `one_sense`. Between the nodes it is the
+    shape-preserving cubic of each table (PCHIP), with a continuous first derivative, or with
+    `interpolation="linear"` a straight line, whose derivative at a node is that above it. A speed
+    outside the nodes is refused, or NaN where it is traced; with `hold=True` coefficients are constant
+    there. Tables belong to a support that does not turn. With `frequencies` in place of `speeds` they
+    are over the frequency of whirl, as of a seal: each root has the coefficients at its own `|Im
+    lambda|`. With both, each table has a row for every speed and a column for every frequency; it is
+    read at the speed first.
 
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
@@ -111,6 +112,9 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     hold: bool = eqx.field(
         default=False, static=True
     )  # whether tables are constant beyond the ends
+    one_sense: bool = eqx.field(
+        default=False, static=True
+    )  # whether tables over `speeds` hold for the sense of these alone
     interpolation: Literal["pchip", "linear"] = eqx.field(default="pchip", static=True)
     angular_stiffness: Scalar = real("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
-from ..core.quantities import Scalar, known, value_of
+from ..core.quantities import Scalar, known, value_of, with_values
 from ..effects.base import (
     AbstractCasing,
     AbstractContact,
@@ -60,10 +60,13 @@ def unheld(scene: Scene) -> str:
     if not scene.shaft.rigid_motions and not scene.of(AbstractCasing) or _surely_held(scene):
         return ""
     tables = scene.of(AbstractOverSpeed)
-    leaves = jax.tree.leaves((scene.shaft, scene.effects))
+    if all(one.speeds is None for one in tables):
+        scene = with_values(scene, spin=None)  # of which no coefficient is read, traced or not
+    leaves = jax.tree.leaves(scene)
     if not all(map(known, leaves)) or any(one.frequencies is not None for one in tables):
         return "it can move as a rigid body" if _too_few(scene) else ""
-    stiffness = np.asarray(_restraint(scene))
+    with jax.ensure_compile_time_eval():  # also inside a program
+        stiffness = np.asarray(_restraint(scene))
     if not np.isfinite(stiffness).all():  # beyond the tables
         return ""
     _, sizes, ways = np.linalg.svd(stiffness)

@@ -1,6 +1,6 @@
 """Speed tables: coefficients of a scene that are given over its speed of rotation, or over whirl."""
 
-from typing import Any
+from typing import Any, NoReturn
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.extremes import bounded, larger
-from ..core.quantities import Scalar, Series, known
+from ..core.quantities import Scalar, known
 from ..effects.base import AbstractOverSpeed
 from ..scene import Scene
 from ..spins.base import sense_of
@@ -62,18 +62,12 @@ def speed_range(scene: Scene, sense: ArrayLike = 1.0) -> tuple[Scalar, Scalar] |
 
     None where there is no limit. Tables that begin at 0 or above hold for both senses.
     """
-    tables = [one.nodes_over_speed for one in scene.of(AbstractOverSpeed) if not one.hold]
-    every = [in_sense(nodes, sense) for own in tables for nodes in own]
+    tables = [one for one in scene.of(AbstractOverSpeed) if not one.hold]
+    every = [nodes for own in tables for nodes in own.in_sense(sense)]
     if not every:
         return None
     lows, highs = (jnp.stack([nodes[end] for nodes in every]) for end in (0, -1))
     return larger(jnp.max(lows), 0.0), jnp.min(highs)
-
-
-def in_sense(nodes: Series, sense: ArrayLike) -> Series:
-    """Nodes of a table as speeds [rad/s] in one sense, ascending; those of the other are negative."""
-    back = (nodes[0] < 0) & (jnp.asarray(sense) < 0)
-    return jnp.where(back, -nodes[::-1], nodes)
 
 
 def within_tables(scene: Scene, speed: ArrayLike) -> Scalar:
@@ -108,12 +102,14 @@ def check_tables(scene: Scene, speeds: Any = None) -> None:
     for sense in np.unique(senses) if every.size else [float(scene.spin.sense)]:
         low, high = map(float, speed_range(scene, sense) or span)
         ends = f"{sense * low + 0:g}", f"{sense * high + 0:g}"
+        own = every[senses == sense]
+        if high < 0:
+            _refuse_sense(scene, sense, own)
         if low > high:
             raise ValueError(
                 f"The tables of the supports have no speed in common: one begins at {ends[0]} rad/s, "
                 f"where another has ended at {ends[1]} rad/s; extend one, or give `hold=True`."
             )
-        own = every[senses == sense]
         outside = own[(sense * own < low) | (sense * own > high)]
         if outside.size:
             raise ValueError(
@@ -121,3 +117,17 @@ def check_tables(scene: Scene, speeds: Any = None) -> None:
                 f"coefficients are needed at {outside[0]:g} rad/s; extend the tables, or give "
                 "`hold=True`, which takes them as constant beyond their ends."
             )
+
+
+def _refuse_sense(scene: Scene, sense: float, speeds: np.ndarray) -> NoReturn:
+    """Raise, as speeds are of a sense that some tables of a scene lack."""
+    tabled = [one for one in parts_with_tables(scene) if not one.hold]
+    lacking = [one for one in tabled if min(float(n[-1]) for n in one.in_sense(sense)) < 0]
+    names = ", ".join(map(scene.name_of, lacking))
+    lacks, has = ("negative", "positive") if sense < 0 else ("positive", "negative")
+    at = f"{speeds[0]:g} rad/s" if speeds.size else f"{lacks} speeds"
+    raise ValueError(
+        f"The tables of {names} are for {has} speeds alone, but coefficients are needed at {at}: films "
+        f"and seals follow the sense of rotation; give tables over {lacks} speeds (of an oil film by "
+        f"`linearized` of the scene that turns so), or take {has} speeds."
+    )

@@ -5,7 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
-from ..core.quantities import Scalar, Series, known, nonnegative, number_or_nan, positive, real, series
+from ..core.quantities import (
+    Scalar,
+    Series,
+    known,
+    nonnegative,
+    number_or_nan,
+    positive,
+    real,
+    series,
+)
 from .base import AbstractSpin, Turning as Turning, check_same_length, sense_of
 from .riccati import riccati
 
@@ -15,7 +24,8 @@ class Drive(AbstractSpin):
 
     `torque` M0, `slope` k1, `drag` k2, `coulomb` M_C, `polar` I. With `odd` the drag is
     `k2 Omega |Omega|`, which opposes rotation in either sense; else it is `k2 Omega^2`, which drives at
-    Omega < 0, and is refused where the rotor begins or runs backward unless `odd` is False. `M(Omega)` is a table, linear between its speeds and constant beyond them. With `feedback`
+    Omega < 0, and is refused where the rotor begins or runs backward unless `odd` is False. `M(Omega)` is
+    a table, linear between its speeds and constant beyond them. With `feedback`
     the forces on the rotor act on its rotation too: unbalance, weight, friction in contacts, internal
     damping and unequal stiffness of the shaft. With `stops` a rotor that comes to rest stays at rest,
     whatever the torque.
@@ -48,9 +58,9 @@ class Drive(AbstractSpin):
         """Raise if the drag drives the rotor at one of known speeds, and that is not said to be meant."""
         if self.odd is None and number_or_nan(self.drag) > 0 and np.any(np.asarray(speeds) < 0):
             raise ValueError(
-                f"`drag [N m s^2]` would drive this rotor, which turns backward from {float(self.speed):g} "
-                f"rad/s under {float(self.torque):g} N m; give `odd = true`, with which it opposes either "
-                "sense, or `odd = false` if `k2 Omega^2` is meant to the letter."
+                "`drag [N m s^2]` would drive this rotor, which turns backward from "
+                f"{float(self.speed):g} rad/s under {float(self.torque):g} N m; give `odd = true`, with "
+                "which it opposes either sense, or `odd = false` if `k2 Omega^2` is meant to the letter."
             )
 
     def moment(self, speed: ArrayLike, sense: ArrayLike | None = None) -> Array:

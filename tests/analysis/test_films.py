@@ -250,6 +250,36 @@ def test_speeds_of_tables_are_several():
 
 
 @pytest.mark.slow
+def test_a_film_of_a_reversed_rotor_is_the_mirror_image():
+    """Cross coefficients change their signs, growth does not; the other sense is refused.
+
+    `growth` is the largest real part of `m s^2 + C s + K = 0` by (9), at the eccentricity of (8).
+    """
+    speed, e = 2.0 * BASE, 0.3
+    weight = 2.0 * GRAVITY
+    scene = rigid(2.0, sommerfeld(e) / 2.0)
+    K, C = coefficients(e)
+    K, C, zero = weight / GAP * K, weight / GAP / speed * C, np.zeros((2, 2))
+    growth = np.linalg.eigvals(np.block([[zero, np.eye(2)], [-K / 2.0, -C / 2.0]])).real.max()
+    nodes, mirror = speed * np.array([0.9, 1.0, 1.1]), np.array([[1, -1], [-1, 1]])
+    one, other = jr.linearized(scene, nodes), jr.linearized(scene.at_speed(-speed), -nodes[::-1])
+    for linear, sign, by_hand in ((one, 1, (K, C)), (other, -1, (mirror * K, mirror * C))):
+        own = linear.of(jr.Support)[0].at_speed(sign * speed)
+        for found, wanted in zip(matrices(own), by_hand, strict=True):
+            np.testing.assert_allclose(found[0], wanted, rtol=1e-9)
+        assert float(jr.growth_rate(linear)) == pytest.approx(growth, rel=1e-9)
+        back = linear.at_speed(-sign * speed)
+        said = r"of support are for (positive|negative) speeds alone, but .* at -?626.418 rad/s"
+        with pytest.raises(ValueError, match=said):
+            jr.growth_rate(back)
+        with pytest.raises(ValueError, match=r"needed at (negative|positive) speeds: films"):
+            jr.critical_speeds(back)
+        assert np.isnan(jax.jit(jr.growth_rate)(back))
+    with pytest.raises(ValueError, match="must be of one sense, but are from -300 to 600 rad/s"):
+        jr.linearized(scene, [-300.0, 300.0, 600.0])
+
+
+@pytest.mark.slow
 @pytest.mark.hard("8.2 films without viscosity or speed, under weight")
 def test_positions_at_rest():
     """A film bears nothing at rest, and without viscosity never: there a support does, or nothing."""

@@ -8,6 +8,7 @@ import pytest
 import scipy.linalg
 
 import jaxrotor as jr
+from jaxrotor.analysis.critical import critical_between
 
 
 MIRRORED = {
@@ -258,3 +259,10 @@ def test_tables_over_speed_are_read_at_the_magnitude():
         jr.unbalance_response(scene, -400.0)
     with pytest.raises(ValueError, match="from 0 to 200 rad/s, but coefficients are needed at 250"):
         jr.unbalance_response(scene, 250.0)
+    one_sided = dataclasses.replace(both, speeds=[-300.0, -200.0, -100.0])
+    scene = scene.of_parts(parts[0], one_sided)
+    said = "tables of support are for negative speeds alone, but coefficients are needed at "
+    with pytest.raises(ValueError, match=f"{said}50 rad/s: films"):
+        jr.unbalance_response(scene, [-150.0, 50.0])
+    with pytest.raises(ValueError, match=f"{said}positive speeds: films"):
+        critical_between(scene, -300.0, 300.0)

@@ -149,3 +149,20 @@ def test_unbalance_moves_a_free_rotor_round_its_centre_of_mass():
     scene = rigid(jr.Unbalance(0.5, 10.0, 1e-4))
     found = jr.unbalance_response(scene, [1.0, 300.0], 0.5).forward[:, 0]
     np.testing.assert_allclose(found, [-1e-4, -1e-4], rtol=1e-12)
+
+
+def test_a_rotor_on_a_casing_or_a_seal_inside_a_program():
+    """The speed alone is traced: `det(K - w^2 M) = 0` of a chain of two masses; NaN beyond tables."""
+    shaft = jr.RigidShaft(1.0, constraints=[jr.Constraint(1.0, "pin")])
+    parts = jr.Disc(0.0, 2.0), jr.Casing("pedestal", 1.0), jr.Support(of="pedestal", stiffness=2e6)
+    spin = jr.ConstantSpeed(150.0)
+    scene = jr.Scene(shaft, *parts, jr.Support(0.0, 1e6, on="pedestal"), spin=spin)
+    stiffness, inertia = np.array([[1e6, -1e6], [-1e6, 3e6]]), np.diag([2.0, 1.0])
+    expected = np.sqrt(scipy.linalg.eigh(stiffness, inertia, eigvals_only=True))
+    roots = jax.jit(lambda speed: jr.roots(scene.at_speed(speed)))(300.0)
+    np.testing.assert_allclose(np.unique(np.abs(roots.imag).round(6)), expected, rtol=1e-8)
+    seal = jr.Support(0.0, kxx=[-1e3, -2e3], cxx=4.0, speeds=[100.0, 200.0])
+    sealed = jr.Scene(shaft, parts[0], seal, spin=spin)
+    growth = jax.jit(lambda speed: jr.growth_rate(sealed.at_speed(speed)))
+    assert float(growth(100.0)) == pytest.approx(-1 + np.sqrt(1 + 1e3 / 2), rel=1e-9)
+    assert np.isnan(growth(300.0))

@@ -117,7 +117,9 @@ def test_literal_drag_drives_a_negative_speed():
 )
 def test_drag_of_a_drive_that_turns_backward_is_asked_for(speed, torque, more):
     """`odd`, with which the mirrored drive has the mirrored moment, or the letter, as is said."""
-    with pytest.raises(ValueError, match=r"`drag \[N m s\^2\]` would drive this rotor.*`odd = true`"):
+    with pytest.raises(
+        ValueError, match=r"`drag \[N m s\^2\]` would drive this rotor.*`odd = true`"
+    ):
         jr.Drive(speed, torque, 0.5, 0.1, **more)
     scene = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1e6), jr.Disc(0.5, 1.0), spin=DRIVE)
     with pytest.raises(ValueError, match=r"spin\.speed: `drag \[N m s\^2\]` would drive"):
