@@ -8,20 +8,21 @@ no warning.
 """
 
 import dataclasses
-import functools
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from .caller import warn
-from .doubt import RPM, Doubt, Known, between, doubt, meant, times
+from .doubt import RPM, Doubt, between, doubt, meant, times
+from .machine import DENSITIES, MODULI, Found, Machine
 
 
 HEAVIEST = 1e7  # [kg], five times the mass of the largest rotor of a hydro generator
 FASTEST = 1e6  # [rad/s], ten times the speed of the fastest gas bearings
 WIDEST = 8.0  # [m], twice the diameter of the shaft of the largest hydro generator
 SLENDER = 1.5e3  # length over diameter: more than any shaft has
+STRING = 1e5  # likewise of a string of drill pipes
 BURST = 0.2  # speed at the surface over that of sound, sqrt(E / rho): any material bursts at less
 RIM = 1.5e3  # [m/s], speed at a rim, or at a radius of gyration, which no disc survives
 GRAVITY = 9.8  # [m/s^2]
@@ -35,8 +36,7 @@ NARROW = 0.1  # radius of gyration of a disc over the diameter of the shaft: les
 HEAVY = 10.0  # times the mass of the rotor: larger than any unbalance
 WEIGHT = 0.5  # share of the mass of the rotor below which an unbalance is a weight put on it
 APART = 2.5  # factor between speeds of a machine that another unit explains
-MODULI = (1e9, 2e12)  # [Pa], range of materials for shafts
-DENSITIES = (500.0, 3e4)  # [kg/m^3], range of materials for shafts
+ENDS = (0.9, 3.0)  # highest speed of a table over that of the machine, where the unit explains it
 LIGHT = (0.5, 30.0)  # the same in g/cm^3
 SHEAR = (0.02, 1.0)  # shear modulus over Young's modulus
 
@@ -68,9 +68,6 @@ LARGEST = {  # of other units: in a machine of known scale, and in any scene
 }
 
 
-Found = Mapping[str, Known]  # each known parameter by its path
-
-
 class ImplausibleWarning(UserWarning):
     """A number of a scene is far outside the range of machines; its unit may be wrong."""
 
@@ -92,17 +89,17 @@ def doubts(found: Found) -> Iterator[str]:
         others, and stiffness and weight are doubted only where nothing else is.
     """
     doubted: list[Doubt] = []
-    for stage in (_Machine.material, _Machine.shaft, _Machine.parts, _Machine.speeds):
+    for stage in (_Doubts.material, _Doubts.shaft, _Doubts.parts, _Doubts.speeds):
         paths = {one.path for one in doubted}
-        machine = _Machine({path: one for path, one in found.items() if path not in paths})
-        doubted += stage(machine)
+        machine = Machine({path: one for path, one in found.items() if path not in paths})
+        doubted += stage(_Doubts(machine))
     groups: dict[Any, list[Doubt]] = {}
     for one in doubted:
         groups.setdefault(_group(one), []).append(one)
     for (kind, name, _), (one, *alike) in groups.items():
         yield str(one._replace(path=f"{kind}.{name}") if alike else one)
     if not doubted:
-        yield from map(str, itertools.islice(_Machine(found).stiffness(), 1))
+        yield from map(str, itertools.islice(_Doubts(Machine(found)).stiffness(), 1))
 
 
 def _group(one: Doubt) -> tuple[str, str, float]:
@@ -111,80 +108,18 @@ def _group(one: Doubt) -> tuple[str, str, float]:
 
 
 @dataclasses.dataclass
-class _Machine:
-    """Known numbers of a machine, and doubts of them."""
+class _Doubts:
+    """Doubts of the known numbers of a machine."""
 
-    found: Found
-
-    # === measures
-
-    @functools.cached_property
-    def length(self) -> float:
-        return self._value("shaft.length")
-
-    @functools.cached_property
-    def diameter(self) -> float:
-        """The largest of the sections of the shaft [m], infinite if none is known."""
-        own = [
-            one.value
-            for path, one in self.found.items()
-            if path.startswith("shaft.") and path.endswith(".diameter")
-        ]
-        return max(own, default=math.inf)
-
-    @functools.cached_property
-    def real(self) -> bool:
-        """Whether the shaft is of a material that exists."""
-        return between(self._modulus, MODULI) and between(self._density, DENSITIES)
-
-    @functools.cached_property
-    def slack(self) -> float:
-        """Factor of close bounds: infinite in a scene that may be dimensionless."""
-        if self.real:
-            return 1.0
-        if "shaft.material.density" in self.found:
-            return math.inf
-        held = (one for path, one in self.found.items() if path.startswith(("shaft", "support")))
-        known = self._discs >= 20.0 or _largest(self.found.values(), "rad/s") >= 100.0
-        return 10.0 if known or _largest(held, "N/m") >= 1e5 else math.inf
-
-    @functools.cached_property
-    def mass(self) -> float:
-        """Mass of the discs and of the shaft, its largest section taken all along [kg]."""
-        shaft = self._density * math.pi * self.diameter**2 / 4 * self.length
-        return self._discs + (shaft if math.isfinite(shaft) else 0.0)
-
-    @property
-    def _discs(self) -> float:
-        return sum((one.value for _, one in self._of("disc", "mass")), 0.0)
-
-    @property
-    def _modulus(self) -> float:
-        return self._value("shaft.material.youngs_modulus")
-
-    @property
-    def _density(self) -> float:
-        return self._value("shaft.material.density")
-
-    def _value(self, path: str) -> float:
-        """A number by its path, infinite if it is not known."""
-        return self.found[path].value if path in self.found else math.inf
-
-    def _of(self, kind: str, name: str) -> Iterator[tuple[str, Known]]:
-        """Path and number of a name in every part of a kind."""
-        for path, one in self.found.items():
-            if path.partition(".")[0] in (kind, f"{kind}s") and path.rpartition(".")[2] == name:
-                yield path, one
-
-    # === doubts
+    machine: Machine
 
     def material(self) -> Iterator[Doubt]:
         """Moduli and densities that are plausible in other units only."""
-        for path, (density, unit, _) in self.found.items():
+        for path, (density, unit, _) in self.machine.found.items():
             if unit != "kg/m^3":
                 continue
             owner = path.removesuffix("density")
-            modulus = self._value(f"{owner}youngs_modulus")
+            modulus = self.machine.value(f"{owner}youngs_modulus")
             typed = 40 <= modulus <= 1e3 and 1.5 <= density <= 30  # both: GPa and g/cm^3
             light = between(density, LIGHT) and (between(modulus, MODULI) or typed)
             if light or (density > DENSITIES[1] and between(modulus, MODULI)):
@@ -196,7 +131,7 @@ class _Machine:
                     yield Doubt(
                         f"{owner}youngs_modulus", modulus, "Pa", "softer than any shaft", *likely
                     )
-            shear = self._value(f"{owner}shear_modulus")
+            shear = self.machine.value(f"{owner}shear_modulus")
             bounds = (SHEAR[0] * modulus, SHEAR[1] * modulus)
             if shear < bounds[0] and between(modulus, MODULI) and meant(shear, "Pa", bounds):
                 why = f"{times(modulus / shear)} below Young's modulus"
@@ -204,11 +139,13 @@ class _Machine:
 
     def shaft(self) -> Iterator[Doubt]:
         """Diameters too large for the length of the shaft, and a shaft too long for its diameter."""
+        machine = self.machine
         wide = list(self._beyond(shaft=True))
         yield from wide
-        if not wide and SLENDER * self.diameter < self.length < math.inf:
-            why = f"{times(self.length / self.diameter)} its diameter, {self.diameter:g} m"
-            yield doubt("shaft.length", self.length, "m", why, (0.0, 300 * self.diameter))
+        most = STRING if machine.drills else SLENDER
+        if not wide and most * machine.diameter < machine.length < math.inf:
+            why = f"{times(machine.length / machine.diameter)} its diameter, {machine.diameter:g} m"
+            yield doubt("shaft.length", machine.length, "m", why, (0.0, 300 * machine.diameter))
 
     def parts(self) -> Iterator[Doubt]:
         """Numbers of the parts on the shaft."""
@@ -220,92 +157,109 @@ class _Machine:
 
     def _beyond(self, shaft: bool = False) -> Iterator[Doubt]:
         """Lengths of the shaft, or of parts, too large for the length that fits their role."""
-        for path, (value, unit, _) in self.found.items():
+        for path, (value, unit, _) in self.machine.found.items():
             owner, _, name = path.rpartition(".")
             if unit != "m" or name == "at" or path == "shaft.length":
                 continue
             if path.startswith("shaft.") != shaft:
                 continue
-            role = ROLES.get(path, ROLES.get(name, _ACROSS))
-            measures = [(self._value(f"{owner}.radius"), "its radius", role.close, role.far)]
+            kind = "eccentricity" if path.startswith("disc") and name == "offset" else name
+            role = ROLES.get(path, ROLES.get(kind, _ACROSS))
+            measures = [(self.machine.value(f"{owner}.radius"), "its radius", role.close, role.far)]
             if role.of == "length":
-                measures = [(self.length, "the length of the shaft", role.close, role.far)]
-            if name == "gap" and (rim := self._value(f"{owner}.rim_radius")):
+                measures = [(self.machine.length, "the length of the shaft", role.close, role.far)]
+            if name == "gap" and (rim := self.machine.value(f"{owner}.rim_radius")):
                 measures.append((rim, "the radius of the rim", 0.5, math.inf))
             for measure, of, close, far in measures:
-                if abs(value) > min(far, self.slack * close) * measure:
+                if abs(value) > min(far, self.machine.slack * close) * measure:
                     why = f"{times(abs(value) / measure)} {of}, {measure:g} m"
                     yield doubt(path, value, "m", why, (0.0, role.usual * measure))
                     break
             else:
-                if shaft and self.real and value > WIDEST:
+                if shaft and self.machine.real and value > WIDEST:
                     yield doubt(path, value, "m", "wider than any shaft", (0.0, WIDEST))
 
     def _unbalances(self) -> Iterator[Doubt]:
         """Centres of mass too far from the axis, and unbalances heavier than the rotor."""
-        offsets = ((path, one.value, self.mass, "m") for path, one in self._of("disc", "offset"))
+        machine = self.machine
+        offsets = (
+            (path, one.value, machine.mass, "m") for path, one in machine.of("disc", "offset")
+        )
         moments = list(offsets)
-        for path, (moment, unit, _) in self._of("unbalance", "moment"):
+        for path, (moment, unit, _) in machine.of("unbalance", "moment"):
             moments.append((path, moment, 1.0, unit))
-        for path, (distance, unit, _) in self._of("unbalance", "eccentricity"):
-            mass = self._value(place := f"{path.rpartition('.')[0]}.mass")
-            if math.isfinite(self.slack) and 0 < HEAVY * self.mass < mass:
-                why = f"{times(mass / self.mass)} the mass of the rotor, {self.mass:.3g} kg"
-                yield doubt(place, mass, "kg", why, (0.0, self.mass))
+        for path, (distance, unit, _) in machine.of("unbalance", "eccentricity"):
+            mass = machine.value(place := f"{path.rpartition('.')[0]}.mass")
+            if math.isfinite(machine.slack) and 0 < HEAVY * machine.mass < mass:
+                why = f"{times(mass / machine.mass)} the mass of the rotor, {machine.mass:.3g} kg"
+                yield doubt(place, mass, "kg", why, (0.0, machine.mass))
             else:
                 moments.append((path, distance, mass, unit))
         for path, value, mass, unit in moments:
-            if not self.mass:
+            if not machine.mass:
                 continue
-            share = min(mass / self.mass, 1.0) if unit == "m" else 1 / self.mass
+            share = min(mass / machine.mass, 1.0) if unit == "m" else 1 / machine.mass
             placed = 5.0 if unit == "m" and share < WEIGHT else 1.0  # a weight at a radius
-            centre, slack = share * value, self.slack * placed
+            centre, slack = share * value, machine.slack * placed
+            distance = value if unit == "m" else value / (machine.discs or machine.mass)
+            if machine.eccentric(centre, distance):
+                continue
             over = f"by which the centre of mass is {centre:.3g} m off the axis, "
-            if centre > slack * 0.04 * self.length:
-                over += f"{times(centre / self.length)} the length of the shaft, {self.length:g} m"
-            elif centre > slack * 0.1 * self.diameter:
-                over += f"{times(centre / self.diameter)} the diameter of the shaft, {self.diameter:g} m"
-            elif self.real and centre * abs(speed := self._value("spin.speed")) > placed * GRADE:
+            if centre > slack * 0.04 * machine.length:
+                over += f"{times(centre / machine.length)} the length of the shaft, {machine.length:g} m"
+            elif centre > slack * 0.1 * machine.diameter:
+                ratio = times(centre / machine.diameter)
+                over += f"{ratio} the diameter of the shaft, {machine.diameter:g} m"
+            elif machine.real and centre * (speed := machine.speed) > placed * GRADE:
                 if math.isinf(speed):
                     continue
                 over += f"of grade G{1e3 * centre * abs(speed):.0f} at {speed:g} rad/s"
             else:
                 continue
-            usual = ROLES["eccentricity"].usual * self.length / share
+            usual = ROLES["eccentricity"].usual * machine.length / share
             yield doubt(path, value, unit, over, (0.0, usual))
 
     def _others(self) -> Iterator[Doubt]:
         """Masses, moments of inertia, angles, viscosities and accelerations that are too large."""
-        for path, (value, unit, _) in self.found.items():
+        for path, (value, unit, _) in self.machine.found.items():
             owner, _, name = path.rpartition(".")
             if unit == "kg" and value > HEAVIEST:
                 yield doubt(path, value, unit, "heavier than any rotor", (0.0, HEAVIEST))
-            elif name == "ball_mass" and self.slack < math.inf and 0 < self.mass < value:
-                why = f"heavier than the rotor, {self.mass:.3g} kg"
-                yield doubt(path, value, unit, why, (0.0, self.mass))
-            elif unit == "kg m^2" and 0 < (mass := self._value(f"{owner}.mass")) < math.inf:
+            elif (
+                name == "ball_mass"
+                and self.machine.slack < math.inf
+                and 0 < self.machine.mass < value
+            ):
+                why = f"heavier than the rotor, {self.machine.mass:.3g} kg"
+                yield doubt(path, value, unit, why, (0.0, self.machine.mass))
+            elif unit == "kg m^2" and 0 < (mass := self.machine.value(f"{owner}.mass")) < math.inf:
                 radius = math.sqrt(abs(value) / mass)
-                flat = abs(value) / (self._value(f"{owner}.diametral") or math.inf)
-                if radius > min(20.0, self.slack * 5.0) * self.length or flat > FLAT:
+                flat = abs(value) / (self.machine.value(f"{owner}.diametral") or math.inf)
+                if (
+                    radius > min(20.0, self.machine.slack * 5.0) * self.machine.length
+                    or flat > FLAT
+                ):
                     why = f"with which the radius of gyration is {radius:.3g} m"
-                    usual = min(mass * self.length**2, FLAT * abs(value) / (flat or 1.0))
+                    usual = min(mass * self.machine.length**2, FLAT * abs(value) / (flat or 1.0))
                     yield doubt(path, value, unit, why, (0.0, usual))
                 elif (
-                    self.real and name == "polar" and 0 < radius < NARROW * self.diameter < math.inf
+                    self.machine.real
+                    and name == "polar"
+                    and 0 < radius < NARROW * self.machine.diameter < math.inf
                 ):
                     why = f"with which the radius of gyration of `{path}` is {radius:.3g} m"
                     yield doubt(f"{owner}.mass", mass, "kg", why, (0.0, math.inf))
-            elif abs(value) > LARGEST.get(unit, (math.inf,) * 2)[math.isinf(self.slack)]:
+            elif abs(value) > LARGEST.get(unit, (math.inf,) * 2)[math.isinf(self.machine.slack)]:
                 yield doubt(path, value, unit, "more than in any machine", (0.0, math.inf))
 
     def speeds(self) -> Iterator[Doubt]:
         """Speeds that no rotor or no material reaches, or that another unit brings to a table's."""
-        for path, one in self.found.items():
+        for path, one in self.machine.found.items():
             if one.unit == "rad/s" and abs(one.value) > FASTEST:
                 yield doubt(path, one.value, "rad/s", "faster than any rotor", (0.0, FASTEST))
                 return
         for path in ("spin.speed", "spin.speeds"):
-            speed = self._value(path)
+            speed = self.machine.value(path)
             for radius, of, most in self._radii():
                 if FASTEST >= abs(speed) > most / radius:
                     why = f"{abs(speed) * radius:.3g} m/s at {of}"
@@ -315,14 +269,14 @@ class _Machine:
 
     def _radii(self) -> Iterator[tuple[float, str, float]]:
         """Radii [m] of what turns, with the speed there [m/s] that no material survives."""
-        if self.real and math.isfinite(self.diameter):
-            most = BURST * math.sqrt(self._modulus / self._density)
-            yield self.diameter / 2, "the surface of the shaft", most
-        if math.isinf(self.slack):
+        if self.machine.real and math.isfinite(self.machine.diameter):
+            most = BURST * math.sqrt(self.machine.modulus / self.machine.density)
+            yield self.machine.diameter / 2, "the surface of the shaft", most
+        if math.isinf(self.machine.slack):
             return
-        for path, one in self.found.items():
+        for path, one in self.machine.found.items():
             owner, _, name = path.rpartition(".")
-            mass = self._value(f"{owner}.mass")
+            mass = self.machine.value(f"{owner}.mass")
             if name == "rim_radius" and one.value:
                 yield one.value, "the rim", RIM
             elif path.startswith("disc") and name == "polar" and 0 < mass < math.inf and one.value:
@@ -330,10 +284,10 @@ class _Machine:
 
     def _apart(self) -> Iterator[Doubt]:
         """Speeds apart from those of a table, by the factor between rad/s and rpm."""
-        drive = "spin.torque" in self.found  # whose `speed` is that of the start
+        drive = "spin.torque" in self.machine.found  # whose `speed` is that of the start
         ranges = {
             path: (abs(one.least), abs(one.value))
-            for path, one in self.found.items()
+            for path, one in self.machine.found.items()
             if path.rpartition(".")[2] in ("speed", "speeds", "table_speeds")
             and not (drive and path == "spin.speed")
         }
@@ -343,7 +297,9 @@ class _Machine:
             of = f"the {table[0]:g} to {table[1]:g} rad/s of `{other}`"
             if one[1] > APART * table[1] and RPM * one[1] <= table[1]:
                 yield doubt(path, one[1], "rad/s", f"above {of}", (0.0, math.inf))
-            elif APART * one[1] < table[0] <= one[1] / RPM:
+            elif APART * one[1] < table[0] <= one[1] / RPM or between(
+                RPM * table[1] / one[1], ENDS
+            ):
                 why = f"{times(table[1] / one[1])} the largest of `{path}`, {one[1]:g} rad/s"
                 yield doubt(other, table[1], "rad/s", why, (0.0, math.inf))
 
@@ -353,40 +309,51 @@ class _Machine:
         The sag of a shaft supported at both ends is `m g l^3 / (48 E I)`, and less by `n^3` where what
         holds it cuts it into n spans; that of all supports is `m g / k`.
         """
-        weight, length = GRAVITY * self.mass, self.length
-        bent = 48 * self._modulus * math.pi * self.diameter**4 / 64 / length**3  # [N/m]
-        discs = dict(self._of("disc", "mass"))
-        holds = (path for path in self.found if path.startswith(("support", "shaft.constraint")))
-        stations = {self._value(path) for path in holds if path.endswith(".at")}
+        weight, length = GRAVITY * self.machine.mass, self.machine.length
+        bent = (
+            48 * self.machine.modulus * math.pi * self.machine.diameter**4 / 64 / length**3
+        )  # [N/m]
+        discs = dict(self.machine.of("disc", "mass"))
+        holds = (
+            path for path in self.machine.found if path.startswith(("support", "shaft.constraint"))
+        )
+        stations = {self.machine.value(path) for path in holds if path.endswith(".at")}
         spans = max(1, len(stations) - 1)
-        if self.real and GRAVITY * self._discs > SAG * length * spans**3 * bent:
+        hangs = self.machine.drills  # along its length
+        if (
+            not hangs
+            and self.machine.real
+            and GRAVITY * self.machine.discs > SAG * length * spans**3 * bent
+        ):
             path = max(discs, key=lambda path: discs[path].value)
-            sag = GRAVITY * self._discs / (bent * length * spans**3)
+            sag = GRAVITY * self.machine.discs / (bent * length * spans**3)
             why = f"under which the shaft would sag by {100 * sag:.3g} % of its length"
             yield doubt(path, discs[path].value, "kg", why, (0.0, math.inf))
-        k11 = self._value("shaft.k11")
-        if math.isfinite(self.slack) and 1.0 < k11 < weight / (0.1 * length):
+        k11 = self.machine.value("shaft.k11")
+        if math.isfinite(self.machine.slack) and 1.0 < k11 < weight / (0.1 * length):
             why = f"by which the shaft would sag by {weight / k11:.3g} m"
             yield doubt("shaft.k11", k11, "N/m", why, (100 * weight / length, math.inf))
         supports: dict[str, float] = {}
-        for path, (value, unit, _) in self.found.items():
+        for path, (value, unit, _) in self.machine.found.items():
             owner, _, name = path.rpartition(".")
             if unit == "N/m" and path.startswith("support") and name in ("stiffness", "kxx", "kyy"):
                 supports[owner] = max(abs(value), supports.get(owner, 0.0))
-                other = abs(self._value(f"{owner}.{'kyy' if name == 'kxx' else 'kxx'}"))
-                if 1.0 < UNEQUAL * abs(value) < other < math.inf and math.isfinite(self.slack):
+                other = abs(self.machine.value(f"{owner}.{'kyy' if name == 'kxx' else 'kxx'}"))
+                if 1.0 < UNEQUAL * abs(value) < other < math.inf and math.isfinite(
+                    self.machine.slack
+                ):
                     why = f"{times(other / abs(value))} less than across it"
                     yield doubt(path, value, "N/m", why, (other / UNEQUAL, UNEQUAL * other))
         together = sum(supports.values())
-        if together and not any(".constraints." in path for path in self.found):
-            soft = min(SOFT * bent, weight / (GIVE * self.diameter)) if self.real else 0.0
-            if together < max(soft, weight / (length if self.real else self.slack * 0.02 * length)):
+        if together and not any(".constraints." in path for path in self.machine.found):
+            least = weight / (length if self.machine.real else self.machine.slack * 0.02 * length)
+            if self.machine.hung:
+                least = weight / length
+            elif self.machine.real:
+                least = max(least, min(SOFT * bent, weight / (GIVE * self.machine.diameter)))
+            if together < least:
                 yield (
                     f"The supports, {together:g} N/m together, would give way by "
                     f"{weight / together:.3g} m under the weight of the rotor, {weight:.3g} N; check "
                     f"their unit (1 N/mm is 1000 N/m, 1 N/um is 1e6 N/m), and that of the masses."
                 )
-
-
-def _largest(numbers: Iterable[Known], unit: str) -> float:
-    return max((abs(one.value) for one in numbers if one.unit == unit), default=0.0)

@@ -100,6 +100,33 @@ MACHINES = {
         stiffness=equal(5e6, 2e3),
         material=jr.Material(1.4e11, 1600.0),
     ),
+    "drum of a washing machine on springs, 1400 rpm": lambda: machine(
+        *(0.3, 0.035, 8.0, 0.35, 147.0, 1e-3), jr.Unbalance(0.3, 1.0, 0.25), stiffness=equal(6e3, 150.0)
+    ),
+    "drum of a washing machine in a tub, 1200 rpm": lambda: machine(
+        *(0.25, 0.03, 12.0, 0.3, 126.0, 1e-3),
+        jr.Unbalance(0.25, 2.0, 0.2),
+        jr.Casing("tub", 25.0),
+        jr.Support(of="tub", stiffness=1e4, damping=200.0),
+        stiffness={"stiffness": 5e7, "on": "tub"},
+    ),
+    "centrifuge on soft mounts, 3000 rpm": lambda: machine(
+        *(0.5, 0.04, 30.0, 0.28, 314.0, 3e-4), stiffness=equal(5e3, 100.0)
+    ),
+    "exciter of a screen, 1000 rpm": lambda: machine(
+        *(0.6, 0.09, 60.0, 0.2, 105.0, 0.1), stiffness={"stiffness": 5e8}
+    ),
+    "exciter on both ends of a shaft, 960 rpm": lambda: machine(
+        *(0.4, 0.06, 12.0, 0.115, 100.0, 0.0),
+        *(jr.Unbalance(at, moment=0.72) for at in (0.0, 0.4)),
+        stiffness={"stiffness": 2e8},
+    ),
+    "string of drill pipes, 120 rpm": lambda: machine(
+        *(2000.0, 0.127, 500.0, 0.1, 12.6, 0.01),
+        jr.Limiter(1900.0, 0.0, 0.045, 1e8),
+        stiffness={"stiffness": 1e8},
+        inner_diameter=0.109,
+    ),
     "balls in a race": lambda: jr.Scene(
         jr.RigidShaft(0.4),
         jr.Disc(0.2, 20.0, 0.2, 0.3),

@@ -106,6 +106,8 @@ DRILL, MICRO = "dental drill, 400 000 rpm", "micro turbine of silicon, 1.2 milli
         (TURBO, "spin.speed", 150e3, "150000 rpm is 15708 rad/s"),
         (TURBINE, "spin.speed", 3000.0, "3000 rpm is 314.159 rad/s"),
         (TURBINE, "supports.0.speeds", [1000.0, 2000.0, 4000.0], "4000 rpm is 418.879 rad/s"),
+        (TURBINE, "supports.0.speeds", [300.0, 2000.0, 4000.0], "4000 rpm is 418.879 rad/s"),
+        (MOTOR, "unbalance.eccentricity", 0.03, "0.03 mm is 3e-05 m"),
         (FAN, "supports.kxx", 8e4, "1 N/mm is 1000 N/m"),
         (FAN, "supports.0.kyy", 4e4, "40000 N/mm is 4e+07 N/m"),
         (SPINDLE, "supports.stiffness", 5.0, "1 N/um is 1e6 N/m"),
