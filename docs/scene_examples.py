@@ -183,6 +183,7 @@ kxx = ["-2e5 N/m", "1e5 N/m", "1.4e6 N/m"]  # kyy is the same, unless given
 kxy = [2e5, 2e5, 2e5]
 kyx = [-2e5, -2e5, -2e5]
 cxx = "2e3 N s/m"
+mxx = "0.4 kg"                     # added mass, the same along x and y
 interpolation = "linear"           # between nodes; "pchip", smooth, unless given
 """,
         """\

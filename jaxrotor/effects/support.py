@@ -75,6 +75,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     lambda|`. With both, each table has a row for every speed and a column for every frequency; it is
     read at the speed first.
 
+    `mxx` is the added mass of a seal, the same along x and y: `F = -m z..`, without weight.
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
     A support stands on the ground, or `on` the `Casing` of a name: `q` is then the displacement relative
     to the casing, which gets the opposite force. `of` names a casing that it holds, in place of a
@@ -116,6 +117,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         default=False, static=True
     )  # whether tables over `speeds` hold for the sense of these alone
     interpolation: Literal["pchip", "linear"] = eqx.field(default="pchip", static=True)
+    mxx: Scalar = nonnegative("mxx [kg]", default=None)
     angular_stiffness: Scalar = real("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
     rotating: bool = eqx.field(default=False, static=True)
@@ -249,6 +251,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
                 damping = (0.0 if damping is None else damping) + self.angular_damping * couple
         frame = "rotating" if self.rotating else "fixed"
         return Blocks(
+            inertia=None if self.mxx is None else self.mxx * force,
             stiffness=stiffness,
             damping=damping,
             circulatory=damping if self.rotating else None,

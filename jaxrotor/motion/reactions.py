@@ -112,7 +112,7 @@ class Reactions(eqx.Module):
 def reactions(response: TimeHistory) -> Reactions:
     """Reactions of supports, constraints and contacts on the rotor, at every sample.
 
-        support      F = -(k z + c z. ..),   L = -(k_a z' + c_a z'.),   `of` a casing the force on that
+        support      F = -(k z + c z. .. + m z..),   L = -(k_a z' + c_a z'.),   `of` a casing: on that
         constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
 
     The reaction of a constraint is minus the work of all loads and inertia forces on the displacement
@@ -190,7 +190,10 @@ def _support(system: System, support: Support) -> Act:
 
     def act(now: Kinematics):
         blocks = support.at_speed(now.turning.speed).blocks(line)
-        force, moment = -(held @ resistance(blocks, now))
+        resisted = resistance(blocks, now)
+        if blocks.inertia is not None:
+            resisted += blocks.inertia @ now.absolute
+        force, moment = -(held @ resisted)
         return force[None], moment[None]
 
     return act

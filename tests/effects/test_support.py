@@ -319,3 +319,37 @@ def test_refusals(make, sentence):
     with pytest.raises(ValueError) as error:
         make()
     assert sentence in str(error.value)
+
+
+SEALED, ADDED, HELD = 20.0, 3.0, 4e6  # [kg] of the disc, of a seal, [N/m] of both seals
+LOADED = SEALED + 2 * ADDED
+
+
+def on_seals(speed=300.0, *others):
+    """A disc on a rigid shaft between two seals with added mass."""
+    seals = [jr.Support(at, kxx=HELD / 2, mxx=ADDED) for at in (0.2, 0.8)]
+    disc = jr.Disc(0.5, SEALED, 0.5, 0.0)
+    return jr.Scene(jr.RigidShaft(1.0), disc, *seals, *others, spin=jr.ConstantSpeed(speed))
+
+
+def test_added_mass_of_two_seals():
+    """`w = sqrt(k / (m + 2 m_a))`, as 392.232 rad/s: 20 kg, 3 kg each, 4 MN/m."""
+    found = jr.critical_speeds(on_seals()).forward[0]
+    np.testing.assert_allclose(found, np.sqrt(HELD / LOADED), rtol=1e-12)
+    np.testing.assert_allclose(found, 392.2322702763681, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_response_and_reactions_of_seals_with_added_mass():
+    """`|z| = u W^2 / |k - (m + 2 m_a) W^2|`, seals take `-m w^2 z` of a free whirl and `m g`."""
+    speed, moment = 300.0, 1e-3
+    scene = on_seals(speed, jr.Unbalance(0.5, moment=moment))
+    found = jr.unbalance_response(scene, speed, 0.5).major[0, 0]
+    np.testing.assert_allclose(found, moment * speed**2 / abs(HELD - LOADED * speed**2), rtol=1e-10)
+    rate = np.sqrt(HELD / LOADED)
+    run = jr.simulate(on_seals(), 1, 4, start=jr.Whirl(1e-3, rate))
+    whirl = 1e-3 * np.exp(1j * rate * np.asarray(run.time))
+    force = jr.reactions(run).force.sum(1)
+    np.testing.assert_allclose(force, -SEALED * rate**2 * whirl, rtol=1e-8)
+    run = jr.simulate(on_seals(speed, jr.Gravity(9.81)), 1, 4, start=jr.Whirl(1e-3, rate))
+    np.testing.assert_allclose(jr.reactions(run).static.sum(), 1j * SEALED * 9.81, rtol=1e-12)

@@ -182,6 +182,12 @@ def test_negative_direct_stiffness_of_a_seal(changed):
     assert own.kxx.tolist() == own.kyy.tolist() == [-2e4, -3e4]
 
 
+def test_added_mass_of_a_seal(changed):
+    """In ROSS `myy=None` is `mxx`; two kilograms are those of the support, and nothing is noted."""
+    scene, notes = changed(put(FRONT, mxx=[2.0], myy=None))
+    assert float(scene.of(jr.Support)[0].mxx) == 2.0 and not any("inertia" in one for one in notes)
+
+
 def test_coefficients_without_a_value_are_those_that_ross_takes(changed):
     """In ROSS `kyy=None` is `kxx`, and `cyy=None` is `cxx`; a JSON file has null for both."""
     front = changed(put(FRONT, kyy=None, cyy=None))[0].of(jr.Support)[0]
@@ -254,7 +260,8 @@ def test_negative_speed_is_refused():
         (put(SHAFT, beta=1e-5), "damping in proportion to stiffness (beta) is left out"),
         (put(SHAFT, shear_method_calc="hutchinson"), "Cowper in place of Hutchinson"),
         (put(SHAFT, gyroscopic=False), "gyroscopic is taken into account all along the shaft"),
-        (put(FRONT, mxx=[2.0]), "inertia of a bearing or seal (mxx, ..) is left out: front"),
+        (put(FRONT, mxx=[2.0, 4.0], myy=3.0), "is 3 kg, the mean of mxx and myy or 0: front"),
+        (put(FRONT, mxx=-1.0), "inertia of a bearing or seal is 0 kg, the mean of mxx and"),
         (put(FRONT, kzz=[1e5]), "axial stiffness, damping and inertia are left out: front"),
         (put(FRONT, preload=0.3), "`preload` is not read: front"),
         (lambda d: d.update({"Gadget_1": {"n": 2}}), "Gadget is left out: Gadget"),

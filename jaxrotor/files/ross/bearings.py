@@ -117,7 +117,7 @@ def supports(
                     f"scene, where omega C / K is {ratio:.2g}",
                     element,
                 )
-        if own.stiffness.any() or own.damping.any():
+        if own.stiffness.any() or own.damping.any() or own.mass:
             yield _made(element, Support, **ends, **own.of_support)
 
 
@@ -131,6 +131,8 @@ def _series(element: Element, one: Coefficients, other: Coefficients, notes: Not
     given = [nodes for nodes in every if nodes is not None]
     if one.frequencies is not None or other.frequencies is not None:
         notes.add("coefficients over whirl frequency are those of synchronous whirl", element)
+    if one.mass or other.mass:
+        notes.add("inertia of a bearing and its support in series (mxx, ..) is left out", element)
     speeds = None
     if given:
         low, high = max(nodes[0] for nodes in given), min(nodes[-1] for nodes in given)

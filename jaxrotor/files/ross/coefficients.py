@@ -24,6 +24,7 @@ class Coefficients(NamedTuple):
     stiffness: np.ndarray  # (w, f, 2, 2) [N/m]
     damping: np.ndarray  # (w, f, 2, 2) [N s/m]
     interpolation: str = "pchip"  # between the nodes of tables, or "linear"
+    mass: float = 0.0  # added mass, the same along x and y [kg]
 
     def at(self, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (v, 2, 2) of synchronous whirl at speeds (v,), as at the ends beyond."""
@@ -55,7 +56,7 @@ class Coefficients(NamedTuple):
                 found[letter + axes] = values.reshape(shape) if np.ptp(values) else values[0]
         if any(np.ndim(value) for value in found.values()):
             found |= given | {"hold": True, "interpolation": self.interpolation}
-        return found
+        return found | ({"mxx": self.mass} if self.mass else {})
 
 
 def _interpolated(kind: str, nodes: np.ndarray, values: np.ndarray, at: Any) -> np.ndarray:
@@ -82,8 +83,11 @@ def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
     planar = {letter + axes: unit for letter, unit in _UNITS.items() for axes in AXES}
     axial = {f"{letter}zz": _UNITS[letter] for letter in _UNITS}
     found = {key: _numbers(element, key, unit) for key, unit in (planar | axial).items()}
-    if any(found[key].any() for key in planar if key[0] == "m"):
-        notes.add("inertia of a bearing or seal (mxx, ..) is left out", element)
+    masses = np.concatenate([found["mxx"].ravel(), found["myy"].ravel()])
+    mass = max(float(masses.mean()), 0.0)
+    if np.ptp(masses) or found["mxy"].any() or found["myx"].any() or masses.min() < 0:
+        told = f"inertia of a bearing or seal is {mass:.4g} kg, the mean of mxx and myy or 0"
+        notes.add(told, element)
     if any(found[key].any() for key in axial):
         notes.add("axial stiffness, damping and inertia are left out", element)
     own = {key: values for key, values in found.items() if key in planar and key[0] != "m"}
@@ -106,7 +110,9 @@ def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
             "coefficients that depend on speed are interpolated by PCHIP, as by ROSS 3", element
         )
     kind = "linear" if kind == "linear" else "pchip"
-    return Coefficients(speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1], kind)
+    return Coefficients(
+        speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1], kind, mass
+    )
 
 
 def _numbers(element: Element, key: str, unit: str) -> np.ndarray:

@@ -25,11 +25,12 @@ def from_ross(
 
     Shaft elements become one `FlexibleShaft` without constraints, with their shear and rotary inertia,
     and with a `Step` where the section changes. Disks, and point masses on the shaft, become `Disc`.
-    Bearings and seals become `Support` with all eight coefficients, numbers or tables over the speed, the
-    whirl frequency or both, constant beyond their ends; `kyy` and `cyy` that a file leaves out are `kxx`
-    and `cxx`. Between the nodes of a table ROSS 3 interpolates as `Support` does, and its `interpolation`
-    is kept; ROSS 2 took splines. A tapered element becomes up to four uniform ones,
-    and layers of sleeves become one ring.
+    Bearings and seals become `Support` with all eight coefficients and their added mass, as one number,
+    the mean of mxx and myy. Coefficients are numbers or tables over the speed, the whirl frequency or
+    both, constant beyond their ends; `kyy` and `cyy` that a file leaves out are `kxx` and `cxx`.
+    Between the nodes of a table ROSS 3 interpolates as `Support` does, and its `interpolation` is kept;
+    ROSS 2 took splines. A tapered element becomes up to four uniform ones, and layers of sleeves become
+    one ring.
 
     A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
     holds. Without a mass there both become one `Support` in series, `K^-1 = K1^-1 + K2^-1`,
