@@ -86,7 +86,7 @@ def forget_programs():
     """Every compiled program holds memory maps, of which a process may have 65530."""
     yield
     maps = Path("/proc/self/maps")
-    if not maps.exists() or len(maps.read_bytes().splitlines()) > 20_000:
+    if not maps.exists() or len(maps.read_bytes().splitlines()) > 40_000:
         jax.clear_caches()
 
 

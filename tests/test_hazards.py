@@ -29,13 +29,15 @@ def test_this_jax_is_one_of_those_allowed():
     assert "0.7.2" in allowed()
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["all processors", "one processor"])
+@pytest.fixture(scope="module")
 def found(request):
-    """What became of the programs that the tests of this session look at, all run by one process."""
+    """What became of the programs that the tests of this session look at, all run by one process.
+
+    It has one processor: a pool of one thread hangs wherever a larger one may.
+    """
     own = [item for item in request.session.items if item.module is request.module]
-    params = [item.callspec.params for item in own if "found" in item.fixturenames]
-    chosen = [one["name"] for one in params if one["found"] == request.param]
-    return hazards.outcomes(chosen, one_processor=request.param)
+    chosen = [item.callspec.params["name"] for item in own if "found" in item.fixturenames]
+    return hazards.outcomes(chosen, one_processor=True)
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -44,10 +46,8 @@ def test_many_lanes_at_once(found, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("found", [True], indirect=True, ids=["one processor"])
 @pytest.mark.parametrize("name", [name for name in hazards.PROGRAMS if name not in QUICK])
 def test_very_many_lanes_equal_chunks_of_few(found, name):
-    """A pool of one thread hangs wherever a larger one may."""
     assert found[name] == ""
 
 

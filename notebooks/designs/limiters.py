@@ -178,6 +178,7 @@ def ensemble(scene: jr.Scene, eccentricities: int = 63, angles: int = 8, settle:
         "solver": jr.Exponential(order=4),
         "steps_per_revolution": 96,
     }  # not those of the design
+    run["error_sample"] = 0
     parts = [jr.sweep(scene, over, start=jr.Whirl(*start), **run) for start in STARTS.values()]
     return xr.concat(parts, xr.Variable("start", list(STARTS)), combine_attrs="drop_conflicts")
 
@@ -191,8 +192,8 @@ def anywhere(scene: jr.Scene) -> xr.Dataset:
         "start.angle": np.array([0.3, 1.0, 1.7, 4.0]),
     }
     seen = (observe.Precession(), observe.Radius())
-    start = jr.Whirl(1e-3)
-    return jr.sweep(scene, over, start=start, settle=300, keep=50, observe=seen, progress=False)
+    run = {"settle": 300, "keep": 50, "observe": seen, "error_sample": 0, "progress": False}
+    return jr.sweep(scene, over, start=jr.Whirl(1e-3), **run)
 
 
 def summary(ends: xr.Dataset) -> dict[str, float]:

@@ -516,6 +516,7 @@ def test_derivatives_of_dry_whirl_are_those_of_differences():
 # === maps, the shipped scene, random rotors
 
 
+@pytest.mark.slow
 def test_a_map_has_the_regions_of_the_closed_form():
     """A mass on a round shaft rolls above the least friction and the least speed, or it does not."""
     zeta, beta = 0.1, 4.0

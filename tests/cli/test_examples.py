@@ -12,7 +12,7 @@ import shlex
 import shutil
 
 import pytest
-from test_docs import BLOCK, PAGES, ROOT, blocks, commanded
+from test_docs import BLOCK, PAGES, ROOT, blocks, commanded, without_error_lanes
 from typer.testing import CliRunner
 
 import jaxrotor as jr
@@ -49,6 +49,7 @@ ELSEWHERE = {  # examples that need more than this machine
 def small(tmp_path, monkeypatch, rendered):
     """A folder with a file of ROSS, and shipped scenes that are small."""
     monkeypatch.chdir(tmp_path)
+    without_error_lanes(monkeypatch)
     kept = tmp_path / "scenes"
     kept.mkdir()
     for name, file in shipped._shipped().items():

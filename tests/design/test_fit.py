@@ -344,6 +344,7 @@ def test_orbits_and_spectra_of_a_linear_rotor():
     )
 
 
+@pytest.mark.slow
 def test_an_unstable_orbit_is_doubted():
     """Damping in the shaft drives a whirl above 400 (1 + 60 / 320) = 475 rad/s, so nobody measures it."""
     parts = *PARTS, UNBALANCE, jr.InternalDamping(320.0 / K), jr.CubicSpring(0.5, 0.0, 1e9)
@@ -600,6 +601,7 @@ def test_a_record_without_noise():
     assert found.noise[0] < 1e-9 * np.abs(whirl(SPEEDS)).max() and found.cautions == ()
 
 
+@pytest.mark.slow
 def test_more_starts_leave_a_wrong_minimum():
     """From a fourth of the stiffness a decay fits nowhere near; one of eight starts finds it."""
     times = 2 * np.pi / 100.0 * np.linspace(0.0, 4.0, 65)
@@ -666,6 +668,7 @@ def test_a_short_record_has_the_degrees_of_freedom_of_its_own():
         assert 0.93 < share < 0.97, path
 
 
+@pytest.mark.slow
 def test_a_stop_that_the_guess_does_not_reach():
     """With a gap too wide no motion says how wide; other starts find it, and the sentence says so."""
     times = 2 * np.pi / 400.0 * np.arange(2 * 32 + 1) / 32

@@ -114,10 +114,11 @@ def test_law_is_safe_in_the_centre(gap, blend):
     zero, speed = jnp.zeros(2), jnp.asarray(2.0)
     assert not np.any(one.law()(zero, zero, speed))
     total = lambda one, z, v: jnp.sum(one.law()(z, v, speed))
+    slopes_at = jax.jit(jax.grad(total, argnums=(0, 1, 2)))
     for v in (zero, jnp.array([3.0, -1.0])):
-        slopes = jax.grad(total, argnums=(0, 1, 2))(one, zero, v)
+        slopes = slopes_at(one, zero, v)
         assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slopes))
-    found = np.asarray(jax.jacfwd(lambda z: one.law()(z, zero, speed))(zero))
+    found = np.asarray(jax.jit(jax.jacfwd(lambda z: one.law()(z, zero, speed)))(zero))
     stiff = STIFF if gap == 0 and blend is None else 0.0
     want = -stiff * np.array([[1, -FRICTION], [FRICTION, 1]])
     np.testing.assert_allclose(found, want, rtol=1e-12, atol=1e-12)
@@ -352,14 +353,14 @@ def test_many_stops_press_by_another_law(record_property):
 def test_second_derivatives_at_the_centre_are_finite():
     """Of the clearance `gap - r`: those of r beside the centre, and numbers in it, also in float32."""
     law = ring().law()
-    curved = jax.hessian(lambda z: law.clearance(z))
+    curved = jax.jit(jax.hessian(lambda z: law.clearance(z)))
     x, y = 0.03, -0.04
     expected = -np.array([[y**2, -x * y], [-x * y, x**2]]) / 0.05**3
     np.testing.assert_allclose(curved(jnp.array([x, y])), expected, rtol=1e-12)
     for kind in (jnp.float64, jnp.float32):
         small = jax.tree.map(lambda leaf, kind=kind: leaf.astype(kind), law)
-        second = jax.hessian(small.clearance)
+        second = jax.jit(jax.hessian(small.clearance))
         assert np.all(np.isfinite(second(jnp.zeros(2, kind))))
         speed = jnp.ones((), kind)
         force = lambda z, small=small, speed=speed: jnp.sum(small(z, 0 * z, speed))
-        assert np.all(np.isfinite(jax.hessian(force)(jnp.zeros(2, kind))))
+        assert np.all(np.isfinite(jax.jit(jax.hessian(force))(jnp.zeros(2, kind))))

@@ -23,6 +23,7 @@ from jaxrotor.solvers.choice import choose
 LENGTH, UNIT = 0.7, 0.022646559709295067
 ROTOR = jr.load("limiter-rotor")
 LINEAR = ROTOR.without("limiters")
+FEW = ROTOR.with_nodes(3)  # for what does not look at digits of the rotor
 WHIRL = jr.Whirl(0.012 * LENGTH, -10 / UNIT)
 
 
@@ -37,12 +38,13 @@ def tip(response: jr.Response) -> np.ndarray:
 @pytest.mark.hard("1.1 at rest in the centre: the whirl index is 0/0", outcome="flagged")
 def test_rest_in_the_centre_is_undefined_whirl_not_a_number_elsewhere():
     ds = jr.sweep(
-        ROTOR,
+        FEW,
         {"unbalance.eccentricity": [0.0, 1e-4]},
         settle=3,
         keep=3,
         observe=(*jr.observe.everything(), jr.observe.Contact()),
         steps_per_revolution=64,
+        error_sample=0,
     )
     still = ds.isel({"unbalance.eccentricity": 0})
     assert int(still.status) == 2
@@ -57,7 +59,7 @@ def test_rest_in_the_centre_is_undefined_whirl_not_a_number_elsewhere():
 @pytest.mark.slow
 @pytest.mark.hard("1.1 at rest in the centre it stays")
 def test_rest_in_the_centre_stays_there():
-    r = jr.simulate(ROTOR, 3, 64)
+    r = jr.simulate(FEW, 3, 64)
     for part in (r.displacement, r.velocity, r.slope, r.contact_force):
         assert np.all(np.asarray(part) == 0)
 
@@ -68,11 +70,11 @@ def test_gradient_from_rest_in_the_centre_is_finite():
     paths = ("limiters.gap", "limiters.stiffness", "unbalance.eccentricity")
 
     def end(values):
-        r = jr.simulate(ROTOR.replace(values), 1, 32)
+        r = jr.simulate(FEW.replace(values), 1, 32)
         return jnp.real(r.displacement[-1, 0]) + jnp.imag(r.displacement[-1, 0])
 
     push = jax.jit(lambda values, along: jax.jvp(end, (values,), (along,))[1])
-    values = {path: jnp.asarray(ROTOR.get(path)).ravel()[0] for path in paths}
+    values = {path: jnp.asarray(FEW.get(path)).ravel()[0] for path in paths}
     for path in paths:
         along = {one: jnp.asarray(float(one == path)) for one in paths}
         assert np.isfinite(float(push(values, along)))
@@ -90,7 +92,7 @@ def test_several_stops_at_once(count):
     stops = [jr.Limiter(LENGTH, a, 1e-4, 2e5, 200.0, 0.1, rim_radius=0.1) for a in angles]
     rest = [e for e in LINEAR.effects if not isinstance(e, jr.InternalDamping)]
     scene = jr.Scene(
-        jr.FlexibleShaft(LENGTH, 0.02, nodes=6, constraints=[jr.Constraint(0.0, "clamp")]),
+        jr.FlexibleShaft(LENGTH, 0.02, nodes=4, constraints=[jr.Constraint(0.0, "clamp")]),
         *rest,
         jr.Gravity(),
         *stops,
@@ -111,10 +113,11 @@ def test_several_stops_at_once(count):
 @pytest.mark.hard("1.3 grazing")
 def test_grazing(record_property):
     """A circular orbit whose radius is the gap to within 1e-9: no more than a touch."""
-    linear = LINEAR.replace({"spin.speed": 300.0, "unbalance.eccentricity": 1e-4})
+    few = {"shaft.nodes": 2, "spin.speed": 300.0, "unbalance.eccentricity": 1e-4}
+    linear = LINEAR.replace(few)
     radius = float(abs(jr.unbalance_response(linear, 300.0).forward[0, 0]))
     free = jr.simulate(linear, 400, 64, keep=1)
-    scene = ROTOR.replace({"spin.speed": 300.0, "unbalance.eccentricity": 1e-4})
+    scene = ROTOR.replace(few)
     for depth in (-1e-9, 0.0, 1e-9):
         grazing = scene.replace({"limiters.gap": radius * (1 - depth)})
         r = jr.simulate(grazing, 5, 64, start=free.end)
@@ -148,7 +151,7 @@ def test_stops_from_soft_to_rigid(kappa):
 @pytest.mark.slow
 @pytest.mark.hard("1.4 stops of 10 to 1e7 of the shaft's stiffness")
 def test_moderate_stiffness_against_an_implicit_solver(record_property):
-    scene = ROTOR.replace({"limiters.stiffness": 30 * 1649.336143 / LENGTH**3})
+    scene = FEW.replace({"limiters.stiffness": 30 * 1649.336143 / LENGTH**3})
     fine = jr.simulate(scene, 2, 2048, start=WHIRL, solver=jr.Exponential(4))
     other = jr.simulate(scene, 2, 128, start=WHIRL, solver=dfx.Kvaerno5())
     error = abs(tip(fine)[::16] - tip(other)).max() / abs(tip(fine)).max()
@@ -158,7 +161,7 @@ def test_moderate_stiffness_against_an_implicit_solver(record_property):
 
 @pytest.mark.hard("1.4 zero gap")
 def test_zero_gap_touches_always():
-    r = jr.simulate(ROTOR.replace({"limiters.gap": 0.0}), 20, 512, start=WHIRL, keep=10)
+    r = jr.simulate(FEW.replace({"limiters.gap": 0.0}), 20, 512, start=WHIRL, keep=10)
     assert np.all(np.isfinite(tip(r)))
     touching = np.abs(np.asarray(r.contact_force)).max(axis=1) > 0
     assert touching.mean() > 0.4
@@ -169,7 +172,7 @@ def test_zero_gap_touches_always():
 @pytest.mark.parametrize("friction", [1.0, 3.0])
 @pytest.mark.parametrize("slip", [None, 1.0])
 def test_strong_friction_and_rolling(friction, slip):
-    scene = ROTOR.replace({"limiters.friction": friction})
+    scene = FEW.replace({"limiters.friction": friction})
     if slip is not None:
         scene = scene.replace({"limiters.slip": slip})
     r = jr.simulate(scene, 40, 1024, start=WHIRL, keep=10)
@@ -229,7 +232,7 @@ def test_high_speed(record_property):
 @pytest.mark.slow
 @pytest.mark.hard("1.5 no internal damping")
 def test_without_internal_damping_forward_whirl_dies_out():
-    scene = ROTOR.replace({"internal_damping.voigt_time": 0.0})
+    scene = FEW.replace({"internal_damping.voigt_time": 0.0})
     r = jr.simulate(scene, 400, 256, start=jr.Whirl(1e-3), keep=1)
     assert abs(tip(r)).max() < 1e-6
 
@@ -285,7 +288,7 @@ def test_near_a_double_root_the_basis_is_dense_and_right(record_property):
 @pytest.mark.hard("1.5 double root of an over-damped pair")
 def test_dense_basis_equals_modal_where_both_serve(record_property):
     paths = [
-        tip(jr.simulate(ROTOR, 4, 128, start=WHIRL, solver=jr.Exponential(4, basis)))
+        tip(jr.simulate(FEW, 4, 128, start=WHIRL, solver=jr.Exponential(4, basis)))
         for basis in ("modal", "dense")
     ]
     error = abs(paths[0] - paths[1]).max() / abs(paths[0]).max()
@@ -389,6 +392,7 @@ onset = float(jr.onset_speed(scene).speed)
 r = jr.simulate(scene, 5, 256, start=jr.Whirl(0.0084, -441.57))
 print(r.displacement.dtype, onset, abs(complex(r.displacement[-1, 0])))
 own = {"settle": 1, "keep": 1, "steps_per_revolution": 32, "observe": [jr.observe.Radius()]}
+own["error_sample"] = 0
 ds = jr.sweep(scene, {"unbalance.eccentricity": [1e-4]}, **own)
 print(ds.attrs["precision"])
 """
@@ -549,4 +553,4 @@ def test_a_run_that_fails_says_so():
     with pytest.raises(RuntimeError, match="did not stay finite"):
         jr.simulate(LINEAR.replace({"spin.speed": 2000 / UNIT}), 200_000, 16, start=WHIRL, keep=1)
     with pytest.raises(RuntimeError, match="max_steps"):
-        jr.simulate(ROTOR, 1, 16, solver=dfx.Tsit5(), start=WHIRL, max_steps=5)
+        jr.simulate(FEW, 1, 16, solver=dfx.Tsit5(), start=WHIRL, max_steps=5)

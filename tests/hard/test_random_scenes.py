@@ -180,6 +180,7 @@ def test_lanes_that_cannot_be_computed_say_why(record_property):
         keep=2,
         observe=[jr.observe.Radius()],
         steps_per_revolution=64,
+        error_sample=0,
     )
     meaning = np.array(ds.status.attrs["flag_meanings"].split())
     assert meaning[ds.status.values].tolist() == [

@@ -195,6 +195,7 @@ def test_a_sweep_through_zero_gap(tmp_path, record_property):
         keep=5,
         steps_per_revolution=256,
         solver=jr.Exponential(4),
+        error_sample=0,
     )
     assert (ds.status == 0).all()
     radius = lambda k: 0.01 * 1.5**2 / abs(k - 1.5**2 + 0.4j * 1.5)

@@ -272,6 +272,7 @@ def test_dense_and_modal_bases_agree():
     assert np.allclose(one.displacement, other.displacement, rtol=0, atol=1e-10 * scale)
 
 
+@pytest.mark.slow
 def test_run_down_and_backward_spin():
     assert errors(rotor(speeds=-SPEEDS), 4, (40,), speeds=-SPEEDS)[0] < 1e-6
 
@@ -298,6 +299,7 @@ def test_unequal_bearings_at_constant_speed_and_another_first_angle():
     assert np.allclose(exact.displacement, other.displacement, rtol=0, atol=1e-9 * scale)
 
 
+@pytest.mark.slow
 def test_an_undamped_resonance_is_stepped():
     shaft = jr.FlexibleShaft(
         0.6, 0.02, jr.steel(), nodes=2, constraints=[jr.Constraint(0.0, "clamp")]
@@ -400,6 +402,7 @@ def test_automatic_steps_say_what_they_leave():
     assert np.abs(run.displacement[:, 0] - exact).max() < 1e-5 * np.abs(exact).max()
 
 
+@pytest.mark.slow
 def test_a_stop_too_stiff_for_the_steps_is_told():
     scene = rotor(stops()).put({"limiters.stiffness": 1e9})
     with pytest.raises(RuntimeError, match=r"take [\d.e+]+ times as many `substeps`"):

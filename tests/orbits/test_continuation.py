@@ -69,6 +69,13 @@ def along_x(orbit):
 
 
 @pytest.fixture(scope="module")
+def slow_orbit():
+    """An orbit below the hardening resonance."""
+    scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0), speed=0.5)
+    return jr.periodic(scene, jr.AtRest(), revolutions=1)
+
+
+@pytest.fixture(scope="module")
 def resonance():
     """The hardening resonance, continued in speed through both folds."""
     scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0))
@@ -418,17 +425,17 @@ def test_refusals(resonance):
         resonance.doubled(resonance.points[0])
 
 
-def test_where_it_stops_is_said(resonance):
-    short = jr.continue_(resonance.orbit(0), "spin.speed", (0.5, 2.5), max_points=3)
+def test_where_it_stops_is_said(slow_orbit):
+    short = jr.continue_(slow_orbit, "spin.speed", (0.5, 2.5), max_points=3)
     assert short.values.size == 4
     assert "`max_points` = 3 are taken, to spin.speed = 0." in short.reasons[1]
     with pytest.raises(RuntimeError, match="cannot be continued in `spin.speed`: after 1 iter"):
-        orbit = resonance.orbit(0)
-        off = jr.Continued(3 * orbit.start.q, orbit.start.velocity)
-        far = dataclasses.replace(orbit, start=off)
+        off = jr.Continued(3 * slow_orbit.start.q, slow_orbit.start.velocity)
+        far = dataclasses.replace(slow_orbit, start=off)
         jr.continue_(far, "spin.speed", (0.5, 2.5), max_iterations=1)
 
 
+@pytest.mark.slow
 def test_picture_of_a_branch(resonance):
     ax = plot.branch(resonance)
     assert ax.get_xlabel() == "spin speed [rad/s]" and ax.get_ylabel() == "largest radius [mm]"

@@ -20,7 +20,7 @@ from jaxrotor.cli import app  # noqa: E402
 
 ROTOR = jr.load("limiter-rotor").with_nodes(4)
 VALUES = np.array([1e-4, 4e-4, 7e-4])
-RUN = {"settle": 6, "keep": 4, "steps_per_revolution": 48}
+RUN = {"settle": 6, "keep": 4, "steps_per_revolution": 48, "error_sample": 0}
 
 
 @pytest.fixture(scope="module")

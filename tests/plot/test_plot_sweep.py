@@ -70,7 +70,8 @@ def spectra():
 def mapped():
     """A real sweep over three speeds and two eccentricities, below and above what the gap allows."""
     observe = (jr.observe.Section(), *RUB)
-    return jr.sweep(RUBBING, GRID, settle=20, keep=5, observe=observe, steps_per_revolution=32)
+    run = {"settle": 20, "keep": 5, "steps_per_revolution": 32, "error_sample": 0}
+    return jr.sweep(RUBBING, GRID, observe=observe, **run)
 
 
 @pytest.fixture(scope="module")
@@ -499,7 +500,8 @@ def test_map_chooses_a_scale(kinds):
 
 def test_map_of_runs_along_times():
     over = {"spin.speed": [0.9 * SPEED, SPEED], ECCENTRICITY: [2e-4, 2e-3]}
-    runs = jr.sweep(RUBBING, over, times=np.linspace(0.0, 0.1, 65), steps_per_revolution=32)
+    run = {"times": np.linspace(0.0, 0.1, 65), "steps_per_revolution": 32, "error_sample": 0}
+    runs = jr.sweep(RUBBING, over, **run)
     ax = plot.sweep_map(runs)
     assert legend(ax) == ["no contact", "rub"]
     below, above = colours_of(ax)

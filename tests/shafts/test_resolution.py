@@ -30,6 +30,7 @@ def coordinates(scene):
     return jax.eval_shape(lambda: scene.line().stiffness).shape[0]
 
 
+@pytest.mark.slow
 def test_the_fan_has_fewer_coordinates_and_the_same_roots():
     automatic = FAN.replace({"shaft.nodes": "auto"})
     assert automatic.resolution == (7, 6, 6, 8, 6, 8)

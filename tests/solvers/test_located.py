@@ -208,7 +208,7 @@ def test_reverse_mode_is_refused():
 def test_a_sweep_says_what_it_did_not_locate(rub):
     scene, end = rub
     over = {"unbalance.eccentricity": [0.0, 1e-5]}
-    how = {"start": end, "settle": 0, "keep": 30, "steps_per_revolution": 32}
+    how = {"start": end, "settle": 0, "keep": 30, "steps_per_revolution": 32, "error_sample": 0}
     found = jr.sweep(scene, over, solver=jr.Exponential(4, located=True), **how)
     assert (found["unresolved"] == 0).all() and "located" in found.attrs["solver"]
     fine = jr.sweep(scene, over, solver=jr.Exponential(4), **how | {"steps_per_revolution": 2048})

@@ -86,8 +86,8 @@ def starts():
     """Starts of the limiter rotor without unbalance, over radius and rate."""
     scene = jr.load("limiter-rotor").replace({"unbalance.eccentricity": 0.0})
     over = {"start.radius": [1e-3, 8.4e-3, 70e-3], "start.rate": [-795.0, -441.0, 75.0]}
-    start = jr.Whirl(1e-3)
-    return jr.sweep(scene, over, start=start, settle=300, keep=100, steps_per_revolution=128)
+    run = {"settle": 300, "keep": 100, "steps_per_revolution": 128, "error_sample": 0}
+    return jr.sweep(scene, over, start=jr.Whirl(1e-3), **run)
 
 
 @pytest.mark.slow

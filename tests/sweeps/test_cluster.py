@@ -55,6 +55,14 @@ def dask():
 
 
 @pytest.fixture(scope="module")
+def near():
+    """A client of a worker in a thread of this process, for what needs no other process."""
+    how = {"n_workers": 1, "processes": False, "protocol": "tcp", "dashboard_address": ":0"}
+    with LocalCluster(**how) as here, Client(here, set_as_default=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
 def alone(tmp_path_factory):
     """The store of the same sweep by threads of this process."""
     path = tmp_path_factory.mktemp("alone") / "a.zarr"
@@ -99,6 +107,7 @@ def test_carried_states(dask, tmp_path):
     assert files(tmp_path / "a.zarr") == files(tmp_path / "b.zarr")
 
 
+@pytest.mark.slow
 def test_what_is_installed_must_be_the_same(dask, monkeypatch):
     monkeypatch.setattr(module, "_installed", lambda: "jaxrotor 0.0")
     with pytest.raises(
@@ -115,12 +124,12 @@ def test_processes_of_this_machine(alone):
     assert not set(multiprocessing.active_children()) - before
 
 
-def test_command(dask, tmp_path, monkeypatch):
+def test_command(near, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jr.save(ROTOR, "rotor.toml")
     command = ["sweep", "rotor.toml", "--over", "unbalance.eccentricity=1e-4:1e-3:6"]
     command += ["--settle", "2", "--keep", "2", "--steps", "32", "--error-sample", "0"]
-    result = CliRunner().invoke(app, [*command, "--cluster", dask.scheduler.address, "--out", "a"])
+    result = CliRunner().invoke(app, [*command, "--cluster", near.scheduler.address, "--out", "a"])
     assert result.exit_code == 0, result.stderr
     assert sorted(os.listdir("a")) == ["bifurcation.png", "sweep.zarr"]
     assert (xr.open_zarr("a/sweep.zarr", chunks=None)["status"] == 0).all()
@@ -148,10 +157,10 @@ def test_an_address_in_a_notebook(dask):
     xr.testing.assert_identical(asyncio.run(cell()), swept(workers=2))
 
 
-def test_a_folder_that_cannot_be(dask, tmp_path):
+def test_a_folder_that_cannot_be(near, tmp_path):
     (tmp_path / "a").write_text("mine")
     with pytest.raises(StoreError, match=r"cannot be written \(.+\); choose another place.$"):
-        swept(cluster=dask, store=tmp_path / "a" / "b.zarr")
+        swept(cluster=near, store=tmp_path / "a" / "b.zarr")
     assert (tmp_path / "a").read_text() == "mine" and os.listdir(tmp_path) == ["a"]
 
 

@@ -69,6 +69,7 @@ def placed(first):
     return jr.Launch(balls=(jr.Balls(jnp.array([first, 1.0]), jnp.zeros(2)),))
 
 
+@pytest.mark.slow
 def test_balls_begin_where_a_path_says(tmp_path):
     """Windows along times; the folder of a sweep is read again."""
     over = {"start.balls.0.angle.0": [0.5, 2.0], "spin.speed": [300.0]}

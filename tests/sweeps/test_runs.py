@@ -20,7 +20,7 @@ def scene(spin=None):
 
 @pytest.fixture(scope="module")
 def runs():
-    return jr.sweep(scene(), OVER, times=TIMES, steps_per_revolution=128)
+    return jr.sweep(scene(), OVER, times=TIMES, steps_per_revolution=128, error_sample=0)
 
 
 def lane(dataset, one, **solver):
@@ -45,12 +45,12 @@ def test_lanes_are_runs(runs):
     np.testing.assert_allclose(runs.window, TIMES[size::size])
 
 
+@pytest.mark.slow
 def test_what_is_before_the_first_time_is_not_observed(runs):
     """The second half alone; paths that vary together are one axis."""
     together = {path: [values[0], values[1]] for path, values in OVER.items()}
-    late = jr.sweep(
-        scene(), {"machine": together}, times=TIMES[32:], steps_per_revolution=128, progress=False
-    )
+    how = {"steps_per_revolution": 128, "error_sample": 0, "progress": False}
+    late = jr.sweep(scene(), {"machine": together}, times=TIMES[32:], **how)
     assert late.peak.dims == ("machine",) and late.attrs["first_sample"] == pytest.approx(0.16)
     np.testing.assert_array_equal(late["limiters.stiffness"], OVER["limiters.stiffness"])
     half = runs.envelope[:, :, runs.window > 0.17].max("window").values.diagonal()
@@ -62,9 +62,8 @@ def test_what_is_before_the_first_time_is_not_observed(runs):
 @pytest.mark.slow
 def test_lanes_by_located_steps_are_runs():
     solver = {"order": 4, "located": True}
-    runs = jr.sweep(
-        scene(), OVER, times=TIMES, steps_per_revolution=48, solver=jr.Exponential(**solver)
-    )
+    how = {"steps_per_revolution": 48, "solver": jr.Exponential(**solver), "error_sample": 0}
+    runs = jr.sweep(scene(), OVER, times=TIMES, **how)
     assert (runs.unresolved == 0).all()
     values = {"unbalance.eccentricity": 4e-4, "limiters.stiffness": 2e5}
     run = lane(runs, scene().replace(values), **solver)
@@ -90,12 +89,13 @@ def test_paths_that_cannot_vary_together(over, words):
         jr.sweep(scene().at_speed(100.0), carried, carry="a")
 
 
+@pytest.mark.slow
 def test_a_lane_begins_where_its_start_says():
     """A later time of the profile; 33 intervals before the first sample, which no window divides."""
     profile = jr.SpeedProfile([0.0, 1.0], [60.0, 200.0])
     start, times = jr.Launch(jr.Whirl(1e-5), time=0.4), np.linspace(0.0, 0.485, 98)
     over = {"unbalance.eccentricity": [3e-4]}
-    settings = {"start": start, "steps_per_revolution": 128, "progress": False}
+    settings = {"start": start, "steps_per_revolution": 128, "error_sample": 0}
     late = jr.sweep(scene(profile), over, times=times[33:], **settings)
     substeps = late.attrs["steps_per_sample"]
     run = jr.run_up(scene(profile), times, start=start, solver=jr.Exponential(2), substeps=substeps)
@@ -131,6 +131,7 @@ def test_lanes_whose_speeds_differ(tmp_path):
         {"spin.torque": torques},
         times=TIMES,
         steps_per_revolution=512,
+        error_sample=0,
         lanes_per_chunk=2,
         store=tmp_path / "runs.zarr",
     )
@@ -162,7 +163,8 @@ def test_unequal_bearings_and_no_contact():
 def test_constant_speeds_that_differ_between_lanes():
     speeds = [60.0, 180.0]
     still = scene().at_speed(100.0)
-    found = jr.sweep(still, {"spin.speed": speeds}, times=TIMES, steps_per_revolution=512)
+    how = {"steps_per_revolution": 512, "error_sample": 0}
+    found = jr.sweep(still, {"spin.speed": speeds}, times=TIMES, **how)
     for speed in speeds:
         run = jr.run_up(still.at_speed(speed), TIMES, solver=jr.Exponential(), substeps=64)
         peak = np.abs(run.displacement[1:, 0]).max()
