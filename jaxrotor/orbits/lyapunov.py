@@ -15,6 +15,7 @@ from ..core.checks import check_counts
 from ..core.outcome import Outcome
 from ..core.progress import progress as bar, segments
 from ..core.tables import notebook_table
+from ..effects.base import AbstractContact
 from ..equations.start import AbstractStart, AtRest, Continued
 from ..equations.system import assemble, port_groups
 from ..motion.base import Plan
@@ -128,7 +129,8 @@ def lyapunov(
         )
     rate = revolution_rate(scene, period)
     chosen: Any = choose(differentiable(solver, system), system, rate, start)
-    options = {"slopes": False, "contacts": False, "coordinates": False, "together": together}
+    several = len(scene.of(AbstractContact)) > 1  # of which some may never be touched
+    options = {"slopes": False, "contacts": several, "coordinates": False, "together": together}
     steps = steps_per_revolution
     plan = Plan(chosen, None, dfx.ForwardMode(), steps, steps, **options)
     station = scene.stations(None)
@@ -139,18 +141,23 @@ def lyapunov(
         y, good = _skip(march, y, jnp.asarray(settle - aligned))
         tick(settle - aligned)
         disturbances = random_disturbances(y.size, count, seed)
-        growths = []
+        growths, loads = [], []
         for segment in segments(aligned) + segments(revolutions):
-            y, disturbances, growth, ok = _follow(march, y, disturbances, segment)
+            y, disturbances, (growth, loaded), ok = _follow(march, y, disturbances, segment)
             good = good & ok
             growths.append(np.asarray(growth))
+            loads.append(loaded)
             tick(segment)
     if not bool(good.ok):
         raise RuntimeError(
             "The motion did not stay finite: take more `steps_per_revolution`, or look at "
             "`jaxrotor.roots` for growth."
         )
-    stops = Rebounds(scene, system.members, good.touched, march.contact_stiffness_ratio)
+    force = None
+    if several:
+        ever, always = np.moveaxis(np.concatenate(loads), 1, 0)
+        force = np.stack([ever.any(0), always.all(0)])
+    stops = Rebounds(scene, system.members, good.touched, march.contact_stiffness_ratio, force)
     stops.check(chosen, in_revolutions(steps))
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
@@ -227,15 +234,21 @@ def _skip(march: March, y: Array, revolutions: Int[Array, ""]):
 
 @eqx.filter_jit
 def _follow(march: March, y: Array, disturbances: Float[Array, "m e"], revolutions: int):
-    """State, disturbances, growth and outcome after some revolutions."""
-    advance = lambda y: march.skip(y, 1)
+    """State, disturbances, growth with loads of contacts, ever and always, and outcome of revolutions."""
+
+    def advance(y):
+        if not march.plan.contacts:
+            y, ok = march.skip(y, 1)
+            return y, (ok, None)
+        y, window, ok = march.observe(y)
+        loaded = window.contact_force != 0
+        return y, (ok, jnp.stack([loaded.any(0), loaded.all(0)]))
 
     def one(carry, _):
         y, disturbances, good = carry
-        y, disturbances, growth, ok = advance_disturbed(advance, y, disturbances)
-        return (y, disturbances, good & ok), growth
+        y, disturbances, growth, (ok, loaded) = advance_disturbed(advance, y, disturbances)
+        return (y, disturbances, good & ok), (growth, loaded)
 
-    (y, disturbances, good), growth = jax.lax.scan(
-        one, (y, disturbances, Outcome.good()), None, length=revolutions
-    )
-    return y, disturbances, growth, good
+    begin = y, disturbances, Outcome.good()
+    (y, disturbances, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
+    return y, disturbances, seen, good

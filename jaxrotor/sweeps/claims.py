@@ -46,7 +46,7 @@ def claims_of(
 
     `near` gives orbits of a period near the ends of lanes, `again` the misses of such orbits.
     """
-    growth, turned, section = map(np.asarray, followed[2:])
+    growth, turned, section = map(np.asarray, followed[2:5])
     exponent, error = mean_and_error(growth.T)
     rotation, change = _average(turned)
     half = growth.shape[1] // 2

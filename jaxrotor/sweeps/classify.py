@@ -15,9 +15,11 @@ from ..core.checks import check_counts
 from ..core.outcome import failed, too_long
 from ..core.parallel import Threads, chunk_size, cores, first_alone
 from ..core.progress import progress as bar, segments
-from ..equations.system import assemble
+from ..effects.base import AbstractContact
+from ..equations.system import assemble, structure
 from ..files.toml import loads
 from ..motion.base import Plan
+from ..motion.rebounds import counted
 from ..motion.revolutions import check_constant, revolution_rate
 from ..orbits.lyapunov import BLOCKS
 from ..orbits.shooting import differentiable
@@ -172,8 +174,9 @@ def _plan(scene: Scene, columns: dict[str, np.ndarray], solver: Exponential, ste
 def _following(context: Context, solver: Exponential, steps: int) -> Context:
     """The context with steps whose derivatives include changes of contact."""
     solver = differentiable(solver, assemble(context.scene))
+    several = len(context.scene.of(AbstractContact)) > 1  # of which some may never be touched
     plan = dataclasses.replace(
-        context.plan, solver=solver, steps=steps, max_steps=steps, batch=False
+        context.plan, solver=solver, steps=steps, max_steps=steps, batch=False, contacts=several
     )
     return dataclasses.replace(context, plan=plan)
 
@@ -265,6 +268,10 @@ class Run(NamedTuple):
         again = lambda y: np.asarray(self.returns(shared, own, y, self.longest))
         found = claims_of(followed, again(followed.y), near, again)
         solver: Any = plan.solver
+        if followed.loaded is not None:  # stops out of reach count for nothing
+            members = structure(context.scene, plan.together).members
+            loads = (np.asarray(followed.loaded),) * 2
+            ratio = counted(context.scene, members, np.asarray(ratio), loads, bounced=False)
         overlong = np.asarray(followed.outcome.touched) & too_long(ratio, solver.order)
         overlong &= found.motion != FAILED  # steps too long for a stop may make chaos of their own
         return found._replace(motion=np.where(overlong, UNDECIDED, found.motion)), end

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core import linalg
 from ..core.compiled import compiled
@@ -27,6 +27,7 @@ class Followed(NamedTuple):
     growth: Float[Array, "l R"]  # logarithm of the growth of a disturbance
     turned: Float[Array, "l R"]  # turns about the centre, along the spin
     section: Complex[Array, "l R"]  # displacement at the end [m]
+    loaded: Bool[Array, "l k"] | None  # whether each contact ever was; None: not computed
 
 
 class Polished(NamedTuple):
@@ -52,17 +53,19 @@ def follow(
             end, window, ok = march.observe(y)
             turn = Turn.of(window, jnp.zeros((), int), revolutions)
             turns = turn.s * jnp.sum(turn.turned()) / (2 * jnp.pi)
-            return end, (turns, turn.z[-1], ok)
+            force = window.contact_force
+            loaded = None if force is None else jnp.any(force != 0, axis=0)
+            return end, (turns, turn.z[-1], loaded, ok)
 
         def one(carry, _):
             y, disturbances, good = carry
             y, disturbances, growth, seen = advance_disturbed(advance, y, disturbances)
-            turns, z, ok = seen
-            return (y, disturbances, good & ok), (growth[0], turns, z)
+            *kept, ok = seen
+            return (y, disturbances, good & ok), (growth[0], *kept)
 
         begin = y, first, Outcome.good()
-        (y, _, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
-        return Followed(y, good, *seen)
+        (y, _, good), (*seen, loaded) = jax.lax.scan(one, begin, None, length=revolutions)
+        return Followed(y, good, *seen, None if loaded is None else loaded.any(0))
 
     return jax.vmap(lane)(own, y)
 

@@ -104,6 +104,15 @@ def test_forward_bouncing_is_chaos():
     assert abs(first[0] - second[0]) < 4 * np.hypot(off, too)[0]
 
 
+@pytest.mark.slow
+def test_stops_out_of_reach_count_for_nothing():
+    """Exponents sum up to `-2 c / m`, also of a mass that touches one stop and not a very stiff one."""
+    stops = jr.Limiter(0.5, 0.0, 0.1, 0.5), jr.Limiter(0.5, np.pi, 0.5, 1e9)
+    how = {"settle": 20, "steps_per_revolution": 32, "progress": False}
+    found = jr.lyapunov(one_disc(*stops), revolutions=40, count=4, **how)
+    assert found.exponents.sum() == pytest.approx(-0.2, rel=1e-5)
+
+
 def test_picture():
     """Exponents `-c / 2 m` of a damped disc, and the means of noise in their place."""
     found = jr.lyapunov(one_disc(), revolutions=100, settle=20, count=2, steps_per_revolution=16)

@@ -234,6 +234,25 @@ def test_free_and_forced_whirl():
 
 
 @pytest.mark.slow
+def test_stops_out_of_reach_count_for_nothing():
+    """A rebound lasts steps enough at the soft stop that is touched, not at the stiff one that is not."""
+    gap, stiffness = 0.1, 0.5
+    stops = jr.Limiter(0.5, 0.0, gap, stiffness), jr.Limiter(0.5, np.pi, 0.5, 1e7)
+    scene = one_disc(*stops)
+    found = ends(scene, {"unbalance.eccentricity": [0.08]}, repeats=0, confirm=False, longest=1)
+
+    def rate(t, y):
+        x, v = y
+        push = 0.08 * 0.8**2 * np.cos(0.8 * t)
+        return v, push - 0.1 * v - x - stiffness * max(x - gap, 0.0)
+
+    ends_at = TURN / 0.8 * np.array([60, 61])
+    run = solve_ivp(rate, (0, ends_at[1]), (0.0, 0.0), t_eval=ends_at, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(run.y[:, 0], run.y[:, 1], rtol=1e-4)  # a period of one revolution
+    assert kinds(found) == ["periodic"] and found["orbit_period"].values == [1]
+
+
+@pytest.mark.slow
 def test_an_unstable_rotor_is_neither_chaotic_nor_anything_else():
     """A linear rotor that grows, from its unbalance and from rest, where it stays exactly."""
     pushed = jr.Support(0.5, kxx=1.0, kxy=0.2, kyx=-0.2, kyy=1.0)
