@@ -167,18 +167,3 @@ class HeldKernel(AbstractKernel):
         one, zero = jnp.ones_like(x), jnp.zeros_like(x)
         rigid = [zero, one / self.length] if sloped else [one, x / self.length]
         return jnp.stack([*elastic, *rigid], axis=-1)
-
-
-def stiffness_with_rigid_motions(
-    kernel: AbstractKernel, nodes: Array, sloped: Array, free: list[int]
-) -> Float[Array, "m m"]:
-    """Stiffness of the equations of displacements at `nodes` and scaled slopes at `sloped` [m].
-
-    It is one but for rigid motions, whose coordinates are the displacements of the nodes `free`.
-    """
-    stiffness = jnp.eye(nodes.size + sloped.size)
-    if isinstance(kernel, HeldKernel):
-        for number, node in enumerate(free):
-            stiffness = stiffness.at[:, node].add(-kernel.rigid_motion(number, nodes, sloped))
-        stiffness = stiffness.at[jnp.array(free, int)].set(0.0)
-    return stiffness

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar
-from .greens import AbstractKernel, HeldKernel, stiffness_with_rigid_motions
+from .greens import AbstractKernel, HeldKernel
 from .line import AbstractSpectralLine, Held, PerLength
 from .polynomials import (
     bubble_flexibility,
@@ -34,9 +34,10 @@ from .polynomials import (
     numbered,
     products,
 )
+from .unsheared import AbstractUnshearedLine
 
 
-class SpectralLine(AbstractSpectralLine):
+class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
     """`q = (z at the nodes, l z' where spans meet)`, without the displacements and slopes that are held.
 
     Where two spans meet, the slope, scaled by the length `l` of the shaft, is a coordinate of its own. A
@@ -53,19 +54,8 @@ class SpectralLine(AbstractSpectralLine):
     anisotropy: Scalar | None
 
     @property
-    def stiffness(self) -> Float[Array, "n n"]:
-        stiffness = stiffness_with_rigid_motions(
-            self.kernel, self.nodes, self.ends[1:-1], self._free_nodes
-        )
-        return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
-
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self.bending_energy
+    def sloped(self) -> Float[Array, " slopes"]:
+        return self.ends[1:-1]
 
     @property
     def bending_energy(self) -> Float[Array, "n n"]:

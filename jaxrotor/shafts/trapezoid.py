@@ -13,12 +13,13 @@ from jaxtyping import Array, Float
 
 from ..core.extremes import bounded
 from ..core.quantities import Scalar
-from .greens import AbstractKernel, HeldKernel, stiffness_with_rigid_motions
-from .line import AbstractLine, Held, PerLength, strain_energy
+from .greens import AbstractKernel, HeldKernel
+from .line import Held, PerLength, strain_energy
 from .polynomials import hermite
+from .unsheared import AbstractUnshearedLine
 
 
-class TrapezoidLine(AbstractLine):
+class TrapezoidLine(AbstractUnshearedLine):
     """`q = (z_0 .. z_m, l z'_0 .. l z'_m)` at `x_i = i l / m`, without those that are held.
 
     Slopes are scaled by the length `l`. A shaft that can move without bending has auxiliary
@@ -42,19 +43,8 @@ class TrapezoidLine(AbstractLine):
         return self.length * jnp.arange(self.cells + 1) / self.cells
 
     @property
-    def stiffness(self) -> Float[Array, "n n"]:
-        stiffness = stiffness_with_rigid_motions(
-            self.kernel, self.nodes, self.nodes, self._free_nodes
-        )
-        return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
-
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self.bending_energy
+    def sloped(self) -> Float[Array, " slopes"]:
+        return self.nodes
 
     @property
     def bending_energy(self) -> Float[Array, "n n"]:
