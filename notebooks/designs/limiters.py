@@ -273,7 +273,7 @@ def draw(solution: Solution) -> np.ndarray:
 
 def draw_objectives(quick: bool = False) -> np.ndarray:
     """Pictures of the work over a window and of the index after a long run, against damping."""
-    dampings = np.geomspace(5.0, 1000.0, 5 if quick else 41)
+    dampings = np.geomspace(5.0, 1000.0, 3 if quick else 41)
     scene = rotor(3, blend=2e-4)
     at = lambda of: jax.jit(
         lambda all_: jax.lax.map(lambda c: of(scene.put({"limiters.damping": c})), all_)

@@ -358,13 +358,16 @@ def test_a_creeping_whirl_stays_in_time_and_is_an_orbit(record_property):
 @pytest.mark.slow
 @pytest.mark.hard("7.7 dry whirl of a slipping rim, as an orbit")
 def test_a_slipping_whirl_is_a_saddle_of_orbits(record_property):
-    """Found from a hundredth beside it, with the growth of the sheet: one multiplier of it is outside."""
+    """Found from a hundredth beside it, with the growth of the sheet: one multiplier of it is outside.
+
+    In a ring a part of it is an orbit: after any angle the motion is the same, turned.
+    """
     case, (_, rate, radius, rim_speed, growth), pair = SLIP[0]
     scene = dry(*case, 1.2 * rim_speed)
     start = jr.dry_whirl(scene).start(1)
     beside = jr.Continued(1.01 * start.q, 1.01 * start.velocity)
-    period = 2 * np.pi / rate
-    orbit = jr.periodic(scene, beside, period=period, steps_per_revolution=1024)
+    period = 0.3 / rate
+    orbit = jr.periodic(scene, beside, period=period, turn=-0.3, steps_per_revolution=1024)
     off = abs(abs(np.asarray(orbit.displacement[:, 0])) - radius).max()
     turned = abs(float(orbit.period) / period - 1)
     found = np.asarray(orbit.multipliers)
@@ -373,14 +376,9 @@ def test_a_slipping_whirl_is_a_saddle_of_orbits(record_property):
     record_property("measured", f"radius {off:.0e}, period {turned:.0e}, multipliers {apart:.0e}")
     assert off < 1e-8 and turned < 1e-8 and apart < 1e-6
     assert (abs(found) > 1 + 1e-6).sum() == 1 and not orbit.stable
-    # In a ring a part of it is an orbit, too: after any angle the motion is the same, turned.
-    part = jr.periodic(scene, beside, period=0.3 / rate, turn=-0.3, steps_per_revolution=1024)
-    assert float(part.period) * rate / 0.3 == pytest.approx(1.0, abs=1e-8)
-    want = np.exp(np.array([growth, pair, pair.conjugate()]) * 0.3 / rate)
-    assert max(np.min(abs(np.asarray(part.multipliers) - one)) for one in want) < 1e-6
     with pytest.raises(ValueError, match="`turn` must leave the scene as it is"):
         aside = scene.replace({"annular_stator.offset": 0.01})
-        jr.periodic(aside, beside, period=0.3 / rate, turn=-0.3, steps_per_revolution=1024)
+        jr.periodic(aside, beside, period=period, turn=-0.3, steps_per_revolution=1024)
 
 
 # === the limiter rotor in a ring, section 4

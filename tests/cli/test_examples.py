@@ -36,7 +36,9 @@ FEWER = (  # of an example
     (r"(--over \S+:)\d\d+\b", r"\g<1>3"),
     (r'(--over "[^"]+:)\d\d+"', r'\g<1>3"'),
     (r"--settle \d+", "--settle 4"),
-    (r"--revolutions 500 --keep 50", "--revolutions 8 --keep 4"),
+    (r"--revolutions 500", "--revolutions 8"),
+    (r"--keep 50", "--keep 4"),
+    (r"^jaxrotor simulate limiter-rotor(?!.*--revolutions)", r"\g<0> --revolutions 8"),
 )
 ELSEWHERE = {  # examples that need more than this machine
     "jaxrotor sweep limiter-rotor --cluster tcp://10.0.0.1:8786 --out /shared/run": "test_cluster.py",

@@ -339,7 +339,7 @@ def test_killed_at_random_moments(tmp_path):
 # === a disk that is full, or may not be written
 
 
-NAMES = ["index", "section", "status"]
+NAMES = ["index", "status"]
 
 
 def files_of(folder):
