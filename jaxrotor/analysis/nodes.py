@@ -1,9 +1,13 @@
 """Number of nodes that a flexible shaft needs."""
 
+import math
+
 import numpy as np
 
 from ..core.pilot import Pilot, refined
+from ..core.quantities import with_values
 from ..scene import Scene
+from ..shafts import FlexibleShaft
 from .modal import roots
 
 
@@ -37,3 +41,19 @@ def chosen_nodes(scene: Scene, tolerance: float | int = 1e-6, count: int = 6) ->
         return found if found.size == count else None
 
     return refined("nodes", answer, SPECTRAL if rule == "spectral" else CELLS, tolerance)
+
+
+def resolved(scene: Scene, count: int) -> Scene:
+    """Scene whose automatic nodes are as many as its slowest `count` roots need, see `nodes_needed`.
+
+    It is the same where the shaft has a number of nodes or is condensed, and for four roots.
+    """
+    shaft = scene.shaft
+    if not isinstance(shaft, FlexibleShaft) or shaft.nodes != "auto" or scene.attached:
+        return scene
+    placed = [effect for effect in scene.effects if getattr(effect, "at", None) is not None]
+    stations = tuple(map(float, (*shaft.stations, *(effect.at for effect in placed))))
+    held = len({float(effect.at) for effect in placed if effect.holds_shaft})
+    modes = max(2, math.ceil(count / 2))
+    needed = shaft.resolution(stations, scene.spans, held, modes)
+    return with_values(scene, resolution=needed)

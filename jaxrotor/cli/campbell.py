@@ -11,6 +11,7 @@ import typer
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
 from ..analysis.critical import critical_between
 from ..analysis.modal import KINDS, kind_of_whirl
+from ..analysis.nodes import resolved
 from ..analysis.static_instability import static_instability
 from ..core.attributes import about
 from ..equations.pencil import is_rounding
@@ -68,7 +69,7 @@ def campbell(
 
     jaxrotor campbell limiter-rotor --to 9000rpm --out run
     """
-    rotor = scene_with(scene, settings)
+    rotor = resolved(scene_with(scene, settings), count)
     speeds = speeds_between(rotor, low, high, points)
     units = axis_units(scene, rotor, high, low, *settings or ())
     with draft_or_none(out, _FILES, overwrite) as folder:
@@ -146,7 +147,7 @@ def critical(
 
     jaxrotor critical limiter-rotor --count 3
     """
-    rotor = scene_with(scene, settings)
+    rotor = resolved(scene_with(scene, settings), 2 * count)
     found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
     senses, stations = np.asarray(found.senses), np.asarray(found.stations)
     speeds, shares = np.asarray(found.speeds).tolist(), np.asarray(found.forward_share).tolist()

@@ -11,6 +11,7 @@ from jaxtyping import Array
 from ..analysis import Modes, Onset, modes, onset_speed
 from ..analysis.growth import growth_rates
 from ..analysis.modal import kind_of_whirl
+from ..analysis.nodes import resolved
 from ..analysis.whirl_tables import OverWhirl
 from ..core.compiled import compiled_quickly
 from ..equations.pencil import frame, is_rounding
@@ -42,7 +43,7 @@ def roots(
     rotor = scene_with(scene, settings)
     if speed is not None:
         rotor = rotor.at_speed(quantity(speed, "rad/s", "--speed"))
-    axes, found = described_roots(rotor, count)
+    axes, found = described_roots(resolved(rotor, count), count)
     if as_json:
         now = rotor.spin.speed
         answer.print_json({"scene": scene, "speed": now, "axes": axes, "roots": found})

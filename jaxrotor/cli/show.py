@@ -12,6 +12,7 @@ import typer
 
 from ..analysis import onset_speed
 from ..analysis.modal import KINDS
+from ..analysis.nodes import resolved
 from ..analysis.static_instability import static_instability
 from ..equations.rigid_motions import CURE, unheld
 from ..equations.system import assemble
@@ -74,11 +75,12 @@ def show(
     written = written_to(out, _FILES)
     parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
-    axes, found = described_roots(rotor)
-    still = _or_why(lambda: _still(described_roots(rotor.at_speed(0.0))[1]))[0]
+    finer = resolved(rotor, 2 * _SHOWN)
+    axes, found = described_roots(finer)
+    still = _or_why(lambda: _still(described_roots(finer.at_speed(0.0))[1]))[0]
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
     coordinates = assemble(rotor).n
-    critical, no_critical = _or_why(lambda: described_critical(rotor, _SHOWN))
+    critical, no_critical = _or_why(lambda: described_critical(finer, _SHOWN))
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
     notes = _notes(scene, rotor)
     onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))

@@ -187,7 +187,7 @@ class FlexibleShaft(AbstractShaft):
         return (first, *sorted(inner, key=stations.__getitem__), last)
 
     def resolution(
-        self, stations: tuple[float, ...], spans: tuple[int, ...], held: int
+        self, stations: tuple[float, ...], spans: tuple[int, ...], held: int, modes: int = 2
     ) -> tuple[int, ...]:
         if self.nodes != "auto":
             bending = self.rule == "spectral" and not self.shear
@@ -204,7 +204,7 @@ class FlexibleShaft(AbstractShaft):
         starts = np.array([float(step.at) for step in self.steps])
         ends = np.array([0.0, *(stations[k] for k in spans[1:-1]), float(self.length)])
         waves = slowness[_section_of_span(ends, starts)] * np.diff(ends)
-        return nodes_needed(waves, held, self.shear)
+        return nodes_needed(waves, held, self.shear, modes)
 
     def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
         own, length, found = len(self.stations), float(self.length), dict[float, int]()

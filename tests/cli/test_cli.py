@@ -1396,3 +1396,16 @@ def test_sweep_prints_its_errors_and_what_was_chosen(place):
     shown = call(*args, "--overwrite").stdout
     assert "error of radius_max" in shown and "2 lanes, with twice the steps" in shown
     assert 'or "auto"' in refused("sweep", "limiter-rotor", "--steps", "many")
+
+
+@pytest.mark.slow
+def test_every_root_that_is_printed_has_its_digits(place):
+    """Eight roots of a disc near an end, against those of 16 nodes a span."""
+    (place / "own.toml").write_text(
+        '[shaft]\nlength = "1 m"\ndiameter = "40 mm"\n[disc]\nat = "0.1 m"\nmass = "2 kg"\n'
+        'polar = "0.01 kg m^2"\n[[support]]\nat = "0 m"\nkxx = "1e8 N/m"\n[[support]]\nat = "1 m"\n'
+        'kxx = "1e8 N/m"\n[spin]\nspeed = "300 rad/s"\n'
+    )
+    shown = [root["root"]["im"] for root in answered("roots", "own.toml")["roots"]]
+    exact = np.abs(np.asarray(jr.roots(jr.load("own.toml").with_nodes(16))).imag)
+    np.testing.assert_allclose(np.sort(np.abs(shown)), np.unique(exact.round(7))[:8], rtol=1e-8)

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 import jaxrotor as jr
 from jaxrotor.analysis.forced import ending_span
+from jaxrotor.analysis.nodes import resolved
 from jaxrotor.shafts.cased import same_shape
 from jaxrotor.shafts.resolution import nodes_needed
 
@@ -247,3 +248,20 @@ def test_a_span_that_ends_where_sections_are_traced():
         ).shaft.diameter
 
     assert float(jax.grad(diameter)(FAN.shaft.diameter)) == 1.0
+
+
+@pytest.mark.slow
+def test_nodes_for_more_roots():
+    """`w_k = (k pi / l)^2 sqrt(EI / rho A)` of a pinned beam: eight modes, of which "auto" has few."""
+    pins = [jr.Constraint(0.0, "pin"), jr.Constraint(1.0, "pin")]
+    shaft = jr.FlexibleShaft(1.0, 0.02, rotary_inertia=False, constraints=pins)
+    scene = jr.Scene(shaft, jr.Unbalance(0.37, moment=0.0), spin=jr.ConstantSpeed(0.0))
+    material = shaft.material
+    ratio = float(material.youngs_modulus / material.density) * 0.02**2 / 16
+    expected = (np.arange(1, 9) * np.pi) ** 2 * np.sqrt(ratio)
+    speeds = lambda scene: np.unique(np.abs(jr.roots(scene).imag).round(6))[:8]
+    np.testing.assert_allclose(speeds(resolved(scene, 16)), expected, rtol=1e-7)
+    assert abs(speeds(scene)[5] / expected[5] - 1) > 1e-4
+    assert resolved(scene, 4).resolution == scene.resolution
+    fixed = scene.with_nodes(5)
+    assert resolved(fixed, 16) is fixed
