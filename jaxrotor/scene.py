@@ -33,7 +33,7 @@ from .effects.base import (
     check_casings,
 )
 from .shafts.cased import CasedLine
-from .shafts.line import NODES, AbstractLine, AbstractShaft
+from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
 from .spins.base import AbstractSpin
 from .spins.constant import constant
 
@@ -64,7 +64,7 @@ class Scene(eqx.Module):
     spans: tuple[int, ...] = eqx.field(static=True)
     resolution: tuple[int, ...] = eqx.field(static=True)  # nodes of every span
     assumption: str = eqx.field(static=True)
-    attached: tuple[int, ...] = eqx.field(static=True, default=())  # see `AbstractShaft.attached`
+    attached: Attached = eqx.field(static=True, default=())  # see `AbstractShaft.attached`
 
     def __init__(
         self,
@@ -89,7 +89,8 @@ class Scene(eqx.Module):
             )
         self.spans = _spans(shaft, members, stations)
         self.resolution = shaft.resolution(stations, self.spans, _count_held(members))
-        self.attached = shaft.attached(stations, self.resolution)
+        turned = (effect.turns_section for effect in members if _station(effect) is not None)
+        self.attached = shaft.attached(stations, tuple(turned), self.resolution)
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
@@ -210,15 +211,15 @@ class Scene(eqx.Module):
         return name
 
     def __repr__(self) -> str:
-        parts = [repr(part) for part in (self.shaft, *self.effects)] + [f"spin={self.spin!r}"]
+        parts = [*map(repr, (self.shaft, *self.effects)), f"spin={self.spin!r}"]
         parts += [f"assumption={self.assumption!r}"] * bool(self.assumption)
         return "\n".join(["Scene(", *(f"    {part}," for part in parts), ")"])
 
     def __str__(self) -> str:
         """Text with every parameter, its value and unit; of several effects their values in a row."""
         unit_of = lambda unit: "" if unit == "1" else f" {unit}"
-        rows = (f"  {path} = {text}{unit_of(unit)}" for path, text, unit in self._rows())
-        return "\n".join([self._head(), *rows])
+        lines = (f"  {path} = {text}{unit_of(unit)}" for path, text, unit in self._rows())
+        return "\n".join([self._head(), *lines])
 
     def _repr_html_(self) -> str:
         rows = self._rows()
@@ -359,8 +360,7 @@ def _stations(shaft, effects) -> tuple[Any, ...]:
 def _known_stations(shaft, effects) -> tuple[float, ...] | None:
     """All stations, or None while any of them or the length is traced."""
     stations = _stations(shaft, effects)
-    whole = all(map(known, (shaft.length, *stations)))
-    return tuple(map(float, stations)) if whole else None
+    return tuple(map(float, stations)) if all(map(known, (shaft.length, *stations))) else None
 
 
 def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:

@@ -11,6 +11,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.checks import in_order
 from ..core.compiled import compiled_quickly
+from ..core.parallel import in_threads
 from ..core.quantities import Scalar, known
 from ..equations.pencil import Frame, frame, is_rounding, isotropic
 from ..equations.system import System
@@ -155,9 +156,10 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
         return _Sample(speed, *map(np.asarray, found))
 
     wanted = slice(count if isotropic(blocks) else 2 * count)
-    followed = [sample(speeds[0])]
-    for speed in speeds[1:]:
-        followed.append(_follow(followed[-1], sample(speed), wanted, sample))
+    first, *others = (sample(speeds[0]), *in_threads(sample, speeds[1:]))  # one compiles
+    followed = [first]
+    for one in others:
+        followed.append(_follow(followed[-1], one, wanted, sample))
     branches = np.stack([one.values for one in followed])
     every = np.arange(branches.shape[1])
     kept = (every if isotropic(blocks) else _less_conjugates(branches))[:count]
@@ -240,7 +242,7 @@ def _values_and_slopes(system: System | OverWhirl, energy: Array | None, speed: 
 
     The senses are zero unless the matrix of the kinetic energy is given.
     """
-    number = 4 * count + 8
+    number = 2 * (count if isotropic(system.blocks) else 2 * count) + 8
     if isinstance(system, OverWhirl):
         own = lambda speed: whirl_roots(system.scene.at_speed(speed))
         values, slopes = jax.jvp(own, (speed,), (jnp.ones_like(speed),))

@@ -72,6 +72,11 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
             raise
 
 
+def in_threads(call: Callable, values: Any) -> list:
+    """`call(value)` for each of many values, on all cores."""
+    return spread(lambda value, _: call(value), list(values), cores(None), lambda _: None)
+
+
 @dataclasses.dataclass(frozen=True)
 class Threads:
     """Executor that runs chunks in threads of this process, `count` at once."""

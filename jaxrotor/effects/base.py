@@ -32,6 +32,11 @@ class AbstractEffect(AbstractPart):
         False  # whether it holds the shaft at its station, always or in contact
     )
 
+    @property
+    def turns_section(self) -> bool:
+        """Whether it may act on the slope at its station."""
+        return True
+
 
 class AbstractLinear(AbstractEffect):
     """Effect that adds linear blocks to the equations of motion."""
@@ -227,6 +232,10 @@ class AbstractContact(AbstractEffect):
     on: eqx.AbstractVar[str | None]  # name of a casing; None: the ground
 
     @property
+    def turns_section(self) -> bool:
+        return False
+
+    @property
     def eccentric(self) -> Scalar | None:
         """Distance of its centre from the axis [m], of a law that is the same all round it; else None."""
         return None
@@ -250,6 +259,10 @@ class AbstractBodies(AbstractEffect):
     rolling: eqx.AbstractVar[Scalar]  # k = 1 + J / (m r^2) of a body of radius r [1]
     places: eqx.AbstractVar[int]  # number b of places for bodies
     ball_radius: eqx.AbstractVar[Scalar | None]  # r [m], if bodies touch
+
+    @property
+    def turns_section(self) -> bool:
+        return False
 
     @property
     @abc.abstractmethod

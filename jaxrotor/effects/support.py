@@ -228,9 +228,13 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         """Mean stiffness `(kxx + kyy) / 2` [N/m], of a table at its nodes."""
         return self._parts("stiffness").mean
 
+    @property
+    def turns_section(self) -> bool:
+        return self.angular_stiffness is not None or self.angular_damping is not None
+
     def ends_on(self, line: AbstractLine) -> Ends:
         displaced = ends(line, self.at if self.of is None else self.of, self.on)
-        if self.angular_stiffness is None and self.angular_damping is None:
+        if not self.turns_section:
             return Ends(*displaced)
         return Ends(*displaced, line.slope_row(self.at), line.couple_column(self.at))
 

@@ -39,6 +39,10 @@ class Unbalance(AbstractLoad):
                 "`moment [kg m]`; give one of the two."
             )
 
+    @property
+    def turns_section(self) -> bool:
+        return False
+
     @classmethod
     def from_grade(cls, grade: Any, mass, speed, at, phase=0.0) -> "Unbalance":
         """Unbalance that a balance quality grade permits, `e = G / Omega`, so `U = m G / Omega`.

@@ -17,7 +17,7 @@ ROUGHLY = 1e-9  # residual of these, relative to the matrix
 SWEEPS = 4  # steps for left vectors, each of which gains about a digit for the slowest roots
 DOUBLINGS = 6  # of the power of the rest at most
 # Largest dimension of the space, relative to the matrix, that saves time, without and with vectors:
-WORTH = (0.5, 0.6)
+WORTH = {"real": (0.5, 0.6), "complex": (0.4, 0.45)}
 UNIT = (
     30.0  # of velocities: they are as large as displacements in the fastest motions that are wanted
 )
@@ -51,7 +51,8 @@ def slowest(
     Returns:
         `Found`, not differentiable.
     """
-    if _dimension(count) > WORTH[right] * upper.shape[1]:
+    kind = "complex" if jnp.iscomplexobj(upper) else "real"
+    if _dimension(count) > WORTH[kind][right] * upper.shape[1]:
         return _whole(upper, count, left, right)
 
     # Under jax.vmap a `cond` of the whole batch would compute all eigenvalues of every matrix, too.
@@ -85,7 +86,7 @@ def _magnitude(values: Complex[Array, " k"]) -> Array:
 
 def _dimension(count: int) -> int:
     """Dimension of a Krylov space in which `count` eigenvalues converge, as they decay in rotors."""
-    return 2 * (4 * (count + SPARE) // 5) + 32
+    return 2 * (count + SPARE) + 28
 
 
 def _checked(upper: Inexact[Array, "m N"], count: int, left: bool) -> tuple[Found, Bool[Array, ""]]:

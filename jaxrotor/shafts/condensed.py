@@ -2,11 +2,11 @@
 
     q = W a,   W = (rigid motions, modes of the shaft alone, residual deflections by forces and couples)
 
-The deflections are those by a unit force and a unit couple at each station where effects act, less their
-part in the modes. So what effects do at rest is exact, and what they do at a frequency w of whirl is
-exact but for the inertia of the modes left out. The coordinates are orthogonal in the strain energy:
-`W' E W = 1` but for rigid motions. Source: Rubin (1975), residual attachment modes; Craig, Kurdila,
-Fundamentals of Structural Dynamics (2006), section 17.
+The deflections are those by a unit force at each station where effects act, and by a unit couple where
+these act on the slope, less their part in the modes. So what effects do at rest is exact, and what they
+do at a frequency w of whirl is exact but for the inertia of the modes left out. The coordinates are
+orthogonal in the strain energy: `W' E W = 1` but for rigid motions. Source: Rubin (1975), residual
+attachment modes; Craig, Kurdila, Fundamentals of Structural Dynamics (2006), section 17.
 """
 
 import equinox as eqx
@@ -46,11 +46,15 @@ class CondensedLine(AbstractWorkLine):
         cls,
         line: AbstractSpectralLine,
         inertia: Float[Array, "n n"],
-        stations: Float[Array, " s"],
+        forces: list[Scalar],
+        couples: list[Scalar],
     ) -> "CondensedLine":
         """The line with loads at some stations, whose shaft alone has a quadratic form of inertia."""
-        rows = [jax.vmap(line.row)(stations), jax.vmap(line.slope_row)(stations)]
-        loads = jnp.concatenate([rows[0], COUPLE_ARM * line.breaks[-1] * rows[1]]).T
+        rows = [jax.vmap(line.row)(jnp.stack(forces))] if forces else []
+        if couples:
+            slopes = jax.vmap(line.slope_row)(jnp.stack(couples))
+            rows.append(COUPLE_ARM * line.breaks[-1] * slopes)
+        loads = jnp.concatenate(rows).T
         flexibility, motions = line.flexibility, line.rigid_motions
         if motions is not None:
             # Forces less those of rigid acceleration deflect a free shaft, whatever supports it.
@@ -98,8 +102,8 @@ class CondensedLine(AbstractWorkLine):
 
 
 def _bending(
-    flexibility: Float[Array, "n n"], inertia: Float[Array, "n n"], loads: Float[Array, "n s2"]
-) -> tuple[Float[Array, "n r"], Float[Array, "s2 r"]]:
+    flexibility: Float[Array, "n n"], inertia: Float[Array, "n n"], loads: Float[Array, "n s"]
+) -> tuple[Float[Array, "n r"], Float[Array, "s r"]]:
     """`a` and `b` of the generalized forces `M a + loads b` that bend the shaft into columns of `W`."""
     count = loads.shape[1]
     root = linalg.cholesky(inertia)

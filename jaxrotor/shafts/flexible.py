@@ -19,6 +19,7 @@ from .line import (
     AbstractLine,
     AbstractShaft,
     AbstractSpectralLine,
+    Attached,
     Held,
     check_ratio,
     off_shaft,
@@ -29,9 +30,6 @@ from .section import Section, Step, column, stacked
 from .shear import ShearLine
 from .spectral import SpectralLine
 from .trapezoid import TrapezoidLine
-
-
-LARGE = 160  # coordinates beyond which a line is condensed
 
 
 class FlexibleShaft(AbstractShaft):
@@ -206,23 +204,30 @@ class FlexibleShaft(AbstractShaft):
         waves = slowness[_section_of_span(ends, starts)] * np.diff(ends)
         return nodes_needed(waves, held, self.shear, modes)
 
-    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
-        own, length, found = len(self.stations), float(self.length), dict[float, int]()
-        for number, at in enumerate(stations[own:], own):
-            if all(abs(at - other) > 1e-9 * length for other in found):
-                found[at] = number
+    def attached(
+        self, stations: tuple[float, ...], turned: tuple[bool, ...], resolution: tuple[int, ...]
+    ) -> Attached:
+        loads: list[tuple[int, bool]] = []
+        for couple in (False, True):
+            apart: list[float] = []
+            for number, turns in enumerate(turned, len(self.stations)):
+                at = stations[number]
+                near = any(abs(at - one) <= 1e-9 * float(self.length) for one in apart)
+                if not near and (turns or not couple):
+                    apart.append(at)
+                    loads.append((number, couple))
         coordinates = sum(resolution) * (2 if self.shear else 1) + (not self.shear) * len(
             resolution
         )
-        worth = coordinates > LARGE and coordinates > 2 * (MODES + 2 * len(found))
-        return tuple(found.values()) if worth and self.nodes == "auto" else ()
+        worth = coordinates > 2 * (MODES + len(loads))
+        return tuple(loads) if worth and self.nodes == "auto" else ()
 
     def line(
         self,
         stations: tuple[Scalar, ...],
         spans: tuple[int, ...],
         resolution: tuple[int, ...],
-        attached: tuple[int, ...],
+        attached: Attached,
     ) -> AbstractLine:
         ends = self._ends(stations, spans)
         held, free = self._held(spans)
@@ -255,7 +260,7 @@ class FlexibleShaft(AbstractShaft):
         self,
         line: AbstractSpectralLine,
         stations: tuple[Scalar, ...],
-        attached: tuple[int, ...],
+        attached: Attached,
     ) -> AbstractLine:
         if not attached:
             return line
@@ -263,8 +268,11 @@ class FlexibleShaft(AbstractShaft):
         inertia = line.work_along(sections.mass_per_length[own], 0)
         if self.rotary_inertia:
             inertia = inertia + line.work_along(sections.rotary_inertia[own], 1)
-        at = jnp.stack([jnp.asarray(stations[k], float) for k in attached])
-        return CondensedLine.of(line, inertia, at)
+        forces, couples = (
+            [jnp.asarray(stations[k], float) for k, couple in attached if couple == turns]
+            for turns in (False, True)
+        )
+        return CondensedLine.of(line, inertia, forces, couples)
 
     def _ends(
         self, stations: tuple[Scalar, ...] | tuple[float, ...], spans: tuple[int, ...]

@@ -22,6 +22,7 @@ POINTS = 27  # Gauss points per span: exact for two polynomials of 24 nodes and 
 NODES = 8  # per span of a shaft, where they cannot be decided by need
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or one value per span
+Attached = tuple[tuple[int, bool], ...]  # number of a station, and whether a couple acts there
 Held = tuple[
     tuple[bool, bool], ...
 ]  # whether displacement and slope are, for every end of the spans
@@ -295,8 +296,10 @@ class AbstractShaft(AbstractPart):
         """
 
     @abc.abstractmethod
-    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
-        """Numbers of the `stations` whose static deflections a condensed line has; none if it is not."""
+    def attached(
+        self, stations: tuple[float, ...], turned: tuple[bool, ...], resolution: tuple[int, ...]
+    ) -> Attached:
+        """Loads whose static deflections a condensed line has; `turned`: whether an effect may turn it."""
 
     @abc.abstractmethod
     def line(
@@ -304,7 +307,7 @@ class AbstractShaft(AbstractPart):
         stations: tuple[Scalar, ...],
         spans: tuple[int, ...],
         resolution: tuple[int, ...],
-        attached: tuple[int, ...],
+        attached: Attached,
     ) -> AbstractLine:
         """Elastic line, smooth on the spans between the listed stations, of `resolution` nodes each."""
 

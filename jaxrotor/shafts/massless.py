@@ -10,7 +10,7 @@ from ..core.blocks import Blocks
 from ..core.quantities import Scalar, check, known, nonnegative, positive, real
 from .constraint import Motion
 from .influence import Influence
-from .line import AbstractLine, AbstractShaft, AbstractWorkLine, check_ratio
+from .line import AbstractLine, AbstractShaft, AbstractWorkLine, Attached, check_ratio
 
 
 class MasslessLine(AbstractWorkLine):
@@ -202,7 +202,9 @@ class MasslessShaft(AbstractShaft):
         del stations, spans, held
         return ()
 
-    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
+    def attached(
+        self, stations: tuple[float, ...], turned: tuple[bool, ...], resolution: tuple[int, ...]
+    ) -> Attached:
         return ()
 
     def line(
@@ -210,7 +212,7 @@ class MasslessShaft(AbstractShaft):
         stations: tuple[Scalar, ...],
         spans: tuple[int, ...],
         resolution: tuple[int, ...],
-        attached: tuple[int, ...],
+        attached: Attached,
     ) -> MasslessLine:
         del spans, resolution
         elasticity = jnp.reshape(self.k11, (1, 1))

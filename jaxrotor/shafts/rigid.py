@@ -10,7 +10,7 @@ from ..core.blocks import Blocks
 from ..core.quantities import Scalar, as_tuple, positive
 from .constraint import Constraint, Motion, motions_left
 from .influence import Influence
-from .line import AbstractLine, AbstractShaft, RigidLine as RigidLine, off_shaft
+from .line import AbstractLine, AbstractShaft, Attached, RigidLine as RigidLine, off_shaft
 
 
 class RigidShaft(AbstractShaft):
@@ -65,7 +65,9 @@ class RigidShaft(AbstractShaft):
         del stations, spans, held
         return ()
 
-    def attached(self, stations: tuple[float, ...], resolution: tuple[int, ...]) -> tuple[int, ...]:
+    def attached(
+        self, stations: tuple[float, ...], turned: tuple[bool, ...], resolution: tuple[int, ...]
+    ) -> Attached:
         return ()
 
     def line(
@@ -73,7 +75,7 @@ class RigidShaft(AbstractShaft):
         stations: tuple[Scalar, ...],
         spans: tuple[int, ...],
         resolution: tuple[int, ...],
-        attached: tuple[int, ...],
+        attached: Attached,
     ) -> RigidLine:
         del stations, spans, resolution
         motions = jnp.array(self.rigid_motions, float).reshape(-1, 2)
