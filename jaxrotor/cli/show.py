@@ -14,8 +14,9 @@ from ..analysis import onset_speed
 from ..analysis.modal import KINDS
 from ..analysis.nodes import resolved
 from ..analysis.static_instability import static_instability
+from ..core.parallel import in_threads
 from ..equations.rigid_motions import CURE, unheld
-from ..equations.system import assemble
+from ..equations.system import assemble, structure
 from ..files.shipped import source
 from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
@@ -76,14 +77,21 @@ def show(
     parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
     finer = resolved(rotor, 2 * _SHOWN)
-    axes, found = described_roots(finer)
-    still = _or_why(lambda: _still(described_roots(finer.at_speed(0.0))[1]))[0]
+    coordinates = assemble(finer).n  # compiled before the threads, which all need it
+    if finer.resolution != rotor.resolution:
+        coordinates = structure(rotor).n
+    (axes, found, still), (critical, no_critical), (onset, why) = in_threads(
+        lambda answer: answer(),
+        (
+            lambda: _whirling(finer),
+            lambda: _or_why(lambda: described_critical(finer, _SHOWN)),
+            lambda: _or_why(lambda: jax.block_until_ready(onset_speed(finer))),
+        ),
+    )
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
-    coordinates = assemble(rotor).n
-    critical, no_critical = _or_why(lambda: described_critical(finer, _SHOWN))
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
     notes = _notes(scene, rotor)
-    onset, why = _or_why(lambda: described_onset(onset_speed(rotor), axes))
+    onset = onset if onset is None else described_onset(onset, axes)
     why = why.partition(";")[0]  # its advice is for Python
     if as_json:
         answer.print_json(
@@ -207,6 +215,12 @@ def _still(found: list[dict[str, Any]]) -> list[float]:
     values = sorted(root["frequency"] for root in found if root["frequency"])
     ends = zip([0.0, *values], values, strict=False)
     return [value for last, value in ends if value > last * (1 + SAME)][:_SHOWN]
+
+
+def _whirling(rotor: Scene) -> tuple[str, list[dict[str, Any]], list[float] | None]:
+    """Axes, roots at the speed, and whirl frequencies at standstill where the rotor has any."""
+    axes, found = described_roots(rotor)
+    return axes, found, _or_why(lambda: _still(described_roots(rotor.at_speed(0.0))[1]))[0]
 
 
 def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
