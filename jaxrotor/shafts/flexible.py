@@ -32,6 +32,9 @@ from .spectral import SpectralLine
 from .trapezoid import TrapezoidLine
 
 
+WORTH = 0.4  # share of the coordinates below which a line is condensed
+
+
 class FlexibleShaft(AbstractShaft):
     """Euler-Bernoulli or Timoshenko shaft with rotary inertia, of one or many round sections.
 
@@ -219,7 +222,7 @@ class FlexibleShaft(AbstractShaft):
         coordinates = sum(resolution) * (2 if self.shear else 1) + (not self.shear) * len(
             resolution
         )
-        worth = coordinates > 2 * (MODES + len(loads))
+        worth = MODES + len(loads) < WORTH * coordinates
         return tuple(loads) if worth and self.nodes == "auto" else ()
 
     def line(
