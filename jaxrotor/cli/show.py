@@ -10,7 +10,7 @@ import jax
 import numpy as np
 import typer
 
-from ..analysis import onset_speed
+from ..analysis import Onset, onset_speed
 from ..analysis.modal import KINDS
 from ..analysis.nodes import resolved
 from ..analysis.static_instability import static_instability
@@ -81,12 +81,7 @@ def show(
     if finer.resolution != rotor.resolution:
         coordinates = structure(rotor).n
     (axes, found, still), (critical, no_critical), (onset, why) = in_threads(
-        lambda answer: answer(),
-        (
-            lambda: _whirling(finer),
-            lambda: _or_why(lambda: described_critical(finer, _SHOWN)),
-            lambda: _or_why(lambda: jax.block_until_ready(onset_speed(finer))),
-        ),
+        lambda question: question(finer), (_whirling, _critical, _onset)
     )
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
@@ -215,6 +210,16 @@ def _still(found: list[dict[str, Any]]) -> list[float]:
     values = sorted(root["frequency"] for root in found if root["frequency"])
     ends = zip([0.0, *values], values, strict=False)
     return [value for last, value in ends if value > last * (1 + SAME)][:_SHOWN]
+
+
+def _critical(rotor: Scene) -> tuple[dict[str, list[float]] | None, str]:
+    """Critical speeds, or why there are none."""
+    return _or_why(lambda: described_critical(rotor, _SHOWN))
+
+
+def _onset(rotor: Scene) -> tuple[Onset | None, str]:
+    """Onset of instability, or why there is none."""
+    return _or_why(lambda: jax.block_until_ready(onset_speed(rotor)))
 
 
 def _whirling(rotor: Scene) -> tuple[str, list[dict[str, Any]], list[float] | None]:

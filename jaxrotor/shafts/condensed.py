@@ -46,8 +46,8 @@ class CondensedLine(AbstractWorkLine):
         cls,
         line: AbstractSpectralLine,
         inertia: Float[Array, "n n"],
-        forces: list[Scalar],
-        couples: list[Scalar],
+        forces: list[Array],
+        couples: list[Array],
     ) -> "CondensedLine":
         """The line with loads at some stations, whose shaft alone has a quadratic form of inertia."""
         rows = [jax.vmap(line.row)(jnp.stack(forces))] if forces else []

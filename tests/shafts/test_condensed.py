@@ -51,7 +51,8 @@ def whirls_of_elements(shear, longest, discs):
 @pytest.mark.parametrize("shear", [True, False])
 def test_whirls_are_those_of_finite_elements(shear):
     rotor = scene(shear)
-    assert sum(couple for _, couple in rotor.attached) == len(DISCS)  # bearings do not hold the slope
+    # Bearings do not hold the slope.
+    assert sum(couple for _, couple in rotor.attached) == len(DISCS)
     assert rotor.line().stiffness.shape[0] == 2 + 40 + 2 * len(DISCS) + len(BEARINGS)
     found = np.sort(np.abs(np.asarray(jr.roots(rotor, 8)).imag))
     assert found == pytest.approx(whirls(shear), rel=1e-6)
