@@ -660,8 +660,8 @@ def test_a_short_record_has_the_degrees_of_freedom_of_its_own():
     np.testing.assert_allclose(found.degrees_of_freedom, [199.0, 5.0], rtol=0.02)
     assert found.cautions[0].startswith("Record 1 has 5.0 degrees of freedom for its noise")
     many = [
-        ("amplitude", noisy(whirl(far), 2000, 2e-6, seed=11)),
-        ("amplitude", noisy(pushed, 2000, 5e-5, seed=12)),
+        ("amplitude", noisy(whirl(far), 1000, 2e-6, seed=11)),
+        ("amplitude", noisy(pushed, 1000, 5e-5, seed=12)),
     ]
     results = fitted_to_all(found, ROTOR, many, list(true.values()))
     for path, share in shares_covered(results, true).items():

@@ -140,6 +140,7 @@ def test_a_casing_needs_more_than_a_stop():
         jr.Scene(shaft, disc, stop, spin=spin)
 
 
+@pytest.mark.slow
 def test_films_on_a_casing_are_supports_there():
     """At rest under its weight the journal sinks in a bush that sinks with its casing."""
     film = jr.JournalBearing(0.5, 1.2, 1.0, 1.0, 1.0, on="housing")

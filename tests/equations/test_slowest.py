@@ -135,6 +135,7 @@ def few_of(scene):
     return own, eigenvalues(own, COUNT)
 
 
+@pytest.mark.slow
 def test_few_roots_of_a_scene_are_the_first_of_all():
     """Unequal bearings, and a free shaft, whose zero roots are two pairs without own vectors."""
     held = [jr.Support(at, kxx=2e7, kyy=5e7, cxx=3e3, cyy=3e3) for at in (0.1, 0.9)]

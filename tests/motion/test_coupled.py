@@ -63,6 +63,7 @@ def balls_and_drive():
     return lambda t, y: np.concatenate([y[5:], acceleration(y[:5], y[5:])])
 
 
+@pytest.mark.slow
 def test_balls_under_a_drive_against_their_lagrangian():
     """24 revolutions through the critical speed, with weight: errors fall by order 2 and 4."""
     angles, time = np.array([0.5, 2.0]), 0.5
@@ -103,6 +104,7 @@ def rub_under_a_drive(t, y):
     return np.array([dz.real, dz.imag, speed, acceleration.real, acceleration.imag, late])
 
 
+@pytest.mark.slow
 def test_steps_are_located_where_a_stop_brakes_the_drive():
     """Three revolutions with impacts: order 4 to 2e-9, which plain steps miss by 1e-4."""
     time = 0.1

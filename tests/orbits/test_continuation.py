@@ -361,26 +361,25 @@ def test_backward_rub_becomes_a_torus_at_higher_speed(faster):
 
 @pytest.mark.slow
 def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(slipping, faster):
-    """Both over a second parameter, against branches of the first."""
+    """Both over a second parameter, at either end, against branches of the first."""
     speed = float(faster.values[0])
-    cases = (
-        ("fold", slipping, "limiters.friction", (0.05, 0.15), 2e-3),
-        ("neimark-sacker", faster, "spin.speed", (speed, 1350.0), 4.0),
+    cases = (  # with the point of the curve that is looked at; between both is that of the branch
+        ("fold", slipping, "limiters.friction", (0.05, 0.15), 2e-3, 0),
+        ("neimark-sacker", faster, "spin.speed", (speed, 1350.0), 4.0, 2),
     )
-    for kind, branch, path, between, width in cases:
+    for kind, branch, path, between, width, number in cases:
         plane, bounds = (path, "limiters.stiffness"), (between, (3e6, 6e6))
         how = {"max_points": 1, "step": 0.05, "max_step": 0.2}
         curve = jr.continue_curve(branch, branch.of(kind)[0], plane, bounds, **how)
         assert len(curve.values) == 3 and np.ptp(curve.values[:, 1]) > 1e5
         assert curve.stable.all()
-        for number in (0, 2):  # between them is the point of the branch
-            value = curve.values[number, 0]
-            near = value - width, value + width
-            how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
-            orbit = jr.continue_(curve.orbit(number), path, near, **how).orbit(-1)
-            points = jr.continue_(orbit, path, near, step=2e-2, max_points=6).of(kind)
-            nearest = min((point.value for point in points), key=lambda one: abs(one - value))
-            assert nearest == pytest.approx(value, rel=1e-8)
+        value = curve.values[number, 0]
+        near = value - width, value + width
+        how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
+        orbit = jr.continue_(curve.orbit(number), path, near, **how).orbit(-1)
+        points = jr.continue_(orbit, path, near, step=2e-2, max_points=6).of(kind)
+        nearest = min((point.value for point in points), key=lambda one: abs(one - value))
+        assert nearest == pytest.approx(value, rel=1e-8)
 
 
 @pytest.mark.slow

@@ -103,14 +103,18 @@ def test_three_attractors_of_the_sheet(starts):
     assert found.sel({"start.radius": 1e-3, "start.rate": 75.0}) == at["forward"]
 
 
-def test_picture(starts):
-    found = jr.attractors(starts, ["whirl_rate", "radius_max"])
-    ax = jr.plot.attractors(found)
+def test_picture():
+    radii, rates = np.array([1e-3, 8.4e-3, 70e-3]), np.array([-795.0, -441.0, 75.0])
+    whirl = np.array([[-1.513, -0.568, 0.118], [-1.513, -0.568, 0.118], [-1.513, -0.568, -0.568]])
+    dataset = made({"whirl_rate": whirl}, start__radius=radii, start__rate=rates)
+    dataset["start.radius"].attrs["units"], dataset["start.rate"].attrs["units"] = "m", "rad/s"
+    ax = jr.plot.attractors(jr.attractors(dataset, ["whirl_rate"]))
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("start radius [mm]", "start rate [rad/s]")
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert len(names) == 3 and any("-0.568" in name for name in names)
 
 
+@pytest.mark.slow
 def test_diagram_is_coloured_by_attractor(starts):
     """Starts are drawn at the same value: a start is no parameter."""
     dataset = starts.rename({"start.rate": "limiters.stiffness"})

@@ -290,6 +290,15 @@ def test_the_period_is_the_least():
 # === refusals
 
 
+@pytest.fixture(scope="module")
+def rub():
+    scene = jr.load("limiter-rotor").with_nodes(2)
+    how = {"settle": 1, "keep": 1, "steps_per_revolution": 16, "observe": [jr.observe.Radius()]}
+    how |= {"start": jr.Whirl(1e-3), "error_sample": 0, "progress": False}
+    return jr.sweep(scene, {"start.radius": [1e-3]}, **how)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
@@ -306,9 +315,6 @@ def test_the_period_is_the_least():
         ({"solver": jr.Exponential(4)}, "sharp stops take located steps"),
     ],
 )
-def test_refusals(changed, words):
-    scene = jr.load("limiter-rotor").with_nodes(2)
-    how = {"settle": 1, "keep": 1, "steps_per_revolution": 16, "observe": [jr.observe.Radius()]}
-    swept = jr.sweep(scene, {"start.radius": [1e-3]}, start=jr.Whirl(1e-3), progress=False, **how)
+def test_refusals(rub, changed, words):
     with pytest.raises(ValueError, match=words):
-        jr.classify(swept, **changed)
+        jr.classify(rub, **changed)
