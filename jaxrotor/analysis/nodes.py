@@ -51,9 +51,10 @@ def resolved(scene: Scene, count: int) -> Scene:
     shaft = scene.shaft
     if not isinstance(shaft, FlexibleShaft) or shaft.nodes != "auto" or scene.attached:
         return scene
-    placed = [effect for effect in scene.effects if getattr(effect, "at", None) is not None]
-    stations = tuple(map(float, (*shaft.stations, *(effect.at for effect in placed))))
-    held = len({float(effect.at) for effect in placed if effect.holds_shaft})
+    every = [(getattr(effect, "at", None), effect.holds_shaft) for effect in scene.effects]
+    placed = [(float(at), holds) for at, holds in every if at is not None]
+    stations = (*map(float, shaft.stations), *(at for at, _ in placed))
+    held = len({at for at, holds in placed if holds})
     modes = max(2, math.ceil(count / 2))
     needed = shaft.resolution(stations, scene.spans, held, modes)
     return with_values(scene, resolution=needed)

@@ -270,7 +270,8 @@ class Run(NamedTuple):
         solver: Any = plan.solver
         if followed.loaded is not None:  # stops out of reach count for nothing
             members = structure(context.scene, plan.together).members
-            loads = (np.asarray(followed.loaded),) * 2
+            loaded = np.asarray(followed.loaded)
+            loads = loaded, loaded
             ratio = counted(context.scene, members, np.asarray(ratio), loads, bounced=False)
         overlong = np.asarray(followed.outcome.touched) & too_long(ratio, solver.order)
         overlong &= found.motion != FAILED  # steps too long for a stop may make chaos of their own

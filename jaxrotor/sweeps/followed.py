@@ -64,8 +64,10 @@ def follow(
             return (y, disturbances, good & ok), (growth[0], *kept)
 
         begin = y, first, Outcome.good()
-        (y, _, good), (*seen, loaded) = jax.lax.scan(one, begin, None, length=revolutions)
-        return Followed(y, good, *seen, None if loaded is None else loaded.any(0))
+        (y, _, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
+        growth, turned, section, loaded = seen
+        loaded = None if loaded is None else loaded.any(0)
+        return Followed(y, good, growth, turned, section, loaded)
 
     return jax.vmap(lane)(own, y)
 
