@@ -137,6 +137,7 @@ def test_finite_elements(way, speed):
 # === modal damping
 
 
+@pytest.mark.slow
 def test_modal_damping_of_a_beam():
     """The first two modes have their ratios, the third none, with one span and with a disc of no mass."""
     ratios = np.array([0.02, 0.3, 0.0])

@@ -182,6 +182,7 @@ def test_cross_coupled_damper_that_rotates_in_time():
 # === matrices
 
 
+@pytest.mark.slow
 def test_derivatives_by_every_coefficient():
     """Derivatives by traced matrices, against differences of the eigenvalues by numpy."""
     speed, h = 1.1, 1e-5

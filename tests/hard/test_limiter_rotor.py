@@ -110,6 +110,7 @@ def test_several_stops_at_once(count):
     assert stiffness * z[-1] == pytest.approx(weight + stop_force(scene)(z[-1], 0j), rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.hard("1.3 grazing")
 def test_grazing(record_property):
     """A circular orbit whose radius is the gap to within 1e-9: no more than a touch."""

@@ -146,6 +146,7 @@ def final(scene, start, revolutions, steps, **options):
     return function, values
 
 
+@pytest.mark.slow
 def test_free_trajectory_by_every_parameter():
     """Of a shaft by spectral nodes; of one by the trapezoidal rule with contact, below."""
     rule = "spectral"

@@ -93,6 +93,7 @@ def test_kernel_has_the_states_and_readings_of_ordinary_lanes(order):
     assert jnp.abs(once - jax.vmap(march.free)(begin)).max(1).min() > 0.01 * jnp.abs(once).max()
 
 
+@pytest.mark.slow
 def test_without_a_gpu_lanes_are_the_ordinary_ones():
     lanes = []
     for fused in (True, False):

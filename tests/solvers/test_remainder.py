@@ -150,6 +150,7 @@ def test_a_large_remainder_is_integrated_unless_a_solver_is_named():
         assert system_of_march(scene, system, jr.Exponential()).remainder == 1
 
 
+@pytest.mark.slow
 def test_steps_that_amplify_are_refused():
     """Undamped at 5000 rad/s, with 16 steps in 42 ms; by SciPy it does not grow."""
     scene = stiff(0.5)

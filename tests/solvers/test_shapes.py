@@ -94,6 +94,7 @@ def test_orbits_refuse_shapes(rotor):
         jr.periodic(rotor[0], jr.Whirl(1e-3), revolutions=1, solver=solver)
 
 
+@pytest.mark.slow
 def test_stops_that_no_force_moves_leave_all_coordinates(rotor):
     """At the clamped end no force moves the rotor; and a cubic spring states no stiffness."""
     bare = rotor[0].without("limiters")

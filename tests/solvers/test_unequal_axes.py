@@ -80,6 +80,7 @@ def test_without_contact_it_is_exact_at_any_step(kind, speed):
     np.testing.assert_allclose(again.coordinates[-1], end, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "speed"), [("fixed", -SPEED), ("turning", -SPEED)])
 def test_stops_of_a_rotor_that_turns_the_other_way(kind, speed):
     scene = unequal(kind, speed=speed)
