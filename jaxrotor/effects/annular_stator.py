@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, positive, real
-from .base import Hardness, Plane
+from .base import Hardness, Number, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
 
@@ -58,7 +58,7 @@ class ViscoelasticRing(AbstractRubLaw):
     y: Scalar
     contact: AnnularStator
 
-    def touch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Touch:
+    def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
         ring = self.contact
         radius, cos, sin, _ = _polar(displacement[0] - self.x, displacement[1] - self.y)
         slipping = speed * ring.rim_radius + cos * velocity[1] - sin * velocity[0]
@@ -73,12 +73,12 @@ class ViscoelasticRing(AbstractRubLaw):
         ring = self.contact
         return Hardness(ring.stiffness, ring.damping, jnp.zeros(2), ring.friction)
 
-    def clearance(self, displacement: Plane) -> Scalar:
+    def clearance(self, displacement: Plane) -> Number:
         return self.contact.gap - _polar(displacement[0] - self.x, displacement[1] - self.y)[0]
 
 
 @jax.custom_jvp
-def _polar(x: Scalar, y: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+def _polar(x: Number, y: Number) -> tuple[Number, Number, Number, Number]:
     """Length of a vector, cosine and sine of its direction, and the inverse of the length.
 
     A length below all others added in the origin makes derivatives of every order finite there, and those

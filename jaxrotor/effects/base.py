@@ -19,7 +19,8 @@ from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine
 
 
-Plane = Float[Array, " 2"]  # vector (x, y) in the plane of whirl
+Plane = Float[Array, "2 ..."]  # vector (x, y) in the plane of whirl, of one motion or of lanes
+Number = Float[Array, "..."]  # of one motion or of lanes
 Branch = Float[Array, " c"]  # for every condition of a law 1 if it holds, else 0
 
 
@@ -155,12 +156,22 @@ class AbstractLaw(eqx.Module):
 
     steep: ClassVar[bool] = False  # whether it has no bound, so that steps need an error estimate
 
+    @property
+    def elementwise(self) -> bool:
+        """Whether the force is computed element by element, for lanes along a last axis as for one motion.
+
+        Its numbers then have a last axis, too, of as many lanes or of one. Only `x, y = displacement` and
+        arithmetic of numbers are elementwise; sums over an array or products of matrices are not. Other
+        laws are mapped over the lanes, which takes about twice the time.
+        """
+        return False
+
     @abc.abstractmethod
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         """Force [N] from displacement [m], velocity [m/s] and spin speed [rad/s]."""
 
     @abc.abstractmethod
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
         """Torque on the shaft about its axis [N m], positive in the sense of positive spin.
 
         `force` is that of the law, or of one of its branches.
@@ -176,21 +187,21 @@ class AbstractLaw(eqx.Module):
         """Whether the force has jumps or kinks."""
 
     @abc.abstractmethod
-    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+    def branch(self, displacement: Plane, velocity: Plane, speed: Number) -> Branch:
         """Conditions in the current state; `zeros(0)` for a smooth law."""
 
     @abc.abstractmethod
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         """Force [N] by the formula of a branch, whether or not its conditions hold."""
 
     @abc.abstractmethod
     def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number
     ) -> Branch:
         """Smooth functions, positive while a condition keeps its value; infinite where it is inactive."""
 
     @abc.abstractmethod
-    def clearance(self, displacement: Plane) -> Scalar:
+    def clearance(self, displacement: Plane) -> Number:
         """Distance [m] to contact, negative in contact; -inf for a law that always acts."""
 
 
@@ -201,18 +212,18 @@ class AbstractSmoothLaw(AbstractLaw):
     def kinked(self) -> bool:
         return False
 
-    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+    def branch(self, displacement: Plane, velocity: Plane, speed: Number) -> Branch:
         return jnp.zeros(0)
 
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         return self(displacement, velocity, speed)
 
     def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number
     ) -> Branch:
         return jnp.zeros(0)
 
-    def clearance(self, displacement: Plane) -> Scalar:
+    def clearance(self, displacement: Plane) -> Number:
         return -jnp.inf * jnp.ones(())
 
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..core.quantities import Scalar, is_table, known, number_or_nan
-from .base import AbstractSmoothLaw, Hardness, Plane
+from ..core.quantities import is_table, known, number_or_nan
+from .base import AbstractSmoothLaw, Hardness, Number, Plane
 
 
 LETTERS = {"stiffness": "k", "damping": "c"}
@@ -41,14 +41,18 @@ class DeviatorLaw(AbstractSmoothLaw):
     stiffness: Plane | None  # [Re, Im] of k [N/m]
     damping: Plane | None  # [Re, Im] of c [N s/m]
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    @property
+    def elementwise(self) -> bool:
+        return True
+
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         force = jnp.zeros_like(displacement)
         for part, (x, y) in ((self.stiffness, displacement), (self.damping, velocity)):
             if part is not None:
                 force -= jnp.stack([part[0] * x + part[1] * y, part[1] * x - part[0] * y])
         return force
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, real
-from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
+from .base import AbstractContact, AbstractSmoothLaw, Hardness, Number, Plane
 
 
 class CubicSpring(AbstractContact):
@@ -39,11 +39,15 @@ class CubicLaw(AbstractSmoothLaw):
     sin: Scalar
     stiffness: Scalar  # [N/m^3]
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    @property
+    def elementwise(self) -> bool:
+        return True
+
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         u = self.cos * displacement[0] + self.sin * displacement[1]
         return -self.stiffness * u**3 * jnp.stack([self.cos, self.sin])
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar
-from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
+from .base import AbstractContact, AbstractSmoothLaw, Hardness, Number, Plane
 from .film_pressure import centred_share, film_integrals
 
 
@@ -54,21 +54,26 @@ class FilmLaw(AbstractSmoothLaw):
     film: AbstractFilm
 
     @property
-    def scale(self) -> Scalar:
+    def elementwise(self) -> bool:
+        return not self.film.modes  # a finite film has modes along its length
+
+    @property
+    def scale(self) -> Number:
         """`k0 = mu R L^3 / c^2` [N s]."""
         film = self.film
         return film.viscosity * film.radius * film.length**3 / film.clearance**2
 
     @property
-    def slenderness(self) -> Scalar:
+    def slenderness(self) -> Number:
         """Length over diameter."""
         return self.film.length / (2 * self.film.radius)
 
     def eccentricity(self, displacement: Plane) -> Plane:
         """`zeta`, displacement of the journal in the bush over the clearance."""
-        return (displacement - jnp.stack([self.x, self.y])) / self.film.clearance
+        centre = jnp.stack(jnp.broadcast_arrays(self.x, self.y))
+        return (displacement - centre) / self.film.clearance
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance
         if self.film.turning:
             rate = rate - speed / 2 * jnp.stack([-zeta[1], zeta[0]])
@@ -87,7 +92,7 @@ class FilmLaw(AbstractSmoothLaw):
             force = _full(zeta, w, s2)
         return jnp.where(inside, force, jnp.nan)
 
-    def _finite(self, zeta: Plane, w: Plane, s2: Scalar) -> Plane:
+    def _finite(self, zeta: Plane, w: Plane, s2: Number) -> Plane:
         """`I(w) / 2 + |w|^2 (I_half(u) - I(u) / 2) / rho`, where the half film is under pressure."""
         film = self.film
         whole, half = film_integrals(zeta, w, s2, self.slenderness, film.modes)
@@ -101,7 +106,7 @@ class FilmLaw(AbstractSmoothLaw):
         even = half - whole / speed / 2
         return whole / 2 + jnp.where(moves, square / rho, 0.0) * even
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
         """`T = -2 pi mu R^3 L Omega / (c s) - Im(z* F) / 2` with Couette shear all round.
 
         The ring of a damper does not turn, and what holds it takes the moment.
@@ -124,7 +129,7 @@ class FilmLaw(AbstractSmoothLaw):
         return Hardness(zero, damping / 2 if self.film.cavitated else damping, jnp.zeros(2), zero)
 
 
-def _half(zeta: Plane, w: Plane, s2: Scalar, blend: Scalar | None) -> Plane:
+def _half(zeta: Plane, w: Plane, s2: Number, blend: Number | None) -> Plane:
     """`3 zeta (m s + q A) / s^5 + w A / s^3 - i w b / (s^2 (1 - b^2))`, with `q = Re(zeta w*)`.
 
     `A = atan2(s, -a)`, `a = q / rho`, `b = Im(zeta w*) / rho`, `m = |w|^2 / rho`, where
@@ -149,13 +154,13 @@ def _half(zeta: Plane, w: Plane, s2: Scalar, blend: Scalar | None) -> Plane:
     return 3 * zeta * radial / (s2**2 * s) + w * angle / (s2 * s) - turned * across
 
 
-def _full(zeta: Plane, w: Plane, s2: Scalar) -> Plane:
+def _full(zeta: Plane, w: Plane, s2: Number) -> Plane:
     """`pi (3 zeta Re(zeta w*) / s^5 + w / s^3)`."""
     q = zeta[0] * w[0] + zeta[1] * w[1]
     return jnp.pi * (3 * zeta * q / s2 + w) / (s2 * jnp.sqrt(s2))
 
 
-def _tangent_defect(t: Scalar) -> Scalar:
+def _tangent_defect(t: Number) -> Number:
     """`t - arctan t` of a small `t`, without cancellation."""
     square, total = t * t, jnp.zeros_like(t)
     for k in range(8, 0, -1):

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Scalar, nonnegative, positive, real
-from .base import Hardness, Plane
+from .base import Hardness, Number, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
 
@@ -63,7 +63,7 @@ class ViscoelasticStop(AbstractRubLaw):
     sin: Scalar
     contact: Limiter
 
-    def touch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Touch:
+    def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
         stop = self.contact
         outward = self.cos * displacement[0] + self.sin * displacement[1]
         closing = self.cos * velocity[0] + self.sin * velocity[1]
@@ -76,6 +76,6 @@ class ViscoelasticStop(AbstractRubLaw):
         outward = jnp.stack([self.cos, self.sin])
         return Hardness(stop.stiffness, stop.damping, outward, stop.friction)
 
-    def clearance(self, displacement: Plane) -> Scalar:
+    def clearance(self, displacement: Plane) -> Number:
         outward = self.cos * displacement[0] + self.sin * displacement[1]
         return self.contact.gap - outward

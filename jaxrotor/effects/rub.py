@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from ..core.extremes import bounded, larger, smaller
 from ..core.quantities import Scalar
-from .base import AbstractContact, AbstractLaw, Branch, Plane
+from .base import AbstractContact, AbstractLaw, Branch, Number, Plane
 
 
 class AbstractRub(AbstractContact):
@@ -48,15 +48,19 @@ class AbstractRubLaw(AbstractLaw):
 
     contact: eqx.AbstractVar[AbstractRub]
 
+    @property
+    def elementwise(self) -> bool:
+        return True
+
     @abc.abstractmethod
-    def touch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Touch:
+    def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
         """Motion of the rim relative to the contact."""
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         touch = self.touch(displacement, velocity, speed)
         return _directed(touch, *self._forces(touch))
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Scalar) -> Scalar:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
         touch = self.touch(displacement, velocity, speed)
         return self.contact.rim_radius * (touch.cos * force[1] - touch.sin * force[0])
 
@@ -64,13 +68,13 @@ class AbstractRubLaw(AbstractLaw):
     def kinked(self) -> bool:
         return self.contact.blend is None or self.contact.slip is None
 
-    def branch(self, displacement: Plane, velocity: Plane, speed: Scalar) -> Branch:
+    def branch(self, displacement: Plane, velocity: Plane, speed: Number) -> Branch:
         touch = self.touch(displacement, velocity, speed)
         # At touch-down the depth may be negative by rounding; what is about to press is under pressure.
         pressed = ~(self._pressure(larger(touch.depth, 0.0), touch.rate) < 0)
         return jnp.stack([touch.depth > 0, pressed, 0.5 + 0.5 * jnp.sign(touch.slip)])
 
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar) -> Plane:
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         touch = self.touch(displacement, velocity, speed)
         contact, (inside, pressed, forward) = self.contact, branch
         if contact.blend is None:
@@ -81,7 +85,7 @@ class AbstractRubLaw(AbstractLaw):
         return _directed(touch, normal, contact.friction * normal * direction)
 
     def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Scalar
+        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number
     ) -> Branch:
         touch = self.touch(displacement, velocity, speed)
         contact, (inside, pressed, _) = self.contact, branch > 0
@@ -92,16 +96,16 @@ class AbstractRubLaw(AbstractLaw):
         margins = jnp.stack([touch.nearness, pressure, touch.slip])
         return jnp.where(matters, (2 * branch - 1) * margins, jnp.inf)
 
-    def _forces(self, touch: Touch) -> tuple[Scalar, Scalar]:
+    def _forces(self, touch: Touch) -> tuple[Number, Number]:
         """Normal and tangential force [N]; the tangential one is positive against forward slip."""
         normal = self._normal(touch.depth, touch.rate)
         return normal, self.contact.friction * normal * self._direction(touch.slip)
 
-    def _pressure(self, depth: Scalar, rate: Scalar) -> Scalar:
+    def _pressure(self, depth: Number, rate: Number) -> Number:
         """Normal force of the sharp law, where it acts [N]."""
         return self.contact.stiffness * depth + self.contact.damping * rate
 
-    def _normal(self, depth: Scalar, rate: Scalar) -> Scalar:
+    def _normal(self, depth: Number, rate: Number) -> Number:
         contact = self.contact
         inside = depth > 0
         depth = jnp.where(inside, depth, 0.0)
@@ -117,13 +121,13 @@ class AbstractRubLaw(AbstractLaw):
         v = smaller(force / jnp.where(reach > 0, reach, 1.0), 1.0)
         return jnp.where(reach > 0, force + reach * (_onset(v) - v), force)
 
-    def _direction(self, slipping: Scalar) -> Scalar:
+    def _direction(self, slipping: Number) -> Number:
         if self.contact.slip is None:
             return jnp.sign(slipping)
         return smoothed_sign(slipping / self.contact.slip)
 
 
-def _directed(touch: Touch, normal: Scalar, tangential: Scalar) -> Plane:
+def _directed(touch: Touch, normal: Number, tangential: Number) -> Plane:
     """Force on the shaft as a vector (x, y) [N]."""
     return jnp.stack(
         [
@@ -133,12 +137,12 @@ def _directed(touch: Touch, normal: Scalar, tangential: Scalar) -> Plane:
     )
 
 
-def smoothed_sign(u: Scalar) -> Scalar:
+def smoothed_sign(u: Number) -> Number:
     """Twice continuously differentiable transition from -1 at u = -1 to 1 at u = 1."""
     u = bounded(u, -1.0, 1.0)
     return u * (15 - 10 * u**2 + 3 * u**4) / 8
 
 
-def _onset(u: Scalar) -> Scalar:
+def _onset(u: Number) -> Number:
     """Twice continuously differentiable transition from 0 at u = 0 to the line u at u = 1."""
     return u**3 * (6 - 8 * u + 3 * u**2)

@@ -19,6 +19,7 @@ from ..effects.base import (
     AbstractContact,
     AbstractLaw,
     AbstractUnequal,
+    Number,
 )
 from ..scene import Scene
 from ..shafts.cased import ends
@@ -46,15 +47,17 @@ class Port(eqx.Module):
     lent: Float[Array, "2"] | None = None
     on: str | None = eqx.field(static=True, default=None)  # name of a casing; None: the ground
 
-    def forces(self, displacement: Array, velocity: Array, speed: Scalar) -> Float[Array, "k 2"]:
+    def forces(
+        self, displacement: Array, velocity: Array, speed: Number
+    ) -> Float[Array, "k 2 ..."]:
         """Force of every law at this port [N], in the order of `System.members`."""
         return jnp.concatenate(
             [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
         )
 
     def added(
-        self, forces: Float[Array, "k 2"], displacement: Array, velocity: Array
-    ) -> Float[Array, "2"]:
+        self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array
+    ) -> Float[Array, "2 ..."]:
         """Force of all laws together, beside what they lend to the linear equations [N]."""
         total = forces.sum(0)
         if self.lent is None:
@@ -117,10 +120,10 @@ class Port(eqx.Module):
 
 
 def port_forces(
-    ports: tuple[Port, ...], displacement: Array, velocity: Array, speed: Scalar
-) -> Float[Array, "2 p"]:
-    """Total force at every port from displacement and velocity there, all (2, p)."""
-    motions = zip(ports, displacement.T, velocity.T, strict=True)
+    ports: tuple[Port, ...], displacement: Array, velocity: Array, speed: Number
+) -> Float[Array, "2 p ..."]:
+    """Total force at every port from displacement and velocity there, all (2, p), or (2, p, lanes)."""
+    motions = zip(ports, *(jnp.swapaxes(x, 0, 1) for x in (displacement, velocity)), strict=True)
     found = [port.added(port.forces(d, v, speed), d, v) for port, d, v in motions]
     return jnp.stack(found, axis=1)
 

@@ -22,7 +22,7 @@ from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import Basis, Count, dense, modal
-from .lanes import lanes_last, per_lane
+from .lanes import lanes_last
 from .located import LocatedStep
 from .ports import PortField, PortForm, Reading, YieldingReading
 from .shapes import Shapes
@@ -152,7 +152,7 @@ class ExponentialStep(AbstractStep):
             phase = lambda: phases[time]
             seen = reading.fixed(phase, stage)
             field = self.field.at(phase)
-            return reading.turned(phase, per_lane(PortField.forces, field, seen))
+            return reading.turned(phase, field.of_lanes(seen))
 
         return self.tableau.advance(y) + self.tableau.increment(free, forces)
 

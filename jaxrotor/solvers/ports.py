@@ -16,11 +16,12 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Inexact
 
 from ..core.quantities import Scalar
+from ..effects.base import Number
 from ..equations.constant_frame import ConstantFrame
 from ..equations.massless_coordinates import Condensed
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
-from ..equations.system import System
+from ..equations.system import Port, System, port_forces
 from .basis import (
     Basis,
     Count,
@@ -142,9 +143,36 @@ class PortField(eqx.Module):
             return self._law(seen)
         return force_through(self._law, seen, self.through)
 
+    def of_lanes(self, seen: Float[Array, "p4 lanes"]) -> Float[Array, "p2 lanes"]:
+        """The same in all lanes, lanes last."""
+        if self.through is not None:
+            return per_lane(PortField.forces, self, seen)
+        return forces_of_lanes(self.motion.ports, self.motion.speed, seen)
+
     def _law(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
-        parts = seen.reshape(2, 2, -1)
-        return self.motion.port_forces(parts[:, 0], parts[:, 1]).ravel()
+        return _forces((self.motion.ports, self.motion.speed), seen)
+
+
+def forces_of_lanes(
+    ports: tuple[Port, ...], speed: Number, seen: Float[Array, "p4 lanes"]
+) -> Float[Array, "p2 lanes"]:
+    """`[Re, Im]` of the forces of all ports, from displacement and velocity, in all lanes.
+
+    Elementwise laws are called once for all lanes. Without the barriers the compiler computes what a
+    stage reads, and its forces, once for each of their uses: 70 in place of 36 ns a lane-step of order 2.
+    """
+    parts = ports, speed
+    if not all(law.elementwise for port in ports for law in port.laws):
+        return per_lane(_forces, parts, seen)
+    return jax.lax.optimization_barrier(_forces(parts, jax.lax.optimization_barrier(seen)))
+
+
+@eqx.filter_jit  # traced once a program
+def _forces(
+    parts: tuple[tuple[Port, ...], Number], seen: Float[Array, "p4 ..."]
+) -> Float[Array, "p2 ..."]:
+    motion = seen.reshape(2, 2, -1, *seen.shape[1:])
+    return port_forces(parts[0], motion[:, 0], motion[:, 1], parts[1]).reshape(-1, *seen.shape[1:])
 
 
 class YieldingReading(eqx.Module):

@@ -18,9 +18,10 @@ from ..core import linalg
 from ..core.quantities import Scalar
 from ..equations.coupled import Stations
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
-from ..equations.system import Port, System, port_forces
+from ..equations.system import Port, System
 from .basis import Basis, DenseBasis, as_real, packed, unpacked
-from .lanes import lanes_last, per_lane, product
+from .lanes import lanes_last, product
+from .ports import forces_of_lanes
 from .tableau import Flows, Parts, Tableau, tableau_of
 
 
@@ -243,7 +244,7 @@ class VaryingStep(eqx.Module):
             if p:
                 seen = both[:, : 2 * p].reshape(4 * p, -1)
                 if law is None:
-                    found = per_lane(_port_forces, (self.ports, now.speed[half]), seen)
+                    found = forces_of_lanes(self.ports, now.speed[half], seen)
                 else:
                     found = law(seen, half)
                 contact.append(found)
@@ -256,11 +257,3 @@ class VaryingStep(eqx.Module):
         if p:
             loaded = jnp.any(contact[0] != 0, axis=0)
         return end, loaded
-
-
-@eqx.filter_jit
-def _port_forces(parts: tuple[tuple[Port, ...], Scalar], seen: Float[Array, " p4"]):
-    """`[Re, Im]` of the forces of all ports, from displacement and velocity."""
-    ports, speed = parts
-    motion = seen.reshape(2, 2, -1)
-    return port_forces(ports, motion[:, 0], motion[:, 1], speed).ravel()

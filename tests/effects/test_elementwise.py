@@ -1,0 +1,58 @@
+"""Laws that take lanes along a last axis give each lane the force that they give it alone."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrotor as jr
+from jaxrotor.effects.coefficients import DeviatorLaw
+from jaxrotor.solvers.lanes import one_lane
+
+
+LANES = 12
+FILM = {"viscosity": 0.02, "radius": 0.04, "length": 0.03, "clearance": 1e-4}
+STOP = {"gap": 2e-5, "stiffness": 4e6, "damping": 60.0, "friction": 0.1, "rim_radius": 0.1}
+SOFT = {"blend": 1e-5, "slip": 0.05}
+LAWS = {
+    "stop": jr.Limiter(0.5, 0.7, **STOP).law(),
+    "blended stop": jr.Limiter(0.5, 0.7, **STOP, **SOFT).law(),
+    "ring": jr.AnnularStator(0.5, **STOP, offset=1e-5, angle=0.4).law(),
+    "blended ring": jr.AnnularStator(0.5, **STOP, **SOFT).law(),
+    "cubic spring": jr.CubicSpring(0.5, 0.3, 1e12).law(),
+    "film": jr.JournalBearing(0.5, **FILM, offset=1e-5, angle=0.4).law(),
+    "blended film": jr.JournalBearing(0.5, **FILM, blend=0.1).law(),
+    "full film": jr.SqueezeFilm(0.5, **FILM, cavitated=False).law(),
+    "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
+}
+
+
+def motions():
+    """Displacements [m], velocities [m/s] and speeds [rad/s], lanes last."""
+    draw = np.random.default_rng(0)
+    place = lambda size: jnp.asarray(draw.uniform(-size, size, (2, LANES)))
+    return place(6e-5), place(0.1), jnp.asarray(draw.uniform(-300, 300, LANES))
+
+
+@jax.jit
+def forces(law, motion):
+    """Forces of a law whose lanes share its numbers, and of one that has its own, together and by lane."""
+    shared = one_lane(law)
+    own = jax.tree.map(lambda leaf: leaf * (1 + 0.02 * jnp.arange(LANES)), shared)
+    each = lambda law, motion: law(*motion)
+    mapped = jax.vmap(each, in_axes=(None, -1), out_axes=-1)(law, motion)
+    mapped_own = jax.vmap(each, in_axes=-1, out_axes=-1)(own, motion)
+    return (shared(*motion), mapped), (own(*motion), mapped_own)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_each_lane_has_the_force_of_its_own_motion(name):
+    """Numbers of the law are shared by all lanes, or each lane has its own."""
+    assert LAWS[name].elementwise
+    for found, wanted in forces(LAWS[name], motions()):
+        assert np.any(np.asarray(wanted) != 0, axis=0).sum() > 2  # lanes are loaded
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-9)
+
+
+def test_a_law_of_several_modes_is_mapped_over_the_lanes():
+    assert not jr.JournalBearing(0.5, **FILM, modes=4).law().elementwise
