@@ -164,6 +164,8 @@ def forces_of_lanes(
     parts = ports, speed
     if not all(law.elementwise for port in ports for law in port.laws):
         return per_lane(_forces, parts, seen)
+    if seen.shape[-1] == 1:
+        return _forces(parts, seen)
     return jax.lax.optimization_barrier(_forces(parts, jax.lax.optimization_barrier(seen)))
 
 
