@@ -23,10 +23,12 @@ from jaxtyping import Array, Float
 
 if TYPE_CHECKING:  # a field accepts a plain number and stores an array
     Scalar: TypeAlias = Array | float
+    Number: TypeAlias = Array | float
     Series: TypeAlias = Any  # a field accepts any list of numbers and stores an array
     Tabled: TypeAlias = Any
 else:
     Scalar = Float[Array, ""]
+    Number = Float[Array, "..."]  # of one motion, or of lanes
     Series = Float[Array, "_"]
     Tabled = Scalar | Series | Float[Array, "_ _"]
 

@@ -6,8 +6,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..core.quantities import Scalar, nonnegative, positive, real
-from .base import Hardness, Number, Plane
+from ..core.quantities import Number, Scalar, nonnegative, positive, real
+from .base import Hardness, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
 

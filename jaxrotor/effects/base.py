@@ -14,13 +14,12 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
-from ..core.quantities import Scalar, Series
+from ..core.quantities import Number, Scalar, Series
 from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine
 
 
 Plane = Float[Array, "2 ..."]  # vector (x, y) in the plane of whirl, of one motion or of lanes
-Number = Float[Array, "..."]  # of one motion or of lanes
 Branch = Float[Array, " c"]  # for every condition of a law 1 if it holds, else 0
 
 

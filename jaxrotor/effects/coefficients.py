@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..core.quantities import is_table, known, number_or_nan
-from .base import AbstractSmoothLaw, Hardness, Number, Plane
+from ..core.quantities import Number, is_table, known, number_or_nan
+from .base import AbstractSmoothLaw, Hardness, Plane
 
 
 LETTERS = {"stiffness": "k", "damping": "c"}

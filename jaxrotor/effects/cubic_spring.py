@@ -5,8 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..core.quantities import Scalar, nonnegative, real
-from .base import AbstractContact, AbstractSmoothLaw, Hardness, Number, Plane
+from ..core.quantities import Number, Scalar, nonnegative, real
+from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
 
 
 class CubicSpring(AbstractContact):

@@ -5,8 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..core.quantities import Scalar
-from .base import AbstractContact, AbstractSmoothLaw, Hardness, Number, Plane
+from ..core.quantities import Number, Scalar
+from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
 from .film_pressure import centred_share, film_integrals
 
 

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..core.quantities import Scalar, nonnegative, positive, real
-from .base import Hardness, Number, Plane
+from ..core.quantities import Number, Scalar, nonnegative, positive, real
+from .base import Hardness, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
 

@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.extremes import bounded, larger, smaller
-from ..core.quantities import Scalar
-from .base import AbstractContact, AbstractLaw, Branch, Number, Plane
+from ..core.quantities import Number, Scalar
+from .base import AbstractContact, AbstractLaw, Branch, Plane
 
 
 class AbstractRub(AbstractContact):

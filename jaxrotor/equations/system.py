@@ -12,14 +12,13 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from ..core.blocks import Blocks, Load
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
-from ..core.quantities import Scalar, known
+from ..core.quantities import Number, Scalar, known
 from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
     AbstractLaw,
     AbstractUnequal,
-    Number,
 )
 from ..scene import Scene
 from ..shafts.cased import ends

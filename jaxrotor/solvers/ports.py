@@ -15,8 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Inexact
 
-from ..core.quantities import Scalar
-from ..effects.base import Number
+from ..core.quantities import Number, Scalar
 from ..equations.constant_frame import ConstantFrame
 from ..equations.massless_coordinates import Condensed
 from ..equations.pencil import steady_response
