@@ -86,7 +86,7 @@ PLAIN = {  # fields that are declared without a comment
     "PeriodicOrbit.solver": SOLVER,
     "Scene.assumption": "what of the rotor is assumed; empty if nothing is",
     "Scene.effects": "parts on and around the shaft",
-    "Scene.attached": "numbers of the stations where a shaft of many sections keeps static deflections",
+    "Scene.attached": "loads whose static deflections a condensed shaft has: station, whether a couple",
     "Scene.resolution": "number of nodes of every span",
     "Scene.shaft": "model of the shaft",
     "Scene.spans": "indices of the stations between which the elastic line is smooth",

@@ -89,8 +89,7 @@ class Scene(eqx.Module):
             )
         self.spans = _spans(shaft, members, stations)
         self.resolution = shaft.resolution(stations, self.spans, _count_held(members))
-        turned = (effect.turns_section for effect in members if _station(effect) is not None)
-        self.attached = shaft.attached(stations, tuple(turned), self.resolution)
+        self.attached = shaft.attached(stations, _turned(members), self.resolution)
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
@@ -312,9 +311,10 @@ class Scene(eqx.Module):
         stations = _known_stations(scene.shaft, scene.effects)
         if stations is None:
             return scene
-        if _spans(scene.shaft, scene.effects, stations) != self.spans or _has_automatic_nodes(
-            scene.shaft
-        ):
+        spans = _spans(scene.shaft, scene.effects, stations)
+        leaves = jax.tree.leaves(scene.shaft)
+        chosen = getattr(scene.shaft, "nodes", None) == "auto" and all(map(known, leaves))
+        if spans != self.spans or chosen:
             return scene.of_parts(*scene.effects)
         warn_implausible(scene.known_values())
         return scene
@@ -330,7 +330,9 @@ class Scene(eqx.Module):
         computed anew. `replace` checks the values.
         """
         leaves = {address: leaf for path, leaf in values.items() for address in self._find(path)}
-        return with_leaves(self, leaves)
+        scene = with_leaves(self, leaves)
+        same = not self.attached or _turned(scene.effects) == _turned(self.effects)
+        return scene if same else scene.of_parts(*scene.effects)
 
     def _find(self, path: str) -> list[Address]:
         table = _addresses(self)
@@ -344,12 +346,14 @@ class Scene(eqx.Module):
         )
 
 
-# === stations
-
-
 def _station(effect: AbstractEffect) -> Any:
     """Station of an effect [m]; None if it has none."""
     return getattr(effect, "at", None)
+
+
+def _turned(effects) -> tuple[bool, ...]:
+    """Whether each effect that has a station may act on the slope there."""
+    return tuple(effect.turns_section for effect in effects if _station(effect) is not None)
 
 
 def _stations(shaft, effects) -> tuple[Any, ...]:
@@ -388,11 +392,6 @@ def _count_held(effects) -> int:
     """Number of stations where effects hold the shaft, always or while in contact."""
     held = (_station(effect) for effect in effects if effect.holds_shaft)
     return len({float(at) for at in held if at is not None})
-
-
-def _has_automatic_nodes(shaft) -> bool:
-    """Whether the nodes of a shaft are chosen from its values, and all of these are known."""
-    return getattr(shaft, "nodes", None) == "auto" and all(map(known, jax.tree.leaves(shaft)))
 
 
 def _addresses(scene: Scene) -> Mapping[str, list[Address]]:

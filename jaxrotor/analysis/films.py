@@ -133,7 +133,8 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
             "`linearized(scene.at_speed(speed))`."
         )
     sense = scene.spin.sense
-    if speeds is not None and known(speeds) and known(sense):
+    turning = any(film.turning for film in scene.of(AbstractFilm))
+    if turning and speeds is not None and known(speeds) and known(sense):
         least, most = np.min(speeds), np.max(speeds)
         if sense < 0 <= most:
             raise ValueError(

@@ -99,8 +99,9 @@ class Machine:
 
     @property
     def drills(self) -> bool:
-        """Whether the shaft may be a string of drill pipes: thin, and slowly turning."""
-        return 0 < self.speed <= DRILLING[0] and self.diameter <= DRILLING[1]
+        """Whether the shaft may be a string of drill pipes: hollow, thin, and slowly turning."""
+        hollow = 0 < self.value("shaft.inner_diameter") < math.inf
+        return hollow and 0 < self.speed <= DRILLING[0] and self.diameter <= DRILLING[1]
 
     @functools.cached_property
     def hung(self) -> bool:

@@ -73,7 +73,11 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
 
 
 def in_threads(call: Callable, values: Any) -> list:
-    """`call(value)` for each of many values, on all cores."""
+    """`call(value)` for each of many values, on all cores.
+
+    Ctrl-C waits for the calls that are under way. Settings of jax that hold in a `with` block alone hold
+    in the thread that set them, so not here.
+    """
     return spread(lambda value, _: call(value), list(values), cores(None), lambda _: None)
 
 

@@ -58,6 +58,10 @@ class ViscoelasticRing(AbstractRubLaw):
     y: Scalar
     contact: AnnularStator
 
+    @property
+    def elementwise(self) -> bool:
+        return True
+
     def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
         ring = self.contact
         radius, cos, sin, _ = _polar(displacement[0] - self.x, displacement[1] - self.y)

@@ -159,6 +159,7 @@ class AbstractLaw(eqx.Module):
     def elementwise(self) -> bool:
         """Whether the force is computed element by element, for lanes along a last axis as for one motion.
 
+        It holds for the class that defines it alone: a law that inherits from it says it again.
         Its numbers then have a last axis, too, of as many lanes or of one. Only `x, y = displacement` and
         arithmetic of numbers are elementwise; sums over an array or products of matrices are not. Other
         laws are mapped over the lanes, which takes about twice the time.
@@ -243,7 +244,7 @@ class AbstractContact(AbstractEffect):
 
     @property
     def turns_section(self) -> bool:
-        return False
+        return isinstance(self, AbstractLinear | AbstractLoad)  # by another capability
 
     @property
     def eccentric(self) -> Scalar | None:
@@ -272,7 +273,7 @@ class AbstractBodies(AbstractEffect):
 
     @property
     def turns_section(self) -> bool:
-        return False
+        return isinstance(self, AbstractLinear | AbstractLoad)  # by another capability
 
     @property
     @abc.abstractmethod

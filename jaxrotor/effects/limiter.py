@@ -63,6 +63,10 @@ class ViscoelasticStop(AbstractRubLaw):
     sin: Scalar
     contact: Limiter
 
+    @property
+    def elementwise(self) -> bool:
+        return True
+
     def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
         stop = self.contact
         outward = self.cos * displacement[0] + self.sin * displacement[1]

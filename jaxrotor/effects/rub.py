@@ -48,10 +48,6 @@ class AbstractRubLaw(AbstractLaw):
 
     contact: eqx.AbstractVar[AbstractRub]
 
-    @property
-    def elementwise(self) -> bool:
-        return True
-
     @abc.abstractmethod
     def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
         """Motion of the rim relative to the contact."""

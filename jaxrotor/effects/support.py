@@ -230,11 +230,15 @@ class Support(AbstractUnequal, AbstractOverSpeed):
 
     @property
     def turns_section(self) -> bool:
+        return type(self) is not Support or self._holds_slope
+
+    @property
+    def _holds_slope(self) -> bool:
         return self.angular_stiffness is not None or self.angular_damping is not None
 
     def ends_on(self, line: AbstractLine) -> Ends:
         displaced = ends(line, self.at if self.of is None else self.of, self.on)
-        if not self.turns_section:
+        if not self._holds_slope:
             return Ends(*displaced)
         return Ends(*displaced, line.slope_row(self.at), line.couple_column(self.at))
 

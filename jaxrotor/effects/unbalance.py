@@ -41,7 +41,7 @@ class Unbalance(AbstractLoad):
 
     @property
     def turns_section(self) -> bool:
-        return False
+        return type(self) is not Unbalance
 
     @classmethod
     def from_grade(cls, grade: Any, mass, speed, at, phase=0.0) -> "Unbalance":

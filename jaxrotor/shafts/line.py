@@ -299,7 +299,10 @@ class AbstractShaft(AbstractPart):
     def attached(
         self, stations: tuple[float, ...], turned: tuple[bool, ...], resolution: tuple[int, ...]
     ) -> Attached:
-        """Loads whose static deflections a condensed line has; `turned`: whether an effect may turn it."""
+        """Loads whose static deflections a condensed line has; none if it is not condensed.
+
+        `turned` tells of every station of an effect whether that may act on the slope there.
+        """
 
     @abc.abstractmethod
     def line(

@@ -161,7 +161,8 @@ def forces_of_lanes(
     stage reads, and its forces, once for each of their uses: 70 in place of 36 ns a lane-step of order 2.
     """
     parts = ports, speed
-    if not all(law.elementwise for port in ports for law in port.laws):
+    laws = [law for port in ports for law in port.laws]
+    if not all(law.elementwise and "elementwise" in vars(type(law)) for law in laws):
         return per_lane(_forces, parts, seen)
     if seen.shape[-1] == 1:
         return _forces(parts, seen)

@@ -7,7 +7,10 @@ import pytest
 
 import jaxrotor as jr
 from jaxrotor.effects.coefficients import DeviatorLaw
+from jaxrotor.effects.cubic_spring import CubicLaw
+from jaxrotor.equations.system import Port
 from jaxrotor.solvers.lanes import one_lane
+from jaxrotor.solvers.ports import forces_of_lanes
 
 
 LANES = 12
@@ -56,3 +59,20 @@ def test_each_lane_has_the_force_of_its_own_motion(name):
 
 def test_a_law_of_several_modes_is_mapped_over_the_lanes():
     assert not jr.JournalBearing(0.5, **FILM, modes=4).law().elementwise
+
+
+class Central(CubicLaw):
+    """A spring to the centre, whose formula is not elementwise though it inherits from one that is."""
+
+    def __call__(self, displacement, velocity, speed):
+        return -self.stiffness * jnp.sum(displacement**2) * displacement
+
+
+def test_a_law_that_only_inherits_is_mapped_over_the_lanes():
+    law = jax.tree.map(lambda leaf: leaf[None], Central(*jnp.array([1.0, 0.0, 1e12])))
+    port = one_lane(Port(jnp.ones(1), jnp.ones(1), jnp.zeros(()), (law,)))
+    place, velocity, _ = motions()
+    seen = jnp.stack([place, velocity], axis=1).reshape(4, LANES)  # x, x., y, y.
+    wanted = -1e12 * np.sum(np.square(place), axis=0) * np.asarray(place)
+    found = jax.jit(forces_of_lanes)((port,), jnp.zeros(1), seen)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)

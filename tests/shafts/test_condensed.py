@@ -2,10 +2,13 @@
 
 import fem
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxrotor as jr
+from jaxrotor.core.blocks import Blocks
+from jaxrotor.effects.base import AbstractLinear
 
 
 LENGTH, SECTIONS, SPEED = 2.0, 60, 600.0
@@ -121,3 +124,25 @@ def test_few_sections_keep_their_coordinates():
     shaft = jr.FlexibleShaft(1.0, 0.05)
     few = jr.Scene(shaft, jr.Disc(0.5, 10.0), spin=jr.ConstantSpeed(SPEED))
     assert not few.attached
+
+
+class Tilting(jr.CubicSpring, AbstractLinear):
+    """A spring on the slope beside one on the displacement."""
+
+    def blocks(self, line):
+        return Blocks(
+            stiffness=1e8 * jnp.outer(line.couple_column(self.at), line.slope_row(self.at))
+        )
+
+
+@pytest.mark.slow  # an assembly of sixty sections each
+def test_a_slope_is_held_where_values_are_put_and_by_a_part_of_ones_own():
+    at = BEARINGS[0][0]
+    bare = scene(False)
+    given = bare.replace({"supports.0.angular_stiffness": 1e8})
+    own = bare.of_parts(*bare.effects, Tilting(at, 0.0, 0.0))
+    wanted = np.asarray(jr.roots(given.with_nodes(4), 6)).imag
+    for rotor in (given, bare.put({"supports.0.angular_stiffness": 1e8}), own):
+        assert rotor.attached
+        found = np.asarray(jr.roots(rotor, 6)).imag
+        np.testing.assert_allclose(np.sort(found), np.sort(wanted), rtol=1e-6)
