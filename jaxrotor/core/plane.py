@@ -21,3 +21,47 @@ def direction(angle: Any) -> Any:
 def square(z: Any) -> Any:
     """`|z|^2`, in a fraction of the time that `abs` takes, which cannot overflow."""
     return z.real**2 + z.imag**2
+
+
+# Minimax fit of (atan(t)/t - 1)/t^2 in t^2, |t| <= tan(pi/8), the highest power first: error 4e-17.
+_ARCTANGENT = (
+    -0.0191754047111049337,
+    0.0392304477847930952,
+    -0.0508540783458948426,
+    0.0585814090486632828,
+    -0.066645105255089366,
+    0.0769218312537689209,
+    -0.0909090457530648908,
+    0.111111110151870187,
+    -0.142857142846656808,
+    0.199999999999955165,
+    -0.333333333333333302,
+)
+
+
+@jax.custom_jvp
+def angle(z: Any) -> Any:
+    """`arg z`, in (-pi, pi], to 4e-16; zero at zero.
+
+    `jnp.angle` calls the C library once an element, which takes 30 ns; this takes 3.
+    """
+    x, y = jnp.abs(z.real), jnp.abs(z.imag)
+    low, high = jnp.minimum(x, y), jnp.maximum(x, y)
+    beyond = low > np.tan(np.pi / 8) * high  # atan(t) = pi/4 + atan((t - 1)/(t + 1))
+    across = jnp.where(beyond, low - high, low)
+    along = jnp.where(beyond, low + high, jnp.where(high == 0, 1, high))
+    t = across / along
+    square, series = t * t, _ARCTANGENT[0]
+    for coefficient in _ARCTANGENT[1:]:
+        series = series * square + coefficient
+    found = t + t * square * series
+    found = found + jnp.where(beyond, np.pi / 4, 0)
+    found = jnp.where(y > x, np.pi / 2 - found, found)
+    found = jnp.where(z.real < 0, np.pi - found, found)
+    return jnp.copysign(found, z.imag)
+
+
+@angle.defjvp
+def _(primals, tangents):
+    (z,), (dz,) = primals, tangents
+    return angle(z), jnp.imag(dz / z)

@@ -117,18 +117,20 @@ class AbstractMarch(eqx.Module):
         return self.repeat(one, begin, windows)[0]
 
     def collect(self, y: Array, carry: Any, update: Callable, windows: int) -> Any:
-        """Whole windows, with `carry, out = update(carry, window)` after each.
+        """Whole windows, with `carry, out = update(carry, window, number)` after each, from number 0.
 
         Returns `(state at the end, carry, outcome)` and the stacked `out` of all windows.
         """
 
         def one(state, _):
-            y, carry, good = state
+            number, y, carry, good = state
             y, window, ok = self.observe(y)
-            carry, out = update(carry, window)
-            return (y, carry, good & ok), out
+            carry, out = update(carry, window, number)
+            return (number + 1, y, carry, good & ok), out
 
-        return self.repeat(one, (y, carry, Outcome.good()), windows)
+        begin = jnp.array(0), y, carry, Outcome.good()
+        (_, *end), out = self.repeat(one, begin, windows)
+        return end, out
 
     def repeat(self, body: Callable, carry: Any, length: int) -> Any:
         """Scan over windows; in reverse mode memory grows as the root of their number."""

@@ -1,6 +1,7 @@
 """March: a motion at constant speed, advanced revolution by revolution."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import diffrax as dfx
@@ -23,8 +24,9 @@ from ..equations.system import System, assemble, has_massless, structure
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
 from ..solvers.control import step_control, tuned
-from ..solvers.exponential import Exponential, ExponentialStep, revolution
+from ..solvers.exponential import Exponential, ExponentialStep, revolution, revolution_of_lanes
 from ..solvers.form import AbstractForm, PhysicalForm
+from ..solvers.lanes import lanes_last, per_lane
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm
 from ..solvers.remainder import RemainderMap
@@ -264,6 +266,41 @@ class March(AbstractMarch):
             info = jnp.finfo(y.dtype)  # with `tiny`, a state that has decayed to zero shows nothing
             touched = change > info.eps**0.5 * jnp.max(jnp.abs(y1)) + info.tiny**0.5
         return Outcome(bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
+
+
+def collect_lanes(march: March, y: Array, carry: Any, update: Callable, windows: int) -> Any:
+    """`march.collect(y, carry, update, windows)`; under `jax.vmap`, plain steps have lanes last in all.
+
+    `update` then has windows and carries of all lanes, along their last axis.
+    """
+    if not (march.plan.batch and isinstance(march.step, ExponentialStep)):
+        return march.collect(y, carry, update, windows)
+    of_all = lambda parts, y: _collect_rows(parts[0], parts[1], y, update, windows)
+    return lanes_last(of_all, (march, carry), y)
+
+
+def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows: int) -> Any:
+    """The same, lanes last."""
+    plan, form, step = march.plan, march.form, march.step
+    assert isinstance(form, PortForm) and isinstance(step, ExponentialStep)
+    fused = isinstance(plan.solver, Exponential) and plan.solver.fused
+
+    def observed(march: March, moved: Any) -> tuple[Window, Outcome]:
+        y, y1, samples = moved
+        return march.named(samples), march._outcome(y, y1)
+
+    def one(state, number):
+        y, carry, good = state
+        y1, samples = revolution_of_lanes(step, form.stations, y, plan.steps, fused=fused)
+        samples = jnp.asarray(samples).reshape(plan.steps + 1, 2, 2, -1, y.shape[-1])
+        window, ok = per_lane(observed, march, (y, y1, samples))
+        carry, out = update(carry, window, number)
+        return (y1, carry, good & ok), out
+
+    of_all = lambda leaf: jnp.broadcast_to(leaf, (*leaf.shape[:-1], y.shape[-1]))
+    good = jax.tree.map(lambda leaf: of_all(jnp.asarray(leaf)[..., None]), Outcome.good())
+    begin = y, jax.tree.map(of_all, carry), good
+    return jax.lax.scan(one, begin, jnp.arange(windows))
 
 
 def _splits(solver: dfx.AbstractSolver) -> bool:

@@ -378,7 +378,7 @@ def _run(system: System, plan: Plan, start, rate, stations, skip: Count, keep: i
     """State at the end, the kept motion, the outcome, the contact stiffness ratio, `amplified`."""
     march = March.of(system, plan, rate, stations)
     y, first = march.skip(march.begin(start, stations[0]), skip)
-    update = lambda carry, samples: (carry, {name: getattr(samples, name) for name in KEPT})
+    update = lambda carry, samples, _: (carry, {name: getattr(samples, name) for name in KEPT})
     (y, _, good), revolutions = march.collect(y, None, update, keep)
     motion = jax.tree.map(joined, revolutions)
     return march.decode(y), motion, first & good, march.contact_stiffness_ratio, march.amplified

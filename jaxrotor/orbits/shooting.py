@@ -117,7 +117,7 @@ class Shooting(eqx.Module):
     def residual(self, x: Array) -> tuple[Float[Array, " a"], tuple[OrbitSamples, Outcome]]:
         """Residual of the unknowns, over `size`, and samples and outcome of every revolution."""
         march, state = self.march(x), x[: self.guess.size]
-        keep = lambda carry, samples: (carry, OrbitSamples.of(samples))
+        keep = lambda carry, samples, _: (carry, OrbitSamples.of(samples))
         y = march.form.encode(*self.decode(x))
         (y, _, outcome), samples = march.collect(y, None, keep, self.revolutions)
         back = jnp.exp(-1j * self.turn)

@@ -173,21 +173,34 @@ def revolution(
 
     def run(parts, y):
         step, stations = parts
-        phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
-        # Unrolled by two, the loop needs no copy of the state back to its buffer.
-        unroll = 2 if batch and stations is None and steps % 2 == 0 else 1
-        if fused and batch and y.shape[-1] > 1:
-            from .fused import on_gpu  # pallas takes 0.4 s to load
-
-            y, samples = on_gpu(_stepped, parts, y, phases, unroll)
-        else:
-            one = functools.partial(_stepped, parts)
-            y, samples = jax.lax.scan(one, y, phases, unroll=unroll)
-        if stations is None or samples is None:
-            return y, None
-        return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
+        return revolution_of_lanes(step, stations, y, steps, unrolled=batch, fused=fused)
 
     return lanes_last(run, (step, stations), y, batch=batch)
+
+
+def revolution_of_lanes(
+    step: ExponentialStep,
+    stations: Reading | YieldingReading | None,
+    y: Float[Array, "m2 lanes"],
+    steps: int,
+    *,
+    unrolled: bool = True,
+    fused: bool = False,
+) -> tuple[Float[Array, "m2 lanes"], Float[Array, "T s4 lanes"] | None]:
+    """The same of all lanes, lanes last."""
+    phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
+    # Unrolled by two, the loop needs no copy of the state back to its buffer.
+    unroll = 2 if unrolled and stations is None and steps % 2 == 0 else 1
+    parts = step, stations
+    if fused and unrolled and y.shape[-1] > 1:
+        from .fused import on_gpu  # pallas takes 0.4 s to load
+
+        y, samples = on_gpu(_stepped, parts, y, phases, unroll)
+    else:
+        y, samples = jax.lax.scan(functools.partial(_stepped, parts), y, phases, unroll=unroll)
+    if stations is None or samples is None:
+        return y, None
+    return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
 
 
 def _stepped(

@@ -15,6 +15,20 @@ from jaxtyping import Array, Float
 THIN = 8  # columns, up to which a product is a sum over columns
 
 
+def reduced(operation: Callable, rows: Array) -> Array:
+    """`operation` of two arrays, as `jnp.add`, over all rows of the first axis, by halves.
+
+    All lanes are taken at once, which `jnp.sum` does of some numbers of rows alone: of 32 rows of 128
+    lanes it takes 13 times as long.
+    """
+    while len(rows) > 1:
+        half = len(rows) // 2
+        last = rows[2 * half :]
+        rows = operation(rows[:half], rows[half : 2 * half])
+        rows = jnp.concatenate([rows, last]) if len(last) else rows
+    return rows[0]
+
+
 def one_lane(tree: Any) -> Any:
     """Arrays of one trajectory with a last axis of one lane."""
     return jax.tree.map(lambda leaf: leaf[..., None] if eqx.is_array(leaf) else leaf, tree)
@@ -30,8 +44,8 @@ def product(matrix: Float[Array, "a b l"], x: Float[Array, "b lanes"]) -> Float[
     return jnp.sum(matrix * x, axis=1)
 
 
-def per_lane(call: Callable, tree: Any, x: Float[Array, "a lanes"]) -> Float[Array, "b lanes"]:
-    """`call(tree, x)`, written for one trajectory, in every lane."""
+def per_lane(call: Callable, tree: Any, x: Any) -> Any:
+    """`call(tree, x)`, written for one trajectory, in every lane; arrays of `x` have an axis of lanes."""
     arrays, constant = eqx.partition(tree, eqx.is_array)
     leaves, treedef = jax.tree.flatten(arrays)
     axes = [None if leaf.shape[-1] == 1 else -1 for leaf in leaves]

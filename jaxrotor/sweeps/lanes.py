@@ -23,14 +23,14 @@ from ..equations.system import assemble
 from ..motion.base import AbstractMarch, Plan
 from ..motion.coupled_windows import CoupledMarch
 from ..motion.integrated import IntegratedMarch, IntegratedPace
-from ..motion.revolutions import March, revolution_rate
+from ..motion.revolutions import March, collect_lanes, revolution_rate
 from ..motion.stepped import Stepping
 from ..motion.windows import WindowMarch
 from ..scene import Scene
 from ..solvers.basis import ModalBasis, SlotBasis, modal
 from ..solvers.choice import decide_basis
 from ..solvers.exponential import Exponential
-from .observe import AbstractObservable, Turn
+from .observable import AbstractObservable, Turn, updated
 
 
 MANY_NODES = 12  # of a shaft, from which lanes of equal equations are decomposed once
@@ -333,15 +333,15 @@ def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
     """
 
     def lane(own: AbstractMarch, y, carry):
-        def update(state, samples):
-            number, carries = state
-            turn = Turn.of(double(samples), number, count)
-            pairs = [one.update(c, turn) for one, c in zip(observe, carries, strict=True)]
-            return (number + 1, tuple(c for c, _ in pairs)), tuple(out for _, out in pairs)
+        def update(carries, samples, since):
+            turn = Turn.of(double(samples), number + since, count)
+            pairs = [updated(one, c, turn) for one, c in zip(observe, carries, strict=True)]
+            return tuple(c for c, _ in pairs), tuple(out for _, out in pairs)
 
         march: Any = eqx.combine(own, shared)
-        (y, (_, carry), ok), out = march.collect(y, (number, carry), update, revolutions)
-        return (y, carry, ok), out
+        if isinstance(march, March):
+            return collect_lanes(march, y, carry, update, revolutions)
+        return march.collect(y, carry, update, revolutions)
 
     return jax.vmap(lane)(own, y, carry)
 

@@ -5,16 +5,18 @@ sweep; `report` turns its results, with lanes in front, into named variables.
 """
 
 import abc
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from ..core.plane import square
-from ..core.quantities import Scalar
+from ..core.plane import angle, square
+from ..core.quantities import Number
 from ..motion.base import Bodies, Window
 
 
@@ -28,17 +30,20 @@ class Variable(NamedTuple):
 
 
 class Turn(eqx.Module):
-    """A kept revolution or window at the observed station, its first and last samples included."""
+    """A kept revolution or window at the observed station, its first and last samples included.
 
-    z: Complex[Array, " T"]  # displacement [m], T = steps + 1
-    velocity: Complex[Array, " T"]  # [m/s]
-    contact_force: Complex[Array, "T k"] | None  # [N]
+    Arrays have a last axis of lanes where an observable takes `rows`.
+    """
+
+    z: Complex[Array, "T ..."]  # displacement [m], T = steps + 1
+    velocity: Complex[Array, "T ..."]  # [m/s]
+    contact_force: Complex[Array, "T k ..."] | None  # [N]
     number: Array  # number of this revolution, from 0
-    step: Scalar  # length of a step [s]
-    s: Scalar  # sign of the spin
+    step: Number  # length of a step [s]
+    s: Number  # sign of the spin
     count: int = eqx.field(static=True)  # revolutions kept
-    time: Float[Array, " T"] | None = None  # since the start of a run [s]; None in revolutions
-    speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None in revolutions
+    time: Float[Array, "T ..."] | None = None  # since the start of a run [s]; None in revolutions
+    speed: Float[Array, "T ..."] | None = None  # of rotation [rad/s]; None in revolutions
     bodies: Bodies | None = None  # balls; None: there are none
 
     @classmethod
@@ -49,20 +54,21 @@ class Turn(eqx.Module):
         pace = window.step, window.sense, count, window.time, window.speed
         return cls(*seen, *pace, window.bodies)
 
-    def in_centre(self) -> Bool[Array, " T"]:
+    def in_centre(self) -> Bool[Array, "T ..."]:
         """Whether a sample is in the centre, or passes through it to within rounding."""
         rounding = jnp.finfo(self.velocity.real.dtype).eps
         return square(self.z) <= rounding * self.step**2 * square(self.velocity)
 
-    def turned(self) -> Float[Array, " S"]:
+    def turned(self) -> Float[Array, "S ..."]:
         """Change of the polar angle `arg z` in every step [rad]."""
-        return jnp.angle(self.z[1:] * jnp.conj(self.z[:-1]))
+        return angle(self.z[1:] * jnp.conj(self.z[:-1]))
 
 
 class AbstractObservable(eqx.Module):
     """A quantity that is kept of each revolution, and how it is reported."""
 
     needs_contact: eqx.AbstractClassVar[bool]
+    rows: ClassVar[bool] = False  # whether `update` takes lanes along a last axis, all at once
     needs_balls: ClassVar[bool] = False
     paced: ClassVar[Literal["any", "revolutions", "times"]] = "revolutions"  # in what it is defined
 
@@ -84,6 +90,15 @@ class AbstractObservable(eqx.Module):
 
         Stored arrays are (lanes, revolutions, ..); `count` is the number of revolutions.
         """
+
+
+def updated(one: AbstractObservable, carry: Any, turn: Turn) -> tuple[Any, Any]:
+    """`one.update(carry, turn)`, of one lane or of all along a last axis."""
+    if turn.z.ndim == 1 or "rows" in vars(type(one)) and one.rows:
+        return one.update(carry, turn)
+    number = jnp.broadcast_to(turn.number, turn.z.shape[1:])
+    every = dataclasses.replace(turn, number=number)
+    return jax.vmap(one.update, in_axes=-1, out_axes=-1)(carry, every)
 
 
 class AbstractStored(AbstractObservable):

@@ -3,11 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..core.plane import plane, square
-from ..core.quantities import Scalar, positive
+from ..solvers.lanes import reduced
 from .observable import (
     AbstractObservable as AbstractObservable,
     AbstractStored,
@@ -15,10 +16,13 @@ from .observable import (
     Variable as Variable,
 )
 from .observe_balls import BallLag as BallLag, Imbalance as Imbalance
+from .observe_runs import Capture as Capture, Envelope as Envelope, Peak as Peak
 
 
 class Section(AbstractStored):
     """Poincare section: displacement at the end of every revolution."""
+
+    rows = True
 
     def update(self, carry, turn: Turn):
         return carry, plane(turn.z[-1])
@@ -31,8 +35,10 @@ class Section(AbstractStored):
 class Orbit(AbstractStored):
     """Orbit: displacement at every step of every revolution, which takes much memory in large sweeps."""
 
+    rows = True
+
     def update(self, carry, turn: Turn):
-        return carry, plane(turn.z[1:], axis=-1)
+        return carry, plane(turn.z[1:], axis=1)
 
     def report(self, carry, stored, count):
         dims = ("revolution", "sample", "axis")
@@ -43,6 +49,7 @@ class Extrema(AbstractObservable):
     """Local extrema of the x displacement, up to `most` in a revolution, located to O(step^4)."""
 
     needs_contact: ClassVar[bool] = False
+    rows = True
     most: int = eqx.field(default=12, static=True)
 
     def check(self, steps, contacts):
@@ -61,9 +68,18 @@ class Extrema(AbstractObservable):
             + u**2 * (3 - 2 * u) * x[1:]
             + turn.step * (u * (1 - u) ** 2 * v[:-1] + u**2 * (u - 1) * v[1:])
         )
-        (where,) = jnp.nonzero(inside, size=self.most, fill_value=-1)
-        kept = jnp.where(where < 0, jnp.nan, value[where])
-        return carry + jnp.maximum(jnp.sum(inside) - self.most, 0), kept
+        numbers = jnp.arange(self.most).reshape(-1, *[1] * carry.ndim)
+
+        # One sample of all lanes after the other: `jnp.nonzero` scatters lane by lane.
+        def one(found, sample):
+            kept, count = found
+            value, inside = sample
+            kept = jnp.where(inside & (numbers == count), value, kept)
+            return (kept, count + inside), None
+
+        none = jnp.full((self.most, *carry.shape), jnp.nan), 0 * carry
+        (kept, count), _ = jax.lax.scan(one, none, (value, inside))
+        return carry + jnp.maximum(count - self.most, 0), kept
 
     def report(self, carry, stored, count):
         return {
@@ -87,6 +103,7 @@ class Precession(AbstractObservable):
     """
 
     needs_contact: ClassVar[bool] = False
+    rows = True
 
     def check(self, steps, contacts):
         del contacts
@@ -97,7 +114,7 @@ class Precession(AbstractObservable):
         return {"index": zero, "winding": zero, "whirl": zero, "weight": zero, "undefined": zero}
 
     def update(self, carry, turn: Turn):
-        steps = turn.z.size - 1
+        steps = len(turn.z) - 1
         angle, area = turn.turned(), square(turn.z[1:])
         undefined = turn.in_centre()[1:]
         momentum = jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:])
@@ -105,12 +122,13 @@ class Precession(AbstractObservable):
         rate = turn.step * momentum / jnp.where(undefined, 1.0, area)
         t = (turn.number + (jnp.arange(steps) + 0.5) / steps) / turn.count
         bump = jnp.exp(-1 / (t * (1 - t)))
+        weighted = (bump * angle.T).T
         add = {
-            "index": spin * jnp.sum(rate) / (2 * jnp.pi),
-            "winding": spin * jnp.sum(angle) / (2 * jnp.pi),
-            "whirl": spin * (bump @ angle) * steps / (2 * jnp.pi),
+            "index": spin * reduced(jnp.add, rate) / (2 * jnp.pi),
+            "winding": spin * reduced(jnp.add, angle) / (2 * jnp.pi),
+            "whirl": spin * reduced(jnp.add, weighted) * steps / (2 * jnp.pi),
             "weight": jnp.sum(bump),
-            "undefined": jnp.sum(undefined.astype(float)),
+            "undefined": reduced(jnp.add, undefined.astype(float)),
         }
         return {name: carry[name] + value for name, value in add.items()}, None
 
@@ -134,6 +152,7 @@ class Radius(AbstractObservable):
     """Smallest, largest and root-mean-square distance from the centre."""
 
     needs_contact: ClassVar[bool] = False
+    rows = True
     paced = "any"
 
     def check(self, steps, contacts):
@@ -146,9 +165,9 @@ class Radius(AbstractObservable):
         low, high, total = carry
         squares = square(turn.z[1:])
         carry = (
-            jnp.minimum(low, squares.min()),
-            jnp.maximum(high, squares.max()),
-            total + jnp.mean(squares),
+            jnp.minimum(low, reduced(jnp.minimum, squares)),
+            jnp.maximum(high, reduced(jnp.maximum, squares)),
+            total + reduced(jnp.add, squares) / len(squares),
         )
         return carry, None
 
@@ -165,6 +184,7 @@ class Contact(AbstractObservable):
     """Share of time under load and largest resultant force of each contact."""
 
     needs_contact: ClassVar[bool] = True
+    rows = True
     paced = "any"
 
     def check(self, steps, contacts):
@@ -178,91 +198,14 @@ class Contact(AbstractObservable):
         duty, peak = carry
         assert turn.contact_force is not None, "checked before the run"
         squares = square(turn.contact_force[1:])
-        duty, peak = duty + jnp.mean(squares > 0, axis=0), jnp.maximum(peak, squares.max(axis=0))
-        return (duty, peak), None
+        loaded = reduced(jnp.add, (squares > 0).astype(float)) / len(squares)
+        return (duty + loaded, jnp.maximum(peak, reduced(jnp.maximum, squares))), None
 
     def report(self, carry, stored, count):
         duty, peak = carry
         return {
             "duty": Variable(("limiter",), duty / count, "1", "share of time in contact"),
             "peak_force": Variable(("limiter",), np.sqrt(peak), "N", "largest contact force"),
-        }
-
-
-class Peak(AbstractObservable):
-    """Largest distance from the centre at the samples of a run, with its time and speed."""
-
-    needs_contact: ClassVar[bool] = False
-    paced = "times"
-
-    def check(self, steps, contacts):
-        del steps, contacts
-
-    def start(self, contacts):
-        zero = jnp.zeros(())
-        return -jnp.inf + zero, zero, zero
-
-    def update(self, carry, turn: Turn):
-        assert turn.time is not None and turn.speed is not None, "checked before the run"
-        radius = jnp.abs(turn.z[1:])
-        top = jnp.argmax(radius)
-        now = radius[top], turn.time[1:][top], turn.speed[1:][top]
-        larger = ~(now[0] <= carry[0])  # so that NaN is kept
-        return tuple(jnp.where(larger, new, old) for new, old in zip(now, carry, strict=True)), None
-
-    def report(self, carry, stored, count):
-        radius, time, speed = carry
-        return {
-            "peak": Variable((), radius, "m", "largest radius at the samples of the run"),
-            "peak_time": Variable((), time, "s", "time of the largest radius"),
-            "peak_speed": Variable((), speed, "rad/s", "speed at the largest radius"),
-        }
-
-
-class Capture(AbstractObservable):
-    """Whether the speed at the last sample is below a critical speed, at which the drive hangs.
-
-    A drive that has passed and coasts down counts as captured, too.
-    """
-
-    needs_contact: ClassVar[bool] = False
-    paced = "times"
-    critical: Scalar = positive("critical [rad/s]")
-
-    def check(self, steps, contacts):
-        del steps, contacts
-
-    def start(self, contacts):
-        return jnp.zeros(())
-
-    def update(self, carry, turn: Turn):
-        assert turn.speed is not None, "checked before the run"
-        return turn.speed[-1], None
-
-    def report(self, carry, stored, count):
-        below = np.where(np.isfinite(carry), np.abs(carry) < np.asarray(self.critical), np.nan)
-        long_name = "whether the speed at the end is below the critical one"
-        return {
-            "captured": Variable((), below, "1", long_name),
-            "end_speed": Variable((), carry, "rad/s", "speed at the end"),
-        }
-
-
-class Envelope(AbstractStored):
-    """Largest distance from the centre at the samples of every window, and the speed at its end."""
-
-    paced = "times"
-
-    def update(self, carry, turn: Turn):
-        assert turn.time is not None and turn.speed is not None, "checked before the run"
-        return carry, jnp.stack([jnp.max(jnp.abs(turn.z[1:])), turn.speed[-1], turn.time[-1]])
-
-    def report(self, carry, stored, count):
-        times = np.reshape(stored[..., 2], (-1, count))[0]  # those of all lanes
-        return {
-            "envelope": Variable(("window",), stored[..., 0], "m", "largest radius of a window"),
-            "speed": Variable(("window",), stored[..., 1], "rad/s", "speed at the end of a window"),
-            "window": Variable(("window",), times, "s", "time at the end of a window"),
         }
 
 
@@ -274,6 +217,7 @@ class Reversal(AbstractObservable):
     """
 
     needs_contact: ClassVar[bool] = False
+    rows = True
     window: int = eqx.field(default=10, static=True)
 
     def check(self, steps, contacts):
@@ -287,7 +231,8 @@ class Reversal(AbstractObservable):
 
     def update(self, carry, turn: Turn):
         in_a_row, first = carry
-        area = turn.s * jnp.sum(jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:]))
+        areas = jnp.imag(jnp.conj(turn.z[1:]) * turn.velocity[1:])
+        area = turn.s * reduced(jnp.add, areas)
         in_a_row = jnp.where(area < 0, in_a_row + 1, 0)
         reversed_now = (first < 0) & (in_a_row == self.window)
         first = jnp.where(reversed_now, turn.number + 1 - self.window, first)
@@ -314,6 +259,7 @@ class WhirlSpectrum(AbstractObservable):
     """
 
     needs_contact: ClassVar[bool] = False
+    rows = True
     samples: int = eqx.field(default=32, static=True)
 
     def check(self, steps, contacts):
@@ -327,8 +273,10 @@ class WhirlSpectrum(AbstractObservable):
         return None
 
     def update(self, carry, turn: Turn):
-        undefined = jnp.any(turn.in_centre()) | (turn.s == 0)
-        angle = turn.turned().reshape(self.samples, -1).sum(axis=1)
+        undefined = reduced(jnp.logical_or, turn.in_centre()) | (turn.s == 0)
+        angle = turn.turned()
+        angle = angle.reshape(self.samples, -1, *angle.shape[1:])
+        angle = reduced(jnp.add, jnp.moveaxis(angle, 1, 0))
         angle = jnp.where(undefined, jnp.nan, angle)
         return carry, turn.s * angle * self.samples / (2 * jnp.pi)
 

@@ -1,6 +1,8 @@
 """Sweeps against loops of single runs, observables against known motions."""
 
 import contextlib
+import dataclasses
+import functools
 import io
 import itertools
 
@@ -14,7 +16,7 @@ import pytest
 import jaxrotor as jr
 from jaxrotor.core.outcome import STATUS
 from jaxrotor.sweeps import lanes
-from jaxrotor.sweeps.observe import Turn
+from jaxrotor.sweeps.observable import Turn, updated
 
 
 LENGTH, UNIT = 0.7, 0.022646559709295067
@@ -264,6 +266,52 @@ def test_precession_of_unbalance_response_is_one():
         assert ds[name].item() == pytest.approx(1, abs=1e-8)
     for name in ("radius_min", "radius_max", "radius_rms"):
         assert ds[name].item() == pytest.approx(radius, rel=1e-8)
+
+
+OF_ROWS = (*jr.observe.everything(True), jr.observe.Orbit(), jr.observe.Reversal(window=1))
+
+
+@pytest.mark.parametrize("steps", [33, 32])
+def test_observables_of_all_lanes_at_once_are_those_of_each(steps):
+    """Lanes along a last axis; some rest in the centre, and steps and senses differ."""
+    draw, lanes, count = np.random.default_rng(0), 5, 4
+    shape = lambda *sizes: jnp.asarray(draw.normal(size=(steps + 1, *sizes, lanes)) + 0j)
+    z, velocity = shape() * jnp.array([1, 1j, 1, 0, 1]) + 1j * shape(), shape() + 1j * shape()
+    still = jnp.array([1, 1, 1, 0, 1])
+    force = shape(2) * (draw.uniform(size=(steps + 1, 2, lanes)) > 0.5)
+    number, length = jnp.asarray(2), jnp.linspace(0.1, 0.2, lanes)
+    sense = jnp.array([1.0, -1.0, 1.0, 1.0, 0.0])
+    turn = Turn(z * still, velocity * still, force, number, length, sense, count)
+    one_by_one = dataclasses.replace(turn, number=jnp.full(lanes, 2))
+    spectrum = [jr.observe.WhirlSpectrum()] * (steps == 32)
+    for one in (*OF_ROWS, *spectrum):
+        carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes, -1), one.start(2))
+        found = jax.jit(functools.partial(updated, one))(carry, turn)
+        wanted = jax.jit(jax.vmap(one.update, in_axes=-1, out_axes=-1))(carry, one_by_one)
+        assert "rows" in vars(type(one)) and one.rows
+        jax.tree.map(
+            functools.partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-12), found, wanted
+        )
+
+
+class Distance(jr.observe.AbstractStored):
+    """An observable of one's own, which is written for one lane."""
+
+    def update(self, carry, turn):
+        return carry, jnp.sort(jnp.abs(turn.z[1:]))[-1] + 0 * turn.number
+
+    def report(self, carry, stored, count):
+        return {"distance": jr.observe.Variable(("revolution",), stored, "m", "largest radius")}
+
+
+def test_an_observable_of_ones_own_sees_one_lane():
+    run = {"settle": 0, "keep": 3, "progress": False, "error_sample": 0}
+    over = {"unbalance.eccentricity": [1e-4, 1e-3]}
+    ds = jr.sweep(
+        FEW, over, steps_per_revolution=32, observe=(Distance(), jr.observe.Orbit()), **run
+    )
+    radius = np.linalg.norm(ds["orbit"], axis=-1).max(axis=-1)
+    np.testing.assert_allclose(ds["distance"], radius, rtol=1e-12)
 
 
 def test_contact_of_a_known_force():
