@@ -166,6 +166,11 @@ class AbstractLaw(eqx.Module):
         """
         return False
 
+    @property
+    def takes_lanes(self) -> bool:
+        """Whether the law's own class says that it is `elementwise`."""
+        return self.elementwise and "elementwise" in vars(type(self))
+
     @abc.abstractmethod
     def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
         """Force [N] from displacement [m], velocity [m/s] and spin speed [rad/s]."""

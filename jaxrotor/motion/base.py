@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core.outcome import Outcome
-from ..core.quantities import Scalar
+from ..core.quantities import Number, Scalar
 from ..equations.massless_coordinates import Massless
 from ..equations.start import AbstractStart
 from ..solvers.basis import Count
@@ -39,15 +39,18 @@ class Plan(eqx.Module):
 
 
 class Window(eqx.Module):
-    """Motion of the stations over one window, at its samples, the first and the last included."""
+    """Motion of the stations over one window, at its samples, the first and the last included.
 
-    displacement: Complex[Array, "T s"]  # [m]
-    velocity: Complex[Array, "T s"]  # [m/s]
-    slope: Complex[Array, "T s"] | None
-    contact_force: Complex[Array, "T k"] | None  # [N]
+    Lanes that are observed together are a last axis.
+    """
+
+    displacement: Complex[Array, "T s ..."]  # [m]
+    velocity: Complex[Array, "T s ..."]  # [m/s]
+    slope: Complex[Array, "T s ..."] | None
+    contact_force: Complex[Array, "T k ..."] | None  # [N]
     coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # with their rates
-    step: Scalar  # time from sample to sample [s]
-    sense: Scalar  # sign of the speed of rotation
+    step: Number  # time from sample to sample [s]
+    sense: Number  # sign of the speed of rotation
     time: Float[Array, " T"] | None = None  # since the start [s]; None: not computed by revolutions
     speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None: that of the scene
     bodies: "Bodies | None" = None  # None: the scene has none

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
@@ -28,7 +28,7 @@ from ..solvers.exponential import Exponential, ExponentialStep, revolution, revo
 from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.lanes import lanes_last, per_lane
 from ..solvers.located import LocatedStep
-from ..solvers.ports import PortForm
+from ..solvers.ports import PortForm, take_lanes
 from ..solvers.remainder import RemainderMap
 from ..spins.constant import ConstantSpeed
 from .base import AbstractMarch, Plan, Window, bounded
@@ -168,13 +168,13 @@ class March(AbstractMarch):
         done = self._outcome(y, y)
         return y, jnp.concatenate([samples, last[None]]), done
 
-    def named(self, samples: Float[Array, "T 2 2 r"]) -> Window:
-        """The readings of `sample` by name."""
+    def named(self, samples: Float[Array, "T 2 2 r"], *, forceless: bool = False) -> Window:
+        """The readings of `sample` by name, with the forces of contacts by them unless `forceless`."""
         seen = samples[:, 0] + 1j * samples[:, 1]  # (T, displacement or velocity, rows)
         s = self.stations.size
         displacement, velocity = seen[:, 0], seen[:, 1]
         forces = None
-        if self.plan.contacts and self.system.members:
+        if self.plan.contacts and self.system.members and not forceless:
             p = len(self.system.ports)
             ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (T, 2, p, xy)
             speed = jnp.broadcast_to(self.system.spin.speed, ports.shape[:1])
@@ -284,16 +284,27 @@ def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows:
     plan, form, step = march.plan, march.form, march.step
     assert isinstance(form, PortForm) and isinstance(step, ExponentialStep)
     fused = isinstance(plan.solver, Exponential) and plan.solver.fused
+    together = plan.contacts and march.system.members and take_lanes(march.system.ports)
 
     def observed(march: March, moved: Any) -> tuple[Window, Outcome]:
         y, y1, samples = moved
-        return march.named(samples), march._outcome(y, y1)
+        return march.named(samples, forceless=bool(together)), march._outcome(y, y1)
+
+    def forces(samples: Float[Array, "T 2 2 r lanes"]) -> Complex[Array, "T k lanes"]:
+        ports = samples[:, :, :, -len(march.system.ports) :]
+        motion = jnp.transpose(
+            ports, (2, 3, 1, 0, 4)
+        )  # (displacement or velocity, p, xy, T, lanes)
+        along = march.system.contact_forces(motion[0], motion[1], march.system.spin.speed)
+        return jnp.swapaxes(along[:, 0] + 1j * along[:, 1], 0, 1)
 
     def one(state, number):
         y, carry, good = state
         y1, samples = revolution_of_lanes(step, form.stations, y, plan.steps, fused=fused)
         samples = jnp.asarray(samples).reshape(plan.steps + 1, 2, 2, -1, y.shape[-1])
         window, ok = per_lane(observed, march, (y, y1, samples))
+        if together:
+            window = dataclasses.replace(window, contact_force=forces(samples))
         carry, out = update(carry, window, number)
         return (y1, carry, good & ok), out
 

@@ -152,6 +152,11 @@ class PortField(eqx.Module):
         return _forces((self.motion.ports, self.motion.speed), seen)
 
 
+def take_lanes(ports: tuple[Port, ...]) -> bool:
+    """Whether the laws of all ports are called once for all lanes."""
+    return all(law.takes_lanes for port in ports for law in port.laws)
+
+
 def forces_of_lanes(
     ports: tuple[Port, ...], speed: Number, seen: Float[Array, "p4 lanes"]
 ) -> Float[Array, "p2 lanes"]:
@@ -161,8 +166,7 @@ def forces_of_lanes(
     stage reads, and its forces, once for each of their uses: 70 in place of 36 ns a lane-step of order 2.
     """
     parts = ports, speed
-    laws = [law for port in ports for law in port.laws]
-    if not all(law.elementwise and "elementwise" in vars(type(law)) for law in laws):
+    if not take_lanes(ports):
         return per_lane(_forces, parts, seen)
     if seen.shape[-1] == 1:
         return _forces(parts, seen)
