@@ -139,7 +139,7 @@ def test_stops_from_soft_to_rigid(kappa):
     scene = ROTOR.replace({"limiters.stiffness": stiffness})
     rigid = pytest.warns(jr.FewStepsWarning, match="`limiters.[012]` was touched with [5-9]")
     with rigid if kappa == 1e7 else contextlib.nullcontext():
-        r = jr.simulate(scene, 30, 4096, start=WHIRL, keep=5)
+        r = jr.simulate(scene, 12, 4096, start=WHIRL, keep=5)
     z = tip(r)
     assert np.all(np.isfinite(z))
     assert abs(z).max() < 0.1 * LENGTH

@@ -26,13 +26,13 @@ def duffing_disc(constant, **values):
     return one_disc(spring, weight, damper, **values)
 
 
-def check_five(curve, width=0.05):
-    """Five points of a curve, and what is on its side, against branches of its first parameter.
+def check_three(curve, width=0.05):
+    """Three points of a curve, and what is on its side, against branches of its first parameter.
 
     Each branch leaves the point and is then followed back through it, from an orbit of its own.
     """
     path, kind = curve.paths[0], curve.kind
-    for number in np.linspace(1, len(curve.values) - 2, 5).round().astype(int):
+    for number in np.linspace(1, len(curve.values) - 2, 3).round().astype(int):
         value, ahead = curve.values[number, 0], curve.side[number, 0]
         between = value - width, value + width
         how = {"step": 2e-2, "max_points": 2, "locate": False, "direction": "up"}
@@ -67,7 +67,7 @@ def folds(resonance):
 
 @pytest.mark.slow
 def test_fold_curve_is_that_of_branches(folds):
-    check_five(folds)
+    check_three(folds)
     # Across the curve there are two orbits more or less: a tangent of the curve is across `side`.
     chords = np.diff(folds.unknowns[:, -2:], axis=0)
     chords = chords[1:] + chords[:-1]
@@ -145,7 +145,7 @@ def test_flip_curve(biased):
     branch = jr.continue_(biased, "spin.speed", (0.8, 1.2), max_step=0.1)
     flip = branch.of("flip")[0]
     curve = jr.continue_curve(branch, flip, PLANE, SPANS, max_points=30, **STEPS)
-    check_five(curve)
+    check_three(curve)
     for point in curve.of("1:2 resonance"):
         start = along_x(curve.orbit(point))
         speed = Duffing(0.0, 0.1, 1.0).critical(start, point.values[0], -1.0, speed=1.0)
@@ -163,7 +163,7 @@ def test_neimark_sacker_curve_has_the_four_resonances(biased):
     np.testing.assert_allclose(curve.values[:, 0], -0.2, rtol=1e-7)
     inside = curve.side[1:-1]  # it has no side where it meets the curve of folds
     np.testing.assert_allclose(inside, [[1.0, 0.0]] * len(inside), atol=1e-5)
-    check_five(curve)
+    check_three(curve)
     kinds = [f"1:{n} resonance" for n in (2, 3, 4, 1)]
     assert [one.kind for one in curve.points] == kinds
     for one, cosine in zip(curve.points, (-1.0, -0.5, 0.0, 1.0), strict=True):
