@@ -25,23 +25,40 @@ print(json.dumps({name: first(value) for name, value in found.items()}))"""
 OPTIMISED = "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false"
 
 
-def executed(path: Path, folder: Path, flags: str | None = None) -> list:
-    """Code cells of a notebook that ran in a folder, in its quick version.
+# Before the first cell of a notebook: nothing of the one before it is left.
+ANEW = """%reset -f
+import os
+import matplotlib.pyplot as plt
+plt.close("all")
+plt.rcdefaults()
+os.chdir({folder!r})
+"""
 
-    `flags` are settings of the compiler, by default those of the tests.
+
+def executed(paths: list[Path], folder: Path, flags: str | None = None) -> list[list]:
+    """Code cells of notebooks that ran one after the other, each in a folder, in its quick version.
+
+    One kernel runs them all, so that the library is loaded once. `flags` are settings of the compiler,
+    by default those of the tests.
     """
-    notebook = nbformat.read(path, as_version=4)
-    first, last = map(nbformat.v4.new_code_cell, (garbage.CODE, TOLD))
-    notebook.cells = [first, *notebook.cells, last]
+    notebooks = [nbformat.read(path, as_version=4) for path in paths]
+    for path, notebook in zip(paths, notebooks, strict=True):
+        own = folder / path.stem
+        own.mkdir()
+        begin = ANEW.format(folder=str(own)) + garbage.CODE
+        first, last = map(nbformat.v4.new_code_cell, (begin, TOLD))
+        notebook.cells = [first, *notebook.cells, last]
+        for number, cell in enumerate(notebook.cells):
+            cell.id = f"{path.stem}-{number}"
+    every = nbformat.v4.new_notebook(cells=[cell for one in notebooks for cell in one.cells])
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("JAXROTOR_QUICK", "1")
-        patch.setenv("PYTHONPATH", str(path.parent), prepend=os.pathsep)
+        patch.setenv("PYTHONPATH", str(paths[0].parent), prepend=os.pathsep)
         if flags is not None:
             patch.setenv("XLA_FLAGS", flags)
         patch.delenv("MPLBACKEND", raising=False)  # the kernel's own draws into the notebook
-        resources = {"metadata": {"path": str(folder)}}
-        NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
-    return code_cells(notebook)
+        NotebookClient(every, timeout=600, kernel_name="python3", allow_errors=True).execute()
+    return [code_cells(notebook) for notebook in notebooks]
 
 
 def code_cells(notebook) -> list:

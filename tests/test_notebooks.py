@@ -142,11 +142,20 @@ FOUND = {
 }
 
 
+@pytest.fixture(scope="module")
+def ran(request, tmp_path_factory):
+    """Code cells of the notebooks that the tests of this session look at, by name."""
+    own = [item for item in request.session.items if item.module is request.module]
+    chosen = {item.callspec.params["cells"] for item in own if "cells" in item.fixturenames}
+    paths = [path for path in NOTEBOOKS if path.stem in chosen]
+    found = executed(paths, tmp_path_factory.mktemp("notebooks"))
+    return {path.stem: cells for path, cells in zip(paths, found, strict=True)}
+
+
 @pytest.fixture(scope="module", params=FOUND)
-def cells(request, tmp_path_factory):
+def cells(request, ran):
     """Name and code cells of a notebook that ran in a folder of its own."""
-    (path,) = [path for path in NOTEBOOKS if path.stem == request.param]
-    return request.param, executed(path, tmp_path_factory.mktemp(request.param))
+    return request.param, ran[request.param]
 
 
 @pytest.mark.slow

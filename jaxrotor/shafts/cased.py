@@ -108,6 +108,14 @@ def _cased(line: AbstractLine) -> CasedLine:
     return line
 
 
+@eqx.filter_jit
+def _rows(
+    line: AbstractLine, x: Float[Array, " p"]
+) -> tuple[Float[Array, "p n"], Float[Array, "p n"]]:
+    """Rows of the displacements and of the slopes at stations."""
+    return jax.vmap(line.row)(x), jax.vmap(line.slope_row)(x)
+
+
 def same_shape(
     q: Complex[Any, " n"], line: AbstractLine, finer: AbstractLine
 ) -> Complex[np.ndarray, " m"]:
@@ -116,7 +124,8 @@ def same_shape(
     length = finer.breaks[-1]
 
     def rows(one: AbstractLine) -> np.ndarray:
-        found = [jax.vmap(one.row)(x), length * jax.vmap(one.slope_row)(x)]
+        moved, turned = _rows(one, x)
+        found = [moved, length * turned]
         if isinstance(one, CasedLine):
             found += [one.of_casing(name)[None] for name in one.casings]
         return np.concatenate(found)

@@ -37,7 +37,7 @@ FOUND = {
 def cells(tmp_path_factory):
     """Code cells of the notebook after its run."""
     (path,) = [path for path in NOTEBOOKS if path.stem == "06_design"]
-    return executed(path, tmp_path_factory.mktemp(path.stem), OPTIMISED)
+    return executed([path], tmp_path_factory.mktemp(path.stem), OPTIMISED)[0]
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ DESIGNED = {  # as `python notebooks/designs/limiters.py` prints
     "limiters.damping": 151.7,
     "limiters.gap": 6.6154e-3,
 }
-FEW = {"eccentricities": 5, "angles": 3, "settle": 200}
+FEW = {"eccentricities": 3, "angles": 3, "settle": 200}
 
 
 @pytest.mark.slow
@@ -90,7 +90,7 @@ def test_backward_rub_between_published_stops(numbers):
 @pytest.mark.slow
 def test_no_backward_whirl_between_designed_stops():
     after = limiters.ensemble(limiters.rotor().replace(DESIGNED), **FEW)
-    assert limiters.summary(after)["all"] == 0.0 and after["winding"].size == 45
+    assert limiters.summary(after)["all"] == 0.0 and after["winding"].size == 27
     assert limiters.summary(after)["largest radius"] < 1e3 * limiters.PEAK
 
 
@@ -175,9 +175,9 @@ def test_fits_that_fail_are_left_out_and_counted(monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_limiter_is_identified_within_its_covariance(numbers):
-    """Chi-square of 3 degrees of freedom below its 99 %; that of 4 records within its 1 and 99 %."""
+    """Chi-square of 3 degrees of freedom below its 99 %; that of 2 records within its 1 and 99 %."""
     samples = 2 * (identification.REVOLUTIONS * identification.STEPS // identification.EVERY + 1)
     assert abs(numbers["misfit of the record"] - samples) < 3 * np.sqrt(2 * samples)
     own, again = (numbers[f"distance from the truth{more}"] for more in ("", ", fitted again"))
     assert own < 11.345 and again == pytest.approx(own, rel=1e-3)
-    assert 3.571 < numbers["distances of all records"] < 26.217
+    assert 0.872 < numbers["distances of all records"] < 16.812

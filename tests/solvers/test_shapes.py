@@ -1,5 +1,6 @@
 """A few shapes of a rotor in place of all its coordinates: compliance, stated error, motion."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +13,9 @@ from jaxrotor.solvers.shapes import Shapes, shape_errors
 
 
 TIP = 0.7
+# As programs, not one operation after the other.
+shapes_of, first_order = map(eqx.filter_jit, (Shapes.of, linear_matrix))
+row_of = eqx.filter_jit(lambda line, at: line.row(at)[None])
 
 
 @pytest.fixture(scope="module")
@@ -19,13 +23,13 @@ def rotor():
     """The limiter rotor, its equations and the row of its disc."""
     scene = jr.load("limiter-rotor")
     system = jr.assemble(scene)
-    return scene, system, system.line.row(jnp.asarray(TIP))[None]
+    return scene, system, row_of(system.line, jnp.asarray(TIP))
 
 
 def test_static_compliance_of_the_end_of_a_cantilever(rotor):
     """`l^3 / 3EI` under a force, of a shaft without shear, whose tip is where the stops are."""
     scene, system, row = rotor
-    found = Shapes.of(system, scene.spin.speed, row, 4)
+    found = shapes_of(system, scene.spin.speed, row, 4)
     np.testing.assert_allclose(found.left @ found.inertia @ found.right, np.eye(4), atol=1e-9)
     stiffness = found.left @ system.blocks.stiffness @ found.right
     force = found.left @ system.ports[0].column
@@ -36,7 +40,7 @@ def test_static_compliance_of_the_end_of_a_cantilever(rotor):
 
 def test_the_first_shapes_are_the_same_however_many(rotor):
     scene, system, row = rotor
-    few, more = (Shapes.of(system, scene.spin.speed, row, count) for count in (2, 5))
+    few, more = (shapes_of(system, scene.spin.speed, row, count) for count in (2, 5))
     np.testing.assert_allclose(few.right, more.right[:, :2], rtol=1e-12)
 
 
@@ -48,9 +52,9 @@ def test_stated_error_is_that_of_the_compliance(name):
     scene = jr.load(name)
     system, speed = jr.assemble(scene), jnp.abs(scene.spin.speed)
     stations, most = scene.stations(None), 6
-    row = np.asarray(system.line.row(stations[0]))[None]
+    row = np.asarray(row_of(system.line, stations[0]))
     stated = np.asarray(shape_errors(system, speed, stations, most))
-    a, (port,) = np.asarray(linear_matrix(system, speed)), system.ports
+    a, (port,) = np.asarray(first_order(system, speed)), system.ports
     axes = np.eye(len(a) // system.n // 2)
     speed = float(speed)
     drive = np.linalg.solve(system.blocks.inertia, np.asarray(port.column)[:, None]) / speed**2
@@ -64,7 +68,7 @@ def test_stated_error_is_that_of_the_compliance(name):
     growth = 1 / (2 * np.pi) + 1j * np.linspace(first, top, 48 if first else 24)
     at_port = np.arange(0, len(seen), 2)
     for count in (3, 5):
-        shapes = Shapes.of(system, jnp.asarray(speed), jnp.asarray(row), count)
+        shapes = shapes_of(system, jnp.asarray(speed), jnp.asarray(row), count)
         small, into, back = map(np.asarray, shapes.within(jnp.asarray(a)))
         worst = 0.0
         for root in growth:
