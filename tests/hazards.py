@@ -26,7 +26,7 @@ from jaxrotor.core import linalg
 from jaxrotor.core.compiled import QUICKLY
 
 
-LANES, CHUNK = 20_000, 128  # some programs of jax went wrong above 16 384
+LANES, CHUNK = 16_640, 128  # some programs of jax went wrong above 16 384
 # Options by which the program of chunks is compiled: as other tests compile theirs.
 SIMPLY = {
     "compiler_options": QUICKLY["compiler_options"] | {"xla_disable_hlo_passes": flags.PASSES}

@@ -140,7 +140,7 @@ def design(number: int = 3, quick: bool = False) -> jr.Tuned:
         rotor(number, blend=2e-4).replace(GUESS),
         WHERE,
         constraints=CONSTRAINTS,
-        steps=30 if quick else 120,
+        steps=15 if quick else 120,
         tolerance=1e-4,
         progress=False,
     )
@@ -224,7 +224,7 @@ def stops(tuned: jr.Tuned, number: int) -> jr.Scene:
 def solve(quick: bool = False) -> Solution:
     """Design and verification; `quick` takes few motions, and three stops only."""
     numbers = (3,) if quick else (3, 6)
-    few = {"eccentricities": 8, "angles": 3, "settle": 200}
+    few = {"eccentricities": 4, "angles": 3, "settle": 200}
     some = few if quick else {"eccentricities": 12, "angles": 6}
     most = few if quick else {}
     with ThreadPoolExecutor() as threads:  # each tuning keeps one core busy
@@ -285,7 +285,10 @@ def draw_objectives(quick: bool = False) -> np.ndarray:
         axes[0].plot(dampings, values, label=label)
     axes[0].set_ylabel("work of the stops over $E$ [1]")
     axes[0].legend(frameon=False)
-    axes[1].plot(dampings, at(index), ".-", color=colours.RED, markersize=3, linewidth=0.6)
+    if quick:  # `slopes` computes the index as well
+        axes[1].set_xlim(dampings[0], dampings[-1])
+    else:
+        axes[1].plot(dampings, at(index), ".-", color=colours.RED, markersize=3, linewidth=0.6)
     axes[1].set_ylabel("whirl index, late [1]")
     for ax in axes:
         ax.axhline(0.0, color="0.6", linewidth=0.6)

@@ -1,6 +1,7 @@
 """Casings: bearings that stand on masses beside the shaft, against matrices of the tests' own."""
 
 import diffrax
+import equinox as eqx
 import fem
 import jax.numpy as jnp
 import numpy as np
@@ -344,13 +345,15 @@ def test_massless_shaft_on_a_casing():
 
 def test_shape_on_more_nodes_keeps_the_casing():
     """The coordinates of a bent shaft and of its frame, as a continued orbit takes them over."""
-    few, many = (on_frame(shear=False, nodes=nodes).line() for nodes in (4, 7))
+    line_of = eqx.filter_jit(lambda scene: scene.line())
+    few, many = (line_of(on_frame(shear=False, nodes=nodes)) for nodes in (4, 7))
     q = np.append(np.linspace(1.0, 2.0, few.stiffness.shape[0] - 1) * (1 + 0.5j), 3.0 - 1j)
     moved = same_shape(q, few, many)
     assert moved[-1] == pytest.approx(3.0 - 1j, rel=1e-10)
-    for at in (0.2, 1.1):
-        row = lambda line, at=at: np.asarray(line.row(jnp.asarray(at)))
-        assert row(many) @ moved == pytest.approx(row(few) @ q, rel=1e-10)
+    row_of = eqx.filter_jit(lambda line, at: line.row(at))
+    row = lambda line, at: np.asarray(row_of(line, at))
+    for at in map(jnp.asarray, (0.2, 1.1)):
+        assert row(many, at) @ moved == pytest.approx(row(few, at) @ q, rel=1e-10)
 
 
 # === other analyses
