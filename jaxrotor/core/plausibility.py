@@ -31,7 +31,7 @@ SOFT = 0.1  # stiffness of supports over that of the shaft, `48 E I / l^3`
 GIVE = 0.02  # over diameter: how far supports softer than that give way under the weight
 UNEQUAL = 300.0  # stiffness along one axis over that across it: more than any bearing has
 GRADE = 4.0  # [m/s], distance of the centre of mass times speed: the coarsest grade of ISO 21940-11
-FLAT = 20.0  # polar over diametral moment of inertia: twice is the most that a body has
+FLAT = 2.01  # polar over diametral moment of inertia: a thin disc has 2, no body has more
 NARROW = 0.1  # radius of gyration of a disc over the diameter of the shaft: less than any has
 HEAVY = 10.0  # times the mass of the rotor: larger than any unbalance
 WEIGHT = 0.5  # share of the mass of the rotor below which an unbalance is a weight put on it
@@ -240,6 +240,10 @@ class _Doubts:
                     or flat > FLAT
                 ):
                     why = f"with which the radius of gyration is {radius:.3g} m"
+                    if flat > FLAT:
+                        why = (
+                            f"{times(flat)} `{owner}.diametral`, where no body has more than twice"
+                        )
                     usual = min(mass * self.machine.length**2, FLAT * abs(value) / (flat or 1.0))
                     yield doubt(path, value, unit, why, (0.0, usual))
                 elif (

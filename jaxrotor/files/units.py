@@ -123,9 +123,11 @@ def _registry() -> Any:
 
     build = functools.partial(pint.UnitRegistry, non_int_type=typing.cast(Any, Decimal))
     try:  # a cache of the definitions of units saves a fifth of a second
-        return build(cache_folder=user_cache_path("jaxrotor") / "units")
+        registry = build(cache_folder=user_cache_path("jaxrotor") / "units")
     except Exception:  # the folder is not writable, or the cache is corrupt: any error of pickle
-        return build()
+        registry = build()
+    registry.define("@alias revolutions_per_minute = RPM")
+    return registry
 
 
 def refuse(path: str, text: str) -> NoReturn:

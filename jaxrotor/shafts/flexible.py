@@ -1,5 +1,6 @@
 """Flexible shaft: a beam by its Green's function and polynomials on spans."""
 
+import itertools
 from typing import Any, ClassVar, Literal
 
 import equinox as eqx
@@ -185,6 +186,10 @@ class FlexibleShaft(AbstractShaft):
         steps = [stations[k] for k in range(held, own)]
         if sorted(steps) != steps:
             raise ValueError(f"`steps` must be in the order of their stations, but are at {steps}.")
+        if twice := [at for at, after in itertools.pairwise(steps) if at == after]:
+            raise ValueError(
+                f"Two steps are at {twice[0]:g} m, so the first has no length; leave out one of them."
+            )
         return (first, *sorted(inner, key=stations.__getitem__), last)
 
     def resolution(

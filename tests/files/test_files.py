@@ -477,6 +477,7 @@ def test_new_effect_needs_an_export_and_nothing_else(monkeypatch):
         ("limiters.0.stiffness", '"4.087 kN/mm"', 4.087e6),
         ("spin.speed", '"1500 rpm"', 50 * math.pi),
         ("spin.speed", '"-1500 rpm"', -50 * math.pi),
+        ("spin.speed", '"1500 RPM"', 50 * math.pi),
         ("spin.speed", '"100 rad/s"', 100.0),
         ("spin.speed", '"360 deg/s"', 2 * math.pi),
         ("spin.speed", '"25 turn/s"', 50 * math.pi),
@@ -803,8 +804,8 @@ def study_of(text):
         ),
         (
             "1500 rpm",
-            "25 RPM",
-            "spin.speed must be in rad/s, but is '25 RPM' (write rpm or rad/s).",
+            "25 rmp",
+            "spin.speed must be in rad/s, but is '25 rmp' (write rpm or rad/s).",
         ),
         ("60 deg", "60 mm", "limiters.0.angle must be in rad, but is '60 mm' (write deg or rad)."),
         (

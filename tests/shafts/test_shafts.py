@@ -524,6 +524,7 @@ def build(**options):
         (lambda: build(constraints=(Constraint(1.5),)), "is off the shaft"),
         (lambda: build(steps=(Step(1.0, 0.03),)), "is at an end of the shaft"),
         (lambda: build(steps=(Step(0.6, 0.03), Step(0.4, 0.02))), "in the order of their stations"),
+        (lambda: build(steps=(Step(0.4, 0.03), Step(0.4, 0.02))), "Two steps are at 0.4 m"),
         (lambda: build(inner_diameter=0.03), "`inner_diameter [m]` must be below"),
         (
             lambda: build(shear=True, material=jr.Material(2e11, 7800.0)),
