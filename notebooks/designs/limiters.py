@@ -224,7 +224,7 @@ def stops(tuned: jr.Tuned, number: int) -> jr.Scene:
 def solve(quick: bool = False) -> Solution:
     """Design and verification; `quick` takes few motions, and three stops only."""
     numbers = (3,) if quick else (3, 6)
-    few = {"eccentricities": 4, "angles": 3, "settle": 200}
+    few = {"eccentricities": 8, "angles": 3, "settle": 200}
     some = few if quick else {"eccentricities": 12, "angles": 6}
     most = few if quick else {}
     with ThreadPoolExecutor() as threads:  # each tuning keeps one core busy
