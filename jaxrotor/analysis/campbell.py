@@ -156,9 +156,8 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
         return _Sample(speed, *map(np.asarray, found))
 
     wanted = slice(count if isotropic(blocks) else 2 * count)
-    first, *others = (sample(speeds[0]), *in_threads(sample, speeds[1:]))  # one compiles
-    followed = [first]
-    for one in others:
+    followed = [sample(speeds[0])]  # which compiles
+    for one in in_threads(sample, speeds[1:]):
         followed.append(_follow(followed[-1], one, wanted, sample))
     branches = np.stack([one.values for one in followed])
     every = np.arange(branches.shape[1])

@@ -292,11 +292,9 @@ def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows:
 
     def forces(samples: Float[Array, "T 2 2 r lanes"]) -> Complex[Array, "T k lanes"]:
         ports = samples[:, :, :, -len(march.system.ports) :]
-        motion = jnp.transpose(
-            ports, (2, 3, 1, 0, 4)
-        )  # (displacement or velocity, p, xy, T, lanes)
-        along = march.system.contact_forces(motion[0], motion[1], march.system.spin.speed)
-        return jnp.swapaxes(along[:, 0] + 1j * along[:, 1], 0, 1)
+        place, velocity = jnp.transpose(ports, (2, 3, 1, 0, 4))  # (p, xy, T, lanes) each
+        vectors = march.system.contact_forces(place, velocity, march.system.spin.speed)
+        return jnp.swapaxes(jax.lax.complex(vectors[:, 0], vectors[:, 1]), 0, 1)
 
     def one(state, number):
         y, carry, good = state
