@@ -30,7 +30,8 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 import jaxrotor as jr  # noqa: E402
-from jaxrotor.sweeps.observe import Turn  # noqa: E402
+from jaxrotor.motion.revolutions import collect_lanes  # noqa: E402
+from jaxrotor.sweeps.observable import Turn, updated  # noqa: E402
 
 
 LANES = tuple(4**k for k in range(3, 11))  # 64 .. 1048576
@@ -42,13 +43,12 @@ def whirl_rates(shared, own, y, revolutions: int):
     """Whirl rate of every lane, as a sweep observes it."""
     precession = jr.observe.Precession()
 
-    def update(carry, orbit):
-        seen, number = carry
-        return (precession.update(seen, Turn.of(orbit, number, revolutions))[0], number + 1), None
+    def update(seen, orbit, number):
+        return updated(precession, seen, Turn.of(orbit, number, revolutions))[0], None
 
     def lane(own, y):
-        march, begin = eqx.combine(own, shared), (precession.start(0), jnp.array(0))
-        (_, (seen, _), _), _ = march.collect(y, begin, update, revolutions)
+        march = eqx.combine(own, shared)
+        (_, seen, _), _ = collect_lanes(march, y, precession.start(0), update, revolutions)
         return seen["whirl"] / seen["weight"]
 
     return jax.vmap(lane)(own, y)

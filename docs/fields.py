@@ -96,7 +96,7 @@ PLAIN = {  # fields that are declared without a comment
     "FlexibleShaft.material": "material of the shaft, by default steel",
     "AbstractShaft.length": "length [m]",
     "AbstractObservable.needs_contact": "whether it is defined only for scenes with contacts",
-    "AbstractObservable.rows": "whether `update` takes lanes along a last axis, all at once",
+    "AbstractObservable.rows": "whether `update` takes lanes along a last axis, or one without it",
     "Variable.dims": "names of the dimensions",
     "Variable.long_name": "description, as labels of axes have it",
     "Variable.units": "unit",

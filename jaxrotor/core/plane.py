@@ -1,5 +1,6 @@
 """Plane: complex numbers `z = x + i y` as pairs of real ones."""
 
+import math
 from typing import Any
 
 import jax
@@ -41,13 +42,13 @@ _ARCTANGENT = (
 
 @jax.custom_jvp
 def angle(z: Any) -> Any:
-    """`arg z`, in (-pi, pi], to 4e-16; zero at zero.
+    """`arg z`, from -pi to pi as `jnp.angle` has it, to a few last digits; zero at zero.
 
-    `jnp.angle` calls the C library once an element, which takes 30 ns; this takes 3.
+    `jnp.angle` calls the C library once an element, which takes 33 ns; this takes 2.
     """
     x, y = jnp.abs(z.real), jnp.abs(z.imag)
     low, high = jnp.minimum(x, y), jnp.maximum(x, y)
-    beyond = low > np.tan(np.pi / 8) * high  # atan(t) = pi/4 + atan((t - 1)/(t + 1))
+    beyond = low > math.tan(math.pi / 8) * high  # atan(t) = pi/4 + atan((t - 1)/(t + 1))
     across = jnp.where(beyond, low - high, low)
     along = jnp.where(beyond, low + high, jnp.where(high == 0, 1, high))
     t = across / along

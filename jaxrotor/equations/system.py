@@ -210,7 +210,7 @@ class System(eqx.Module):
     ) -> Float[Array, "k 2 ..."]:
         """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports.
 
-        Elementwise laws take the motion of several lanes, (p, 2, .., lanes).
+        Elementwise laws take the motion of several lanes, (p, 2, lanes).
         """
         forces = jnp.concatenate(
             [port.forces(displacement[i], velocity[i], speed) for i, port in enumerate(self.ports)]

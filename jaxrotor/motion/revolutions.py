@@ -292,9 +292,10 @@ def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows:
 
     def forces(samples: Float[Array, "T 2 2 r lanes"]) -> Complex[Array, "T k lanes"]:
         ports = samples[:, :, :, -len(march.system.ports) :]
-        place, velocity = jnp.transpose(ports, (2, 3, 1, 0, 4))  # (p, xy, T, lanes) each
-        vectors = march.system.contact_forces(place, velocity, march.system.spin.speed)
-        return jnp.swapaxes(jax.lax.complex(vectors[:, 0], vectors[:, 1]), 0, 1)
+        place, velocity = jnp.transpose(ports, (2, 0, 3, 1, 4))  # (T, p, xy, lanes) each
+        of_sample = jax.vmap(march.system.contact_forces, in_axes=(0, 0, None))
+        vectors = of_sample(place, velocity, march.system.spin.speed)
+        return jax.lax.complex(vectors[:, :, 0], vectors[:, :, 1])
 
     def one(state, number):
         y, carry, good = state

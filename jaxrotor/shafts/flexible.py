@@ -186,7 +186,7 @@ class FlexibleShaft(AbstractShaft):
         steps = [stations[k] for k in range(held, own)]
         if sorted(steps) != steps:
             raise ValueError(f"`steps` must be in the order of their stations, but are at {steps}.")
-        if twice := [at for at, after in itertools.pairwise(steps) if at == after]:
+        if twice := [at for at, after in itertools.pairwise(steps) if after - at < 1e-12 * length]:
             raise ValueError(
                 f"Two steps are at {twice[0]:g} m, so the first has no length; leave out one of them."
             )

@@ -18,8 +18,8 @@ THIN = 8  # columns, up to which a product is a sum over columns
 def reduced(operation: Callable, rows: Array) -> Array:
     """`operation` of two arrays, as `jnp.add`, over all rows of the first axis, by halves.
 
-    All lanes are taken at once, which `jnp.sum` does of some numbers of rows alone: of 32 rows of 128
-    lanes it takes 13 times as long.
+    All lanes are taken at once, which `jnp.sum` does of some numbers of rows alone: 32 rows of 128
+    lanes take it 13 times as long.
     """
     while len(rows) > 1:
         half = len(rows) // 2

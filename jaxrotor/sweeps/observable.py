@@ -32,7 +32,7 @@ class Variable(NamedTuple):
 class Turn(eqx.Module):
     """A kept revolution or window at the observed station, its first and last samples included.
 
-    Arrays have a last axis of lanes where an observable takes `rows`.
+    All arrays but `number` have a last axis of lanes where lanes are observed together, see `rows`.
     """
 
     z: Complex[Array, "T ..."]  # displacement [m], T = steps + 1
@@ -68,7 +68,8 @@ class AbstractObservable(eqx.Module):
     """A quantity that is kept of each revolution, and how it is reported."""
 
     needs_contact: eqx.AbstractClassVar[bool]
-    rows: ClassVar[bool] = False  # whether `update` takes lanes along a last axis, all at once
+    # Whether `update` takes lanes along a last axis, or one without it; a subclass says it again:
+    rows: ClassVar[bool] = False
     needs_balls: ClassVar[bool] = False
     paced: ClassVar[Literal["any", "revolutions", "times"]] = "revolutions"  # in what it is defined
 

@@ -128,6 +128,15 @@ def test_a_wrong_unit_gives_one_warning_that_names_the_right_one(name, path, val
     assert path.startswith("supports.") or sentence.startswith(f"`{path}` is ")
 
 
+@pytest.mark.filterwarnings("error")
+def test_no_body_has_more_than_twice_the_moment_about_its_diameter():
+    fan = MACHINES[FAN]()
+    twice = 2 * fan.get("disc.diametral")
+    fan.replace({"disc.polar": 1.01 * twice})  # a thin disc, rounded
+    with pytest.warns(jr.ImplausibleWarning, match="2.5 times `disc.diametral`, where no body"):
+        fan.replace({"disc.polar": 1.25 * twice})
+
+
 def test_a_typed_file_and_a_typed_setting(tmp_path):
     """The fan of an eccentricity of 50 instead of "50 um"."""
     text = """

@@ -10,6 +10,7 @@ import pytest
 from numpy.polynomial import Legendre
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from systems import one_disc
 
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
@@ -230,6 +231,24 @@ def test_rub_agrees_with_contacts_located_exactly(name, start, rate):
     for order, bound in ((4, 2e-6), (2, 1e-5)) if name == "right" else ((4, 2e-6),):
         z = np.asarray(rub(name, order).displacement[:, 0])
         assert whirl_rate(z, 512) == pytest.approx(exact, abs=bound)
+
+
+# === solvers among themselves
+
+
+@pytest.mark.slow
+def test_explicit_and_implicit_parts_agree_on_a_rub():
+    """A stop that begins smoothly; sharp ones: `test_moderate_stiffness_against_an_implicit_solver`."""
+    stop = jr.Limiter(0.5, 0.0, 7e-3, 4e5, 20.0, 0.2, rim_radius=0.1, blend=2e-4)
+    numbers = {"mass": 10.0, "damping": 60.0, "stiffness": 1e5, "speed": 50.0}
+    rotor, start = one_disc(stop, eccentricity=1e-3, **numbers), jr.Whirl(8e-3, -75.0)
+    fine = jr.simulate(rotor, 2, 4096, solver=jr.Exponential(4), start=start)
+    assert (np.abs(np.asarray(fine.contact_force)) > 0).any()
+    control = dfx.PIDController(rtol=1e-9, atol=1e-12)
+    how = {"solver": dfx.KenCarp4(), "controller": control, "max_steps": 65536}
+    z = np.asarray(jr.simulate(rotor, 2, 64, start=start, **how).displacement)
+    want = np.asarray(fine.displacement)[::64]
+    assert abs(z - want).max() < 1e-6 * abs(want).max()
 
 
 # === order

@@ -191,17 +191,17 @@ def test_derivatives_of_a_line_of_unequal_nodes():
 
 @pytest.mark.slow
 def test_eight_nodes_where_what_decides_them_is_varied():
-    """A map over a station and a tuning of the material have the same nodes, and so the same numbers.
+    """A map over the material and a tuning of a station have the same nodes, and so the same numbers.
 
     As with 8 a span; a sweep over a station is below.
     """
-    fixed, own = SIMPLE.replace({"shaft.nodes": 8}), float(SIMPLE.get("disc.at"))
-    over = {"disc.at": [0.99 * own, own], "spin.speed": [100.0, 200.0]}
+    fixed, own = SIMPLE.replace({"shaft.nodes": 8}), float(SIMPLE.get("shaft.material.density"))
+    over = {"shaft.material.density": [0.99 * own, own], "spin.speed": [100.0, 200.0]}
     maps = [jr.stability_map(scene, over).growth for scene in (SIMPLE, fixed)]
     np.testing.assert_array_equal(*maps)
     loss = lambda scene: jr.roots(scene, 1).imag[0] - 90.0
-    own = float(SIMPLE.get("shaft.material.density"))
-    where = {"shaft.material.density": (0.9 * own, 1.1 * own)}
+    own = float(SIMPLE.get("disc.at"))
+    where = {"disc.at": (0.9 * own, 1.1 * own)}
     tuned = [jr.tune(loss, one, where, steps=2, progress=False) for one in (SIMPLE, fixed)]
     assert tuned[0].scene.resolution == (8, 8) and tuned[0].scene.shaft.nodes == 8
     assert float(tuned[0].loss) == float(tuned[1].loss)

@@ -226,7 +226,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     over = ["--over", "unbalance.eccentricity=0:1mm:640", "--steps", "64", "--keep", "8"]
     jr.save(ROTOR, "rotor.toml")
-    small = ["sweep", "rotor.toml", *over, "--settle", "80", "--out", "run"]
+    small = ["sweep", "rotor.toml", *over, "--settle", "200", "--out", "run"]
     process = subprocess.Popen(
         [sys.executable, "-m", "jaxrotor", *small, "--cluster", "2"],
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True},

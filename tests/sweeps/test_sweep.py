@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from systems import one_disc
 
 import jaxrotor as jr
 from jaxrotor.core.outcome import STATUS
@@ -319,6 +320,31 @@ def test_contact_of_a_known_force():
     found = observed(jr.observe.Contact(), lambda t: np.exp(1j * t), 3, 360, force=force)
     assert found["duty"][0] == pytest.approx([1 / 3, 1], abs=1 / 180)
     assert found["peak_force"][0].tolist() == [3, 2]
+
+
+@pytest.mark.slow
+def test_contacts_of_lanes_are_those_of_each():
+    """Several kinds of law at a station, in the order of the scene."""
+    film = {"viscosity": 0.02, "radius": 0.04, "length": 0.03, "clearance": 2e-3}
+    laws = (
+        jr.Limiter(0.5, 0.7, 2e-4, 4e5, 60.0, 0.1, rim_radius=0.1, blend=1e-5),
+        jr.CubicSpring(0.5, 0.3, 1e11),
+        jr.AnnularStator(0.5, 4e-4, 1e5, 30.0, 0.1, rim_radius=0.1, offset=1e-5),
+        jr.SqueezeFilm(0.5, **film),
+        jr.Limiter(0.5, 2.8, 1e-4, 3e5, 20.0, rim_radius=0.1),
+    )
+    rotor = one_disc(*laws, speed=80.0, stiffness=6000.0, eccentricity=2e-4)
+    run = {"steps_per_revolution": 32, "start": jr.Whirl(5e-4, 20.0), "solver": jr.Exponential(2)}
+    over = {"limiters.0.stiffness": [3e5, 4e5], "unbalance.eccentricity": [2e-4, 3e-4]}
+    how = {"settle": 0, "keep": 2, "progress": False, "error_sample": 0}
+    ds = jr.sweep(rotor, over, observe=[jr.observe.Contact()], **how, **run)
+    for lane in [dict(zip(over, ends, strict=True)) for ends in zip(*over.values(), strict=True)]:
+        alone = jr.simulate(rotor.replace(lane), 2, **run)
+        size = np.abs(np.asarray(alone.contact_force))
+        found = ds.sel(lane)
+        np.testing.assert_allclose(found["peak_force"], size[1:].max(0), rtol=1e-9)
+        np.testing.assert_allclose(found["duty"], (size[1:] > 0).mean(0), atol=1e-12)
+    assert (ds["duty"] > 0).all()
 
 
 def test_spectrum_of_a_known_whirl():
