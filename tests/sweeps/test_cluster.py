@@ -81,13 +81,9 @@ def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_without_a_store_the_data_come_here(near):
-    """So they do by the address alone, in a notebook, whose event loop runs already, and with errors."""
-
-    async def cell():
-        return swept(cluster=near.scheduler.address, error_sample=2)
-
-    found = asyncio.run(cell())
+def test_without_a_store_the_data_come_here(dask):
+    """So they do for a client with the address alone, and with errors by a second pass."""
+    found = swept(cluster=dask.scheduler.address, error_sample=2)
     xr.testing.assert_identical(found, swept(workers=2, error_sample=2))
 
 
@@ -103,9 +99,9 @@ def test_workers_that_do_not_see_the_folder_send_what_they_find(dask, alone, tmp
 
 
 @pytest.mark.slow
-def test_carried_states(near, tmp_path):
+def test_carried_states(dask, tmp_path):
     over = {"unbalance.eccentricity": [1e-4, 5e-4], "start.angle": np.arange(6.0)}
-    for name, where in (("a.zarr", {"cluster": near}), ("b.zarr", {"workers": 2})):
+    for name, where in (("a.zarr", {"cluster": dask}), ("b.zarr", {"workers": 2})):
         store = tmp_path / name
         jr.sweep(ROTOR, over, carry="unbalance.eccentricity", **HOW, **where, store=store)
     assert files(tmp_path / "a.zarr") == files(tmp_path / "b.zarr")
@@ -149,6 +145,16 @@ def test_no_scheduler(address, monkeypatch):
     monkeypatch.setattr(module, "CONNECTION_TIME", 0.5)
     with pytest.raises(ValueError, match="No Dask scheduler answers at .* give the address that"):
         swept(cluster=address)
+
+
+@pytest.mark.slow
+def test_an_address_in_a_notebook(dask):
+    """There an event loop runs already."""
+
+    async def cell():
+        return swept(cluster=dask.scheduler.address)
+
+    xr.testing.assert_identical(asyncio.run(cell()), swept(workers=2))
 
 
 def test_a_folder_that_cannot_be(near, tmp_path):
