@@ -175,11 +175,7 @@ class March(AbstractMarch):
         displacement, velocity = seen[:, 0], seen[:, 1]
         forces = None
         if self.plan.contacts and self.system.members and not forceless:
-            p = len(self.system.ports)
-            ports = jnp.moveaxis(samples[..., -p:], 1, -1)  # (T, 2, p, xy)
-            speed = jnp.broadcast_to(self.system.spin.speed, ports.shape[:1])
-            vectors = jax.vmap(self.system.contact_forces)(ports[:, 0], ports[:, 1], speed)
-            forces = vectors[..., 0] + 1j * vectors[..., 1]
+            forces = self.forces(samples)
         slope = displacement[:, s : 2 * s] if self.plan.slopes else None
         coordinates = None
         if self.plan.coordinates:
@@ -188,6 +184,14 @@ class March(AbstractMarch):
         step = 2 * jnp.pi * (1 / self.form.motion.rate) / (samples.shape[0] - 1)
         seen = displacement[:, :s], velocity[:, :s], slope, forces, coordinates
         return Window(*seen, step, self.form.motion.s)
+
+    def forces(self, samples: Float[Array, "T 2 2 r ..."]) -> Complex[Array, "T k ..."]:
+        """Forces of all contacts by the readings of `sample`, of lanes along a last axis as well [N]."""
+        ports = samples[:, :, :, -len(self.system.ports) :]
+        place, velocity = jnp.moveaxis(ports, (2, 1), (0, 3))  # (T, p, xy, ..) each
+        of_sample = jax.vmap(self.system.contact_forces, in_axes=(0, 0, None))
+        vectors = of_sample(place, velocity, self.system.spin.speed)
+        return jax.lax.complex(vectors[:, :, 0], vectors[:, :, 1])
 
     def _grid(self) -> Float[Array, " T"]:
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
@@ -290,20 +294,13 @@ def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows:
         y, y1, samples = moved
         return march.named(samples, forceless=bool(together)), march._outcome(y, y1)
 
-    def forces(samples: Float[Array, "T 2 2 r lanes"]) -> Complex[Array, "T k lanes"]:
-        ports = samples[:, :, :, -len(march.system.ports) :]
-        place, velocity = jnp.transpose(ports, (2, 0, 3, 1, 4))  # (T, p, xy, lanes) each
-        of_sample = jax.vmap(march.system.contact_forces, in_axes=(0, 0, None))
-        vectors = of_sample(place, velocity, march.system.spin.speed)
-        return jax.lax.complex(vectors[:, :, 0], vectors[:, :, 1])
-
     def one(state, number):
         y, carry, good = state
         y1, samples = revolution_of_lanes(step, form.stations, y, plan.steps, fused=fused)
         samples = jnp.asarray(samples).reshape(plan.steps + 1, 2, 2, -1, y.shape[-1])
         window, ok = per_lane(observed, march, (y, y1, samples))
         if together:
-            window = dataclasses.replace(window, contact_force=forces(samples))
+            window = dataclasses.replace(window, contact_force=march.forces(samples))
         carry, out = update(carry, window, number)
         return (y1, carry, good & ok), out
 
