@@ -31,6 +31,7 @@ from .effects.base import (
     AbstractEffect,
     check_casing,
     check_casings,
+    check_yield,
 )
 from .shafts.cased import CasedLine
 from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
@@ -132,8 +133,7 @@ class Scene(eqx.Module):
                     f"`at [m]` must be on the shaft (0 to {length:g}), but is {off[0]:g}."
                 )
             for x in stations.tolist():
-                reason = self.shaft.reason_against(x)
-                if reason is not None:
+                if (reason := self.shaft.reason_against(x)) is not None:
                     raise ValueError(f"`at [m]` = {x:g} m {reason}.")
         return stations
 
@@ -372,9 +372,9 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     owners = [effect.kind for effect in effects if _station(effect) is not None]
     owners = ["constraint or step"] * len(shaft.stations) + owners
     for owner, at in zip(owners, stations, strict=True):
-        reason = shaft.reason_against(at)
-        if reason is not None:
+        if (reason := shaft.reason_against(at)) is not None:
             raise ValueError(f"The {owner} at {at:g} m {reason}.")
+    check_yield(shaft, effects)
     return shaft.spans(stations)
 
 

@@ -28,7 +28,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_addoption(parser):
-    parser.addoption("--all", action="store_true", help="run the slow tests, too")
+    parser.addoption("--all", action="store_true", help="run the slow and the long tests, too")
     parser.addoption("--hard-table", metavar="FILE", help="write the table of hard cases there")
     parser.addoption("--pictures", action="store_true", help="draw pictures of pages anew")
     parser.addoption(
@@ -46,6 +46,7 @@ def pytest_configure(config):
             config.pluginmanager.register(durations.Table(path))
 
 
+LATER = ("slow", "long")  # tiers after the first
 LONGEST = (  # see benchmarks/durations.md
     "test_docs test_notebooks test_designs test_stepped test_periodic test_continuation "
     "test_hazards test_cluster test_limiter_rotor test_massless_coordinates test_fit "
@@ -58,7 +59,7 @@ LONGEST = (  # see benchmarks/durations.md
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out the slow tests, unless they are asked for: by `--all`, `-m`, `-k` or their names.
+    """Leave out slow and long tests, unless they are asked for: by `--all`, `-m`, `-k` or their names.
 
     Files that take long come first, so that no process is left with one of them at the end.
     """
@@ -67,9 +68,10 @@ def pytest_collection_modifyitems(config, items):
     asked = config.getoption("--all") or config.getoption("-m") or config.getoption("-k")
     if asked or any("::" in name for name in config.args):
         return
-    slow = [item for item in items if item.get_closest_marker("slow")]
-    config.hook.pytest_deselected(items=slow)
-    items[:] = [item for item in items if not item.get_closest_marker("slow")]
+    later = [item for item in items if any(map(item.get_closest_marker, LATER))]
+    config.hook.pytest_deselected(items=later)
+    left = set(later)
+    items[:] = [item for item in items if item not in left]
 
 
 def pytest_collection_finish():

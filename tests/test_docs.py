@@ -31,8 +31,11 @@ BLOCK = re.compile(
     re.M | re.S,
 )
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
-QUICK = ("docs/tutorials/effect.md",)
 GALLERY = "docs/gallery.md"
+TIERS = {  # of pages, by default "slow"; None: the first
+    "docs/tutorials/effect.md": None,
+    **dict.fromkeys((GALLERY, "docs/tutorials/fan.md", "docs/guides/design.md"), "long"),
+}
 PAGES = [
     *("README.md", GALLERY),
     *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/[gt]*/*.md")),
@@ -111,9 +114,12 @@ def last_digit(number: str) -> float:
     return 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
-@pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=[pytest.mark.slow] * (page not in QUICK)) for page in PAGES]
-)
+def in_tier(page):
+    tier = TIERS.get(page, "slow")
+    return pytest.param(page, marks=[getattr(pytest.mark, tier)] if tier else [])
+
+
+@pytest.mark.parametrize("page", [in_tier(page) for page in PAGES])
 def test_code_of_a_page_runs(page, pytestconfig, monkeypatch):
     if page != "README.md":  # which prints what the command prints
         without_error_lanes(monkeypatch)

@@ -45,8 +45,14 @@ def test_many_lanes_at_once(found, name):
     assert found[name] == ""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in hazards.PROGRAMS if name not in QUICK])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.long if name == "sweep" else pytest.mark.slow)
+        for name in hazards.PROGRAMS
+        if name not in QUICK
+    ],
+)
 def test_very_many_lanes_equal_chunks_of_few(found, name):
     assert found[name] == ""
 

@@ -16,7 +16,8 @@ from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
 from ..core.quantities import Number, Scalar, Series
 from ..core.representation import AbstractPart
-from ..shafts.line import AbstractLine
+from ..shafts.line import AbstractLine, AbstractShaft
+from ..shafts.massless import coincide
 
 
 Plane = Float[Array, "2 ..."]  # vector (x, y) in the plane of whirl, of one motion or of lanes
@@ -358,3 +359,21 @@ def check_casing(name: str, names: Sequence[str]) -> None:
     if name not in names:
         there = f"the scene has: {', '.join(names)}" if names else "the scene has none"
         raise ValueError(f"There is no casing {name!r}{suggest(str(name), names)}; {there}.")
+
+
+# === stations
+
+
+def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
+    """Raise if a support is where a constraint of the shaft holds the displacement it acts on."""
+    pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
+    for effect in effects:
+        at = getattr(effect, "at", None)
+        idle = effect.holds_shaft and not effect.turns_section and at is not None
+        if idle and not isinstance(effect, AbstractContact) and getattr(effect, "on", None) is None:
+            for pin in pins:
+                if coincide(float(at), float(pin.at), float(shaft.length)):
+                    raise ValueError(
+                        f"The {effect.kind} at {float(at):g} m has no effect, since a {pin.holds} of the "
+                        "shaft holds the displacement there; leave one of both out."
+                    )

@@ -44,7 +44,7 @@ def test_mapped_equals_one_by_one(name):
             np.testing.assert_allclose(there, np.ravel(found), rtol=1e-11)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.hard("2.12 one rotor of a batch has no onset", outcome="flagged")
 def test_a_rotor_without_an_onset_does_not_end_the_batch():
     """Internal damping destabilises from `Omega = (c_i + c_e) / c_i sqrt(k / m)` on."""

@@ -101,7 +101,7 @@ def test_one_film_under_its_load():
         np.testing.assert_allclose(found, numbers, rtol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_thresholds_of_a_rigid_rotor():
     """Position, roots and onset of the table, by numbers at one speed and by tables."""
     onset = 2.59133483
@@ -156,7 +156,7 @@ def test_threshold_of_a_flexible_rotor():
     assert np.max(roots.real) < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_three_bearings_share_the_load():
     """Statically indeterminate, the middle bush aside: equilibrium and compatibility of the shaft."""
     shaft = jr.FlexibleShaft(1.0, 0.03, constraints=[], nodes=4)
@@ -279,7 +279,7 @@ def test_a_film_of_a_reversed_rotor_is_the_mirror_image():
         jr.linearized(scene, [-300.0, 300.0, 600.0])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.hard("8.2 films without viscosity or speed, under weight")
 def test_positions_at_rest():
     """A film bears nothing at rest, and without viscosity never: there a support does, or nothing."""

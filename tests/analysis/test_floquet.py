@@ -198,7 +198,7 @@ def by_elements(speed, modes):
     return np.linalg.eigvals(half.y[:, -1].reshape(2 * size, -1)) ** 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_flexible_shaft_against_finite_elements():
     speed = 320.0
     expected = by_elements(speed, modes=8)
@@ -229,7 +229,7 @@ def growth_by_scipy(p, values):
     return np.log(np.max(np.abs(integrated(p, **values)))) * p / (2 * np.pi)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_onset_speed_with_periodic_coefficients():
     values = BASE | {"nu": 0.2, "delta": 0.15}
     scene = rotor(1.0, **values)

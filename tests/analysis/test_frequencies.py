@@ -139,7 +139,7 @@ def test_trapezoid_converges_with_second_order():
     assert -2.1 < slope < -1.9
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_spectral_beats_collocation():
     """Galerkin's equations within spans: fewer wrong digits by as many nodes, and no stiffer."""
     for nodes, (speed, stiffest) in SPECTRAL.items():

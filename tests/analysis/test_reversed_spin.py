@@ -71,7 +71,7 @@ def as_set(values):
     return values[np.lexsort((values.imag > 0, np.abs(values).round(6)))]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed, tables", [(0, False), (1, False), (2, False), (3, True), (4, True)])
 def test_a_rotor_and_its_mirror_image(seed, tables):
     """Every linear answer of random rotors on unequal bearings, with and without tables over speed."""

@@ -139,7 +139,7 @@ def test_unequal_axes_at_speeds_between_nodes():
     assert found.kinds == ["mixed"] * len(critical)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivatives_by_a_table_of_unequal_axes():
     """Growth at a speed between nodes, and onset speed, by entries of kxx and kxy."""
 
@@ -280,7 +280,7 @@ class Elements:
         return np.sort([zero(*pair) for pair in pairs])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_flexible_rotor_is_that_of_finite_elements():
     """Errors of the elements fall with the square of their length, so their limit is extrapolated."""
     coarse, fine = Elements(0.06), Elements(0.03)

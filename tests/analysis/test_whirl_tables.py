@@ -142,7 +142,7 @@ def film(speed=350.0, **changed):
     return rotor(jr.Support(0.5, speeds=SPEEDS, frequencies=WHIRLS, **tables), speed=speed)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tables_over_speed_and_whirl_are_those_of_a_dense_scan():
     """Roots, growth and its derivative by one entry, and a Campbell diagram, between the nodes."""
     scene = film()
@@ -298,7 +298,7 @@ def test_a_whirl_beyond_the_tables_is_not_called_stable():
         jr.stability_boundary(scene([300.0, 600.0]), "disc.mass", [2.0, 2.1])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_onset_speed():
     """`Omega = w (1 + c / c_i)`, `w` at the coefficients of its own: damping that turns with the shaft."""
     turning = jr.Support(0.5, 0.0, 500.0, rotating=True)

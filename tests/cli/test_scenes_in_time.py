@@ -22,7 +22,7 @@ def test_simulate_a_drive(tmp_path):
     assert refused.exit_code == 2 and "--keep is for whole revolutions" in refused.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sweep_starts_of_balls(tmp_path):
     words = ("--over", "start.balls.0.angle.0=0deg,90deg", "--times", "0:0.2s:65", "--at", "0.14m")
     result = run("sweep", "ball-balancer-light", *words, "--out", tmp_path / "o")

@@ -46,7 +46,7 @@ def numbers(cells):
     return found(cells)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_notebook_runs_and_finds_its_numbers(cells):
     check_runs(cells)
     check_found(cells, FOUND)
@@ -81,13 +81,13 @@ DESIGNED = {  # as `python notebooks/designs/limiters.py` prints
 FEW = {"eccentricities": 3, "angles": 3, "settle": 200}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_backward_rub_between_published_stops(numbers):
     """Sheet, section 3.4; the violent whip is above."""
     assert numbers["rubs that stay, before"] > 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_backward_whirl_between_designed_stops():
     after = limiters.ensemble(limiters.rotor().replace(DESIGNED), **FEW)
     assert limiters.summary(after)["all"] == 0.0 and after["winding"].size == 27
@@ -110,7 +110,7 @@ def onset_by_hand(disc, bearing):
     return whirl - series(whirl, disc, bearing).imag / 160.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_cheapest_dampers_against_scipy(numbers):
     constraint = {"type": "ineq", "fun": lambda x: (onset_by_hand(*x) - 300.0) / 100}
     price = lambda x: (10 * x[0] + 2 * x[1]) / 1000
@@ -130,7 +130,7 @@ def test_cheapest_dampers_against_scipy(numbers):
     assert numbers["price of 100 rad/s"] == pytest.approx(slope, rel=1e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_medium_of_the_limiter_rotor():
     """Table 3.2: at eta_e = 0.025, which is 7.778381808870701 N s/m^2, the onset is N = 13.9041252."""
     tuned = damping.medium(13.9041251, quick=True)
@@ -141,7 +141,7 @@ def test_medium_of_the_limiter_rotor():
 # === balancing, identification
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_balanced_through_a_rub(numbers):
     """Corrections are judged by the linear rotor, which the fit has never seen."""
     names = ("gradient", "influence", "nothing")
@@ -173,7 +173,7 @@ def test_fits_that_fail_are_left_out_and_counted(monkeypatch, capsys):
         identification.scatter(of(4.0))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_limiter_is_identified_within_its_covariance(numbers):
     """Chi-square of 3 degrees of freedom below its 99 %; that of 2 records within its 1 and 99 %."""
     samples = 2 * (identification.REVOLUTIONS * identification.STEPS // identification.EVERY + 1)

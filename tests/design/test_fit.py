@@ -146,7 +146,7 @@ def test_residuals_with_a_hum_are_not_noise(response):
     assert said.startswith("The residuals of record 0 are correlated") and said in str(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_of_a_response_cover(response):
     """2000 records: share covered, noise as chi-square, scatter as covariance, correlation as of noise."""
     many = noisy(whirl(SPEEDS), 2000, seed=1)
@@ -207,7 +207,7 @@ def decay(times, stiffness=K, damping=C, radius=RADIUS, turn=TURN, steady=0.0, s
     return free + steady * np.exp(1j * speed * times)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_of_two_records_cover():
     """A decay whose start is sought too, and a response with five times the noise: each has its own."""
     speed, revolutions = 200.0, 10
@@ -283,7 +283,7 @@ def moved(times, state, speed, eccentricity=0.0, weight=0.0, gap=GAP):
     return found[0] + 1j * found[1], found[:, -1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_of_a_rub_cover():
     """500 records of three revolutions with impacts, each integrated by SciPy but for its noise."""
     times = 2 * np.pi / 400.0 * np.arange(3 * 32 + 1) / 32
@@ -359,7 +359,7 @@ def test_an_unstable_orbit_is_doubted():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_orbit_of_a_rub():
     """A periodic rub that SciPy has settled, and its spectrum: gap and friction are found."""
     scene = HEAVY.of_parts(
@@ -646,7 +646,7 @@ def test_noise_that_channels_share_is_told():
     ).cautions
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_short_record_has_the_degrees_of_freedom_of_its_own():
     """Damping is found by six numbers beside 200 of another kind: `t` of 5 degrees, not of 204."""
     far, near = np.linspace(1500.0, 2500.0, 100), np.array([395.0, 400.0, 405.0])

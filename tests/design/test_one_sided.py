@@ -61,7 +61,7 @@ def circle():
     return jr.periodic(mass(0.9 * GRAZING), jr.AtRest(), steps_per_revolution=64)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_rub_that_just_touches_has_the_slope_of_its_stop(radius, circle):
     """Before it `R = e GAP / GRAZING`. After it an elastic stop adds `sqrt(e - e*)`, a damped one a kink.
 

@@ -167,7 +167,7 @@ def test_a_probability_is_tuned():
     assert float(tuned.values["disc.mass"]) == pytest.approx(mass, rel=5e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_designed_stops_within_their_tolerances():
     """None of 64 machines and releases ends backward, of which more than half do between other stops."""
     published = jr.load("limiter-rotor")

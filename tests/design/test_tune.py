@@ -67,7 +67,7 @@ OPTIMISERS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", OPTIMISERS)
 def test_a_bowl_by_every_optimiser(name):
     """Least at (1, -0.5), where the loss is 2."""

@@ -261,7 +261,7 @@ CASES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.hard("7.6 rubs in a ring of every kind, against SciPy")
 @pytest.mark.parametrize("name", CASES)
 def test_paths_in_a_ring_are_those_of_scipy(name, record_property):

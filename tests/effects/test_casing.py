@@ -208,7 +208,7 @@ def test_motion_by_revolutions_is_that_of_scipy():
     np.testing.assert_allclose(carried.coordinates[-1], run.coordinates[-1], atol=1e-12 * size)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_run_up_is_that_of_scipy():
     spin = jr.SpeedProfile([0.0, 1.0], [100.0, 400.0])
     times = np.linspace(0.0, 0.3, 61)
@@ -301,7 +301,7 @@ SHAFTS = {  # that of `test_flexible_shaft_on_one_frame` bends and shears
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", SHAFTS)
 def test_stiff_foundation_is_the_ground(name):
     """A casing of 1 kg on 1e15 N/m: its own root is far, the others are those without it."""

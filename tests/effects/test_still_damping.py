@@ -207,7 +207,7 @@ def test_free_decay_in_time():
     np.testing.assert_allclose(run.displacement[:, 0], expected, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "effect", [RayleighDamping(30.0, 1e-4), ModalDamping([0.1, 0.05])], ids=lambda one: one.kind
 )

@@ -354,3 +354,32 @@ def test_response_and_reactions_of_seals_with_added_mass():
     np.testing.assert_allclose(force, -SEALED * rate**2 * whirl, rtol=1e-8)
     run = jr.simulate(on_seals(speed, jr.Gravity(9.81)), 1, 4, start=jr.Whirl(1e-3, rate))
     np.testing.assert_allclose(jr.reactions(run).static.sum(), 1j * SEALED * 9.81, rtol=1e-12)
+
+
+# === supports where the shaft is held
+
+
+def held(holds, **bearing):
+    """A rigid rotor on a constraint at 0 and a bearing there, and on another bearing."""
+    bearings = jr.Support(0.0, **bearing), jr.Support(0.8, 1e6)
+    shaft = jr.RigidShaft(1.0, constraints=(jr.Constraint(0.0, holds),))
+    return jr.Scene(
+        shaft, jr.Disc(0.5, 10.0, diametral=0.2, polar=0.3), *bearings, spin=jr.ConstantSpeed(0.0)
+    )
+
+
+def test_a_support_where_a_constraint_holds_the_shaft_is_refused():
+    with pytest.raises(
+        ValueError, match="The support at 0 m has no effect, since a pin of the shaft"
+    ):
+        held("pin", stiffness=1e6)
+    apart = held("pin", stiffness=0.0, angular_stiffness=3e4)
+    with pytest.raises(ValueError, match="The support at 0 m has no effect"):
+        apart.replace({"supports.1.at": 0.0})
+
+
+def test_a_support_that_holds_the_slope_of_a_pin_is_felt():
+    """`J w^2 = k l^2 + k_a` about the pin, with `J = I + m a^2`."""
+    frequency = np.sqrt((1e6 * 0.8**2 + 3e4) / (0.2 + 10.0 * 0.5**2))
+    roots = jr.roots(held("pin", stiffness=0.0, angular_stiffness=3e4))
+    assert np.abs(roots.imag).max() == pytest.approx(frequency, rel=1e-9)

@@ -433,7 +433,7 @@ def errors(scene, expected, solver, counts):
     return np.array(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ends", "anisotropy"), [("damped", None), ("undamped", ANISOTROPY)]
 )  # along axes of either kind
@@ -484,7 +484,7 @@ def test_energy_of_bounces_of_a_part_without_mass(stops):
     assert np.abs(velocity - middle)[smooth].max() < 2e-3 * np.abs(velocity).max()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_lanes_and_derivatives_with_a_part_without_mass():
     """Lanes of a sweep are those of single motions; derivatives by shaft, ends and stop."""
     scene = rotor(jr.ConstantSpeed(80.0), jr.Limiter(0.0, TOWARDS, GAP, STOP), **FREE)

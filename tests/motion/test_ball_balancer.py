@@ -267,7 +267,7 @@ def up_and_down(scene, speeds, start, settle=70, keep=20):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hysteresis_in_speed():
     """Set R: lag whirl up to 1.2, balanced from 1.25; down, lost between 1.25 and 1.15."""
     found = up_and_down(balancer(), [0.9, 1.1, 1.15, 1.2, 1.25, 1.5, 2.0], launch())
@@ -278,7 +278,7 @@ def test_hysteresis_in_speed():
     assert (found.ball_lag.sel({"branch": "up", "spin.speed": 120.0}) / 120 < -0.05).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hysteresis_of_the_light_set():
     """Stuck up to 4 (rms |s| 4.69, |delta| 75.1); from balance at 4 kept to 1.7, lost at 1.6 (4.48).
 

@@ -143,7 +143,7 @@ def flexible():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_flexible_rotor_with_all_of_it(flexible):
     """Parts that turn with the shaft act on the drive, which no other effect here does."""
     times = np.linspace(0.0, 0.2, 3)
@@ -192,7 +192,7 @@ def test_lanes_are_runs(flexible):
     assert 0 < found.peak.attrs["error"] < 1e-2 * float(found.peak.max())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_lanes_of_a_located_rub(flexible):
     """Lanes that touch a stop at different times are those of single runs."""
     scene = jeffcott(jr.Limiter(0.5, 0.0, **STOP))

@@ -88,7 +88,7 @@ def test_oil_whip_of_a_flexible_rotor():
     assert largest == pytest.approx(0.817388, rel=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.hard("8.7 oil whip below its onset, carried down, beside the stable rest")
 def test_whip_has_hysteresis():
     """Sheet 8: whip carried down lasts to 1.66 and is over at 1.62; its onset on the way up is 1.763."""
@@ -172,7 +172,7 @@ def test_motions_are_those_of_scipy():
         assert abs(complex(np.asarray(run.displacement)[-1, 0]) - complex(*known)) < error
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.hard(
     "8.9 three orbits of a squeeze film damper, and the fold in which two of them end"
 )

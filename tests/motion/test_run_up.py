@@ -438,6 +438,11 @@ def test_drag_to_the_letter_runs_away_and_odd_drag_does_not():
     # From 50 rad/s a brake of 1950 N m turns the rotor back after 0.05 s.
     with pytest.raises(ValueError, match="turns backward from 50 rad/s under -1950 N m; give `odd"):
         jr.run_up(turn(jr.Drive(50.0, -1950.0, 1.57, 0.039)), [0.1, 0.2])
+    # A traced torque cannot be refused, so the motion is not finite where it turns the rotor back.
+    scene = turn(jr.Drive(50.0, 10.0, 1.57, 0.039))
+    path = lambda torque: jr.run_up(scene.replace({"spin.torque": torque}), [0.1, 0.2]).displacement
+    forward, backward = map(jax.jit(path), jnp.array([10.0, -1950.0]))
+    assert jnp.isfinite(forward).all() and jnp.isnan(backward).all()
 
 
 # === as a function
@@ -518,7 +523,7 @@ def test_a_profile_that_a_run_cannot_go_on_in_is_refused():
     assert np.allclose(run.speed, [150.0, 50.0]) and float(run.end.time) == 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gradient_and_lanes():
     times = np.linspace(0, 0.4, 5)
     scene = jeffcott(spin=jr.SpeedProfile.ramp(150.0, 250.0, 0.4))

@@ -215,7 +215,7 @@ def test_order_with_smooth_contact():
     assert found[1] < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sharp_stops_and_unequal_bearings():
     scene, exact = stopped_rotor()
     found = errors(scene, 2, (100, 1600), exact)

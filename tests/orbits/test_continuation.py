@@ -359,7 +359,7 @@ def test_backward_rub_becomes_a_torus_at_higher_speed(faster):
     np.testing.assert_array_equal(branch.stable, branch.values < point.value)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(slipping, faster):
     """Both over a second parameter, at either end, against branches of the first."""
     speed = float(faster.values[0])
@@ -382,7 +382,7 @@ def test_curves_of_the_fold_and_the_torus_of_the_backward_rub(slipping, faster):
         assert nearest == pytest.approx(value, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_locked_rub_is_left_for_a_torus_on_both_sides():
     """At half the speed between two eccentricities; there a pair of multipliers leaves, by scipy too."""
     scene = limiter_rotor(nodes=4, eps=0.8e-3 / LENGTH)

@@ -153,7 +153,7 @@ def test_flip_curve(biased):
     assert len(curve.of("1:2 resonance")) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_neimark_sacker_curve_has_the_four_resonances(biased):
     """It is where damping is zero; there the trace of the derivative by the state tells the angle."""
     branch = jr.continue_(biased, "support.cxx", (-0.25, 0.1), direction="down", max_step=0.1)

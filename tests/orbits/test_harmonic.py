@@ -198,7 +198,7 @@ NAMES = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivatives_against_differences():
     """In forward mode, and in reverse mode the same."""
     scene = one_stop(TOUCHING)

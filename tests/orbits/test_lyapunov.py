@@ -75,7 +75,7 @@ def test_what_is_rounding_beside_the_fastest_is_lost():
     assert error[:2].tolist() == [0.1, 2.0] and np.isnan(error[2])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_backward_rub_has_an_exponent_of_zero_and_those_of_its_multipliers():
     """The motion along itself neither grows nor decays; the next are ln |multiplier| / period."""
     scene = limiter_rotor(nodes=4)

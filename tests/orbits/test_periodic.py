@@ -152,7 +152,7 @@ def test_linear_orbit_is_the_steady_state():
 NAMES = ("limiters.stiffness", "limiters.friction", "spin.speed")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivatives_against_differences(rub):
     """Derivatives of whirl rate, rms radius and largest multiplier, by the implicit function theorem.
 

@@ -158,7 +158,7 @@ def test_eight_nodes_where_sections_are_traced():
     assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivatives_by_what_decides_the_nodes():
     """Nodes stay those of the scene's own values, and derivatives are those with 8 nodes."""
     paths = ("disc.at", "shaft.length", "shaft.diameter")
@@ -189,7 +189,7 @@ def test_derivatives_of_a_line_of_unequal_nodes():
         np.testing.assert_allclose(mode(column)(at), expected, rtol=1e-6, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_eight_nodes_where_what_decides_them_is_varied():
     """A map over the material and a tuning of a station have the same nodes, and so the same numbers.
 
@@ -207,7 +207,7 @@ def test_eight_nodes_where_what_decides_them_is_varied():
     assert float(tuned[0].loss) == float(tuned[1].loss)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_has_the_nodes_that_it_says():
     """8 a span where a station is swept, those of the scene where the speed is."""
     run = {"settle": 1, "keep": 1, "steps_per_revolution": 16, "progress": False}

@@ -132,7 +132,7 @@ def test_gyroscopic_whirl_is_that_of_the_spectral_rule():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivative_by_the_length():
     scene = rotor(("clamp", "pin"), 6, Disc(LENGTH / 2, 5.0))
 

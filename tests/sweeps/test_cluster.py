@@ -70,7 +70,7 @@ def alone(tmp_path_factory):
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_store_is_that_of_threads(dask, alone, tmp_path, monkeypatch):
     """They agree byte for byte, and the workers write all: this process puts nothing."""
     monkeypatch.setattr(Store, "put", lambda *_: pytest.fail("put by the client"))
@@ -225,7 +225,7 @@ def test_a_worker_is_killed(dask, alone, tmp_path):
     assert not run.is_alive() and files(store) == files(alone)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_ctrl_c_keeps_what_is_done(tmp_path, monkeypatch):
     """Sent to every process, as a terminal does, it leaves none, and the command can resume later."""

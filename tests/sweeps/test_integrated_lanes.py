@@ -69,7 +69,7 @@ def placed(first):
     return jr.Launch(balls=(jr.Balls(jnp.array([first, 1.0]), jnp.zeros(2)),))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_balls_begin_where_a_path_says(tmp_path):
     """Windows along times; the folder of a sweep is read again."""
     over = {"start.balls.0.angle.0": [0.5, 2.0], "spin.speed": [300.0]}
@@ -100,7 +100,7 @@ def test_balls_begin_where_a_path_says(tmp_path):
         jr.sweep(DRIVEN, {"spin.torque": [1.0]}, times=times, observe=[jr.observe.Imbalance()])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_balls_are_carried_from_speed_to_speed():
     """By whole revolutions; at a new speed balls keep their absolute rates."""
     counts = {"settle": 10, "keep": 2, "steps_per_revolution": 32}
@@ -127,7 +127,7 @@ def test_balls_are_carried_from_speed_to_speed():
     assert float(up.radius_max[1]) == pytest.approx(np.abs(second.displacement[1:]).max(), rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_coordinate_without_mass_in_some_lanes():
     shaft = jr.MasslessShaft(1.0, 0.5, 8e4, k12=5e3, k22=4e3)
     disc = jr.Disc(0.5, 2.0, 0.0, 0.01, offset=2e-3, exact=False)

@@ -283,7 +283,7 @@ for line in sys.stdin:
 )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="POSIX processes")
 def test_killed_at_random_moments(tmp_path):
     """After `kill -9` again and again, every byte of the data is that of a run never killed."""
@@ -458,7 +458,7 @@ print(json.dumps(said))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_small_disk(tmp_path, gathered):
     """The store is on a file system that is full, then read-only, and then has room."""
     (tmp_path / "disk").mkdir()

@@ -76,7 +76,7 @@ def test_refusals_of_precision(given, words):
         jr.sweep(scene, {"limiters.gap": [7e-3]}, **{"precision": "float32", **given})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_lanes_in_single_precision_tell_their_error():
     """The whirl rate of the rub, beside that in double precision by as many steps and by twice as many."""
     over = {"start.rate": [-441.0, -430.0]}
@@ -137,7 +137,7 @@ def test_chunks_and_workers_do_not_change_results():
         np.testing.assert_allclose(parts[name], whole[name], rtol=1e-10, atol=1e-14)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_adaptive_solver_in_a_sweep():
     over = {"unbalance.eccentricity": [1e-4, 5e-4]}
     ds = jr.sweep(FEW, over, start=RUB, solver=dfx.Kvaerno5(), **SHORT)

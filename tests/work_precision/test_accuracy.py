@@ -106,7 +106,7 @@ def rub():
     return jr.simulate(SCENE, 150, 256, start=RUB, keep=1).end
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_whirl_rate_of_the_backward_rub(rub):
     run = measures.LongRun("whirl_rate", rub, settle=0, keep=40)
     ours = methods.by_steps((jr.Exponential(2),), (256,))
