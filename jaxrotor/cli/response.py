@@ -18,7 +18,7 @@ from ..core.attributes import about
 from ..effects import AbstractContact, Disc
 from ..equations.speed_tables import speed_range
 from ..files.units import quantity
-from ..plot.clearance import amplitudes
+from ..plot.marks import amplitudes
 from ..plot.units import LENGTHS, SPEEDS
 from ..scene import Scene
 from . import answer

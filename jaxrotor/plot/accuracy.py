@@ -40,9 +40,8 @@ def work_precision(
     ax = page.single(ax, 150, 105)
     for style, line in _lines(dataset, methods):
         ax.plot(line["run_time"].values, _errors(line), label=line["method"].values[0], **style)
-    ax.set_xlabel(f"time of a run{_lanes(dataset)} [s]")
-    _finish(dataset, ax)
-    return ax
+    lanes = int(dataset.attrs["lanes"])
+    return _finish(dataset, ax, f"time of a run{'' if lanes == 1 else f' of {lanes} lanes'} [s]", 3)
 
 
 def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None = None) -> Axes:
@@ -76,8 +75,7 @@ def convergence(dataset: xr.Dataset, ax: Axes | None = None, *, axis: str | None
         ax.plot(x, y, label=label, **style)
     if axis == "tolerance":
         ax.invert_xaxis()
-    ax.set_xlabel(_AXES[axis])
-    _finish(dataset, ax, columns=2)
+    _finish(dataset, ax, _AXES[axis], 2)
     if axis != "tolerance":  # every count is named as a plain number
         counts = np.unique(np.concatenate([line[axis].values for _, line in found]))
         ax.set_xticks(counts, labels=[f"{count:g}" for count in counts])
@@ -100,17 +98,16 @@ def _lines(
     own = dict.fromkeys(dataset["method"].values.tolist())
     found = []
     for number, name in enumerate(dict.fromkeys((*methods, *own))):
-        if name not in own:
-            continue
-        cycle = number // len(colours.CYCLE)
-        style = {
-            "color": colours.CYCLE[number % len(colours.CYCLE)],
-            "marker": _MARKERS[number % len(_MARKERS)],
-            "linestyle": ("-", "--", ":")[cycle % 3],
-            "linewidth": 1.2,
-            "markersize": 3.5,
-        }
-        found.append((style, dataset.isel(run=np.flatnonzero(dataset["method"].values == name))))
+        if name in own:
+            style = {
+                "color": colours.cycled(number),
+                "marker": _MARKERS[number % len(_MARKERS)],
+                "linestyle": ("-", "--", ":")[number // len(colours.CYCLE) % 3],
+                "linewidth": 1.2,
+                "markersize": 3.5,
+            }
+            runs = np.flatnonzero(dataset["method"].values == name)
+            found.append((style, dataset.isel(run=runs)))
     return found
 
 
@@ -121,42 +118,28 @@ def _errors(line: xr.Dataset) -> np.ndarray:
 
 
 def _floor(dataset: xr.Dataset) -> float:
+    """Relative uncertainty of the reference."""
     value = abs(complex(dataset.attrs["reference"], dataset.attrs.get("reference_imag", 0.0)))
     return float(dataset.attrs["reference_uncertainty"]) / value if value else 0.0
 
 
-def _lanes(dataset: xr.Dataset) -> str:
-    lanes = int(dataset.attrs["lanes"])
-    return "" if lanes == 1 else f" of {lanes} lanes"
-
-
-def _finish(dataset: xr.Dataset, ax: Axes, columns: int = 3) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    long_name = str(dataset["value"].attrs["long_name"])
-    ax.set_ylabel(f"relative error of the\n{long_name} [1]")
+def _finish(dataset: xr.Dataset, ax: Axes, label: str, columns: int) -> Axes:
+    """Scales, labels, the uncertainty of the reference, and the number of settings that failed."""
+    ax.set(xscale="log", yscale="log")
     floor = _floor(dataset)
     low, high = ax.get_ylim()
+    small: Any = {"fontsize": page.TEXT - 1, "color": "0.35"}
     if low / 10 < floor < high:
         ax.axhline(floor, color="0.5", linewidth=0.8, linestyle="--", zorder=0.5)
-        ax.annotate(
-            "uncertainty of the reference",
-            (0.99, floor),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, 2),
-            textcoords="offset points",
-            ha="right",
-            fontsize=page.TEXT - 1,
-            color="0.35",
-            bbox={"color": "white", "pad": 0.5},
-            zorder=0.6,
-        )
+        place: Any = {"xytext": (0, 2), "textcoords": "offset points", "ha": "right"}
+        place |= {"xycoords": ("axes fraction", "data"), "zorder": 0.6} | small
+        place["bbox"] = {"color": "white", "pad": 0.5}
+        ax.annotate("uncertainty of the reference", (0.99, floor), **place)
     failed = int((dataset["status"].values != 0).sum())
     if failed:
         text = f"{failed} of {dataset.sizes['run']} settings failed or were left out"
-        ax.annotate(
-            text, (0.01, 0.02), xycoords="axes fraction", fontsize=page.TEXT - 1, color="0.35"
-        )
+        ax.annotate(text, (0.01, 0.02), xycoords="axes fraction", **small)
     ax.grid(which="major", color="0.9", linewidth=0.5)
     ax.set_axisbelow(True)
-    page.legend(ax, columns)
+    name = dataset["value"].attrs["long_name"]
+    return page.finish(ax, label, f"relative error of the\n{name} [1]", columns=columns)

@@ -79,11 +79,8 @@ class Rows(NamedTuple):
             ax.quiver(0, 0, tip.real, tip.imag, color=colour, label=name, **style)
         reach = 1.35e3 * radius
         ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        ax.set_xlabel("x of the rotor [mm]")
-        ax.set_ylabel("y of the rotor [mm]")
-        note = {"transform": ax.transAxes, "fontsize": page.TEXT, "ha": "right"}
-        ax.text(0.97, 0.03, f"radius = {1e3 * unit:.3g} g m", **note)
-        page.legend(ax, columns=2)
+        page.note(ax, f"radius = {1e3 * unit:.3g} g m", right=True)
+        page.finish(ax, "x of the rotor [mm]", "y of the rotor [mm]", columns=2)
 
 
 def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
@@ -97,19 +94,15 @@ def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
 
     Returns:
         The upper Axes, angles [deg], and the lower, imbalance [g m].
-
-    Raises:
-        ValueError: the run has no balls, or `axes` are not two.
     """
     found, time = Rows.of(run), np.asarray(run.time)
     upper, lower = page.pair(axes, 170, 110)
-    many = time.size > page.RASTER
     for row in found.rows:
         for number, angle in enumerate(_broken(np.degrees(row.angle)).T):
             label = None if number else row.name
-            upper.plot(time, angle, color=row.colour, lw=1.0, label=label, rasterized=many)
+            page.curve(upper, time, angle, row.colour, label, 1.0)
     left, alone = 1e3 * np.abs(found.left), 1e3 * abs(found.rotor)
-    lower.plot(time, left, color=colours.DARK, lw=1.0, label="rotor and balls", rasterized=many)
+    page.curve(lower, time, left, colours.DARK, "rotor and balls", 1.0)
     lower.axhline(alone, color=colours.RED, lw=0.8, ls="--", label="rotor alone")
     top = max(left.max(), alone)
     if left.min() < 1e-2 * top:
@@ -120,12 +113,8 @@ def balls(run: Any, axes: Any = None) -> tuple[Axes, Axes]:
     for ax in (upper, lower):
         ax.margins(x=0)
     upper.set(ylim=(0.0, 360.0), yticks=range(0, 361, 90))
-    upper.set_ylabel("angle from the rotor [deg]")
-    lower.set_ylabel("imbalance [g m]")
-    lower.set_xlabel("time [s]")
-    page.legend(upper, columns=4)
-    page.legend(lower, columns=2)
-    return upper, lower
+    page.finish(upper, y="angle from the rotor [deg]", columns=4)
+    return upper, page.finish(lower, "time [s]", "imbalance [g m]", columns=2)
 
 
 def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
@@ -141,14 +130,11 @@ def balancer_at(run: Any, time: float | int, ax: Axes | None = None) -> Axes:
 
     Returns:
         The Axes, x and y in axes of the rotor [mm].
-
-    Raises:
-        ValueError: the run has no balls, or the time is outside it.
     """
     found, now = Rows.of(run), sample(run, time)
     ax = page.single(ax, 85, 95)
     found.draw(ax, now)
-    ax.text(0.03, 0.03, f"{run.time[now]:.4g} s", transform=ax.transAxes, fontsize=page.TEXT)
+    page.note(ax, f"{run.time[now]:.4g} s")
     return ax
 
 

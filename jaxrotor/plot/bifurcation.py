@@ -8,8 +8,10 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from ..core.outcome import FAILED, STATUS, failed
-from . import clearance, colours, page
+from . import colours, page
 from .labels import coordinate, ensemble, only_swept, words
+from .lane_kinds import groups_of_lanes
+from .marks import draw_sideways
 from .units import length_unit
 
 
@@ -51,10 +53,10 @@ def bifurcation(
 
     Source: Azarov, Gouskov, Panovko (2023), Fig. 3.
     """
-    name, own = (
-        ("section", ("revolution", "axis")) if section else ("extrema", ("revolution", "extremum"))
+    name, *own = (
+        ("section", "revolution", "axis") if section else ("extrema", "revolution", "extremum")
     )
-    others = ensemble(dataset, name, own)
+    others = ensemble(dataset, name, tuple(own))
     dim = only_swept(dataset, name, (*own, *others))
     if only_swept(dataset, "index", others) != dim:
         raise ValueError(
@@ -72,6 +74,7 @@ def bifurcation(
     if "status" in dataset:  # failed lanes are not drawn
         status = dataset["status"].transpose(*lanes).values
         displacement[failed(status).ravel()] = np.nan
+    seen = np.isfinite(displacement)
     if size is None:
         size = float(np.clip(np.sqrt(_INK / max(_places(displacement), 1)), *_SIZES))
 
@@ -83,34 +86,31 @@ def bifurcation(
         ways = {_MARKERS[name]: branch == k for k, name in enumerate(names)}
         for name in names:
             upper.plot([], [], _MARKERS[name], color=colours.DARK, label=f"below: {name}")
-    for about, colour, chosen in coloured_groups(dataset, lanes):
-        x, y = _cloud(values[chosen], displacement[chosen])
-        style = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
+    for about, colour, chosen in groups_of_lanes(dataset, lanes):
+        points = seen & chosen[:, None]
+        x, y = np.broadcast_to(values[:, None], points.shape)[points], displacement[points]
+        style: Any = {"linestyle": "none", "marker": ".", "markeredgewidth": 0.0, "color": colour}
         upper.plot(x, y, markersize=size, rasterized=x.size > page.RASTER, label=about, **style)
         for marker, belongs in ways.items():
-            some = chosen & belongs
-            marked: Any = style | {"marker": marker}
-            lower.plot(values[some], index.ravel()[some], markersize=4.0, **marked)
+            some, style["marker"] = chosen & belongs, marker
+            lower.plot(values[some], index.ravel()[some], markersize=4.0, **style)
     largest = float(np.nanmax(np.abs(displacement), initial=0.0)) / factor
     _mark_contact(upper, dataset, dim, each)
-    clearance.draw_sideways(upper, dataset, dim, each, (factor, unit), largest)
-    empty = ~np.isfinite(displacement).reshape(len(each), -1).any(axis=1)
-    _say_why(upper, each, np.asarray(empty), status.reshape(len(each), -1))
+    draw_sideways(upper, dataset, dim, each, (factor, unit), largest)
+    empty = np.asarray(~seen.reshape(len(each), -1).any(axis=1))
+    _say_why(upper, each, empty, status.reshape(len(each), -1))
     for ax in (upper, lower):
         ax.margins(x=0.01)
     page.zero(lower)
-    what = "once a revolution" if section else "local extrema"
-    upper.set_ylabel(f"x displacement,\n{what} [{unit}]")
-    lower.set_ylabel("precession index\n" r"mean of $\dot\psi/\Omega$ [1]")
-    lower.set_xlabel(label)
     about = dataset["index"].attrs
     if "error" in about:
-        text = (
-            f"twice the steps: {about['error_median']:.0e} (median), {about['error']:.0e} (largest)"
-        )
+        text = f"twice the steps: {about['error_median']:.0e} (median), "
         style = {"fontsize": page.TEXT - 1, "color": "0.35", "ha": "right"}
+        text += f"{about['error']:.0e} (largest)"
         lower.annotate(text, (0.99, 0.04), xycoords="axes fraction", **style)
-    page.legend(upper, columns=3)
+    what = "once a revolution" if section else "local extrema"
+    page.finish(upper, y=f"x displacement,\n{what} [{unit}]", columns=3)
+    page.finish(lower, label, "precession index\n" r"mean of $\dot\psi/\Omega$ [1]")
     return upper, lower
 
 
@@ -132,10 +132,11 @@ def _say_why(ax: Axes, values: np.ndarray, empty: np.ndarray, status: np.ndarray
     places, why = values[order], status[order]
     close = _CLOSE * (places[-1] - places[0])
     texts: list[tuple[list[float], dict[str, None]]] = []  # places, and what is said of them
+    reason = lambda code: words(STATUS[code]) if code in FAILED else "no points"
     last = -1
     for k in np.flatnonzero(empty[order]).tolist():
         ax.axvspan(ends[k], ends[k + 1], color="0.92", linewidth=0.0, zorder=0.2)
-        place, said = float(places[k]), {_reason(code): None for code in why[k].tolist()}
+        place, said = float(places[k]), {reason(code): None for code in why[k].tolist()}
         same = texts and k == last + 1 and said == texts[-1][1]
         if same or (texts and place - texts[-1][0][-1] <= close):
             texts[-1][0].append(place)
@@ -173,58 +174,3 @@ def _columns(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(values)
     places = values[order]
     return order, np.concatenate([places[:1], (places[1:] + places[:-1]) / 2, places[-1:]])
-
-
-def _reason(code: int) -> str:
-    """Why a lane has no points."""
-    return words(STATUS[code]) if code in FAILED else "no points"
-
-
-def coloured_groups(
-    dataset: xr.Dataset, lanes: tuple[str, ...]
-) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and lanes of each kind of motion, or attractor, or direction of whirl, as is known."""
-    if "motion" in dataset:
-        return _motions(dataset["motion"].transpose(*lanes))
-    if "attractor" in dataset:
-        return _attractors(dataset["attractor"].transpose(*lanes))
-    return _directions(dataset["index"].transpose(*lanes).values.ravel())
-
-
-def _motions(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and lanes of each kind of motion that occurs."""
-    found = numbers.values.ravel()
-    names = numbers.attrs["flag_meanings"].split()
-    shades = [colours.MOTIONS[name] for name in names]
-    rows = zip(map(words, names), shades, (found == k for k in range(len(names))), strict=True)
-    return [row for row in rows if row[2].any()]
-
-
-def _attractors(numbers: xr.DataArray) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and lanes of each attractor."""
-    name, means = words(numbers.attrs["features"][0]), numbers.attrs["means"]
-    found, shades = numbers.values.ravel(), colours.shades(len(means))
-    return [
-        (f"{name} {mean[0]:.3g}", shades[k], found == k)
-        for k, mean in enumerate(means)
-        if (found == k).any()
-    ]
-
-
-def _directions(index: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and lanes of each direction of whirl that occurs."""
-    found = [
-        ("forward whirl", colours.FORWARD, index > 0),
-        ("backward whirl", colours.BACKWARD, index < 0),
-        ("undefined", colours.UNDEFINED, ~(index > 0) & ~(index < 0)),
-    ]
-    return [row for row in found if row[2].any()]
-
-
-def _cloud(
-    values: np.ndarray, displacement: Float[np.ndarray, "N e"]
-) -> tuple[np.ndarray, np.ndarray]:
-    """All points of the lanes, without the padding."""
-    x = np.repeat(values, displacement.shape[1])
-    y = displacement.ravel()
-    return x[np.isfinite(y)], y[np.isfinite(y)]

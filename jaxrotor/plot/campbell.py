@@ -12,6 +12,7 @@ from ..analysis import Campbell, CriticalSpeeds
 from ..analysis.campbell import OVERDAMPED
 from ..equations.pencil import is_rounding
 from . import colours, labels, page
+from .marks import draw_operating
 from .units import speed_unit
 
 
@@ -80,13 +81,13 @@ def campbell(
     ends = np.array([left, np.clip(0.0, left, right), right])
     for order in (1,) if rotating else lines:
         name = "weight" if rotating else "synchronous" if order == 1 else f"{order:g} a revolution"
-        style = {"linestyle": "-" if order == 1 else ":", "linewidth": 0.8}
-        upper.plot(ends, order * np.abs(ends), color=colours.GREY, label=name, **style)
+        dashes = "-" if order == 1 else ":"
+        page.curve(upper, ends, order * np.abs(ends), colours.GREY, name, 0.8, linestyle=dashes)
     for under, (name, colour, shown) in enumerate(directions):  # forward whirl is drawn on top
         x = -speeds if mirrored and name == "backward whirl" else speeds
         for ax, part in ((upper, frequency), (lower, growth)):
-            style: Any = {"linewidth": 1.2, "zorder": 2.5 - 0.1 * under}
-            ax.plot(*_joined(x, part, shown), color=colour, label=name, **style)
+            x_all, y_all = _joined(x, part, shown)
+            page.curve(ax, x_all, y_all, colour, name, zorder=2.5 - 0.1 * under)
     listed = _draw_crossings(upper, result, lines, mirrored)
     if critical is not None and lines:
         listed += _draw_undamped(upper, critical, mirrored, low, high)
@@ -94,26 +95,21 @@ def campbell(
 
     for ax in (upper, lower):
         ax.margins(x=0)
-        if operating is not None and low <= factor * operating <= high:
-            style = {"color": colours.TEAL, "linewidth": 1.0, "zorder": 0.3}
-            ax.axvline(factor * operating, label="operating speed", **style)
+    if operating is not None and low <= factor * operating <= high:
+        draw_operating((upper, lower), operating, operating)
     if highest is None:
         crosses = [] if critical is None or not lines else factor * np.asarray(critical.speeds)
         inside = [abs(speed) for speed in crosses if low <= speed <= high]
-        highest = 1.05 * max([frequency.max(initial=1e-9), *inside])
+        upper.set_ylim(0.0, 1.05 * max([frequency.max(initial=1e-9), *inside]))
     else:
-        highest = factor * highest
-    upper.set_ylim(0.0, highest)
+        upper.set_ylim(0.0, factor * highest)
     _scale_growth(lower, growth)
     page.zero(lower)
-    upper.set_ylabel(
-        f"frequency in the axes\nof the shaft [{unit}]" if rotating else f"whirl frequency [{unit}]"
-    )
-    lower.set_ylabel("growth rate [1/s]")
+    name = "frequency in the axes\nof the shaft" if rotating else "whirl frequency"
+    page.finish(upper, y=f"{name} [{unit}]", columns=4)
     other = f", backward whirl at {'positive' if low < 0 else 'negative'}" if mirrored else ""
-    lower.set_xlabel(labels.spin("spin speed", speeds) + other)
-    page.legend(upper, columns=4)
-    return upper, lower
+    label = labels.spin("spin speed", speeds) + other
+    return upper, page.finish(lower, label, "growth rate [1/s]")
 
 
 def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
@@ -166,28 +162,25 @@ def _draw_crossings(
     """
     name = "critical speed, damped" if tuple(orders) == (1,) else "crossing"
     factor, unit = speed_unit()
-    every = [
-        (order, *one) for order in orders for one in zip(*result.crossings(order), strict=True)
-    ]
+    every = [(n, *one) for n in orders for one in zip(*result.crossings(n), strict=True)]
     seen = [one for one in every if one[3] <= OVERDAMPED]
     span = _APART * np.ptp(result.speeds)
-    listed, places = [], {}
+    listed, rings = [], {(way, order): [] for way in _COLOURS for order in orders}
     for order, speed, frequency, ratio, way in seen:
         number, colour = len(listed) + 1, _COLOURS[int(way)]
         at = factor * (-speed if mirrored and way < 0 else speed), factor * frequency
-        places.setdefault((int(way), order), []).append(at)
+        rings[int(way), order].append(at)
         alone = sum(abs(other[1] - speed) < span for other in seen) == 1
         text = rf"$\bf{{{number}}}$" + (f"  {ratio:.2g}" if alone and ratio >= _SEEN else "")
         beside: Any = {"textcoords": "offset points", "fontsize": 7, "color": colour, "zorder": 5}
         place: Any = ((4, -9), "left") if way < 0 else ((-4, 4), "right")
         ax.annotate(text, at, place[0], ha=place[1], **beside)
         listed.append((f"{number}", order, speed, ratio, way))
-    ways = list(_COLOURS)
-    for (way, _), rings in sorted(places.items(), key=lambda one: ways.index(one[0][0])):
-        style: Any = {"linestyle": "none", "marker": "o", "markersize": 4.0}
-        style |= {"color": _COLOURS[way], "markerfacecolor": "white", "zorder": 4 + 0.01 * way}
-        ax.plot(*zip(*rings, strict=True), label=name, **style)
-        name = None
+    for (way, _), places in rings.items():
+        if places:
+            style: Any = {"color": _COLOURS[way], "markersize": 4.0, "markerfacecolor": "white"}
+            style |= {"label": page.once(ax, name), "zorder": 4 + 0.01 * way}
+            ax.plot(*zip(*places, strict=True), "o", **style)
     hidden = [("\N{EN DASH}", *one[:2], *one[3:]) for one in every if one[3] > OVERDAMPED]
     if hidden:
         label = f"{len(hidden)} damped by over {OVERDAMPED:g}"

@@ -7,26 +7,21 @@ import json
 import os
 import re
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float, Shaped
-from matplotlib.figure import Figure
+from jaxtyping import Float, Shaped
 
 from ..core.checks import check_counts
 from ..core.outcome import STATUS, failed
 from ..files.draft import replacing
 from ..files.toml import loads
 from . import colours, report
-from .bifurcation import coloured_groups
-from .clearance import placing
-from .explore import check_lanes, motion_of
 from .labels import coordinate, ensemble, only_swept, parameter, swept, words
-from .lane_motions import motions_of, spread_lanes
-from .orbit import draw_limiters
-from .sweep_map import coloured_kinds
+from .lane_kinds import Group, groups_of_lanes, groups_of_map
+from .lane_motions import check_lanes, motion_of, motions_of, spread_lanes
+from .marks import lines_of_stops, placing
 from .units import length_unit
 
 
@@ -87,7 +82,8 @@ def write_page(
     data = dataset.transpose(*dims, ...)
     if len(parameters) == 2 and not starts:
         data = data.sortby(parameters)
-        drawn = _map(data, (parameters[0], parameters[1]))
+        both = parameters[0], parameters[1]
+        drawn = {"kind": "map", **_groups(groups_of_map(data, both))}
     else:
         drawn = _diagram(data, starts, factor)
     shape = [data.sizes[dim] for dim in dims]
@@ -105,13 +101,10 @@ def write_page(
         **_motions(data, lanes, factor),
         "colours": {name: getattr(colours, name) for name in ("BLUE", "RED", "GREY", "DARK")},
     }
-    title = title or str(dataset.attrs.get("title", "")) or target.stem
-    scene = report.scene_part(dataset.attrs["scene"])
-    about = f"{report.numbers_part(dataset)}\n{report.versions_part([dataset])}"
     texts = {
-        "TITLE": html.escape(title),
-        "SCENE": scene,
-        "ABOUT": about,
+        "TITLE": html.escape(title or str(dataset.attrs.get("title", "")) or target.stem),
+        "SCENE": report.scene_part(dataset.attrs["scene"]),
+        "ABOUT": f"{report.numbers_part(dataset)}\n{report.versions_part([dataset])}",
         "DATA": _packed(json.dumps(content, separators=(",", ":"), allow_nan=False)),
         "LIBRARY": _packed(library),
     }
@@ -163,18 +156,13 @@ def _numbers(dataset: xr.Dataset, dims: tuple[str, ...]) -> list[dict[str, Any]]
     return found
 
 
-def _groups(groups: list[tuple[str, str, Bool[np.ndarray, "..."]]]) -> dict[str, Any]:
+def _groups(groups: list[Group]) -> dict[str, Any]:
     """Names and colours of groups of lanes, and the number of every lane's group, -1 of none."""
     number = np.full(groups[0][2].size, -1) if groups else np.zeros(0, int)
     for k, (_, _, chosen) in enumerate(groups):
         number[chosen.ravel()] = k
     named = [{"name": name, "colour": colour} for name, colour, _ in groups]
     return {"groups": named, "group": number.tolist()}
-
-
-def _map(dataset: xr.Dataset, dims: tuple[str, str]) -> dict[str, Any]:
-    """Kinds of motion over two parameters."""
-    return {"kind": "map", **_groups(coloured_kinds(dataset, dims))}
 
 
 def _diagram(dataset: xr.Dataset, starts: tuple[str, ...], factor: float) -> dict[str, Any]:
@@ -193,7 +181,7 @@ def _diagram(dataset: xr.Dataset, starts: tuple[str, ...], factor: float) -> dic
         "low": float(low),
         "level": level,
         "points": points,
-        **_groups(coloured_groups(dataset, (dim, *starts))),
+        **_groups(groups_of_lanes(dataset, (dim, *starts))),
     }
 
 
@@ -226,27 +214,16 @@ def _motions(dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], factor: float
     spectra = found["spectrum"].values[:, seen]
     radius = np.max(np.abs(orbits), where=np.isfinite(orbits), initial=0.0)
     stops = _stops(dataset, lanes, factor * float(radius), factor)
-    motions = [
-        {
-            "lane": int(lane),
-            **_orbit(factor * orbit[-SHOWN:]),
-            "section": _ints(factor * section),
-            "spectrum": _ints(spectrum) if np.isfinite(spectrum).all() else None,
-            "stops": stop,
-        }
-        for lane, orbit, section, spectrum, stop in zip(
-            lanes, orbits, sections, spectra, stops, strict=True
-        )
-        if np.isfinite(orbit).all()
-    ]
+    every = max(orbits.shape[2] // SAMPLES, 1)
+    motions = []
+    for k in np.flatnonzero(np.isfinite(orbits).all(axis=(1, 2, 3))):
+        path = factor * orbits[k, -SHOWN:]
+        motion = {"lane": int(lanes[k]), "stops": stops[k], "section": _ints(factor * sections[k])}
+        motion |= {"orbit": _ints(path.reshape(-1, 2)[::-1][::every][::-1])}
+        motion |= {"marks": _ints(path[:, -1])}  # once a revolution
+        motion["spectrum"] = _ints(spectra[k]) if np.isfinite(spectra[k]).all() else None
+        motions.append(motion)
     return {"motions": motions, "frequency": _digits(frequency[seen], 6)}
-
-
-def _orbit(path: Float[np.ndarray, "r s a"]) -> dict[str, Any]:
-    """The path of the last revolutions, and where it is once a revolution."""
-    every = max(path.shape[1] // SAMPLES, 1)
-    samples = path.reshape(-1, 2)[::-1][::every][::-1]
-    return {"orbit": _ints(samples), "marks": _ints(path[:, -1])}
 
 
 def _ints(values: Float[np.ndarray, "..."]) -> dict[str, Any]:
@@ -260,28 +237,14 @@ def _stops(
     dataset: xr.Dataset, lanes: Shaped[np.ndarray, " l"], radius: float, factor: float
 ) -> list[list[dict[str, Any]]]:
     """Lines of the stops at the station of every lane, as `orbit` draws them."""
-    moved = placing(loads(dataset.attrs["scene"]), dataset)
-    different = lanes if moved else lanes[:1]
-    found = [_lines_of_stops(dataset, int(n), radius, factor) for n in different]
+    moved, found = placing(loads(dataset.attrs["scene"]), dataset), []
+    for lane in lanes if moved else lanes[:1]:
+        scene, how = motion_of(dataset, int(lane))
+        found.append([])
+        for name, line in lines_of_stops(scene, how["at"], radius, factor):
+            points = {"x": _digits(np.real(line), 5), "y": _digits(np.imag(line), 5)}
+            found[-1].append({"name": name, "colour": colours.ORANGE, **points})
     return found if moved else found * len(lanes)
-
-
-def _lines_of_stops(
-    dataset: xr.Dataset, lane: int, radius: float, factor: float
-) -> list[dict[str, Any]]:
-    """Lines of the stops at the station of a lane."""
-    scene, how = motion_of(dataset, lane)
-    ax = Figure().subplots()
-    draw_limiters(ax, SimpleNamespace(scene=scene, stations=[how["at"]]), 0, radius, factor)
-    return [
-        {
-            "name": "" if str(line.get_label()).startswith("_") else line.get_label(),
-            "colour": line.get_color(),
-            "x": _digits(line.get_xdata(), 5),
-            "y": _digits(line.get_ydata(), 5),
-        }
-        for line in ax.get_lines()
-    ]
 
 
 def _digits(values: Any, count: int) -> list[float | None]:

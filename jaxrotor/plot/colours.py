@@ -34,3 +34,8 @@ def shades(count: int) -> list[str]:
         return list(CYCLE[:count])
     ramp = matplotlib.colormaps["viridis"]
     return [to_hex(ramp(i / (count - 1))) for i in range(count)]
+
+
+def cycled(number: int) -> str:
+    """Colour of a line by its number; they repeat after six."""
+    return CYCLE[number % len(CYCLE)]

@@ -1,7 +1,6 @@
 """Explorer: a bifurcation diagram that shows the motion behind a point that is clicked."""
 
 import textwrap
-from collections.abc import Mapping
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -10,20 +9,17 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..core.outcome import STATUS
-from ..files.toml import loads
 from ..motion.history import TimeHistory
 from ..motion.simulate import simulate
-from ..results.provenance import check_repeatable, period_of, start_and_solver
-from ..sweeps.axes import at_point
 from . import colours, page
 from .bifurcation import bifurcation
 from .labels import coordinate, ensemble, only_swept
+from .lane_motions import check_lanes, motion_of
 from .orbit import orbit
+from .spectra import whirl_spectrum
 from .units import length_unit
-from .whirl import whirl_spectrum
 
 
-LONGEST = 50  # the most revolutions of a motion that are shown, its last ones
 _KEYS = {"left": -1, "right": 1}
 
 
@@ -42,27 +38,26 @@ class Explorer:
 
     def __init__(self, dataset: xr.Dataset, run: dict[str, Any]):
         self.response: TimeHistory | None = None
-        self._run = run
+        self._run, self._lane = run, 0
         self._factor = length_unit("mm")[0]
         others = ensemble(dataset, "index")
         dim = only_swept(dataset, "index", others)
         self._values, self._label = coordinate(dataset, dim)
-        self._lane = 0
-        style: Any = {"figsize": page.inches(240, 130), "layout": "constrained"}
         parts: Any = [["upper", "orbit"], ["lower", "spectrum"]]
-        figure, axes = plt.subplot_mosaic(parts, width_ratios=(1.5, 1.0), **style)
-        self.figure = figure
+        style: Any = {"figsize": page.inches(240, 130), "layout": "constrained"}
+        self.figure, axes = plt.subplot_mosaic(parts, width_ratios=(1.5, 1.0), **style)
         self.upper, self.lower = axes["upper"], axes["lower"]
         self.orbit, self.spectrum = axes["orbit"], axes["spectrum"]
         self.lower.sharex(self.upper)
         bifurcation(dataset, (self.upper, self.lower), size=3)
         # Read once, not at every click, because the data set may be on disk.
         self._data = dataset[["index", "extrema", "status"]].transpose(dim, *others, ...).load()
+        self._starts = self._data["index"].size // self._values.size  # lanes at each value
         mark: Any = {"color": colours.DARK, "linewidth": 0.8, "visible": False}
         self._marks = [ax.axvline(self._values[0], **mark) for ax in (self.upper, self.lower)]
         self._show_text("click a point of the diagram")
-        figure.canvas.mpl_connect("button_press_event", self._clicked)
-        figure.canvas.mpl_connect("key_press_event", self._pressed)
+        self.figure.canvas.mpl_connect("button_press_event", self._clicked)
+        self.figure.canvas.mpl_connect("key_press_event", self._pressed)
 
     def show(self, lane: int) -> None:
         """Show the motion of a lane, by its number in the flattened data set, the swept axis first.
@@ -71,9 +66,9 @@ class Explorer:
             lane: number of the lane; negative ones count from the end.
         """
         self._lane, self.response = lane % self._data["index"].size, None
-        number = self._lane // self._starts
+        value = self._values[self._lane // self._starts]
         for mark in self._marks:
-            mark.set(xdata=[self._values[number]] * 2, visible=True)
+            mark.set(xdata=[value] * 2, visible=True)
         scene, how = motion_of(self._data, self._lane)
         try:
             self.response = simulate(scene, **{**how, **self._run})
@@ -82,8 +77,8 @@ class Explorer:
         else:
             self._draw()
         status = STATUS[int(self._data["status"].values.ravel()[self._lane])]
-        value = f"{self._label}: {self._values[number]:.6g}"
-        self.orbit.set_title(f"{value}\nstatus {status}", fontsize=page.TEXT, loc="left", pad=18)
+        text = f"{self._label}: {value:.6g}\nstatus {status}"
+        self.orbit.set_title(text, fontsize=page.TEXT, loc="left", pad=18)
         self.figure.canvas.draw_idle()
 
     def near(self, ax: Axes, x: float, y: float) -> int:
@@ -99,11 +94,8 @@ class Explorer:
         """
         number = int(np.argmin(np.abs(self._values - x)))
         lanes = number * self._starts + np.arange(self._starts)
-        if ax is self.upper:
-            extrema = self._data["extrema"].values.reshape(self._data["index"].size, -1)
-            drawn = self._factor * extrema[lanes]
-        else:
-            drawn = self._data["index"].values.reshape(-1, 1)[lanes]
+        name, factor = ("extrema", self._factor) if ax is self.upper else ("index", 1.0)
+        drawn = factor * self._data[name].values.reshape(self._data["index"].size, -1)[lanes]
         off = np.where(np.isfinite(drawn), np.abs(drawn - y), np.inf).min(axis=1)
         return int(lanes[np.argmin(off)])
 
@@ -120,11 +112,6 @@ class Explorer:
                 "by --out FILE, or install a backend that opens windows, such as PyQt6."
             )
         plt.show()
-
-    @property
-    def _starts(self) -> int:
-        """Number of lanes at each value of the diagram."""
-        return self._data["index"].size // self._values.size
 
     def _clicked(self, event: Any) -> None:
         bar = getattr(self.figure.canvas, "toolbar", None)
@@ -148,9 +135,8 @@ class Explorer:
 
     def _show_text(self, sentence: str) -> None:
         """Show a sentence in place of the orbit and the spectrum."""
-        for ax in (self.orbit, self.spectrum):
-            _write(ax, "")
         _write(self.orbit, sentence)
+        _write(self.spectrum, "")
 
 
 def _write(ax: Axes, sentence: str) -> None:
@@ -183,40 +169,3 @@ def explore(dataset: xr.Dataset, **run: Any) -> Explorer:
     check_lanes(dataset)
     motion_of(dataset, 0)  # raises here if a click could show nothing
     return Explorer(dataset, run)
-
-
-def check_lanes(dataset: xr.Dataset) -> None:
-    """Raise unless each lane of a data set can be run alone."""
-    check_repeatable(
-        dataset,
-        "explored",
-        "have no orbit to explore; draw it by `plot.envelope` or `plot.sweep_map`.",
-    )
-
-
-def motion_of(dataset: xr.Dataset, lane: int) -> tuple[Any, dict[str, Any]]:
-    """Scene of a lane, and the options by which `simulate` repeats its motion."""
-    attributes, status = dataset.attrs, dataset["status"]
-    place = dict(zip(status.dims, np.unravel_index(lane, status.shape), strict=True))
-    coords = status.isel(place).coords
-    values = {str(name): float(c) for name, c in coords.items() if "." in str(name)}
-    how = run_of(attributes)
-    scene, how["start"] = at_point(loads(attributes["scene"]), how["start"], values)
-    how["revolutions"] = how.pop("settle") + how["keep"]
-    return scene, how
-
-
-def run_of(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by which lanes of a sweep are run again, to keep their last `LONGEST` revolutions."""
-    start, solver = start_and_solver(attributes)
-    kept = int(attributes["keep"])
-    keep = min(kept, LONGEST)
-    return {
-        "start": start,
-        "solver": solver,
-        "settle": int(attributes["settle"]) + kept - keep,
-        "keep": keep,
-        "steps_per_revolution": int(attributes["steps_per_revolution"]),
-        "at": float(attributes["station"]),
-        "period": period_of(attributes),
-    }

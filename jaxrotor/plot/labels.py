@@ -66,22 +66,19 @@ def parameter(name: str, unit: str, values: Any = 0.0) -> tuple[float, str]:
         factor, unit = length_unit("mm")
     elif unit == "rad/s":
         factor, unit = speed_unit()
-    return factor, f"{name} [{_raised(unit)}]"
+    unit = re.sub(r"\^(-?\d+)", r"$^{\1}$", unit)  # exponents as in kg/m^3
+    return factor, f"{name} [{unit}]"
 
 
-def length(largest: float) -> tuple[float, str]:
-    """Factor from m to the unit drawn, and that unit, for displacements up to `largest` [m]."""
+def length(values: Any) -> tuple[float, str]:
+    """Factor from m to the unit drawn, and that unit, for displacements `x`, or `z = x + i y`."""
+    largest = np.nanmax(np.abs(values), initial=0.0)
     return length_unit("\N{MICRO SIGN}m" if largest < 1e-4 else "mm")
 
 
 def words(path: str) -> str:
     """A path as words: `spin.speed` is "spin speed"."""
     return re.sub(r"[._]", " ", path)
-
-
-def _raised(unit: str) -> str:
-    """A unit such as `kg/m^3` with its exponent as a superscript."""
-    return re.sub(r"\^(-?\d+)", r"$^{\1}$", unit)
 
 
 def root(value: complex) -> str:

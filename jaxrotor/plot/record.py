@@ -23,6 +23,11 @@ def signal(response: Any, name: str, station: int) -> Complex[np.ndarray, " T"]:
     return values[:, station]
 
 
+def station_of(response: Any, station: int) -> float:
+    """Place [m] of a station of a response on the shaft."""
+    return float(np.asarray(response.stations)[station])
+
+
 def sample(result: Any, time: float | int) -> int:
     """Index of the sample closest to a time [s]."""
     times = np.asarray(result.time)

@@ -23,34 +23,8 @@ from .units import unit_of_text
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg": "svg+xml"}
 _ELSEWHERE = ("title", "scene", "assumption", "versions")  # attributes shown in other parts
 _ACCURACY = ("error", "steps_per_revolution", "precision", "tolerance", "chosen")
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>$title</title>
-<style>
-body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 52em; margin: 2em auto; padding: 0 1em; }
-h1 { font-size: 1.5em; } h2 { font-size: 1.2em; margin-top: 2em; border-bottom: 1px solid #ccc; }
-h3 { font-size: 1em; margin-bottom: 0.3em; }
-table { border-collapse: collapse; margin: 0.5em 0 1em; font-size: 0.9em; }
-th, td { text-align: left; padding: 0.15em 1em 0.15em 0; vertical-align: top; border-bottom: 1px solid #eee; }
-td.number { text-align: right; font-variant-numeric: tabular-nums; }
-td { overflow-wrap: break-word; } pre { font-size: 0.85em; white-space: pre-wrap; background: #f6f6f6; padding: 0.8em; }
-figure { margin: 1em 0; } img { max-width: 100%; } figcaption { font-size: 0.85em; color: #555; }
-.note { background: #fff4d6; padding: 0.4em 0.8em; }
-@media print {
-  body { max-width: none; margin: 0; font-size: 10pt; }
-  figure, tr, h2, h3 { break-inside: avoid; } h2, h3 { break-after: avoid; }
-}
-</style>
-</head>
-<body>
-<h1>$title</h1>
-$body
-</body>
-</html>
-""")  # noqa: E501
+_HEADS = ("", "unit", "count", "not a number", "smallest", "largest", "meaning")
+_TEMPLATE = Path(__file__).with_name("report.html")
 
 
 def report(
@@ -78,13 +52,13 @@ def report(
     if not results and not figures:
         raise ValueError("A report needs a result, a scene or a figure, but has none; give one.")
     data = [data_of(result) for result in results if not isinstance(result, Scene)]
-    scenes = [dumps(result) for result in results if isinstance(result, Scene)]
-    scenes = list(
-        dict.fromkeys([*scenes, *(one.attrs["scene"] for one in data if "scene" in one.attrs)])
-    )
+    given = [dumps(result) for result in results if isinstance(result, Scene)]
+    given += [one.attrs["scene"] for one in data if "scene" in one.attrs]
+    scenes = dict.fromkeys(given)  # each once
     title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
     parts = [*map(scene_part, scenes), *_figures(figures), *map(numbers_part, data)]
-    text = _PAGE.substitute(title=html.escape(title), body="\n".join([*parts, versions_part(data)]))
+    body = "\n".join([*parts, versions_part(data)])
+    text = Template(_TEMPLATE.read_text("utf-8")).substitute(title=html.escape(title), body=body)
     with replacing(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
 
@@ -106,15 +80,9 @@ def scene_part(text: str) -> str:
             same = len(texts) > 1 and len(set(texts)) == 1
             values = f"{texts[0]} each" if same else ", ".join(texts)
             rows.append((path, values, "" if unit == "1" else unit))
-    return "\n".join(
-        [
-            "<h2>Scene</h2>",
-            said,
-            _drawing(scene),
-            html_table(rows, ("parameter", "value", "unit")),
-            f"<h3>Scene file</h3>\n<pre>{html.escape(text)}</pre>",
-        ]
-    )
+    table = html_table(rows, ("parameter", "value", "unit"))
+    file = f"<h3>Scene file</h3>\n<pre>{html.escape(text)}</pre>"
+    return "\n".join(["<h2>Scene</h2>", said, _drawing(scene), table, file])
 
 
 def _values(leaf: Any, factor: float) -> str:
@@ -170,35 +138,26 @@ def _image(content: bytes, kind: str, caption: str) -> str:
 
 def numbers_part(data: Any) -> str:
     """Status of the lanes of a data set, accuracy, range of every variable, settings."""
+    settings = {str(k): _short(value) for k, value in data.attrs.items() if k not in _ELSEWHERE}
+    accuracy = [(name, settings.pop(name)) for name in _ACCURACY if name in settings]
+    for name, one in data.data_vars.items():
+        unit = f" {one.attrs.get('units', '')}".removesuffix(" 1").rstrip()
+        known = [key for key in _ACCURACY if key in one.attrs]
+        accuracy += [(f"{name}: {key}", f"{_short(one.attrs[key])}{unit}") for key in known]
     parts = [f"<h2>{html.escape(str(data.attrs.get('title', 'Data')))}</h2>"]
-    if "status" in data:
-        parts.append(_statuses(data["status"]))
-    settings = {str(name): value for name, value in data.attrs.items() if name not in _ELSEWHERE}
-    accuracy = [(name, _short(settings.pop(name))) for name in _ACCURACY if name in settings]
-    accuracy += [
-        (
-            f"{name}: {key}",
-            f"{_short(one.attrs[key])} {one.attrs.get('units', '')}".removesuffix(" 1"),
-        )
-        for name, one in data.data_vars.items()
-        for key in _ACCURACY
-        if key in one.attrs
-    ]
-    if accuracy:
-        parts += ["<h3>Accuracy</h3>", html_table(accuracy, ())]
-    parts += ["<h3>Numbers</h3>", html_table(_ranges(data), _HEADS, numbers=(2, 3, 4, 5))]
-    if settings:
-        parts += [
-            "<h3>Settings</h3>",
-            html_table([(k, _short(v)) for k, v in settings.items()], ()),
-        ]
+    for head, rows, heads, numbers in (
+        ("Lanes", _lanes(data), ("status", "lanes"), (1,)),
+        ("Accuracy", accuracy, (), ()),
+        ("Numbers", _ranges(data), _HEADS, (2, 3, 4, 5)),
+        ("Settings", list(settings.items()), (), ()),
+    ):
+        if rows:
+            parts.append(f"<h3>{head}</h3>\n{html_table(rows, heads, numbers)}")
     return "\n".join(parts)
 
 
-_HEADS = ("", "unit", "count", "not a number", "smallest", "largest", "meaning")
-
-
 def _ranges(data: Any) -> list[tuple[str, ...]]:
+    """Rows of the table of numbers, see `_HEADS`."""
     rows = []
     span = float(loads(data.attrs["scene"]).shaft.length) if "scene" in data.attrs else np.inf
     for name, one in [*data.coords.items(), *data.data_vars.items()]:
@@ -208,33 +167,30 @@ def _ranges(data: Any) -> list[tuple[str, ...]]:
         values = np.abs(values) if np.iscomplexobj(values) else values
         finite = values[np.isfinite(values)]
         factor, unit = unit_of_text(unit, float(np.abs(finite).max(initial=0.0)), span)
-        unit = "" if unit == "1" else unit
-        ends = (
-            (_short(factor * finite.min()), _short(factor * finite.max()))
-            if finite.size
-            else ("", "")
-        )
+        ends = (finite.min(), finite.max()) if finite.size else ()
+        told = [_short(factor * end) for end in ends] or ["", ""]
         missing, meaning = values.size - finite.size, str(one.attrs.get("long_name", ""))
-        rows.append((str(name), unit, str(values.size), str(missing or ""), *ends, meaning))
+        counts = str(values.size), str(missing or "")
+        rows.append((str(name), "" if unit == "1" else unit, *counts, *told, meaning))
     return rows
 
 
-def _statuses(status: Any) -> str:
+def _lanes(data: Any) -> list[tuple[str, str]]:
     """Number of lanes of each status, in the words of the data."""
-    words = str(status.attrs.get("flag_meanings", "")).split()
-    found, counts = np.unique(np.asarray(status.values), return_counts=True)
-    named = [words[int(k)] if 0 <= int(k) < len(words) else str(k) for k in found]
-    rows = [(name.replace("_", " "), str(count)) for name, count in zip(named, counts, strict=True)]
-    return "<h3>Lanes</h3>\n" + html_table(rows, ("status", "lanes"), numbers=(1,))
+    if "status" not in data:
+        return []
+    words = str(data["status"].attrs.get("flag_meanings", "")).split()
+    codes, counts = np.unique(np.asarray(data["status"].values), return_counts=True)
+    named = [words[int(k)] if 0 <= int(k) < len(words) else str(k) for k in codes]
+    return [(name.replace("_", " "), str(n)) for name, n in zip(named, counts, strict=True)]
 
 
 def versions_part(data: Sequence[Any]) -> str:
     """Versions of the software that made the results and this page."""
     from ..results.provenance import versions
 
-    rows = [
-        (str(one.attrs.get("title", "data")), str(one.attrs.get("versions", ""))) for one in data
-    ]
+    known = lambda one, name, default: str(one.attrs.get(name, default))
+    rows = [(known(one, "title", "data"), known(one, "versions", "")) for one in data]
     return "<h2>Versions</h2>\n" + html_table([*rows, ("this page", versions())], ())
 
 

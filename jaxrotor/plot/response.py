@@ -11,8 +11,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from ..analysis import CriticalSpeeds, ResponsePeaks
 from ..analysis.peaks import HALF_POWER
 from . import colours, labels, page
-from .clearance import draw_amplitude
-from .critical import mark_critical
+from .marks import draw_amplitudes, draw_critical, draw_operating
 from .record import signal
 from .units import speed_unit
 
@@ -61,9 +60,6 @@ def response(
 
     Returns:
         The upper Axes, amplitude, and the lower, phase [deg].
-
-    Raises:
-        ValueError: the result has no such station, or `axes` are not two.
     """
     shown = _probed(result, probes, station) if len(probes) else _parts(result, station)
     upper, lower = page.pair(axes, 170, 110)
@@ -73,20 +69,28 @@ def response(
     if not forced:  # phases are counted in the sense of rotation
         shown = {name: np.where(speeds < 0, np.conj(part), part) for name, part in shown.items()}
     largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
-    factor = labels.length(largest)[0]
+    factor, length = labels.length(largest)
     for (name, colour), part in shown.items():
-        _draw(upper, lower, speeds, part, largest, name, colour)
+        page.curve(upper, speeds, factor * np.abs(part), colour, name)
+        page.curve(lower, speeds, _phase(part), colour, name)
+    for ax in (upper, lower):
+        ax.margins(x=0)
+    spread = np.ptp(lower.get_ylim())
+    if spread > 180:  # whole quarters of a turn
+        lower.yaxis.set_major_locator(MultipleLocator(90 * np.ceil(spread / 630)))
+    else:
+        lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
     if not len(probes) and len(shown) > 1:  # an ellipse, which only its axis measures
         major = factor * sum(np.abs(part) for part in shown.values())
-        upper.plot(speeds, major, color=colours.DARK, linewidth=1.2, label="major half axis")
+        page.curve(upper, speeds, major, colours.DARK, "major half axis")
     if critical is not None:
-        mark_critical((upper, lower), critical, float(speeds.min()), float(speeds.max()))
+        draw_critical((upper, lower), critical, float(speeds.min()), float(speeds.max()))
     if peaks is not None:
         _draw_peaks(upper, peaks, factor)
     if operating is not None:
-        _shade_operation((upper, lower), *operating)
+        draw_operating((upper, lower), *operating)
     if clearance is not None:
-        draw_amplitude(upper, clearance, labels.length(largest), largest)
+        draw_amplitudes(upper, [clearance], (factor, length), largest)
     unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
     for ax in (upper, lower) if unstable.any() else ():
         shade = {"color": colours.GREY, "alpha": 0.25, "linewidth": 0.0, "zorder": 0.1}
@@ -96,19 +100,18 @@ def response(
         upper.set_yscale("log")
     else:
         upper.set_ylim(bottom=0.0)
-    lower.set_xlabel(f"frequency [{unit}]" if forced else labels.spin("spin speed", speeds))
-    if len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice"):
-        page.legend(upper, columns=3)
-    return upper, lower
+    several = len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice")
+    page.finish(upper, y=f"amplitude [{length}]", columns=3 if several else 0)
+    label = f"frequency [{unit}]" if forced else labels.spin("spin speed", speeds)
+    return upper, page.finish(lower, label, "phase [deg]")
 
 
 def _parts(result: Any, station: int) -> dict[tuple[str, str], Complex[np.ndarray, " w"]]:
     """Parts that are not zero, by label and colour."""
     names = ("twice",) if hasattr(result, "twice") else ("forward", "backward")
     parts = {_PARTS[name]: signal(result, name, station) for name in names}
-    return {name: part for name, part in parts.items() if np.any(part)} or {
-        _PARTS[names[0]]: parts[_PARTS[names[0]]]
-    }
+    moving = {name: part for name, part in parts.items() if np.any(part)}
+    return moving or dict([next(iter(parts.items()))])
 
 
 def _probed(result: Any, probes: Any, station: int) -> dict[tuple[str, str], Any]:
@@ -135,43 +138,6 @@ def _draw_peaks(ax: Axes, peaks: ResponsePeaks, factor: float) -> None:
             ax.annotate(f"AF {amplification:.3g}", (speed, factor * amplitude), **above)
             ax.update_datalim([(speed, factor * amplitude)])  # a peak between two speeds is higher
     ax.margins(y=0.12)  # for the texts
-
-
-def _shade_operation(axes: tuple[Axes, Axes], slowest: float | int, fastest: float | int) -> None:
-    """A band, or a line if there is one operating speed."""
-    style: Any = {"color": colours.TEAL, "label": "operating speed", "zorder": 0.3}
-    ends = axes[0].get_xlim()
-    slowest, fastest = (speed_unit()[0] * end for end in (slowest, fastest))
-    for ax in axes:
-        if slowest == fastest:
-            ax.axvline(slowest, linewidth=1.0, **style)
-        else:
-            ax.axvspan(slowest, fastest, alpha=0.2, linewidth=0.0, **style)
-        ax.set_xlim(ends)  # a speed outside does not stretch the axis
-
-
-def _draw(
-    upper: Axes,
-    lower: Axes,
-    x: Float[np.ndarray, " w"],
-    motion: Complex[np.ndarray, " w"],
-    largest: float,
-    name: str,
-    colour: str,
-) -> None:
-    """Draw amplitude and phase of one complex motion, in the unit that suits the largest amplitude."""
-    factor, unit = labels.length(largest)
-    upper.plot(x, factor * np.abs(motion), color=colour, linewidth=1.2, label=name)
-    lower.plot(x, _phase(motion), color=colour, linewidth=1.2, label=name)
-    upper.set_ylabel(f"amplitude [{unit}]")
-    lower.set_ylabel("phase [deg]")
-    for ax in (upper, lower):
-        ax.margins(x=0)
-    spread = np.ptp(lower.get_ylim())
-    if spread > 180:  # whole quarters of a turn
-        lower.yaxis.set_major_locator(MultipleLocator(90 * np.ceil(spread / 630)))
-    else:
-        lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
 
 
 def _phase(motion: Complex[np.ndarray, " w"]) -> Float[np.ndarray, " w"]:

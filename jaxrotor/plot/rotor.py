@@ -61,14 +61,10 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     ax.set_aspect("equal", adjustable="box")
     unit, size = length_unit("mm")[1], float(ax.xaxis.label.get_fontsize())
     wide = int(page.width_of(ax) / (0.55 * size))  # letters
-    ax.set_xlabel(fill(f"station [{unit}]{_unseen(scene)}", wide))
-    ax.set_ylabel(f"radius [{unit}]")
+    page.finish(ax, fill(f"station [{unit}]{_unseen(scene)}", wide), f"radius [{unit}]")
     if new:
         fit(ax)
-    _name_once(ax)
-    page.legend(ax, columns=6)
-    page.assumption(ax, scene)
-    return ax
+    return page.finish(ax, columns=6, scene=scene)
 
 
 def fit(ax: Axes) -> None:
@@ -87,17 +83,10 @@ def _drawn(length: Any) -> float:
     return length_unit("mm")[0] * float(length)
 
 
-def _name_once(ax: Axes) -> None:
-    """Leave only the first of several artists with the same label in the legend."""
-    seen = set()
-    for artist in ax.get_legend_handles_labels()[0]:
-        name = artist.get_label()
-        artist.set_label("_" if name in seen else name)
-        seen.add(name)
-
-
-def _box(ax: Axes, x: tuple[float, float], y: tuple[float, float], **style: Any) -> None:
-    style = {"edgecolor": colours.DARK, "linewidth": 0.6} | style
+def _box(
+    ax: Axes, x: tuple[float, float], y: tuple[float, float], label: str, **style: Any
+) -> None:
+    style = {"edgecolor": colours.DARK, "linewidth": 0.6, "label": page.once(ax, label)} | style
     ax.add_patch(Rectangle((x[0], y[0]), x[1] - x[0], y[1] - y[0], **style))
 
 
@@ -122,7 +111,8 @@ def _disc(ax: Axes, disc: Disc, length: float) -> float:
     diametral, polar = (abs(float(value)) for value in disc.inertia or (0.0, 0.0))
     at, mass = _drawn(disc.at), float(disc.mass)
     if not (mass and polar):
-        ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label="mass")
+        label = page.once(ax, "mass")
+        ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label=label)
         return 0.0
     radius = _drawn((2 * polar / mass) ** 0.5)
     thickness = _drawn((12 * max(diametral - polar / 2, 0.0) / mass) ** 0.5)
@@ -138,7 +128,7 @@ def _balls(ax: Axes, balls: BallBalancer) -> float:
     """Draw a race of balls; returns its radius as drawn."""
     at, race = _drawn(balls.at), _drawn(balls.race_radius)
     style = {"color": colours.TEAL, "markersize": 5.0, "markerfacecolor": "none"}
-    ax.plot([at, at], [-race, race], "o", label="balls", **style)
+    ax.plot([at, at], [-race, race], "o", label=page.once(ax, "balls"), **style)
     return race
 
 
@@ -158,7 +148,7 @@ def _stop(ax: Axes, stop: AbstractRub, length: float) -> float:
 
 def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
     """Draw a clamp as a wall, a pin as a triangle under the axis, a guide as a dashed line."""
-    style: dict[str, Any] = {"color": colours.DARK, "label": holds}
+    style: Any = {"color": colours.DARK, "label": page.once(ax, holds)}
     if holds == "clamp":
         ax.plot([at, at], [ground, -ground], linewidth=3.0, **style)
     elif holds == "pin":
@@ -185,7 +175,7 @@ def _spring(ax: Axes, at: float, top: float, foot: float, ground: float) -> None
     """Draw a support as a spring between two heights, with a base if it stands on the ground."""
     x = at + 0.12 * ground * np.array([0, 0, *[1, -1] * 4, 0, 0])
     y = np.linspace(top, foot, x.size)
-    ax.plot(x, y, color=colours.MAGENTA, linewidth=1.0, label="support")
+    page.curve(ax, x, y, colours.MAGENTA, page.once(ax, "support"), 1.0)
     if foot == ground:
         base = at + 0.3 * ground * np.array([-1, 1])
         ax.plot(base, [ground, ground], color=colours.DARK, linewidth=1.5)

@@ -1,7 +1,7 @@
 """Units: those of speeds, frequencies and lengths on axes, chosen in one place."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextvars import ContextVar
 
 import numpy as np
@@ -38,9 +38,9 @@ def units(*, speed: str = "rad/s", length: str | None = None) -> Iterator[None]:
         ValueError: a unit is another one.
     """
     length = _SPELT.get(length, length) if length is not None else None
-    _check("speed", speed, SPEEDS)
-    if length is not None:
-        _check("length", length, LENGTHS)
+    for name, unit, known in (("speed", speed, SPEEDS), ("length", length, LENGTHS)):
+        if unit is not None and unit not in known:
+            raise ValueError(f"`{name}` must be one of {', '.join(known)}, but is {unit!r}.")
     tokens = _speed.set(speed), _length.set(length)
     try:
         yield
@@ -70,8 +70,3 @@ def unit_of_text(unit: str, largest: float, span: float) -> tuple[float, str]:
         return speed_unit()
     small = unit == "m" and largest <= SMALL * span
     return length_unit("m") if small else (1.0, unit)
-
-
-def _check(name: str, unit: str, known: Mapping[str, float]) -> None:
-    if unit not in known:
-        raise ValueError(f"`{name}` must be one of {', '.join(known)}, but is {unit!r}.")

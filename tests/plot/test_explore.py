@@ -109,7 +109,7 @@ def test_a_motion_without_whirl_is_said():
 @pytest.mark.slow
 def test_the_last_revolutions_are_shown(swept, monkeypatch):
     """If more were kept, the last ones are those of the diagram."""
-    monkeypatch.setattr(importlib.import_module("jaxrotor.plot.explore"), "LONGEST", 2)
+    monkeypatch.setattr(importlib.import_module("jaxrotor.plot.lane_motions"), "LONGEST", 2)
     explorer = plot.explore(swept.isel({"start.radius": 0}))
     explorer.show(0)
     start = jr.Whirl(7e-4, -441.0123456789012)

@@ -1,41 +1,25 @@
-"""Sweep map: kind of motion, or a number, over two swept parameters."""
+"""Maps of sweeps: kind of motion, attractor or a number over two parameters, envelopes over one."""
 
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.transforms import offset_copy
 
-from ..core.outcome import STATUS, failed
+from ..core.outcome import failed
 from ..core.tables import RPM
-from ..files.toml import loads
 from . import colours, page
-from .labels import coordinate, parameter, swept, words
+from .labels import coordinate, length, only_swept, parameter, swept, words
+from .lane_kinds import LOST, classes, kinds_of_map, numbers
 from .units import speed_unit
 
 
-LOST = "no result"
-_MOST = 8  # classes that a variable with whole numbers may have; more have a colour bar
-_FAR = 0.1  # of the length of the shaft: a lane that went farther has run away
 _DECADES = 3  # positive values that span more are drawn on a logarithmic scale
 _RAISED = 26.0  # pt: the legend above an axis in rpm
-_KINDS = {  # name -> colour, in the order of the legend
-    "no contact": "#E4E4E4",
-    "rub, forward whirl": colours.FORWARD,
-    "rub, backward whirl": colours.BACKWARD,
-    "rub, undefined": colours.UNDEFINED,
-    "rub": colours.ORANGE,
-    "forward whirl": colours.FORWARD,
-    "backward whirl": colours.BACKWARD,
-    "undefined": colours.UNDEFINED,
-    "steps too long": colours.DARK,
-    "ran away": colours.MAGENTA,
-    LOST: "white",
-}
 
 
 def sweep_map(
@@ -85,38 +69,118 @@ def sweep_map(
     (x, x_label), (y, y_label) = (coordinate(dataset, dim) for dim in dims)
     lost = failed(dataset["status"].transpose(*dims)).T
     ax = page.single(ax, 120, 90)
-    style: Any = {"shading": "nearest", "rasterized": True}
-    found = _kinds(dataset, dims) if name is None else _classes(dataset, dims, name, lost)
+    found = kinds_of_map(dataset, dims) if name is None else classes(dataset, dims, name, lost)
     if found is not None:
-        codes, classes = found
-        scale: Any = {"cmap": ListedColormap([shade for _, shade in classes])}
-        ax.pcolormesh(x, y, codes, norm=Normalize(-0.5, len(classes) - 0.5), **scale, **style)
-        for number, (kind, shade) in enumerate(classes):
+        codes, kinds = found
+        page.shade_classes(ax, x, y, codes, [shade for _, shade in kinds])
+        for number, (kind, shade) in enumerate(kinds):
             if kind != LOST and (codes == number).any():
                 ax.fill([], [], color=shade, label=kind)
-        lost = codes == [kind for kind, _ in classes].index(LOST)
+        lost = codes == [kind for kind, _ in kinds].index(LOST)
     else:
         assert name is not None
-        about, drawn = dataset[name].attrs, _numbers(dataset, dims, name)
+        about, drawn = dataset[name].attrs, numbers(dataset, dims, name)
         factor, label = parameter(about.get("long_name", name), str(about.get("units", "1")))
         drawn = np.where(lost, np.nan, factor * drawn)
         chosen, shades = _scale(drawn)
-        mesh = ax.pcolormesh(x, y, drawn, cmap=shades, norm=norm or chosen, **style)
-        ax.set_facecolor("0.8")
-        page.colour_bar(ax, mesh, label)
+        page.shade(ax, x, y, drawn, label, cmap=shades, norm=norm or chosen)
         if (np.isnan(drawn) & ~lost).any():
             ax.fill([], [], color="0.8", label="undefined")
     if lost.any():
         _hatch(ax, x, y, lost)
-    ax.set_xlabel(x_label)
-    ax.set_ylabel(y_label)
-    page.legend(ax, columns=3)
+    page.finish(ax, x_label, y_label, columns=3)
     told = ax.get_legend()
     if _also_in_rpm(ax, dims) and told is not None:
         figure: Any = ax.figure  # a part of a figure serves, too
         above = offset_copy(ax.transAxes, figure, y=_RAISED, units="points")
         told.set_bbox_to_anchor((0.0, 1.0), above)
     return ax
+
+
+def attractors(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Basins of attraction: the attractor of every lane over two swept parameters, as colour.
+
+    The legend names the mean of the first feature of each; failed lanes are white.
+
+    Args:
+        dataset: result of `jaxrotor.attractors` over two dimensions; the first is drawn to the right.
+        ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, both parameters.
+
+    Raises:
+        ValueError: the dataset has no `attractor`, or not two swept dimensions.
+    """
+    if "attractor" not in dataset:
+        raise ValueError(
+            "The dataset has no `attractor`; call `jaxrotor.attractors(dataset)` first."
+        )
+    dims = swept(dataset, "attractor")
+    if len(dims) != 2:
+        named = ", ".join(f"'{dim}'" for dim in dims) or "none"
+        raise ValueError(
+            f"This plot takes two swept dimensions, but `attractor` has {named}; select the others with "
+            "`.sel` or `.isel`."
+        )
+    (x, x_label), (y, y_label) = (coordinate(dataset, dim) for dim in dims)
+    (name, *_), means = dataset["attractor"].attrs["features"], dataset["attractor"].attrs["means"]
+    shades = colours.shades(len(means))
+    ax = page.single(ax, 120, 90)
+    number = dataset["attractor"].transpose(*dims).values.T
+    page.shade_classes(ax, x, y, number + 1, ["white", *shades])
+    rounding = 1e-4 * max((abs(mean[0]) for mean in means), default=0.0)  # of a short run
+    for shade, (mean, *_) in zip(shades, means, strict=True):
+        shown = mean if abs(mean) > rounding else 0.0
+        ax.fill([], [], color=shade, label=f"{words(name)} {shown:.3g}")
+    if (number < 0).any():
+        ax.fill([], [], facecolor="white", edgecolor=colours.GREY, label="failed")
+    return page.finish(ax, x_label, y_label, columns=3)
+
+
+def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Largest radius of every window of a run, over one swept parameter, as colours.
+
+    Across is the speed where all lanes have the same and it rises or falls throughout, else the time.
+    A window ends at the time or speed that the dataset has of it, and begins where the one before it
+    ends. The first is as long as the second, but begins at zero if zero lies within. Lanes without a
+    result are grey.
+
+    Args:
+        dataset: sweep along `times` over one parameter, with `envelope`.
+        ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, the parameter over speed or time [s].
+
+    Raises:
+        ValueError: the dataset has no `envelope`, is not over one parameter, or has too little to draw.
+    """
+    dim = only_swept(dataset, "envelope", ("window",))
+    dataset = dataset[["envelope", "speed", "status"]].sortby(dim)
+    lost = failed(dataset["status"].values)[:, None]
+    radius = np.where(lost, np.nan, dataset["envelope"].transpose(dim, "window").values)
+    if min(radius.shape) < 2:
+        raise ValueError(
+            f"An envelope needs two lanes and two windows to draw, but has {radius.shape[0]} and "
+            f"{radius.shape[1]}."
+        )
+    speed = dataset["speed"].transpose(dim, "window").values
+    changes = np.diff(speed[0])
+    if np.allclose(speed, speed[0]) and (np.all(changes > 0) or np.all(changes < 0)):
+        turns, label = parameter("speed", "rad/s")
+        across = turns * speed[0]
+    else:
+        across, label = dataset["window"].values, "time [s]"
+    first = 2 * across[0] - across[1]
+    if first * across[0] < -1e-9 * first**2:  # zero lies within by more than rounding
+        first = 0.0
+    values, name = coordinate(dataset, dim)
+    factor, unit = length(radius)
+    ax = page.single(ax, 170, 90)
+    ends = np.append(first, across), page.ends_of_cells(values)
+    page.shade(ax, *ends, factor * radius, f"largest radius [{unit}]", shading="flat")
+    return page.finish(ax, label, name)
 
 
 def _two(dataset: xr.Dataset) -> tuple[str, str]:
@@ -144,95 +208,6 @@ def _hatch(ax: Axes, x: np.ndarray, y: np.ndarray, lost: Bool[np.ndarray, "y x"]
     ax.fill([], [], facecolor="white", label=LOST, **style)
 
 
-def _classes(
-    dataset: xr.Dataset, dims: tuple[str, str], name: str, lost: Bool[np.ndarray, "y x"]
-) -> tuple[Int[np.ndarray, "y x"], list[tuple[str, str]]] | None:
-    """Class of every lane, and name and colour of each, of a variable with few whole numbers."""
-    values = _numbers(dataset, dims, name)
-    if dataset[name].dtype.kind not in "iub":
-        return None
-    if name == "status":  # tells itself why there is no result
-        lost = np.zeros_like(lost)
-    elif name == "attractor":
-        lost = lost | (values < 0)
-    present = np.unique(values[~lost])
-    if len(present) > _MOST:
-        return None
-    about, chosen = dataset[name].attrs, colours.shades(len(present))
-    if name == "attractor":
-        feature = words(about["features"][0])
-        names = [f"{feature} {about['means'][int(value)][0]:.3g}" for value in present]
-    elif "flag_meanings" in about:
-        meanings = [about["flag_meanings"].split()[int(value)] for value in present]
-        names = list(map(words, meanings))
-        if name == "motion":
-            chosen = [colours.MOTIONS[meaning] for meaning in meanings]
-    else:
-        names = [f"{words(name)} {value:g}" for value in present]
-    codes = np.where(lost, len(present), np.searchsorted(present, values))
-    return codes, list(zip([*names, LOST], [*chosen, "white"], strict=True))
-
-
-def _kinds(
-    dataset: xr.Dataset, dims: tuple[str, str]
-) -> tuple[Int[np.ndarray, "y x"], list[tuple[str, str]]]:
-    """Number in `_KINDS` of every lane, the first parameter along columns, and the kinds."""
-    whirl = next((name for name in ("winding", "index") if name in dataset), None)
-    if "duty" not in dataset and whirl is None:
-        raise ValueError(
-            "The kind of motion needs `duty`, `winding` or `index`, but the dataset has none of them; "
-            f"name the variable to draw, of {', '.join(map(str, dataset.data_vars))}."
-        )
-    status = dataset["status"].transpose(*dims).values.T
-    conditions: dict[str, Bool[np.ndarray, "y x"]] = {
-        LOST: failed(status),
-        "steps too long": status == STATUS.index("steps_too_long_for_a_stop"),
-    }
-    if "radius_max" in dataset and "scene" in dataset.attrs:
-        conditions["ran away"] = _numbers(dataset, dims, "radius_max") > _FAR * _length(dataset)
-    rub = "rub" if "duty" in dataset else ""
-    if rub:
-        conditions["no contact"] = _numbers(dataset, dims, "duty") == 0
-    if whirl is not None:
-        rub = rub and f"{rub}, "
-        turns = _numbers(dataset, dims, whirl)
-        conditions |= {f"{rub}forward whirl": turns > 0, f"{rub}backward whirl": turns < 0}
-        rub += "undefined"
-    names = list(_KINDS)
-    numbers = [names.index(kind) for kind in conditions]
-    return np.select(list(conditions.values()), numbers, names.index(rub)), list(_KINDS.items())
-
-
-def _length(dataset: xr.Dataset) -> float:
-    """Length of the shaft [m]; of several that are swept the largest."""
-    if "shaft.length" in dataset.coords:
-        return float(dataset["shaft.length"].max())
-    return float(loads(dataset.attrs["scene"]).shaft.length)
-
-
-def coloured_kinds(
-    dataset: xr.Dataset, dims: tuple[str, str]
-) -> list[tuple[str, str, Bool[np.ndarray, "x y"]]]:
-    """Name, colour and lanes of each kind of motion that occurs."""
-    codes, classes = _kinds(dataset, dims)
-    rows = [
-        (kind, shade, np.equal(codes.T, number)) for number, (kind, shade) in enumerate(classes)
-    ]
-    return [row for row in rows if row[2].any()]
-
-
-def _numbers(dataset: xr.Dataset, dims: tuple[str, str], name: str) -> Float[np.ndarray, "y x"]:
-    """A variable with one number a lane, of limiters the largest, the first parameter along columns."""
-    own = set(swept(dataset, name)) - set(dims)
-    array = dataset[name].max("limiter") if own == {"limiter"} else dataset[name]
-    if set(array.dims) != set(dims):
-        raise ValueError(
-            f"A sweep map draws one number a lane, but `{name}` is over "
-            f"{', '.join(map(repr, dataset[name].dims))}; reduce it first, or name another variable."
-        )
-    return array.transpose(*dims).values.astype(float).T
-
-
 def _scale(values: np.ndarray) -> tuple[Normalize, Any]:
     """Scale of colours, and the colours: about zero, logarithmic or linear."""
     known = values[np.isfinite(values)]
@@ -257,5 +232,5 @@ def _also_in_rpm(ax: Axes, dims: tuple[str, str]) -> bool:
     else:
         other = ax.secondary_yaxis("right", functions=both)
         other.set_ylabel("spin speed [rpm]", size=page.TEXT)
-    other.tick_params(labelsize=page.TEXT, width=0.6, length=2.5)
+    other.tick_params(**page.TICKS)
     return above

@@ -1,27 +1,63 @@
-"""Mode shapes in space, with the orbits of whirl."""
+"""Mode shapes: along the shaft, and in space with the orbits of whirl."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 from matplotlib.axes import Axes
 
 from ..analysis import Modes
+from ..analysis.modal import kind_of_whirl
 from . import colours, labels, page
-from .mode_shapes import single
 from .units import length_unit
 
 
+_MARKED = 24  # largest number of stations that are marked by points
+_LINES = {"forward": "-", "backward": "--", "mixed": "-."}
 _PHASE = np.linspace(0.0, 2 * np.pi * 11 / 12, 67)  # eleven twelfths of an orbit
 
 
+def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
+    """Shapes along the shaft, scaled to a largest displacement of 1, with the roots in the legend.
+
+    Roots are those in fixed axes. Forward whirl is solid, backward whirl dashed, and mixed whirl, whose
+    orbits are nearly straight lines, dash-dotted. A dotted curve is the imaginary part of a shape, 90
+    degrees ahead in the plane of whirl; it is drawn if it exceeds 0.01. Of the two conjugate modes of a
+    rotor with unequal axes, which are one motion, one is drawn.
+
+    Args:
+        modes: result of `jaxrotor.modes`.
+        ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, displacement [1] over the position.
+    """
+    lengths, unit = length_unit("m")
+    stations = lengths * np.asarray(modes.stations, dtype=float)
+    order = np.argsort(stations)
+    at = stations[order]
+    ax = page.single(ax, 140, 90)
+    mark = {"marker": "." if at.size <= _MARKED else "", "markersize": 3.5}
+    parts = (np.asarray(part) for part in (modes.fixed_values, modes.forward, modes.shapes))
+    rows = zip(*(part[_one_of_each_pair(modes)] for part in parts), strict=True)
+    for number, (value, sense, shape) in enumerate(rows):
+        largest = shape[np.argmax(np.abs(shape))]
+        shape = shape[order] / (largest if largest != 0 else 1.0)
+        colour, kind = colours.cycled(number), kind_of_whirl(float(sense))
+        name = f"{kind} " if value.imag else ""
+        style: Any = {"linestyle": _LINES[kind] if value.imag else "-", **mark}
+        page.curve(ax, at, np.real(shape), colour, f"{name}{labels.root(complex(value))}", **style)
+        if np.abs(np.imag(shape)).max() > 0.01:
+            page.curve(ax, at, np.imag(shape), colour, width=1.0, linestyle=":")
+    page.zero(ax)
+    ax.set_ylim(-1.1, 1.1)
+    label = f"position along the shaft [{unit}]"
+    return page.finish(ax, label, "displacement / largest [1]", columns=2)
+
+
 def modes3d(
-    modes: Modes,
-    numbers: Sequence[int] | None = None,
-    axes: Any = None,
-    *,
-    orbits: int = 9,
+    modes: Modes, numbers: Sequence[int] | None = None, axes: Any = None, *, orbits: int = 9
 ) -> tuple[Axes, ...]:
     """Mode shapes in space: `z(x, phase) = shape exp(i phase) + conj(counter exp(i phase))`.
 
@@ -48,13 +84,15 @@ def modes3d(
     shapes = np.asarray(modes.shapes)
     counters = np.zeros_like(shapes) if modes.counter is None else np.asarray(modes.counter)
     senses, seen = np.asarray(modes.senses), np.asarray(modes.fixed_values)
-    chosen = np.flatnonzero(single(modes))[:4].tolist() if numbers is None else list(numbers)
+    first = np.flatnonzero(_one_of_each_pair(modes))[:4].tolist()
+    chosen = first if numbers is None else list(numbers)
     outside = [number for number in chosen if not -values.size <= number < values.size]
     if outside or not chosen:
         raise ValueError(
             f"`numbers` must be one or more of 0 to {values.size - 1}, but is {chosen}."
         )
     drawn = page.solid(axes, len(chosen))
+    axis = " of the shaft" if modes.frame == "rotating" else ""
     for ax, number in zip(drawn, chosen, strict=True):
         value = complex(values[number])
         shape, counter = shapes[number, order], counters[number, order]
@@ -62,10 +100,14 @@ def modes3d(
         directions = _draw(ax, value, stations[order], shape, counter, *whirl, orbits)
         title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(whirl[0])}"
         ax.set_title(title, fontsize=page.TEXT, y=1.05, pad=0.0)
-    axis = " of the shaft" if modes.frame == "rotating" else ""
-    for ax in drawn:
         ax.set(xlabel=f"position [{unit}]", ylabel=f"x{axis} [1]", zlabel=f"y{axis} [1]")
     return drawn
+
+
+def _one_of_each_pair(modes: Modes) -> Bool[np.ndarray, " m"]:
+    """Mask of the modes without the second of each conjugate pair."""
+    values: Any = np.asarray(modes.values)
+    return np.full(values.shape, modes.counter is None) | (values.imag >= 0)
 
 
 def _draw(
