@@ -4,11 +4,8 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from .exponential import Tableau
+from .exponential import WIDTH, Tableau
 from .rotor import SAMPLES, Arrays
-
-
-WIDTH = 8  # lanes at a time, known to the compiler
 
 
 @njit(fastmath=True, inline="always")

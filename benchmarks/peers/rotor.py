@@ -45,9 +45,13 @@ def whirl_rate(z: np.ndarray) -> float:
 def library_rates(
     choice: dict, steps: int, revolutions: int, eccentricities, workers: int = 1, scene=SCENE
 ) -> np.ndarray:
-    """Whirl rates by the public sweep; `choice` are the keywords of `Exponential`."""
+    """Whirl rates by the public sweep; `choice` are the keywords of `Exponential`.
+
+    No lanes are run again for an error, which the peers do not tell either.
+    """
     over = {"unbalance.eccentricity": eccentricities}
     run = {"start": settled(), "settle": 0, "keep": revolutions, "progress": False}
+    run["error_sample"] = 0
     how = {"solver": jr.Exponential(**choice), "steps_per_revolution": steps, "workers": workers}
     found = jr.sweep(scene, over, observe=(jr.observe.Precession(),), **run, **how)
     return found["whirl_rate"].values
