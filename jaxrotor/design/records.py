@@ -18,9 +18,10 @@ from ..effects.base import AbstractEffect
 from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart, AtRest, Continued, Launch, checked_start
 from ..equations.system import assemble, port_groups
+from ..motion.choice import system_of_march
 from ..motion.revolutions import check_constant_speed
 from ..motion.run_up import after, check_tables_along
-from ..motion.simulate import simulate, system_of_march
+from ..motion.simulate import simulate
 from ..scene import Scene
 from ..solvers.choice import checked_solver
 from ..solvers.control import step_control

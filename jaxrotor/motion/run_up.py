@@ -24,10 +24,11 @@ from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
+from .choice import default_solver, steps_along
 from .history import TimeHistory
 from .rebounds import Rebounds
-from .stepped import Stepping, stepped_by_default, stepping_of
-from .transient import Integrated, Integration, controller_for, default_solver, integrate
+from .stepped import Stepping, stepping_of
+from .transient import Integrated, Integration, controller_for, integrate
 
 
 MOST_STEPS = 1_000_000  # of a run, by default
@@ -73,14 +74,15 @@ def run_up(
         times: ascending times of the samples [s]; every run begins at 0, also one that continues another.
         start: a starting state of the shaft, `Launch(..)` for balls and angle too, or `motion.end`.
         at: station(s) [m] to observe, by default as in `simulate`.
-        solver: `Exponential(..)` or any diffrax solver; by default Exponential(order=4) for a flexible
-            shaft without contact, balls or a drive that it holds back where it can be taken, Dopri8 for a
-            rigid or massless shaft, else Kvaerno5.
+        solver: `Exponential(..)` or any diffrax solver; by default as in a sweep: exponential steps of
+            order 4, with contact 2, where they can be taken, else Dopri8 for one or two coordinates with
+            mass and Kvaerno5 for more; see "One motion, four marches" in the documentation.
         controller: step control of a diffrax solver, by default rtol 1e-7 and atol 1e-10 of m and rad.
         substeps: steps from sample to sample of a solver without an error estimate; of `Exponential` by
             default as many as follow the unbalance at the highest speed, of a drive at that which it would
             have alone, or 256 a revolution with contact.
-            "auto" doubles them until two successive motions agree within `tolerance` at all samples.
+            "auto" doubles them until two successive motions agree within `tolerance` at all samples; so
+            they are chosen where no solver is named and there is contact, balls or such a drive.
         tolerance: relative tolerance of "auto".
         adjoint: diffrax adjoint for derivatives, forward mode by default.
         max_steps: steps an adaptive solver may take.
@@ -105,7 +107,10 @@ def run_up(
     stations = scene.stations(at)
     system = assemble(begun)
     if solver is None and controller is None and adjoint is None:
-        solver = Exponential(order=4) if stepped_by_default(begun, times, system) else None
+        solver = steps_along(begun, system, times)
+        rough = bool(system.ports) or system.coupled
+        if solver is not None and substeps is None and rough and _given(begun, launch):
+            substeps = "auto"
     launch = with_balls(scene, launch)
     pilots: tuple[Pilot, ...] = ()
     if isinstance(solver, Exponential):
@@ -118,7 +123,7 @@ def run_up(
         if substeps == "auto":
             stepping, pilot = _refined(begun, system, times, launch, stations, stepping, tolerance)
             pilots = (pilot,)
-        elif all(known(leaf) for leaf in jax.tree.leaves((begun, launch))):
+        elif _given(begun, launch):
             stepping = stepping.with_steps(stepping.steps)
         plan: Integration | Stepping = stepping
     else:
@@ -195,6 +200,11 @@ def integration_of(
     return plan
 
 
+def _given(scene: Scene, launch: Launch) -> bool:
+    """Whether all values of a scene and its start are known."""
+    return all(known(leaf) for leaf in jax.tree.leaves((scene, launch)))
+
+
 def _refined(
     scene: Scene,
     system: System,
@@ -205,7 +215,7 @@ def _refined(
     tolerance: float,
 ) -> tuple[Stepping, Pilot]:
     """Settings with as many steps as the motion at the samples needs, and the pilot that found them."""
-    if not all(known(leaf) for leaf in jax.tree.leaves((scene, launch))):
+    if not _given(scene, launch):
         raise ValueError(
             '`substeps` "auto" are chosen by values, so not inside jax.jit or jax.grad; choose them '
             "before."

@@ -16,26 +16,23 @@ from ..core.compiled import compiled
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
-from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
-from ..equations.pencil import frame, unequal_parts
+from ..equations.pencil import unequal_parts
 from ..equations.rigid_motions import check_held
-from ..equations.rotating_frame import massless_in_steps
 from ..equations.speed_tables import check_tables
 from ..equations.start import (
     AbstractStart,
     Continued,
     Launch,
     checked_start,
-    is_whole,
     shaft_of,
 )
 from ..equations.system import System, assemble, port_groups
 from ..scene import Scene
 from ..solvers.basis import Count
 from ..solvers.choice import choose, solver_name, with_shapes
-from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from .base import Plan
+from .choice import check_integrated, default_solver, system_of_march
 from .history import TimeHistory
 from .rebounds import Rebounds, in_revolutions, pilot_run
 from .revolutions import March, check_constant_speed, check_weight, joined, revolution_rate
@@ -131,7 +128,7 @@ def simulate(
                 'Steps "auto" are for whole revolutions; along `times` call `run_up(.., substeps="auto")`.'
             )
         run |= {"adjoint": adjoint, "max_steps": max_steps or MOST_STEPS, "progress": progress}
-        found = run_up(scene, times, **run)
+        found = run_up(scene, times, tolerance=tolerance, **run)
         return dataclasses.replace(found, pilots=pilots + found.pilots)
     if revolutions is None:
         raise ValueError("`simulate` needs `revolutions`, or the `times` of the samples [s].")
@@ -235,58 +232,13 @@ def _by_revolutions(
     )
 
 
-def system_of_march(
-    scene: Scene, system: System, solver: Any, start: AbstractStart | None = None
-) -> System | None:
-    """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
-    if system.races or not (start is None or is_whole(start)):
-        return None
-    if solver is None and system.steep:
-        return None
-    named = isinstance(solver, Exponential)
-    if named or solver is None and has_small_remainder(system):
-        system = in_constant_axes(system)
-    elif solver is None:
-        return None
-    massless, reason = massless_in_steps(scene, system)
-    if named and reason is not None:
-        raise ValueError(f"Exponential() does not take this motion: {reason}; leave `solver` out.")
-    if reason is not None or massless is not None and not (named or solver is None):
-        return None
-    if massless and isinstance(solver, Exponential) and isinstance(solver.shapes, int):
-        raise ValueError(
-            f"Exponential(shapes={solver.shapes}) needs mass at every coordinate, but a part of the rotor "
-            "has none; leave `shapes` out."
-        )
-    return dataclasses.replace(system, massless=massless)
-
-
-def has_small_remainder(system: System) -> bool:
-    """Whether axes of constant coefficients leave no remainder, or one of small gain.
-
-    Where values are traced, the gain is not known, and it is taken to be small.
-    """
-    if frame(system.blocks) != "periodic":
-        return True
-    gain = loop_gain(in_constant_axes(system)) if system.deviators else jnp.inf
-    return not known(gain) or bool(gain <= WORST_GAIN)
-
-
-def check_integrated(solver: Any) -> None:
-    """Raise where a solver cannot integrate what exponential steps do not take."""
-    if isinstance(solver, dfx.AbstractSolver) and step_control(solver) is None:
-        raise ValueError(
-            f"`{solver_name(solver)}` has no error estimate, by which balls, parts without mass or a "
-            "start at any angle are integrated; take another, or `run_up` with `substeps`."
-        )
-
-
 def _by_times(
     scene: Scene, counts: tuple[int, int, int], rate: Scalar, options: dict[str, Any]
 ) -> TimeHistory:
     """Motion by whole revolutions along the times of their samples."""
     revolutions, keep, steps = counts
     check_integrated(options["solver"])
+    options["solver"] = options["solver"] or default_solver(scene)
     count = jnp.arange(keep * steps + 1)
     times = 2 * jnp.pi / rate * (revolutions - keep + count / steps)
     options["max_steps"] *= revolutions

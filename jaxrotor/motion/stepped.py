@@ -19,21 +19,18 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, Series, known
-from ..effects.base import AbstractContact
 from ..equations.constant_frame import linear_matrix
-from ..equations.coupled import INSIDE, is_coupled
+from ..equations.coupled import INSIDE
 from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
-from ..equations.pencil import frame
 from ..equations.start import Launch
-from ..equations.stationary_frame import check_known_in_time
-from ..equations.system import System, assemble, has_massless
+from ..equations.system import System
 from ..scene import Scene
 from ..solvers.basis import Basis, Count, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
 from ..solvers.located_varying import LocatedVaryingStep
 from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.constant import ConstantSpeed
-from ..spins.drive import Drive
+from .choice import check_steppable
 from .exact import exact_motion, has_steady_motion
 from .speeds import coupled_steps, expected_speed, steps_between, turning
 
@@ -41,7 +38,6 @@ from .speeds import coupled_steps, expected_speed, steps_between, turning
 MODES = 8  # in which the change of speed acts within a piece; beyond them the nearest speed counts
 SPEEDS = 16  # at which the rotor is decomposed where it has more coordinates than that
 STEPS = {2: 64, 4: 32}  # a revolution at the highest speed, by order, that follow an unbalance
-RIGID = 2  # coordinates, up to which an explicit solver is as quick
 CONTACT_STEPS = 256  # where there is contact
 LEAST_PART = 16  # steps of a part of a piece, where the part is cut no further
 APART = 1e-9  # share of a run within which a jump counts as at the end of a piece
@@ -153,76 +149,6 @@ def _ball_rate(launch: Launch | None) -> float:
     balls = () if launch is None else launch.balls or ()
     rates = [np.abs(np.asarray(one.rate)).max(initial=0.0) for one in balls if known(one.rate)]
     return float(max(rates, default=0.0))
-
-
-def steppable(scene: Scene, system: System) -> bool:
-    """Whether exponential steps take the run of a scene without being asked for.
-
-    Balls and drives that the rotor holds back are integrated where a rotor has few coordinates: in the
-    axes of the shaft nothing but contact is quick there, so that long steps serve.
-    """
-    if system.steep or (is_coupled(scene) and system.n <= RIGID):
-        return False
-    return unsteppable(system) is None and has_massless(scene, system) is False
-
-
-def check_steppable(
-    scene: Scene, solver: Exponential, system: System | None = None, *, revolutions: bool = False
-) -> System:
-    """The equations of a scene; raises where exponential steps do not take its run.
-
-    With `revolutions` it goes by whole revolutions, and has no balls.
-    """
-    system = assemble(scene) if system is None else system
-    check_known_in_time(system)
-    reason = unsteppable(system)
-    if revolutions and system.races:
-        reason = f"there are balls ({system.owners_of('bodies')}), which `times` would allow"
-    if reason is None:
-        massless = has_massless(scene, system)
-        reason = "a part of the rotor has no mass" if massless else None
-        reason = "masses are traced, so that one may be zero" if massless is None else reason
-    if reason is not None:
-        raise ValueError(
-            f"Exponential() does not take this motion: {reason}; leave `solver` out, or name a diffrax "
-            "one."
-        )
-    if solver.shapes is not None:
-        raise ValueError(
-            "A few shapes are for whole revolutions, where the steady response is known; leave `shapes` "
-            "out."
-        )
-    if solver.fused:
-        raise ValueError(
-            "`fused=True` is for sweeps by whole revolutions, not for runs along times; leave `fused` out."
-        )
-    return system
-
-
-def stepped_by_default(scene: Scene, times: Any, system: System) -> bool:
-    """Whether a scene is a shaft of many coordinates without contact that exponential steps take."""
-    free = not (is_coupled(scene) or scene.of(AbstractContact))
-    if not (free and scene.shaft.has_mass and known(times)) or system.n <= RIGID:
-        return False
-    given = jax.tree.leaves((system.spin, system.blocks.polar))
-    takes = unsteppable(system) is None and system.blocks.hysteretic is None
-    return takes and all(map(known, given))
-
-
-def unsteppable(system: System) -> str | None:
-    """Why exponential steps do not take the run of a system; None if they do."""
-    if not system.n or system.blocks.inertia is None:
-        return "nothing moves but the angle of the rotor"
-    spin = system.spin
-    if isinstance(spin, Drive) and spin.can_stop:
-        return "the rotor may come to rest under its Drive"
-    if system.between:
-        return "balls touch each other, which takes steps with an error estimate"
-    if frame(system.blocks) != "fixed":
-        return "unequal axes turn with the shaft"
-    if system.tabled is not None and not isinstance(system.spin, ConstantSpeed):
-        return "coefficients of its supports are tables over the speed, which varies"
-    return None
 
 
 def _breaks(

@@ -21,22 +21,13 @@ from ..equations.kinematics import Kinematics, RotatingState, Turning
 from ..equations.massless_coordinates import Known
 from ..equations.rotating_frame import Transient
 from ..equations.start import Launch
-from ..equations.system import System, has_massless
+from ..equations.system import System
 from ..scene import Scene
 from ..solvers.control import step_control
 from ..spins.drive import Drive
 from .coupled import coupled_path
 from .speeds import turning
 from .stepped import Stepping, stepped
-
-
-def default_solver(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
-    """Solver for a run: implicit for a flexible shaft, whose high modes are stiff, or massless parts."""
-    if has_massless(scene, system):
-        return dfx.Kvaerno5()
-    line = lambda scene: scene.line().stiffness
-    size = eqx.filter_eval_shape(line, scene).shape[0] if system is None else system.n
-    return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
 
 
 def controller_for(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:

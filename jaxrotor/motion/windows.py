@@ -112,6 +112,7 @@ class WindowMarch(AbstractWindowMarch):
     step: VaryingStep | LocatedVaryingStep
     reading: Float[Array, "4 m2"]
     centre: Scalar  # speed of decomposition [rad/s]
+    angle: Scalar | float  # of rotation at time 0 [rad]
     length: Scalar
     substeps: int = eqx.field(static=True)
     before: int = eqx.field(static=True)
@@ -145,6 +146,7 @@ class WindowMarch(AbstractWindowMarch):
             step=step,
             reading=rotor.reading(system.line.row(station[0])),
             centre=centres[0],
+            angle=start.angle if isinstance(start, Launch) else 0.0,
             length=length,
             substeps=stepping.substeps,
             before=stepping.before,
@@ -170,7 +172,7 @@ class WindowMarch(AbstractWindowMarch):
 
     def interval(self, time: Scalar, y: Array) -> tuple[Array, Array, Array]:
         part = time, self.length, self.substeps
-        now = course(self.system, self.rotor, self.centre, 0.0, part)
+        now = course(self.system, self.rotor, self.centre, self.angle, part)
         return self.step.several(now, y, batch=True)
 
     def seen(self, times: Array, states: Array) -> tuple[Array, Array, None]:

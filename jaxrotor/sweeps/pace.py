@@ -10,19 +10,21 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects.base import AbstractBodies, AbstractContact
-from ..equations.coupled import is_coupled
+from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, Launch, checked_start, is_whole
 from ..equations.system import System, assemble
-from ..motion.integrated import IntegratedPace
-from ..motion.run_up import after, integration_of, with_balls
-from ..motion.simulate import (
-    REVOLUTION_STEPS,
+from ..motion.choice import (
     check_integrated,
+    check_steppable,
+    steps_along,
+    steps_of_default,
     system_of_march,
 )
-from ..motion.stepped import Stepping, check_steppable, steppable
+from ..motion.integrated import IntegratedPace
+from ..motion.run_up import after, integration_of, with_balls
+from ..motion.simulate import REVOLUTION_STEPS
+from ..motion.stepped import Stepping
 from ..motion.transient import Integration, controller_for
 from ..motion.windows import lane_stepping, window_of
 from ..scene import Scene
@@ -79,21 +81,19 @@ def pace_of(
         counts: steps a revolution, and most steps of an adaptive solver in a window.
     """
     (times, period), (steps, most), system = pacing, counts, assemble(scene)
-    varied = any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
-    turned = not is_whole(start) or (isinstance(start, Launch) and varied)
     named = isinstance(solver, Exponential)
-    begins_anyhow = times is not None and is_coupled(scene)
-    turned = turned and not begins_anyhow
-    if named and turned:
-        raise ValueError(
-            "Exponential() steps lanes that begin at angle zero and at the time of the start, by whole "
-            "revolutions without balls, but the start is another or is swept over them; leave `solver` "
-            "out, or give `times` where there are balls."
-        )
     if times is None:
+        varied = any(f"start.{name}" in columns for name in ("angle", "speed", "time"))
+        turned = not is_whole(start) or (isinstance(start, Launch) and varied)
+        if named and turned:
+            raise ValueError(
+                "Exponential() steps lanes that begin at angle zero and at the time of the start, by "
+                "whole revolutions without balls, but the start is another or is swept over them; leave "
+                "`solver` out, or give `times`."
+            )
         if not turned and _marches_all(scene, start, columns, system, solver):
             return None
-    elif named or (solver is controller is None and not turned and steppable(scene, system)):
+    elif named or (solver is controller is None and steps_along(scene, system, times) is not None):
         return _stepping(scene, start, columns, times, solver, controller, steps)
     if named:
         check_steppable(scene, solver, system, revolutions=True)
@@ -203,8 +203,7 @@ def _stepping(
 ) -> Stepping:
     """Steps of all lanes of a sweep over runs, fine enough at the corners of the grid."""
     if solver is None:
-        smooth = is_coupled(scene) or not scene.of(AbstractContact)
-        solver = Exponential(order=4 if smooth else 2)
+        solver = steps_of_default(scene)
     if controller is not None:
         raise ValueError("`controller` is for diffrax solvers, not Exponential().")
     check_steppable(scene, solver)

@@ -13,11 +13,12 @@ from ..analysis import onset_speed, roots
 from ..core.compiled import compiled
 from ..core.outcome import failed
 from ..equations.start import AbstractStart, Launch
+from ..motion.choice import default_solver
 from ..motion.history import TimeHistory
 from ..motion.reactions import reactions
 from ..motion.rebounds import pilot_run
 from ..motion.run_up import run_up
-from ..motion.transient import controller_for, default_solver
+from ..motion.transient import controller_for
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from ..sweeps import observe

@@ -13,7 +13,7 @@ import jaxrotor as jr
 from jaxrotor.equations.massless_coordinates import Condensed, Massless
 from jaxrotor.equations.rotating_frame import massless_of
 from jaxrotor.equations.stationary_frame import Motion
-from jaxrotor.motion.simulate import system_of_march
+from jaxrotor.motion.choice import system_of_march
 from jaxrotor.solvers.feedthrough import force_through
 
 

@@ -13,7 +13,7 @@ from unequal_rotor import SPEED, ByHand, rotor, unequal
 import jaxrotor as jr
 from jaxrotor.equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from jaxrotor.equations.stationary_frame import Motion
-from jaxrotor.motion.simulate import has_small_remainder, system_of_march
+from jaxrotor.motion.choice import has_small_remainder, system_of_march
 from jaxrotor.solvers.remainder import RemainderMap
 
 

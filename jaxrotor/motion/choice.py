@@ -1,0 +1,179 @@
+"""Choice of the method by which a motion is advanced, the same for a run and for a lane of a sweep.
+
+| the scene | by whole revolutions | along times |
+|---|---|---|
+| no contact, constant speed | exact | exact; a lane by steps of order 4 |
+| contact, constant speed | exponential steps of order 2 | the same |
+| axes that turn and axes that stand, nearly equal | exponential steps of order 4 | integrated |
+| the same, very unequal | integrated | integrated |
+| axes that turn alone | as those that stand | integrated |
+| coordinates without mass | exponential steps, of contacts that do not rub | integrated |
+| a speed that varies, known in time | refused | exponential steps of order 4, with contact 2 |
+| balls, or a drive that the rotor holds back | integrated | exponential steps of order 4 |
+| the same on one or two coordinates | integrated | integrated |
+| balls that touch, a drive that may stop, tables at a speed that varies, films | integrated | integrated |
+
+"Integrated" is by a diffrax solver with an error estimate, `default_solver`; a solver that is named is
+taken, or refused in a sentence that names the reason.
+"""
+
+import dataclasses
+from typing import Any
+
+import diffrax as dfx
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..core.quantities import known
+from ..effects.base import AbstractContact
+from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
+from ..equations.coupled import is_coupled
+from ..equations.pencil import frame
+from ..equations.rotating_frame import massless_in_steps
+from ..equations.start import AbstractStart, is_whole
+from ..equations.stationary_frame import check_known_in_time
+from ..equations.system import System, assemble, has_massless
+from ..scene import Scene
+from ..solvers.choice import solver_name
+from ..solvers.control import step_control
+from ..solvers.exponential import Exponential
+from ..spins.constant import ConstantSpeed
+from ..spins.drive import Drive
+
+
+RIGID = 2  # coordinates, up to which balls and drives leave an explicit solver as quick
+
+
+# === by whole revolutions
+
+
+def system_of_march(
+    scene: Scene, system: System, solver: Any, start: AbstractStart | None = None
+) -> System | None:
+    """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
+    if system.races or not (start is None or is_whole(start)):
+        return None
+    if solver is None and system.steep:
+        return None
+    named = isinstance(solver, Exponential)
+    if named or solver is None and has_small_remainder(system):
+        system = in_constant_axes(system)
+    elif solver is None:
+        return None
+    massless, reason = massless_in_steps(scene, system)
+    if named and reason is not None:
+        raise ValueError(f"Exponential() does not take this motion: {reason}; leave `solver` out.")
+    if reason is not None or massless is not None and not (named or solver is None):
+        return None
+    if massless and isinstance(solver, Exponential) and isinstance(solver.shapes, int):
+        raise ValueError(
+            f"Exponential(shapes={solver.shapes}) needs mass at every coordinate, but a part of the rotor "
+            "has none; leave `shapes` out."
+        )
+    return dataclasses.replace(system, massless=massless)
+
+
+def has_small_remainder(system: System) -> bool:
+    """Whether axes of constant coefficients leave no remainder, or one of small gain.
+
+    Where values are traced, the gain is not known, and it is taken to be small.
+    """
+    if frame(system.blocks) != "periodic":
+        return True
+    gain = loop_gain(in_constant_axes(system)) if system.deviators else jnp.inf
+    return not known(gain) or bool(gain <= WORST_GAIN)
+
+
+def check_integrated(solver: Any) -> None:
+    """Raise where a solver cannot integrate what exponential steps do not take."""
+    if isinstance(solver, dfx.AbstractSolver) and step_control(solver) is None:
+        raise ValueError(
+            f"`{solver_name(solver)}` has no error estimate, by which balls, parts without mass or a "
+            "start at any angle are integrated; take another, or `run_up` with `substeps`."
+        )
+
+
+# === along times
+
+
+def steps_along(scene: Scene, system: System, times: Any) -> Exponential | None:
+    """The exponential steps that a scene takes along times unless asked otherwise; None: it is integrated.
+
+    Balls and drives that the rotor holds back are integrated where a rotor has few coordinates: in the
+    axes of the shaft nothing but contact is quick there, so that long steps serve. Values that decide
+    the steps must be known: those of the speed, and all of a drive that the rotor holds back.
+    """
+    coupled = is_coupled(scene)
+    if system.steep or (coupled and system.n <= RIGID) or system.blocks.hysteretic is not None:
+        return None
+    decide = times, system if coupled else (system.spin, system.blocks.polar)
+    if not all(map(known, jax.tree.leaves(decide))) or unsteppable(system) is not None:
+        return None
+    return steps_of_default(scene) if has_massless(scene, system) is False else None
+
+
+def steps_of_default(scene: Scene) -> Exponential:
+    """Exponential steps along times: through the kinks of contact those of order 4 gain nothing."""
+    return Exponential(order=4 if is_coupled(scene) or not scene.of(AbstractContact) else 2)
+
+
+def check_steppable(
+    scene: Scene, solver: Exponential, system: System | None = None, *, revolutions: bool = False
+) -> System:
+    """The equations of a scene; raises where exponential steps do not take its run.
+
+    With `revolutions` it goes by whole revolutions, and has no balls.
+    """
+    system = assemble(scene) if system is None else system
+    check_known_in_time(system)
+    reason = unsteppable(system)
+    if revolutions and system.races:
+        reason = f"there are balls ({system.owners_of('bodies')}), which `times` would allow"
+    if reason is None:
+        massless = has_massless(scene, system)
+        reason = "a part of the rotor has no mass" if massless else None
+        reason = "masses are traced, so that one may be zero" if massless is None else reason
+    if reason is not None:
+        raise ValueError(
+            f"Exponential() does not take this motion: {reason}; leave `solver` out, or name a diffrax "
+            "one."
+        )
+    if solver.shapes is not None:
+        raise ValueError(
+            "A few shapes are for whole revolutions, where the steady response is known; leave `shapes` "
+            "out."
+        )
+    if solver.fused:
+        raise ValueError(
+            "`fused=True` is for sweeps by whole revolutions, not for runs along times; leave `fused` out."
+        )
+    return system
+
+
+def unsteppable(system: System) -> str | None:
+    """Why exponential steps do not take the run of a system; None if they do."""
+    if not system.n or system.blocks.inertia is None:
+        return "nothing moves but the angle of the rotor"
+    spin = system.spin
+    if isinstance(spin, Drive) and spin.can_stop:
+        return "the rotor may come to rest under its Drive"
+    if system.between:
+        return "balls touch each other, which takes steps with an error estimate"
+    if frame(system.blocks) != "fixed":
+        return "unequal axes turn with the shaft"
+    if system.tabled is not None and not isinstance(system.spin, ConstantSpeed):
+        return "coefficients of its supports are tables over the speed, which varies"
+    return None
+
+
+# === by diffrax
+
+
+def default_solver(scene: Scene, system: System | None = None) -> dfx.AbstractSolver:
+    """Solver for a run: implicit for a flexible shaft, whose high modes are stiff, or massless parts."""
+    if has_massless(scene, system):
+        return dfx.Kvaerno5()
+    line = lambda scene: scene.line().stiffness
+    size = eqx.filter_eval_shape(line, scene).shape[0] if system is None else system.n
+    return dfx.Kvaerno5() if size > 2 else dfx.Dopri8()
