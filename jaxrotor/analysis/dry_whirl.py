@@ -48,22 +48,17 @@ class DryWhirl(eqx.Module):
     least_friction_rate: Scalar  # rate of the whirl that needs it [rad/s]
 
     def _repr_html_(self) -> str:
-        names = ["rolls" if one else "slips" for one in np.asarray(self.rolling).tolist()]
-        columns = (self.rate, self.radius, self.normal_force, self.needed, self.growth)
-        rows = [
-            (name, *(float(part[i]) for part in columns))
-            for i, name in enumerate(names)
-            if bool(self.exists[i])
-        ]
-        heads = (
-            "rim",
-            "rate [rad/s]",
-            "radius [m]",
-            "normal force [N]",
-            "friction",
-            "growth [1/s]",
-        )
-        return notebook_table("Dry whirl", heads, rows)
+        columns = {
+            "rim": ["rolls" if one else "slips" for one in np.asarray(self.rolling).tolist()],
+            "rate [rad/s]": self.rate,
+            "radius [m]": self.radius,
+            "normal force [N]": self.normal_force,
+            "friction": self.needed,
+            "growth [1/s]": self.growth,
+        }
+        places = np.flatnonzero(self.exists)
+        rows = [[column[i] for column in columns.values()] for i in places]
+        return notebook_table("Dry whirl", list(columns), rows)
 
     @property
     def exists(self) -> Bool[Array, " k"]:

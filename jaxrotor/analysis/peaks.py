@@ -127,26 +127,18 @@ class ResponsePeaks(eqx.Module):
         return Margins(np.where(other, np.inf, actual), required)
 
     def _repr_html_(self) -> str:
-        rows = zip(
-            self.speeds,
-            self.speeds * RPM,
-            self.amplitudes,
-            self.lower,
-            self.upper,
-            self.amplification,
-            strict=True,
-        )
-        heads = (
-            "speed [rad/s]",
-            "[rpm]",
-            "amplitude [m]",
-            "half power from [rad/s]",
-            "to [rad/s]",
-            "amplification",
-        )
+        columns = {
+            "speed [rad/s]": self.speeds,
+            "[rpm]": self.speeds * RPM,
+            "amplitude [m]": self.amplitudes,
+            "half power from [rad/s]": self.lower,
+            "to [rad/s]": self.upper,
+            "amplification": self.amplification,
+        }
+        rows = list(zip(*columns.values(), strict=True))
         (station,) = np.asarray(self.response.stations).tolist()
         at = f"at {station:.6g} m" if np.isfinite(station) else "of a casing"
-        return notebook_table(f"{self.speeds.size} peaks of the response {at}", heads, list(rows))
+        return notebook_table(f"{len(rows)} peaks of the response {at}", list(columns), rows)
 
 
 def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:

@@ -1,41 +1,23 @@
 """Command `accuracy`: error and cost of a number by every method."""
 
 import enum
-from pathlib import Path
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 import xarray as xr
 
+from .. import plot
 from ..equations.rigid_motions import check_held
 from ..equations.start import Launch
 from ..files.toml import study
 from ..work_precision import measures
 from ..work_precision.accuracy import accuracy as run
 from ..work_precision.methods import Method
-from . import answer
+from . import answer, options
 from .axis_units import axis_units
-from .options import (
-    MOST,
-    Angle,
-    AsJson,
-    At,
-    Duration,
-    Out,
-    Overwrite,
-    Radius,
-    Rate,
-    Samples,
-    SceneName,
-    Settings,
-    Times,
-    instants,
-    optional,
-    scene_with,
-    start_with,
-)
-from .output import draft_or_none, draw, write_dataset, written_to
+from .output import files_in
 
 
 _FILES = ("accuracy.zarr", "work-precision.png", "convergence.png")
@@ -66,58 +48,45 @@ _LONG = {  # quantities of a long motion, and their variables
 }
 
 
-QuantityOf = Annotated[Quantity, typer.Option(help="Number computed by every method.")]
-Methods = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME",
-        help="Use the methods whose name contains this, as in `--method Exponential`; may be "
-        "repeated. [default: all that suit the quantity]",
-    ),
-]
-Number = Annotated[int, typer.Option(min=0, max=MOST, help="Index of the root; the slowest is 0.")]
-Bearing = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Bearing of the reaction, as named by `reactions`."),
-]
-Settle = Annotated[
-    int, typer.Option(min=0, max=MOST, help="Revolutions before observation begins.")
-]
-Keep = Annotated[int, typer.Option(min=1, max=MOST, help="Revolutions observed.")]
-Lanes = Annotated[
-    int, typer.Option(min=1, max=MOST, help="Number of equal long motions timed as one program.")
-]
-Repeats = Annotated[
-    int, typer.Option(min=1, max=1000, help="Number of timed runs; the fastest counts.")
-]
-Limit = Annotated[
-    float,
-    typer.Option(metavar="SECONDS", help="Leave out finer settings once a run took longer."),
-]
-
-
 def accuracy(
-    scene: SceneName,
-    settings: Settings = None,
-    quantity: QuantityOf = Quantity.onset_speed,
-    method: Methods = None,
-    number: Number = 0,
-    bearing: Bearing = None,
-    settle: Settle = 200,
-    keep: Keep = 100,
-    duration: Duration = None,
-    samples: Samples = 101,
-    times: Times = None,
-    start_radius: Radius = None,
-    start_rate: Rate = None,
-    start_angle: Angle = None,
-    at: At = None,
-    lanes: Lanes = 1,
-    repeats: Repeats = 3,
-    limit: Limit = 30.0,
-    out: Out = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    quantity: Annotated[
+        Quantity, typer.Option(help="Number computed by every method.")
+    ] = Quantity.onset_speed,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Use the methods whose name contains this, as in `--method Exponential`; may be "
+            "repeated. [default: all that suit the quantity]",
+        ),
+    ] = None,
+    number: Annotated[int, options.count("Index of the root; the slowest is 0.", least=0)] = 0,
+    bearing: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Bearing of the reaction, as named by `reactions`."),
+    ] = None,
+    settle: Annotated[int, options.count("Revolutions before observation begins.", least=0)] = 200,
+    keep: Annotated[int, options.count("Revolutions observed.")] = 100,
+    duration: options.Duration = None,
+    samples: options.Samples = 101,
+    times: options.Times = None,
+    start_radius: options.Radius = None,
+    start_rate: options.Rate = None,
+    start_angle: options.Angle = None,
+    at: options.At = None,
+    lanes: Annotated[int, options.count("Number of equal long motions timed as one program.")] = 1,
+    repeats: Annotated[
+        int, options.count("Number of timed runs; the fastest counts.", most=1000)
+    ] = 3,
+    limit: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="Leave out finer settings once a run took longer."),
+    ] = 30.0,
+    out: options.Out = None,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Accuracy against cost: error to a converged reference, compile time, run time and memory.
 
@@ -130,9 +99,9 @@ def accuracy(
     jaxrotor accuracy turbine-run-up --quantity reaction --bearing constraints.0 --duration 0.5s
     ```
     """
-    rotor, table = scene_with(scene, settings), study(scene)
-    start = start_with(table, start_radius, start_rate, start_angle)
-    station = optional(at, "m", "--at")
+    rotor, table = options.scene_with(scene, settings), study(scene)
+    start = options.start_with(table, start_radius, start_rate, start_angle)
+    station = options.optional(at, "m", "--at")
     if quantity is Quantity.onset_speed:
         check_held(rotor, "The accuracy of an onset speed")
         measure = measures.OnsetSpeed()
@@ -141,20 +110,20 @@ def accuracy(
     elif quantity in _LONG:
         measure = measures.LongRun(_LONG[quantity], start, settle, keep, station)  # type: ignore
     else:
-        sampled = instants(rotor, duration, samples, times)
+        sampled = options.instants(rotor, duration, samples, times)
         measure = _of_run_up(quantity, sampled, bearing, Launch(start))
     methods = _named(measure.methods(), method)
-    with draft_or_none(out, _FILES, overwrite) as folder:
+    units = axis_units(scene, rotor, *settings or ())
+    with files_in(out, _FILES, overwrite, units) as files:
         found = run(rotor, measure, methods, lanes=lanes, repeats=repeats, limit=limit)
-        if folder is not None:
-            units = axis_units(scene, rotor, *settings or ())
-            write_dataset(found, folder / "accuracy.zarr", units)
-            _draw(found, folder)
-    written = written_to(out, _FILES)
+        if out is not None:
+            files.data(found)
+            files.picture("work-precision.png", partial(plot.work_precision, found), 150, 105)
+            files.picture("convergence.png", partial(plot.convergence, found), 150, 105)
     if as_json:
-        answer.print_json({"scene": scene, **_summary(found), "written": written})
-        return
-    _print(found, written)
+        answer.print_json({"scene": scene, **_summary(found), "written": files.written})
+    else:
+        _print(found, files.written)
 
 
 def _of_run_up(quantity: Quantity, times: np.ndarray, bearing: str | None, start: Launch) -> Any:
@@ -178,13 +147,6 @@ def _named(methods: tuple[Method, ...], parts: list[str] | None) -> tuple[Method
             names = ", ".join(one.name for one in methods)
             raise ValueError(f"--method {part!r} is none of the methods; choose from: {names}.")
     return tuple(m for m in methods if any(part.lower() in m.name.lower() for part in parts))
-
-
-def _draw(found: xr.Dataset, folder: Path) -> None:
-    from .. import plot
-
-    draw(folder / "work-precision.png", lambda ax: plot.work_precision(found, ax), 150, 105)
-    draw(folder / "convergence.png", lambda ax: plot.convergence(found, ax), 150, 105)
 
 
 def _summary(found: xr.Dataset) -> dict[str, Any]:
@@ -215,24 +177,20 @@ def _print(found: xr.Dataset, written: list[str]) -> None:
                 "" if np.isnan(one["memory"]) else f"{one['memory'] / 1e6:.3g} MB",
             )
         )
-    if rows:
-        answer.print_table(rows, heads, numbers=[2, 3, 4, 5, 6])
-    answer.print_table(failed)
     about = found.attrs
     value = complex(about["reference"], about.get("reference_imag", 0.0))
     text = f"{value.real:.12g}" + (f"{value.imag:+.12g}j" if value.imag else "")
-    rows = [
-        (found["value"].attrs["long_name"], f"{text} {found['value'].attrs['units']}"),
-        ("uncertainty", f"{about['reference_uncertainty']:.1e}"),
-        ("reference", about["reference_setting"]),
-    ]
-    if about["reference_reason"]:
-        rows.append(("failed", about["reference_reason"]))
+    notes = {
+        found["value"].attrs["long_name"]: f"{text} {found['value'].attrs['units']}",
+        "uncertainty": f"{about['reference_uncertainty']:.1e}",
+        "reference": about["reference_setting"],
+        "failed": about["reference_reason"],
+    }
     if about["lanes"] > 1:
-        rows.append(
-            ("lanes", f"{about['lanes']}, up to {float(found['lane_rate'].max()):.4g} per second")
-        )
-    answer.print_table([*rows, *answer.written(written)])
+        rate = f"up to {float(found['lane_rate'].max()):.4g} per second"
+        notes["lanes"] = f"{about['lanes']}, {rate}"
+    table = answer.Table(rows, heads, range(2, 7))
+    answer.give(False, {}, table, failed, answer.filled(notes) + answer.written(written))
 
 
 def _short(one: dict[str, Any]) -> str:

@@ -55,6 +55,12 @@ def written_in(
         )
 
 
+def ends_in(chosen: Mapping[str, Any], unit: str, values: Any, rotor: Scene) -> str:
+    """First and last of some numbers of a unit, as "1 to 2 mm", see `written_in`."""
+    factor, unit = written_in(chosen, unit, values, rotor)
+    return f"{factor * values[0]:.6g} to {factor * values[-1]:.6g} {unit}"
+
+
 def stored(chosen: Mapping[str, Any]) -> dict[str, str]:
     """Attributes of data by which they are drawn in the same units later."""
     pairs = zip(_STORED, (chosen["speed"], chosen["length"]), strict=True)

@@ -29,18 +29,17 @@ from ..scene import Scene
 from ..shafts import RigidShaft
 from ..spins.drive import Drive
 from ..spins.profile import SpeedProfile
-from . import answer
-from .options import AsJson, Layout, Row, SceneName, Settings, rpm, scene_of
+from . import answer, options
 
 
 _ROUNDING = 1e-12  # residual, relative to the state before, that counts as zero
 
 
 def balance(
-    scene: SceneName,
-    settings: Settings = None,
-    row: Row = None,
-    layout: Layout = None,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    row: options.Row = None,
+    layout: options.Layout = None,
     planes: Annotated[
         str | None,
         typer.Option(
@@ -63,7 +62,7 @@ def balance(
             "two bearings by ISO 21940-11, and the unbalance in each must not exceed its share."
         ),
     ] = 6.3,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Balance a rotor as a rigid body: corrections in two planes, and grade G before and after.
 
@@ -77,7 +76,7 @@ def balance(
     jaxrotor balance turbine-run-up --planes 0m,0.453m
     jaxrotor balance ball-balancer --set spin.speed=3000rpm
     """
-    rotor = scene_of(scene, settings, row, layout)
+    rotor = options.scene_of(scene, settings, row, layout)
     service, origin = _service(rotor, speed)
     found: dict[str, Any] = {"scene": scene, **assumed(rotor), "speed": service, "speed_of": origin}
     if rotor.of(AbstractBodies):
@@ -85,20 +84,16 @@ def balance(
     if planes is not None or not rotor.of(AbstractBodies):
         found["planes"] = _corrections(rotor, _planes(rotor, planes), service, grade)
         if not isinstance(rotor.shaft, RigidShaft):
-            typer.echo(
-                "Note: this shaft bends, so the correction holds only well below its first critical "
-                "speed.",
-                err=True,
+            answer.note(
+                "this shaft bends, so the correction holds only well below its first critical speed."
             )
-    if as_json:
-        answer.print_json(found)
-        return
-    speeds = [("speed", f"{service:.6g} rad/s, {rpm(service):.6g} rpm, {origin}")]
-    answer.print_table([*speeds, *answer.assumed(rotor.assumption)])
+    speed_row = ("speed", f"{service:.6g} rad/s, {options.rpm(service):.6g} rpm, {origin}")
+    shown: list[Any] = [[speed_row, *answer.assumed(rotor.assumption)]]
     if "planes" in found:
-        _print_planes(found["planes"], grade)
+        shown += _plane_tables(found["planes"], grade)
     if "balancer" in found:
-        _print_balancer(found["balancer"])
+        shown.append(_balancer_rows(found["balancer"]))
+    answer.give(as_json, found, *shown)
 
 
 # === two planes
@@ -153,7 +148,8 @@ class _State(NamedTuple):
 
     @classmethod
     def of(cls, rotor: Scene, speed: float) -> "_State":
-        stations = np.asarray(bearing_stations(rotor))[[0, -1]] if _held(rotor) else np.zeros(0)
+        stations = np.asarray(bearing_stations(rotor))
+        stations = stations[[0, -1]] if stations.size > 1 else np.zeros(0)
         return cls(float(total_mass(rotor)), float(centre_of_mass(rotor)), stations, speed)
 
     @property
@@ -197,10 +193,6 @@ class _State(NamedTuple):
         return found
 
 
-def _held(rotor: Scene) -> bool:
-    return bearing_stations(rotor).size > 1
-
-
 def _angle(moment: complex) -> float:
     """Angle [rad], with parts within rounding set to zero."""
     size = abs(moment)
@@ -208,18 +200,14 @@ def _angle(moment: complex) -> float:
     return math.atan2(*parts)
 
 
-def _print_planes(found: dict[str, Any], grade: float) -> None:
-    rows = [
-        (
-            f"{one['plane']:.6g}",
-            f"{1e6 * one['moment']:.6g}",
-            f"{math.degrees(one['angle']):.5g}",
-        )
+def _plane_tables(found: dict[str, Any], grade: float) -> list[answer.Table]:
+    """Corrections in the planes, and unbalance and grade before, after and as permitted."""
+    size = lambda value, factor=1e6, digits=4: f"{factor * value:.{digits}g}"
+    added = [
+        (f"{one['plane']:.6g}", size(one["moment"], digits=6), f"{math.degrees(one['angle']):.5g}")
         for one in found["corrections"]
     ]
-    answer.print_table(rows, ("add at [m]", "[g mm]", "angle [deg]"), numbers=[0, 1, 2])
     states = [found[key] for key in ("before", "residual", "permissible")]
-    size = lambda value, factor=1e6: f"{factor * value:.4g}"
     rows = [
         ("static [g mm]", *(size(one["static"]) for one in states)),
         ("couple [g mm^2]", *(size(one["couple"], 1e9) for one in states[:2]), ""),
@@ -229,7 +217,10 @@ def _print_planes(found: dict[str, Any], grade: float) -> None:
         rows.append((name, *(size(one["bearings"][i]) for one in states)))
     rows.append(("grade G [mm/s]", *(f"{one['grade']:.3g}" for one in states[:2]), f"{grade:g}"))
     heads = (f"rotor of {found['mass']:.6g} kg", "before", "after", "permitted")
-    answer.print_table(rows, heads, numbers=[1, 2, 3])
+    return [
+        answer.Table(added, ("add at [m]", "[g mm]", "angle [deg]"), range(3)),
+        answer.Table(rows, heads, range(1, 4)),
+    ]
 
 
 # === ball balancer
@@ -262,7 +253,8 @@ def _balancer(rotor: Scene) -> dict[str, Any]:
     }
 
 
-def _print_balancer(found: dict[str, Any]) -> None:
+def _balancer_rows(found: dict[str, Any]) -> answer.Rows:
+    """Capacity of the balls, and where they balance the rotor."""
     critical, growth = found["critical_speed"], found["growth"]
     side = "above" if found["above"] else "not above"
     rows = [
@@ -281,8 +273,7 @@ def _print_balancer(found: dict[str, Any]) -> None:
         for number, row in enumerate(found["position"], 1):
             angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(row))
             rows.append((f"for row {number} at", f"{angles} deg"))
-    rows += [("caution", sentence) for sentence in found["cautions"]]
-    answer.print_table(rows)
+    return rows + [("caution", sentence) for sentence in found["cautions"]]
 
 
 def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
@@ -296,10 +287,8 @@ def _service(rotor: Scene, text: str | None) -> tuple[float, str]:
         polar = float(spin.inertia(polar_inertia(rotor)))
         speed, origin = settled(spin, polar).speed, "steady speed of the drive"
     elif isinstance(spin, SpeedProfile):
-        speed, origin = (
-            float(spin.speeds[jnp.argmax(jnp.abs(spin.speeds))]),
-            "highest of the profile",
-        )
+        highest = spin.speeds[jnp.argmax(jnp.abs(spin.speeds))]
+        speed, origin = float(highest), "highest of the profile"
     else:
         speed, origin = float(spin.speed), "that of the scene"
     if not speed:

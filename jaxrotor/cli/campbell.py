@@ -2,65 +2,49 @@
 
 import math
 from collections.abc import Mapping, Sized
-from pathlib import Path
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
+from .. import plot
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
 from ..analysis.critical import critical_between
 from ..analysis.modal import KINDS, kind_of_whirl
 from ..analysis.nodes import resolved
 from ..analysis.static_instability import static_instability
-from ..core.attributes import about
+from ..core.attributes import variable
 from ..equations.pencil import is_rounding
 from ..equations.rigid_motions import unheld
 from ..equations.speed_tables import speed_range
 from ..plot.units import SPEEDS
 from ..scene import Scene
-from . import answer
+from . import answer, options
 from .axis_units import axis_units
 from .linear import growth_at
-from .options import (
-    MOST,
-    AsJson,
-    High,
-    Low,
-    Out,
-    Overwrite,
-    Points,
-    SceneName,
-    Settings,
-    operating_speed,
-    rpm,
-    scene_with,
-    speeds_between,
-)
-from .output import draft_or_none, draw, labelled, write_dataset, written_to
+from .output import files_in, labelled
 
 
 _FILES = ("campbell.zarr", "campbell.png")
 
 
 def campbell(
-    scene: SceneName,
-    settings: Settings = None,
-    low: Low = None,
-    high: High = None,
-    points: Points = 61,
-    count: Annotated[
-        int, typer.Option(min=1, max=MOST, help="Number of branches, slowest first.")
-    ] = 8,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    low: options.Low = None,
+    high: options.High = None,
+    points: options.Points = 61,
+    count: Annotated[int, options.count("Number of branches, slowest first.")] = 8,
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Draw backward whirl at negative speeds.")
     ] = False,
     twice: Annotated[
         bool, typer.Option("--twice", help="Draw the line of twice per revolution, too.")
     ] = False,
-    out: Out = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
+    out: options.Out = None,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Campbell diagram: whirl frequencies and growth rates against speed, without contact.
 
@@ -69,16 +53,18 @@ def campbell(
 
     jaxrotor campbell limiter-rotor --to 9000rpm --out run
     """
-    rotor = resolved(scene_with(scene, settings), count)
-    speeds = speeds_between(rotor, low, high, points)
+    rotor = resolved(options.scene_with(scene, settings), count)
+    speeds = options.speeds_between(rotor, low, high, points)
     units = axis_units(scene, rotor, high, low, *settings or ())
-    with draft_or_none(out, _FILES, overwrite) as folder:
+    with files_in(out, _FILES, overwrite, units) as files:
         result = branches_of(rotor, speeds, count)
-        if folder is not None:
-            data = labelled(_variables(result), "jaxrotor Campbell diagram", rotor)
-            write_dataset(data.assign_attrs(frame=result.frame), folder / "campbell.zarr", units)
-            drawn = {"mirrored": mirrored, "orders": (1, 2) if twice else (1,)}
-            _draw(result, rotor, drawn, folder, units)
+        if out is not None:
+            files.data(_dataset(result, rotor))
+            marks: dict[str, Any] = {"critical": _undamped(rotor, speeds)}
+            marks |= {"operating": options.operating_speed(rotor), "mirrored": mirrored}
+            marks |= {"orders": (1, 2) if twice else (1,)}
+            diagram = partial(plot.campbell, result, **marks)
+            files.picture("campbell.png", diagram, 170, 120, rows=2)
     values: Any = np.asarray(result.values).T  # (m, w)
     frequency, growth = np.where(is_rounding(values.imag, values), 0.0, values.imag), values.real
     largest = growth_at(rotor, speeds)  # of all branches
@@ -86,32 +72,30 @@ def campbell(
         way if one.any() else "no whirl"
         for way, one in zip(_directions(result), frequency, strict=True)
     ]
-    if as_json:
-        rows = zip(directions, np.abs(frequency), growth, strict=True)
-        found = {
-            "frame": result.frame,
-            "speeds": speeds,
-            "branches": [{"direction": d, "frequency": f, "growth": g} for d, f, g in rows],
-            "largest_growth": largest,
-        }
-        answer.print_json({"scene": scene, **found, "written": written_to(out, _FILES)})
-        return
+    branches = list(zip(directions, np.abs(frequency), growth, strict=True))
+    facts = {
+        "scene": scene,
+        "frame": result.frame,
+        "speeds": speeds,
+        "branches": [{"direction": d, "frequency": f, "growth": g} for d, f, g in branches],
+        "largest_growth": largest,
+        "written": files.written,
+    }
     shown = [0, (points - 1) // 2, points - 1]
     unit = units["speed"]
     turns = SPEEDS[unit]
     heads = ("branch", *(f"at {turns * speeds[k]:.5g} {unit}" for k in shown), "growth up to [1/s]")
     rows = [
-        (direction, *(f"{turns * abs(f):.6g}" for f in line[shown]), f"{most:.4g}")
-        for direction, line, most in zip(directions, frequency, growth.max(axis=1), strict=True)
+        (direction, *(f"{turns * f:.6g}" for f in line[shown]), f"{rates.max():.4g}")
+        for direction, line, rates in branches
     ]
     where = " in the axes of the shaft" if result.frame == "rotating" else ""
-    typer.echo(f"Whirl frequencies{where} [{unit}]")
-    answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
     notes, top = [], int(np.argmax(np.nan_to_num(largest, nan=-np.inf)))
     if largest[top] > growth.max() + 1e-6 * np.abs(growth).max():
         at = f"up to {largest[top]:.4g} 1/s, at {turns * speeds[top]:.5g} {unit}"
         notes = [("left out", f"faster whirl with growth {at}; --count shows more branches")]
-    answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
+    table, title = answer.Table(rows, heads, range(1, 5)), f"Whirl frequencies{where} [{unit}]"
+    answer.give(as_json, facts, title, table, notes + files.rows)
 
 
 def _directions(result: Campbell) -> list[str]:
@@ -132,12 +116,10 @@ def _directions(result: Campbell) -> list[str]:
 
 
 def critical(
-    scene: SceneName,
-    settings: Settings = None,
-    count: Annotated[
-        int, typer.Option(min=1, max=MOST, help="Number of each kind, slowest first.")
-    ] = 4,
-    as_json: AsJson = False,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    count: Annotated[int, options.count("Number of each kind, slowest first.")] = 4,
+    as_json: options.AsJson = False,
 ) -> None:
     """Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor.
 
@@ -147,26 +129,23 @@ def critical(
 
     jaxrotor critical limiter-rotor --count 3
     """
-    rotor = resolved(scene_with(scene, settings), 2 * count)
+    rotor = resolved(options.scene_with(scene, settings), 2 * count)
     found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
-    senses, stations = np.asarray(found.senses), np.asarray(found.stations)
-    speeds, shares = np.asarray(found.speeds).tolist(), np.asarray(found.forward_share).tolist()
+    columns = (np.asarray(a).tolist() for a in (found.speeds, found.forward_share, found.senses))
     described = [
         {
             "speed": speed,
-            "rpm": rpm(speed),
+            "rpm": options.rpm(speed),
             "hz": speed / (2 * math.pi),
             "forward_share": share,
-            "senses": sense.tolist(),
+            "senses": senses,
         }
-        for speed, share, sense in zip(speeds, shares, senses, strict=True)
+        for speed, share, senses in zip(*columns, strict=True)
     ]
-    if as_json:
-        pairs = list(zip(found.kinds, described, strict=True))
-        kinds = {kind: [one for k, one in pairs if k == kind] for kind in KINDS}
-        noted = {"free": free or None, "statically_unstable": unstable or None}
-        answer.print_json({"scene": scene, **noted, "stations": stations, **kinds})
-        return
+    pairs = list(zip(found.kinds, described, strict=True))
+    kinds = {kind: [one for k, one in pairs if k == kind] for kind in KINDS}
+    noted = {"free": free or None, "statically_unstable": unstable or None}
+    facts = {"scene": scene, **noted, "stations": np.asarray(found.stations), **kinds}
     rows = [
         (
             kind,
@@ -174,16 +153,14 @@ def critical(
             f"{one['rpm']:.7g}",
             f"{one['hz']:.7g}",
             f"{100 * one['forward_share']:.4g} %",
-            f"{100 * np.mean(sense > 0):.3g} %",
+            f"{100 * np.mean(np.greater(one['senses'], 0)):.3g} %",
         )
-        for kind, one, sense in zip(found.kinds, described, senses, strict=True)
+        for kind, one in pairs
     ]
     heads = ("whirl", "undamped [rad/s]", "[rpm]", "[Hz]", "forward energy", "forward stations")
-    if rows:
-        answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    end = end_of_search(rotor, {kind: getattr(found, kind) for kind in KINDS}, count)
+    end = end_of_search(rotor, kinds, count)
     notes = {"held": free and f"free: {free}", "statically unstable": unstable, "critical": end}
-    answer.print_table([(name, note) for name, note in notes.items() if note])
+    answer.give(as_json, facts, answer.Table(rows, heads, range(1, 6)), answer.filled(notes))
 
 
 def end_of_search(rotor: Scene, found: Mapping[str, Sized], count: int) -> str:
@@ -193,7 +170,7 @@ def end_of_search(rotor: Scene, found: Mapping[str, Sized], count: int) -> str:
         return ""
     low, high = (float(rotor.spin.sense * end) for end in span)
     others = "no others" if any(map(len, found.values())) else "none"
-    between = f"{low:g} to {high:g} rad/s ({rpm(low):.6g} to {rpm(high):.6g} rpm)"
+    between = f"{low:g} to {high:g} rad/s ({options.rpm(low):.6g} to {options.rpm(high):.6g} rpm)"
     return f"{others} from {between}, the speeds of all tables; extend them to search farther"
 
 
@@ -203,20 +180,18 @@ def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:
     return {kind: np.asarray(getattr(found, kind)).tolist() for kind in KINDS}
 
 
-def _variables(result: Campbell) -> tuple[dict[str, Any], dict[str, Any]]:
-    dims = ("speed", "branch")
-    frequency = about("rad/s", "whirl frequency; on equal supports positive from x to y")
+def _dataset(result: Campbell, rotor: Scene) -> Any:
+    dims, whirl = ("speed", "branch"), "whirl frequency; on equal supports positive from x to y"
     columns = {
-        "frequency": (dims, np.asarray(result.frequencies), frequency),
-        "growth": (dims, np.asarray(result.growth), about("1/s", "growth rate")),
+        "frequency": variable(dims, result.frequencies, "rad/s", whirl),
+        "growth": variable(dims, result.growth, "1/s", "growth rate"),
     }
     if result.senses is not None:
-        told = about("1", "forward less backward share of kinetic energy")
-        columns["sense"] = dims, np.asarray(result.senses), told
-    return (
-        columns,
-        {"speed": ("speed", np.asarray(result.speeds), about("rad/s", "spin speed"))},
-    )
+        share = "forward less backward share of kinetic energy"
+        columns["sense"] = variable(dims, result.senses, "1", share)
+    speeds = {"speed": variable("speed", result.speeds, "rad/s", "spin speed")}
+    data = labelled(columns, speeds, "jaxrotor Campbell diagram", rotor)
+    return data.assign_attrs(frame=result.frame)
 
 
 def _undamped(rotor: Scene, speeds: Any) -> CriticalSpeeds | None:
@@ -225,17 +200,3 @@ def _undamped(rotor: Scene, speeds: Any) -> CriticalSpeeds | None:
         return critical_between(rotor, float(np.min(speeds)), float(np.max(speeds)))
     except ValueError:
         return None
-
-
-def _draw(
-    result: Campbell, rotor: Scene, chosen: dict[str, Any], folder: Path, units: dict[str, Any]
-) -> None:
-    from .. import plot
-
-    critical = _undamped(rotor, result.speeds)
-    about = {"critical": critical, "operating": operating_speed(rotor)} | chosen
-
-    def both(axes: Any) -> None:
-        plot.campbell(result, axes, **about)
-
-    draw(folder / "campbell.png", both, 170, 120, rows=2, units=units)

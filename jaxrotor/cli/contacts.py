@@ -1,4 +1,4 @@
-"""Contacts: what the stops of a motion do, as rows of a table."""
+"""Contacts: what the stops of a motion do, in numbers and as rows of a table."""
 
 from typing import Any
 
@@ -7,21 +7,21 @@ import numpy as np
 
 from ..effects import AbstractContact
 from ..scene import Scene
+from .answer import Rows
 
 
-def forces_of(motion: Any, skip: int = 0) -> np.ndarray:
-    """Magnitudes [N] (k, T) of contact forces of a `TimeHistory`, less `skip` samples at the start."""
-    force = motion.contact_force
-    return np.zeros((0, 0)) if force is None else np.abs(np.asarray(force)[skip:]).T
+def contacts_of(motion: Any, skip: int = 0) -> list[dict[str, Any]]:
+    """Share of time in contact and largest force of each contact, less `skip` samples at the start."""
+    return [{"duty": np.mean(f > 0), "peak_force": f.max()} for f in _forces(motion, skip)]
 
 
-def contact_rows(motion: Any, skip: int = 0) -> list[tuple[str, str]]:
+def contact_rows(motion: Any, skip: int = 0) -> Rows:
     """Name of each contact, share of time in contact and largest force, less `skip` samples at the start.
 
     Contacts that differ in nothing but their angle, as a ring of stops, share a row: they touch while any
     of them does.
     """
-    forces, rows = forces_of(motion, skip), []
+    forces, rows = _forces(motion, skip), []
     for group in _equal_but_for_angle(motion.scene):
         own = forces[group]  # (g, T)
         name = f"contact {group[0]}"
@@ -46,3 +46,9 @@ def _equal_but_for_angle(scene: Scene) -> list[list[int]]:
         ]
         groups.setdefault((structure, repr(values)), []).append(number)
     return list(groups.values())
+
+
+def _forces(motion: Any, skip: int) -> np.ndarray:
+    """Magnitudes [N] (k, T) of contact forces of a `TimeHistory`, less `skip` samples at the start."""
+    force = motion.contact_force
+    return np.zeros((0, 0)) if force is None else np.abs(np.asarray(force)[skip:]).T

@@ -9,7 +9,7 @@ import typer
 from .axis_units import units_of
 from .export import Store, opened, stores
 from .options import Overwrite
-from .output import draft
+from .output import draft_of
 
 
 def explore(
@@ -54,9 +54,8 @@ def explore(
 
         most = MOTIONS if motions is None else motions
         lanes = opened(stores(data))
-        with draft(html.parent, [html.name], overwrite) as folder, units_of(lanes.attrs):
-            write_page(folder / html.name, lanes, motions=most)
-        typer.echo(f"Written: {html}.")
+        with draft_of(html, overwrite) as draft, units_of(lanes.attrs):
+            write_page(draft, lanes, motions=most)
         return
     if motions is not None:
         raise ValueError("--motions is for a page; add --html FILE, or leave it out.")
@@ -74,9 +73,8 @@ def explore(
         if out is None:
             explorer.wait()
             return
-        with draft(out.parent, [out.name], overwrite) as folder:
+        with draft_of(out, overwrite) as draft:
             try:
-                explorer.figure.savefig(folder / out.name, dpi=150)
+                explorer.figure.savefig(draft, dpi=150)
             except ValueError as error:
                 raise ValueError(f"--out {out}: {error}.") from None
-    typer.echo(f"Written: {out}.")

@@ -8,7 +8,7 @@ import typer
 from ..results.export import export as write
 from ..sweeps.store import PENDING
 from .options import Overwrite
-from .output import draft
+from .output import draft_of
 
 
 Store = Annotated[
@@ -36,9 +36,8 @@ def export(
     jaxrotor export runs/long/sweep.zarr long.nc
     ```
     """
-    with draft(file.parent, [file.name], overwrite) as folder:
-        write(opened(stores(data)), folder / file.name)
-    typer.echo(f"Written: {file}.")
+    with draft_of(file, overwrite) as draft:
+        write(opened(stores(data)), draft)
 
 
 def stores(data: Path) -> list[Path]:

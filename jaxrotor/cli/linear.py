@@ -18,21 +18,18 @@ from ..equations.pencil import frame, is_rounding
 from ..equations.system import structure
 from ..files.units import quantity
 from ..scene import Scene
-from . import answer
-from .options import MOST, AsJson, Low, SceneName, Settings, interval, rpm, scene_with
+from . import answer, options
 
 
 def roots(
-    scene: SceneName,
-    settings: Settings = None,
-    count: Annotated[
-        int, typer.Option(min=1, max=MOST, help="Number of roots, the slowest first.")
-    ] = 8,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    count: Annotated[int, options.count("Number of roots, the slowest first.")] = 8,
     speed: Annotated[
         str | None,
         typer.Option(metavar="SPEED", help="Speed of rotation. [default: the scene's]"),
     ] = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Complex roots: whirl frequencies, damping, direction and stability, without contact.
 
@@ -40,14 +37,11 @@ def roots(
 
     jaxrotor roots limiter-rotor --speed 6000rpm --count 4
     """
-    rotor = scene_with(scene, settings)
+    rotor = options.scene_with(scene, settings)
     if speed is not None:
         rotor = rotor.at_speed(quantity(speed, "rad/s", "--speed"))
     axes, found = described_roots(resolved(rotor, count), count)
-    if as_json:
-        now = rotor.spin.speed
-        answer.print_json({"scene": scene, "speed": now, "axes": axes, "roots": found})
-        return
+    facts = {"scene": scene, "speed": rotor.spin.speed, "axes": axes, "roots": found}
     rotating = axes == "rotating"
     rows = [
         (
@@ -63,13 +57,13 @@ def roots(
     ]
     own = ["shaft's axes"] if rotating else []
     heads = ("whirl [rad/s]", "[Hz]", *own, "damping", "log dec", "direction", "stability")
-    answer.print_table(rows, heads, numbers=range(len(own) + 4))
+    answer.give(as_json, facts, answer.Table(rows, heads, range(len(own) + 4)))
 
 
 def onset(
-    scene: SceneName,
-    settings: Settings = None,
-    low: Low = None,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    low: options.Low = None,
     high: Annotated[
         str | None,
         typer.Option(
@@ -79,18 +73,15 @@ def onset(
             "frequency in the scene's sense]",
         ),
     ] = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Lowest speed at which the straight rotor loses stability, and its whirl there.
 
     jaxrotor onset limiter-rotor --set internal_damping.voigt_time=0.1ms
     jaxrotor onset limiter-rotor --from 1000rpm --to 9000rpm
     """
-    rotor = scene_with(scene, settings)
+    rotor = options.scene_with(scene, settings)
     found = described_onset(onset_speed(rotor, _range(low, high)), axes_of(rotor))
-    if as_json:
-        answer.print_json({"scene": scene, **found})
-        return
     rows = [
         ("onset speed", f"{found['speed']:.9g} rad/s", f"{found['rpm']:.7g} rpm"),
         (
@@ -102,7 +93,7 @@ def onset(
     if found["axes"] == "rotating":
         rows[1] = ("in the shaft's axes", *rows[1][1:])
         rows.append(("it whirls", found["kind"], ""))
-    answer.print_table(rows)
+    answer.give(as_json, {"scene": scene, **found}, answer.Table(rows))
 
 
 def described_onset(found: Onset, axes: str) -> dict[str, Any]:
@@ -112,7 +103,7 @@ def described_onset(found: Onset, axes: str) -> dict[str, Any]:
         whirl = 0.0
     return {
         "speed": speed,
-        "rpm": rpm(speed),
+        "rpm": options.rpm(speed),
         "axes": axes,
         "whirl_frequency": whirl,
         "whirl_frequency_hz": whirl / (2 * math.pi),
@@ -136,7 +127,7 @@ def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
         if low is not None:
             raise ValueError("--from needs the other end of the range; add --to.")
         return None
-    return interval(low, high)
+    return options.interval(low, high)
 
 
 def axes_of(rotor: Scene) -> str:

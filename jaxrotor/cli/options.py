@@ -23,7 +23,7 @@ from ..files.vocabulary import START
 from ..scene import Scene
 from ..spins.constant import ConstantSpeed
 from ..spins.drive import Drive
-from .answer import AsJson as AsJson
+from .answer import AsJson as AsJson, note
 
 
 MOST = 10_000_000  # largest count accepted; a larger one is a mistake
@@ -31,6 +31,12 @@ STILL = "a rigid shaft in two pins cannot move; use `jaxrotor reactions`"
 SAMPLES = 2001  # of a run, by default
 BEYOND = 2.5  # default end of a range of speeds, over the running speed
 REVOLUTIONS = 50  # default length of a run at constant speed
+
+
+def count(told: str, least: int = 1, most: int = MOST) -> Any:
+    """Option of a whole number, with its help."""
+    return typer.Option(min=least, max=most, help=told)
+
 
 SceneName = Annotated[
     str,
@@ -123,14 +129,14 @@ Duration = Annotated[
         "0.1 % of its steady speed; else 50 revolutions]",
     ),
 ]
-Samples = Annotated[int, typer.Option(min=2, max=MOST, help="Number of samples in --duration.")]
+Samples = Annotated[int, count("Number of samples in --duration.", least=2)]
 Times = Annotated[
     str | None,
     typer.Option(
         metavar="TIMES", help='Samples, as "0 s:2 s:201" or "0, 0.1, 0.5"; instead of --duration.'
     ),
 ]
-Points = Annotated[int, typer.Option(min=3, max=MOST, help="Number of speeds.")]
+Points = Annotated[int, count("Number of speeds.", least=3)]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for data and pictures.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier run.")]
 
@@ -139,7 +145,7 @@ def scene_with(name: str, settings: Sequence[str] | None) -> Scene:
     """`scene_of`, with its assumption noted on stderr."""
     scene = scene_of(name, settings)
     if scene.assumption:
-        typer.echo(f"Note: {scene.assumption}.", err=True)
+        note(f"{scene.assumption}.")
     return scene
 
 

@@ -6,21 +6,53 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import typer
 
 from ..files.toml import dumps
 from ..results.provenance import assumed, versions
 from ..scene import Scene
+from . import answer
 from .axis_units import stored
 
 
-def draft_or_none(
-    out: Path | None, names: Sequence[str], overwrite: bool
-) -> contextlib.AbstractContextManager[Path | None]:
-    """`draft`, or None if no folder is given."""
-    return contextlib.nullcontext() if out is None else draft(out, names, overwrite)
+class Files(NamedTuple):
+    """Data and pictures of a run that are written in a folder `out`, or not where that is None."""
+
+    out: Path | None
+    names: Sequence[str]  # the first is that of the data
+    units: Mapping[str, Any]  # in which they are drawn, see `axis_units`
+    draft: Path  # folder in which they are until all are written
+
+    def data(self, dataset: Any) -> None:
+        """Write the data of the run."""
+        write_dataset(dataset, self.draft / self.names[0], self.units)
+
+    def picture(
+        self, name: str, plot: Callable[[Any], Any], width: int, height: int, rows: int = 1
+    ) -> None:
+        """Write a picture [mm] of `plot(axes)`, see `draw`."""
+        draw(self.draft / name, plot, width, height, rows, self.units)
+
+    @property
+    def written(self) -> list[str]:
+        """Paths of the files that were written."""
+        return written_to(self.out, self.names)
+
+    @property
+    def rows(self) -> answer.Rows:
+        """Table rows that name these files."""
+        return answer.written(self.written)
+
+
+@contextlib.contextmanager
+def files_in(
+    out: Path | None, names: Sequence[str], overwrite: bool, units: Mapping[str, Any]
+) -> Iterator[Files]:
+    """`Files` of names in a folder, moved there at the end; see `draft`."""
+    with contextlib.nullcontext(Path()) if out is None else draft(out, names, overwrite) as folder:
+        yield Files(out, names, units, folder)
 
 
 @contextlib.contextmanager
@@ -58,6 +90,14 @@ def draft(
                 folder.rmdir()
 
 
+@contextlib.contextmanager
+def draft_of(file: Path, overwrite: bool) -> Iterator[Path]:
+    """Draft of one file, whose name is printed once it is written."""
+    with draft(file.parent, [file.name], overwrite) as folder:
+        yield folder / file.name
+    typer.echo(f"Written: {file}.")
+
+
 def _check_own(out: Path, names: set[str]) -> None:
     """Raise if a folder holds the data of another command."""
     others = sorted(path.name for path in out.glob("*.zarr") if path.name not in names)
@@ -90,12 +130,14 @@ def written_to(out: Path | None, names: Sequence[str]) -> list[str]:
     return [] if out is None else [str(out / name) for name in names if (out / name).exists()]
 
 
-def labelled(parts: tuple[dict[str, Any], dict[str, Any]], title: str, scene: Scene) -> Any:
+def labelled(
+    variables: Mapping[str, Any], coordinates: Mapping[str, Any], title: str, scene: Scene
+) -> Any:
     """`xarray.Dataset` of variables and coordinates, with the scene and the software versions."""
     import xarray as xr  # takes a second, so only where data are written
 
     about = {"title": title, "scene": dumps(scene), **assumed(scene), "versions": versions()}
-    return xr.Dataset(*parts, about)
+    return xr.Dataset(variables, coordinates, about)
 
 
 def write_dataset(dataset: Any, path: Path, units: Mapping[str, Any]) -> None:

@@ -1,11 +1,13 @@
 """Command `reactions`: reactions of bearings in a run-up or in the steady state."""
 
 import math
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
+from .. import plot
 from ..analysis import steady_state
 from ..effects import AbstractBodies, AbstractContact
 from ..equations.start import Continued
@@ -15,43 +17,28 @@ from ..results.dataset import dataset
 from ..results.provenance import assumed
 from ..scene import Scene
 from ..spins.constant import ConstantSpeed
-from . import answer
+from . import answer, options
 from .axis_units import axis_units
-from .options import (
-    SAMPLES,
-    AsJson,
-    Duration,
-    Layout,
-    Out,
-    Overwrite,
-    Row,
-    Samples,
-    SceneName,
-    Settings,
-    Times,
-    instants,
-    scene_of,
-)
-from .output import draft_or_none, draw, write_dataset, written_to
+from .output import Files, files_in
 
 
 _FILES = ("reactions.zarr", "reactions.png", "vectors.png", "hodograph.png")
 
 
 def reactions(
-    scene: SceneName,
-    settings: Settings = None,
-    row: Row = None,
-    layout: Layout = None,
-    duration: Duration = None,
-    samples: Samples = SAMPLES,
-    times: Times = None,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    row: options.Row = None,
+    layout: options.Layout = None,
+    duration: options.Duration = None,
+    samples: options.Samples = options.SAMPLES,
+    times: options.Times = None,
     rotating: Annotated[
         bool, typer.Option("--rotating", help="Draw vectors and paths in the shaft's axes.")
     ] = False,
-    out: Out = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
+    out: options.Out = None,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Reactions of bearings and stops: at rest, and first, last and largest dynamic part.
 
@@ -65,24 +52,18 @@ def reactions(
     jaxrotor reactions two-discs --set spin.speed=3000rpm
     ```
     """
-    rotor = scene_of(scene, settings, row, layout)
-    with draft_or_none(out, _FILES, overwrite) as folder:
+    rotor = options.scene_of(scene, settings, row, layout)
+    units = axis_units(scene, rotor, *settings or ())
+    with files_in(out, _FILES, overwrite, units) as files:
         found = reactions_of(_motion(rotor, duration, samples, times))
         if not found.names:
             raise ValueError(
                 "The scene has no supports, constraints or contacts, so it has no reactions; add one."
             )
-        if folder is not None:
-            units = axis_units(scene, rotor, *settings or ())
-            write_dataset(dataset(found), folder / "reactions.zarr", units)
-            _draw(found, folder, rotating)
-    bearings, written = _bearings(found), written_to(out, _FILES)
-    if as_json:
-        answer.print_json(
-            {"scene": scene, **assumed(rotor), "bearings": bearings, "written": written}
-        )
-        return
-    heads = ("bearing", "at rest", "first", "last", "largest", "at [s]", "")
+        if out is not None:
+            files.data(dataset(found))
+            _draw(found, files, rotating)
+    bearings = _bearings(found)
     rows = [
         (
             rotor.where(one["name"]) if unit == "N" else "",
@@ -94,15 +75,17 @@ def reactions(
         for part, unit in (("force", "N"), ("moment", "N m"))
         if one[part] is not None
     ]
-    answer.print_table(rows, heads, numbers=[1, 2, 3, 4, 5])
-    answer.print_table([*answer.assumed(rotor.assumption), *answer.written(written)])
+    heads = ("bearing", "at rest", "first", "last", "largest", "at [s]", "")
+    facts = {"scene": scene, **assumed(rotor), "bearings": bearings, "written": files.written}
+    table, notes = answer.Table(rows, heads, range(1, 6)), answer.assumed(rotor.assumption)
+    answer.give(as_json, facts, table, notes + files.rows)
 
 
 def _motion(rotor: Scene, duration: str | None, samples: int, times: str | None):
     """One revolution of the steady state, or a run from rest."""
     steady = isinstance(rotor.spin, ConstantSpeed) and duration is None and times is None
     if not steady or rotor.of(AbstractBodies):
-        return run(rotor, instants(rotor, duration, samples, times))
+        return run(rotor, options.instants(rotor, duration, samples, times))
     if contacts := sorted({effect.plural for effect in rotor.of(AbstractContact)}):
         raise ValueError(
             f"The steady state is that of a linear rotor, but the scene has {', '.join(contacts)}; "
@@ -136,12 +119,11 @@ def _bearings(found: Reactions) -> list[dict[str, Any]]:
     ]
 
 
-def _draw(found: Reactions, folder: Any, rotating: bool) -> None:
-    from .. import plot
-
+def _draw(found: Reactions, files: Files, rotating: bool) -> None:
     largest = np.abs(np.asarray(found.force)).max(axis=1)
     time = float(found.time[int(np.argmax(largest))])
     vectors = lambda ax: plot.reaction_vectors(found, time, ax, rotating=rotating)
-    draw(folder / "reactions.png", lambda ax: plot.reactions(found, ax), 170, 80)
-    draw(folder / "vectors.png", vectors, 85, 85)
-    draw(folder / "hodograph.png", lambda ax: plot.hodograph(found, ax, rotating=rotating), 85, 85)
+    paths = lambda ax: plot.hodograph(found, ax, rotating=rotating)
+    files.picture("reactions.png", partial(plot.reactions, found), 170, 80)
+    files.picture("vectors.png", vectors, 85, 85)
+    files.picture("hodograph.png", paths, 85, 85)

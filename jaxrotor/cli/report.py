@@ -9,7 +9,7 @@ from ..plot.report import IMAGES, report as write
 from .axis_units import units_of
 from .export import opened, stores
 from .options import Overwrite
-from .output import draft
+from .output import draft_of
 
 
 def report(
@@ -37,6 +37,5 @@ def report(
     if not data and not pictures:
         raise ValueError(f"{folder} has no data and no pictures of a run; give its --out.")
     units = units_of(data[0].attrs if data else {})
-    with draft(target.parent, [target.name], overwrite) as place, units:
-        write(place / target.name, *data, figures=pictures, title=title)
-    typer.echo(f"Written: {target}.")
+    with draft_of(target, overwrite) as draft, units:
+        write(draft, *data, figures=pictures, title=title)

@@ -1,12 +1,13 @@
 """Command `response`: steady response to unbalance, its peaks, and its values at critical speeds."""
 
 import math
-from pathlib import Path
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
+from .. import plot
 from ..analysis import (
     HarmonicResponse,
     ResponsePeaks,
@@ -14,32 +15,17 @@ from ..analysis import (
     response_peaks,
     unbalance_response,
 )
-from ..core.attributes import about
+from ..core.attributes import variable
 from ..effects import AbstractContact, Disc
 from ..equations.speed_tables import speed_range
 from ..files.units import quantity
 from ..plot.marks import amplitudes
 from ..plot.units import LENGTHS, SPEEDS
 from ..scene import Scene
-from . import answer
+from . import answer, options
 from .axis_units import axis_units
 from .linear import growth_at
-from .options import (
-    AsJson,
-    At,
-    High,
-    Low,
-    Out,
-    Overwrite,
-    Points,
-    SceneName,
-    Settings,
-    operating_speed,
-    optional,
-    scene_with,
-    speeds_between,
-)
-from .output import draft_or_none, draw, labelled, write_dataset, written_to
+from .output import files_in, labelled
 
 
 _FILES = ("response.zarr", "response.png")
@@ -47,12 +33,12 @@ _LONGER = 4  # times that the default range of speeds is made half as long again
 
 
 def response(
-    scene: SceneName,
-    settings: Settings = None,
-    low: Low = None,
-    high: High = None,
-    points: Points = 401,
-    at: At = None,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    low: options.Low = None,
+    high: options.High = None,
+    points: options.Points = 401,
+    at: options.At = None,
     operating: Annotated[
         str | None,
         typer.Option(
@@ -61,9 +47,9 @@ def response(
             "[default: the scene's speed]",
         ),
     ] = None,
-    out: Out = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
+    out: options.Out = None,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Steady response to unbalance: its peaks, and its values at operating and critical speeds.
 
@@ -78,14 +64,16 @@ def response(
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
     ```
     """
-    whole = rotor = scene_with(scene, settings)
-    station = rotor.stations(optional(at, "m", "--at"))  # of a contact, before it is left out
+    whole = rotor = options.scene_with(scene, settings)
+    station = rotor.stations(
+        options.optional(at, "m", "--at")
+    )  # of a contact, before it is left out
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)
     units = axis_units(scene, whole, high, low, operating, *settings or ())
-    with draft_or_none(out, _FILES, overwrite) as folder:
-        speeds = speeds_between(rotor, low, high, points)
+    with files_in(out, _FILES, overwrite, units) as files:
+        speeds = options.speeds_between(rotor, low, high, points)
         range_ = _operating(rotor, operating, speeds)
         found = _peaks(rotor, speeds, station, high)
         result, whirls = found.response, found.critical
@@ -102,41 +90,37 @@ def response(
         growth = growth_at(rotor, result.speeds)
         ends = [] if range_ is None else list(dict.fromkeys(range_))
         running = [_at(rotor, one, station) for one in ends if speeds.min() <= one <= speeds.max()]
-        if folder is not None:
-            data = labelled(_variables(result, growth), "jaxrotor unbalance response", rotor)
-            write_dataset(data, folder / "response.zarr", units)
-            shown_with = {"growth": growth, "operating": range_}
-            _draw(found, whole, shown_with, folder, units)
+        if out is not None:
+            files.data(_dataset(result, growth, rotor))
+            marks: dict[str, Any] = {"critical": whirls, "peaks": found}
+            marks |= {"clearance": _nearest(found, whole), "growth": growth, "operating": range_}
+            curves = partial(plot.response, result, **marks)
+            files.picture("response.png", curves, 170, 110, rows=2)
     largest = max((one["amplitude"] or 0.0 for one in (*running, *peaks, *critical)), default=0.0)
     answer.note_large(largest, float(rotor.shaft.length))
-    unstable = float(np.mean(growth > 0))
-    if as_json:
-        shown = {"station": result.stations[0], "without": contacts, "peaks": peaks}
-        shown |= {"margins": _margins(found, range_), "operating": range_}
-        shown |= {"at_operating": running, "critical": critical, "unstable_share": unstable}
-        answer.print_json({"scene": scene, **shown, "written": written_to(out, _FILES)})
-        return
+    unstable, margins = float(np.mean(growth > 0)), _margins(found, range_)
+    facts = {"scene": scene, "station": result.stations[0], "without": contacts, "peaks": peaks}
+    facts |= {"margins": margins, "operating": range_, "at_operating": running}
+    facts |= {"critical": critical, "unstable_share": unstable, "written": files.written}
     unit, own = units["speed"], "\N{MICRO SIGN}m" if largest < 1e-4 else "mm"
     length = units["length"] or own
     named = [("operating", one) for one in running] + [("peak", one) for one in peaks]
     named += [(f"critical, {one['kind']}", one) for one in critical]
     rows = [(name, *_row(one, SPEEDS[unit], LENGTHS[length])) for name, one in named]
     heads = ("", f"[{unit}]", f"amplitude [{length}]", "phase [deg]", "growth [1/s]")
-    if rows:
-        answer.print_table(rows, heads, numbers=[1, 2, 3, 4])
-    _print_margins(_margins(found, range_), unit)
-    notes = [("station", f"{result.stations[0]:g} m")]
-    notes += [("without", ", ".join(contacts))] if contacts else []
-    notes += _clearance_note(_nearest(found, whole), found, (LENGTHS[length], length))
+    tables = answer.Table(rows, heads, range(1, 5)), _margin_table(margins, unit)
     text = lambda own, word: f" {word} ".join(f"{SPEEDS[unit] * one:.6g}" for one in own)
     none = f"none between these speeds, {text((speeds[0], speeds[-1]), 'and')} {unit}"
-    notes += [("peak", none)] if not found.speeds.size else []
-    notes += [("operating", f"{text(ends, 'to')} {unit}")] if ends else []
-    if unstable:
-        notes.append(
-            ("unstable", f"at {100 * unstable:.3g} % of the speeds, where no response is attained")
-        )
-    answer.print_table([*notes, *answer.written(written_to(out, _FILES))])
+    share = f"at {100 * unstable:.3g} % of the speeds, where no response is attained"
+    notes = {
+        "station": f"{result.stations[0]:g} m",
+        "without": ", ".join(contacts),
+        "clearance": _clearance(_nearest(found, whole), found, (LENGTHS[length], length)),
+        "peak": "" if found.speeds.size else none,
+        "operating": f"{text(ends, 'to')} {unit}" if ends else "",
+        "unstable": share if unstable else "",
+    }
+    answer.give(as_json, facts, *tables, answer.filled(notes) + files.rows)
 
 
 def _peaks(rotor: Scene, speeds: np.ndarray, station: Any, high: str | None) -> ResponsePeaks:
@@ -178,16 +162,14 @@ def _nearest(found: ResponsePeaks, whole: Scene) -> float | None:
     return min(amplitudes(whole, float(np.asarray(found.response.stations)[0])), default=None)
 
 
-def _clearance_note(
-    clearance: float | None, found: ResponsePeaks, scale: tuple[float, str]
-) -> list[tuple[str, str]]:
-    """Row of the clearance, and of how far the largest amplitude is from it, in a unit of lengths."""
-    if clearance is None:
-        return []
+def _clearance(least: float | None, found: ResponsePeaks, scale: tuple[float, str]) -> str:
+    """The clearance in a unit of lengths, and how far the largest amplitude is from it; "" without one."""
+    if least is None:
+        return ""
     heights = np.asarray(found.response.major)
     largest = float(np.max([*heights[np.isfinite(heights)], *found.amplitudes], initial=0.0))
-    text = f"{scale[0] * clearance:.6g} {scale[1]}"
-    return [("clearance", f"{text}, {clearance / largest:.3g} times the largest amplitude")]
+    factor, unit = scale
+    return f"{factor * least:.6g} {unit}, {least / largest:.3g} times the largest amplitude"
 
 
 def _operating(rotor: Scene, text: str | None, speeds: np.ndarray) -> tuple[float, float] | None:
@@ -196,7 +178,7 @@ def _operating(rotor: Scene, text: str | None, speeds: np.ndarray) -> tuple[floa
     None if it has none in the sense of any of the speeds.
     """
     if text is None:
-        speed = operating_speed(rotor)
+        speed = options.operating_speed(rotor)
         return None if speed is None or not (speed * speeds > 0).any() else (speed, speed)
     ends = [quantity(one, "rad/s", "--operating") for one in text.split(":")]
     if len(ends) > 2 or not 0 < abs(ends[0]) <= abs(ends[-1]) or ends[0] * ends[-1] < 0:
@@ -220,26 +202,26 @@ def _margins(found: ResponsePeaks, operating: tuple[float, float] | None) -> lis
     return [dict(zip(columns, map(known, row), strict=True)) for row in rows]
 
 
-def _print_margins(rows: list[dict[str, Any]], unit: str) -> None:
-    """Table of amplification factors and margins, as standards ask for it, with speeds in `unit`."""
+def _margin_table(margins: list[dict[str, Any]], unit: str) -> answer.Table:
+    """Amplification factors and margins, as standards ask for them, with speeds in `unit`."""
     text = lambda value, digits=6, factor=1.0: (
         "-" if value is None else f"{factor * value:.{digits}g}"
     )
     heads = [f"peak [{unit}]", "half power", "to", "AF"]
-    lines = []
-    for one in rows:
+    rows = []
+    for one in margins:
         sharp = one["lower"] is not None and one["lower"] == one["upper"]  # no damping
         factor = "infinite" if sharp else text(one["amplification"], 4)
         if factor == "-" and one["amplification_at_most"] is not None:
             factor = f"\N{LESS-THAN OR EQUAL TO} {one['amplification_at_most']:.4g}"
         ends = (text(one[name], 6, SPEEDS[unit]) for name in ("speed", "lower", "upper"))
-        lines.append([*ends, factor])
+        rows.append([*ends, factor])
         if "margin" in one:
-            lines[-1] += [text(one[name], 3, 100) for name in ("margin", "required")]
-            lines[-1].append(_verdict(one))
-    if lines:
-        heads += ["margin [%]", "required", ""][: len(lines[0]) - 4]
-        answer.print_table(lines, heads, numbers=[0, 1, 2, 3, 4, 5][: len(lines[0])])
+            rows[-1] += [text(one[name], 3, 100) for name in ("margin", "required")]
+            rows[-1].append(_verdict(one))
+    if margins and "margin" in margins[0]:
+        heads += ["margin [%]", "required", ""]
+    return answer.Table(rows, heads, range(min(len(heads), 6)))
 
 
 def _verdict(one: dict[str, Any]) -> str:
@@ -266,34 +248,17 @@ def _lead(result: HarmonicResponse) -> np.ndarray:
     return np.angle(result.forward) * np.where(np.asarray(result.speeds) < 0, -1, 1)[:, None]
 
 
-def _variables(
-    result: HarmonicResponse, growth: np.ndarray
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    dims, phase = ("speed", "station"), about("rad", "lead of the forward part over the rotation")
-    major, minor = np.asarray(result.major), np.asarray(result.minor)
-    return (
-        {
-            "amplitude": (dims, major, about("m", "major half axis of the synchronous orbit")),
-            "minor": (dims, minor, about("m", "minor half axis, negative if backward")),
-            "phase": (dims, _lead(result), phase),
-            "growth": ("speed", growth, about("1/s", "largest growth rate, positive unstable")),
-        },
-        {
-            "speed": ("speed", np.asarray(result.speeds), about("rad/s", "spin speed")),
-            "station": ("station", np.asarray(result.stations), about("m", "station")),
-        },
-    )
-
-
-def _draw(
-    found: ResponsePeaks, whole: Scene, about: dict[str, Any], folder: Path, units: dict[str, Any]
-) -> None:
-    from .. import plot
-
-    about = about | {"critical": found.critical, "peaks": found}
-    about |= {"clearance": _nearest(found, whole)}
-
-    def both(axes: Any) -> None:
-        plot.response(found.response, axes, **about)
-
-    draw(folder / "response.png", both, 170, 110, rows=2, units=units)
+def _dataset(result: HarmonicResponse, growth: np.ndarray, rotor: Scene) -> Any:
+    dims, lead = ("speed", "station"), "lead of the forward part over the rotation"
+    major = "major half axis of the synchronous orbit"
+    columns = {
+        "amplitude": variable(dims, result.major, "m", major),
+        "minor": variable(dims, result.minor, "m", "minor half axis, negative if backward"),
+        "phase": variable(dims, _lead(result), "rad", lead),
+        "growth": variable("speed", growth, "1/s", "largest growth rate, positive unstable"),
+    }
+    coordinates = {
+        "speed": variable("speed", result.speeds, "rad/s", "spin speed"),
+        "station": variable("station", result.stations, "m", "station"),
+    }
+    return labelled(columns, coordinates, "jaxrotor unbalance response", rotor)

@@ -8,7 +8,5 @@ from .answer import AsJson
 def scenes(as_json: AsJson = False) -> None:
     """List the scenes that come with jaxrotor."""
     found = shipped()
-    if as_json:
-        answer.print_json({"scenes": [{"name": name, "title": title} for name, title in found]})
-    else:
-        answer.print_table(found, ("scene", "title"))
+    facts = {"scenes": [{"name": name, "title": title} for name, title in found]}
+    answer.give(as_json, facts, answer.Table(found, ("scene", "title")))

@@ -22,12 +22,11 @@ from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
 from ..results.provenance import assumed
 from ..scene import Scene
-from . import answer
+from . import answer, options
 from .axis_units import angle_unit, axis_units, written_in
 from .campbell import described_critical, end_of_search
 from .linear import described_onset, described_roots
-from .options import AsJson, Layout, Overwrite, Row, SceneName, Settings, scene_of
-from .output import draft_or_none, draw, written_to
+from .output import files_in
 
 
 _FILES = ("rotor.png",)
@@ -37,18 +36,18 @@ _SHOWN = 3  # number of whirl frequencies shown of each kind
 
 
 def show(
-    scene: SceneName,
-    settings: Settings = None,
-    row: Row = None,
-    layout: Layout = None,
+    scene: options.SceneName,
+    settings: options.Settings = None,
+    row: options.Row = None,
+    layout: options.Layout = None,
     toml: Annotated[
         bool, typer.Option("--toml", help="Print the scene file itself, to start a new one from.")
     ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for a drawing of the rotor.")
     ] = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Show a scene: its parameters, whirl frequencies, critical speeds and onset of instability.
 
@@ -63,17 +62,16 @@ def show(
     jaxrotor show limiter-rotor --set disc.mass=3kg --set "limiters.0.gap=5 mm"
     ```
     """
-    rotor, name = scene_of(scene, settings, row, layout), title(scene, row, layout)
+    rotor, name = options.scene_of(scene, settings, row, layout), title(scene, row, layout)
     if toml:
         unchanged = not settings and row is None
         typer.echo(source(scene) if unchanged else dumps(rotor, name), nl=False)
         return
-    with draft_or_none(out, _FILES, overwrite) as folder:
-        if folder is not None:
+    with files_in(out, _FILES, overwrite, {}) as files:
+        if out is not None:
             from ..plot.rotor import fit, rotor as drawn
 
-            draw(folder / "rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
-    written = written_to(out, _FILES)
+            files.picture("rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
     parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
     finer = resolved(rotor, 2 * _SHOWN)
@@ -88,47 +86,44 @@ def show(
     notes = _notes(scene, rotor)
     onset = onset if onset is None else described_onset(onset, axes)
     why = why.partition(";")[0]  # its advice is for Python
-    if as_json:
-        answer.print_json(
-            {
-                "scene": scene,
-                "title": name,
-                **assumed(rotor),
-                "parameters": parameters,
-                **notes,
-                "nodes": None if nodes is None else list(rotor.resolution),
-                "coordinates": coordinates,
-                "whirl_frequencies": {"standstill": still, **whirl},
-                "critical_speeds": critical,
-                "no_critical_speeds": no_critical or None,
-                "onset": onset,
-                "no_onset": why or None,
-                "written": written,
-            }
-        )
-        return
+    facts = {
+        "scene": scene,
+        "title": name,
+        **assumed(rotor),
+        "parameters": parameters,
+        **notes,
+        "nodes": None if nodes is None else list(rotor.resolution),
+        "coordinates": coordinates,
+        "whirl_frequencies": {"standstill": still, **whirl},
+        "critical_speeds": critical,
+        "no_critical_speeds": no_critical or None,
+        "onset": onset,
+        "no_onset": why or None,
+        "written": files.written,
+    }
     given = {path: one for path, one in parameters.items() if one["value"] is not None}
+    absent = given != parameters
     units = axis_units(scene, rotor, *settings or ())
     angles = angle_unit(scene, *settings or ())
-    rows = [(path, *_typed(one, units, angles, rotor)) for path, one in given.items()]
-    rate = units["speed"]
+    values = [(path, *_typed(one, units, angles, rotor)) for path, one in given.items()]
+    rate, spans = units["speed"], ", ".join(map(str, rotor.resolution))
     speeds = lambda found: f"{_text(_scaled(found, SPEEDS[rate]))} {rate}"
-    answer.print_table(rows, ("parameter", "value", "unit"), numbers=[1])
-    summary = [
-        *answer.assumed(rotor.assumption),
-        *[("absent", "parameters without a value; --json lists them")] * (given != parameters),
-        *_note_rows(**notes),
-        *[("nodes of each span", f"{_whole(rotor.resolution)} (shaft.nodes = {nodes})")]
-        * (nodes is not None),
-        ("coordinates", f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.attached)),
-        ("whirl at standstill", speeds(still)),
-        *[(f"{kind}, at speed", speeds(own)) for kind, own in whirl.items() if own],
-        *_critical_rows(critical, no_critical, rate),
-        *([("critical", end)] if end else []),
-        ("loses stability", f"at {speeds(onset['speed'])}" if onset else why),
-        *answer.written(written),
-    ]
-    answer.print_table(summary)
+    table = answer.Table(values, ("parameter", "value", "unit"), [1])
+    rows = answer.filled(
+        {
+            "note": rotor.assumption,
+            "absent": absent and "parameters without a value; --json lists them",
+            **_note_texts(**notes),
+            "nodes of each span": nodes and f"{spans} (shaft.nodes = {nodes})",
+            "coordinates": f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.attached),
+            "whirl at standstill": speeds(still),
+            **{f"{kind}, at speed": speeds(own) for kind, own in whirl.items() if own},
+        }
+    )
+    rows += _critical_rows(critical, no_critical, rate)
+    lost = f"at {speeds(onset['speed'])}" if onset else why
+    rows += answer.filled({"critical": end, "loses stability": lost})
+    answer.give(as_json, facts, table, rows + files.rows)
 
 
 def _notes(scene: str, rotor: Scene) -> dict[str, str | None]:
@@ -147,14 +142,13 @@ def _material_taken(scene: str) -> str | None:
     return "steel" if asked and "material" not in shaft else None
 
 
-def _note_rows(
+def _note_texts(
     free: str | None, statically_unstable: str | None, material_taken: str | None
-) -> list[tuple[str, str]]:
-    """Rows of what holds the rotor, or does not, and of the material that the file leaves out."""
-    held = [("held", f"free: {free}; {CURE}")] if free else []
-    taken = f"{material_taken}, since the file names none"
-    held += [("statically unstable", statically_unstable)] if statically_unstable else []
-    return held + ([("material", taken)] if material_taken else [])
+) -> dict[str, str | None]:
+    """Texts of what holds the rotor, or does not, and of the material that the file leaves out."""
+    held = free and f"free: {free}; {CURE}"
+    taken = material_taken and f"{material_taken}, since the file names none"
+    return {"held": held, "statically unstable": statically_unstable, "material": taken}
 
 
 def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
@@ -165,9 +159,7 @@ def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
         return None, str(error)
 
 
-def _critical_rows(
-    critical: dict[str, list[float]] | None, why: str, rate: str
-) -> list[tuple[str, str]]:
+def _critical_rows(critical: dict[str, list[float]] | None, why: str, rate: str) -> answer.Rows:
     """Critical speeds in the unit that was typed, and in rpm."""
     if critical is None:
         return [("critical speeds", why)]
@@ -232,10 +224,6 @@ def _whirl(found: list[dict[str, Any]], direction: str) -> list[float]:
     """First whirl frequencies of one direction [rad/s], in fixed axes."""
     moving = [r for r in found if r["frequency"] and r.get("shaft_frequency", 1.0)]
     return [r["frequency"] for r in moving if r["direction"] == direction][:_SHOWN]
-
-
-def _whole(values: tuple[int, ...]) -> str:
-    return ", ".join(map(str, values))
 
 
 def _text(value: Any) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 import typer
 import xarray as xr
 
+from .. import plot
 from ..core.outcome import failed
 from ..effects import AbstractBodies, AbstractContact
 from ..files.toml import study
@@ -23,45 +24,16 @@ from ..sweeps.axes import check_lanes
 from ..sweeps.observe import AbstractObservable, WhirlSpectrum, everything
 from ..sweeps.store import PENDING, OtherSweepError
 from ..sweeps.sweep import KEEP, SETTLE, sweep as run
-from . import answer
+from . import answer, options
 from .axis_units import axis_units, stored
-from .options import (
-    MOST,
-    SAMPLES,
-    Angle,
-    AsJson,
-    At,
-    Nodes,
-    Overwrite,
-    Period,
-    Radius,
-    Rate,
-    SceneName,
-    Settings,
-    Steps,
-    Tolerance,
-    assignments,
-    count_or_auto,
-    instants,
-    moving_station,
-    optional,
-    refuse_revolutions,
-    scene_with,
-    start_with,
-    swept_axes,
-)
 from .output import draft, draw, written_to
-from .sweep_answer import errors, lanes_of, print_sweep, results
+from .sweep_answer import errors, lanes_of, results, sweep_rows
 
 
 _FILES = ("sweep.zarr", "bifurcation.png", "waterfall.png", "envelope.png", "map.png")
 _RUN = ("duration", "samples", "steps_per_sample")  # of runs along times
 _PARTIAL = "sweep-partial.zarr"  # name of the store until it is complete
-_COUNTS = {
-    "settle": SETTLE,
-    "keep": KEEP,
-    "steps_per_revolution": 256,
-}  # defaults of a scene without
+_COUNTS = {"settle": SETTLE, "keep": KEEP, "steps_per_revolution": 256}  # of a scene without
 
 
 class Order(enum.StrEnum):
@@ -88,16 +60,11 @@ Over = Annotated[
 ]
 Settle = Annotated[
     int | None,
-    typer.Option(
-        min=0,
-        max=MOST,
-        help="Revolutions before observation begins. [default: the scene's, or 1000]",
+    options.count(
+        "Revolutions before observation begins. [default: the scene's, or 1000]", least=0
     ),
 ]
-Keep = Annotated[
-    int | None,
-    typer.Option(min=1, max=MOST, help="Revolutions observed. [default: the scene's, or 300]"),
-]
+Keep = Annotated[int | None, options.count("Revolutions observed. [default: the scene's, or 300]")]
 RunTimes = Annotated[
     str | None,
     typer.Option(
@@ -107,11 +74,10 @@ RunTimes = Annotated[
 ]
 ErrorSample = Annotated[
     int | None,
-    typer.Option(
-        min=0,
-        max=MOST,
-        help="Number of lanes run a second time with twice the steps; 0: no error estimate. [default: 4 "
+    options.count(
+        "Number of lanes run a second time with twice the steps; 0: no error estimate. [default: 4 "
         "with contact, else 0]",
+        least=0,
     ),
 ]
 OrderOf = Annotated[
@@ -134,10 +100,9 @@ Spectrum = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(
-        min=1,
-        max=1024,
-        help="Number of parts computed in parallel. [default: one per core, or one per GPU]",
+    options.count(
+        "Number of parts computed in parallel. [default: one per core, or one per GPU]",
+        most=1024,
     ),
 ]
 Cluster = Annotated[
@@ -158,29 +123,29 @@ Folder = Annotated[
 
 
 def sweep(
-    scene: SceneName,
-    settings: Settings = None,
+    scene: options.SceneName,
+    settings: options.Settings = None,
     over: Over = None,
     settle: Settle = None,
     keep: Keep = None,
     times: RunTimes = None,
-    steps: Steps = None,
-    nodes: Nodes = None,
-    tolerance: Tolerance = 1e-3,
+    steps: options.Steps = None,
+    nodes: options.Nodes = None,
+    tolerance: options.Tolerance = 1e-3,
     error_sample: ErrorSample = None,
     order: OrderOf = None,
     precision: PrecisionOf = None,
-    start_radius: Radius = None,
-    start_rate: Rate = None,
-    start_angle: Angle = None,
-    at: At = None,
-    period: Period = None,
+    start_radius: options.Radius = None,
+    start_rate: options.Rate = None,
+    start_angle: options.Angle = None,
+    at: options.At = None,
+    period: options.Period = None,
     spectrum: Spectrum = False,
     workers: Workers = None,
     cluster: Cluster = None,
     out: Folder = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.
 
@@ -201,32 +166,32 @@ def sweep(
     jaxrotor sweep limiter-rotor --cluster tcp://10.0.0.1:8786 --out /shared/run
     ```
     """
-    rotor, table = scene_with(scene, settings), study(scene)
+    rotor, table = options.scene_with(scene, settings), study(scene)
     axes = _axes(rotor, table, over, settings)
-    start = start_with(table, start_radius, start_rate, start_angle, list(axes))
-    counts = _counts(table, settle, keep, count_or_auto(steps, "--steps"))
+    start = options.start_with(table, start_radius, start_rate, start_angle, list(axes))
+    counts = _counts(table, settle, keep, options.count_or_auto(steps, "--steps"))
     instant = None
     if times is not None or not isinstance(rotor.spin, ConstantSpeed):
         given = {"--settle": settle, "--keep": keep, "--period": period}
-        refuse_revolutions(given | {"--spectrum": spectrum or None})
+        options.refuse_revolutions(given | {"--spectrum": spectrum or None})
         counts = {"steps_per_revolution": counts["steps_per_revolution"]}
-        instant = instants(rotor, None, SAMPLES, times)
-    options: dict[str, Any] = {
+        instant = options.instants(rotor, None, options.SAMPLES, times)
+    asked: dict[str, Any] = {
         "times": instant,
         "observe": _observables(rotor, spectrum, counts["steps_per_revolution"], instant),
         "solver": None if order is None else Exponential(2 if order is Order.second else 4),
-        "at": moving_station(rotor) if at is None else optional(at, "m", "--at"),
-        "period": optional(period, "s", "--period"),
+        "at": options.moving_station(rotor) if at is None else options.optional(at, "m", "--at"),
+        "period": options.optional(period, "s", "--period"),
         "workers": workers,
         "cluster": int(cluster) if cluster and cluster.isdecimal() else cluster,
-        "nodes": count_or_auto(nodes, "--nodes"),
+        "nodes": options.count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,
         "error_sample": error_sample,
         "precision": None if precision is None else precision.value,
     }
     if out is None:
         out = Path("runs", f"{Path(scene).name.removesuffix('.toml')}-sweep")
-    compute = functools.partial(run, rotor, axes, start=start, **counts, **options)
+    compute = functools.partial(run, rotor, axes, start=start, **counts, **asked)
     units = axis_units(scene, rotor, *over or (), *settings or (), start_radius)
     dataset, seconds = _computed(compute, list(axes), out, overwrite, units)
     told = ("steps_per_revolution", *_RUN)
@@ -234,12 +199,10 @@ def sweep(
     good = dataset["radius_max"].values[~failed(dataset["status"])]
     answer.note_large(float(good.max(initial=0.0)), float(rotor.shaft.length))
     written = written_to(out, _FILES)
-    if not as_json:
-        print_sweep(dataset, axes, counts, seconds, written, rotor, units)
-        return
     found = {**counts, **lanes_of(dataset), **errors(dataset), "seconds": seconds}
-    found |= {"written": written, "results": results(dataset, list(axes))}
-    answer.print_json({"scene": scene, **found})
+    rows = sweep_rows(dataset, axes, found, rotor, units)
+    facts = {"scene": scene, **found, "written": written, "results": results(dataset, list(axes))}
+    answer.give(as_json, facts, rows + answer.written(written))
 
 
 def _computed(
@@ -293,14 +256,14 @@ def _axes(
     scene: Scene, table: dict[str, Any], over: list[str] | None, settings: list[str] | None
 ) -> dict[str, np.ndarray]:
     """Swept values by path: those of `--over`, else of the scene file; `--set` must not set any."""
-    axes = swept_axes(scene, over) or table.get("over", {})
+    axes = options.swept_axes(scene, over) or table.get("over", {})
     if not axes:
         raise ValueError(
             "The scene names no parameters to sweep; add --over, as in "
             "--over spin.speed=600rpm:6000rpm:61."
         )
     check_lanes(axes)
-    for path in assignments("--set", settings, ""):
+    for path in options.assignments("--set", settings, ""):
         if path in axes:
             raise ValueError(
                 f"--set {path} has no effect, as it is swept; sweep others with --over."
@@ -333,8 +296,6 @@ def _observables(
 
 
 def _draw(dataset: xr.Dataset, swept: list[str], folder: Path, units: dict[str, Any]) -> None:
-    from .. import plot
-
     paint = functools.partial(draw, units=units)
     if len(swept) == 2:  # by kind, or by the peak of runs without limiters
         name = None if "index" in dataset or "duty" in dataset else "peak"
@@ -345,8 +306,7 @@ def _draw(dataset: xr.Dataset, swept: list[str], folder: Path, units: dict[str, 
         if min(dataset.sizes[swept[0]], dataset.sizes["window"]) > 1:
             paint(folder / "envelope.png", lambda ax: plot.envelope(dataset, ax), 170, 90)
         return
-    paint(
-        folder / "bifurcation.png", lambda axes: plot.bifurcation(dataset, axes), 170, 110, rows=2
-    )
+    diagram = functools.partial(plot.bifurcation, dataset)
+    paint(folder / "bifurcation.png", diagram, 170, 110, rows=2)
     if "spectrum" in dataset and swept == ["spin.speed"]:
         paint(folder / "waterfall.png", lambda ax: plot.waterfall(dataset, ax), 120, 85)

@@ -1,4 +1,4 @@
-"""Printed answer of the command `sweep`."""
+"""Answer of the command `sweep`: what the lanes did, in numbers and as rows of a table."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ import xarray as xr
 from ..core.outcome import FAILED, STATUS, failed
 from ..scene import Scene
 from . import answer
-from .axis_units import written_in
+from .axis_units import ends_in, written_in
 
 
 _RANGES = 3  # of values with contact that are named
@@ -22,7 +22,7 @@ def _range(values: np.ndarray) -> str:
 
 def _contact_rows(
     dataset: xr.Dataset, axes: dict[str, np.ndarray], scales: dict[str, tuple[float, str]]
-) -> list[tuple[str, str]]:
+) -> answer.Rows:
     """How many lanes touch a stop, how long at most, and over one swept parameter at which values."""
     if "duty" not in dataset:
         return []
@@ -101,71 +101,55 @@ def errors(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _motion_rows(
-    dataset: xr.Dataset,
-    counts: dict[str, Any],
-    lanes: dict[str, Any],
-    rotor: Scene,
-    units: dict[str, Any],
-) -> list[tuple[str, str]]:
+    dataset: xr.Dataset, found: dict[str, Any], rotor: Scene, units: dict[str, Any]
+) -> answer.Rows:
     """How long the lanes ran by what steps, and what they did."""
     solver = dataset.attrs["solver"]
-    if "duration" in counts:
+    if "duration" in found:
         peak = dataset["peak"].values[~failed(dataset["status"])]
-        factor, unit = written_in(units, "m", peak, rotor)
-        reached = (
-            f"{factor * peak.min():.6g} to {factor * peak.max():.6g} {unit}"
-            if peak.size
-            else "none"
-        )
+        ends = (peak.min(initial=np.inf), peak.max(initial=0.0))
         steps = "steps by its tolerance"
-        if "steps_per_sample" in counts:
-            steps = f"{counts['steps_per_sample']} steps from sample to sample"
+        if "steps_per_sample" in found:
+            steps = f"{found['steps_per_sample']} steps from sample to sample"
         return [
-            ("run", f"{counts['duration']:.6g} s, {counts['samples']} samples"),
+            ("run", f"{found['duration']:.6g} s, {found['samples']} samples"),
             ("solver", f"{solver}, {steps}"),
-            ("lanes", f"{lanes['lanes']}"),
-            ("largest radius", reached),
+            ("lanes", f"{found['lanes']}"),
+            ("largest radius", ends_in(units, "m", ends, rotor) if peak.size else "none"),
         ]
     each = "steps" if solver.startswith("Exponential") else "samples"
     return [
-        ("revolutions", f"{counts['settle']} to settle, {counts['keep']} observed"),
-        ("solver", f"{solver}, {counts['steps_per_revolution']} {each} each"),
-        ("lanes", f"{lanes['lanes']}"),
-        ("forward whirl", f"{lanes['forward']}"),
-        ("backward whirl", f"{lanes['backward']}"),
+        ("revolutions", f"{found['settle']} to settle, {found['keep']} observed"),
+        ("solver", f"{solver}, {found['steps_per_revolution']} {each} each"),
+        ("lanes", f"{found['lanes']}"),
+        ("forward whirl", f"{found['forward']}"),
+        ("backward whirl", f"{found['backward']}"),
     ]
 
 
-def print_sweep(
+def sweep_rows(
     dataset: xr.Dataset,
     axes: dict[str, np.ndarray],
-    counts: dict[str, Any],
-    seconds: float,
-    written: list[str],
+    found: dict[str, Any],
     rotor: Scene,
     units: dict[str, Any],
-) -> None:
-    """Print what was swept, how the lanes ran, what they did and where it is written.
-
-    Speeds and small lengths are in the `units` typed, see `axis_units`.
-    """
-    lanes = lanes_of(dataset)
+) -> answer.Rows:
+    """Rows of what was swept, how the lanes ran and what they did, `found`; see `axis_units`."""
     scales = {p: written_in(units, dataset[p].attrs["units"], v, rotor) for p, v in axes.items()}
     rows = [
         (path, f"{_range(scales[path][0] * v)} {scales[path][1]}, {v.size} values")
         for path, v in axes.items()
     ]
-    rows += _motion_rows(dataset, counts, lanes, rotor, units)
+    rows += _motion_rows(dataset, found, rotor, units)
     rows += _contact_rows(dataset, axes, scales)
-    rows += [(name, f"{lanes[name]}") for name in ("undefined", "failed") if lanes.get(name)]
-    if lanes["steps_too_long"]:
-        text = f"{lanes['steps_too_long']} lanes, contact too stiff for the step; increase --steps"
+    rows += [(name, f"{found[name]}") for name in ("undefined", "failed") if found.get(name)]
+    if found["steps_too_long"]:
+        text = f"{found['steps_too_long']} lanes, contact too stiff for the step; increase --steps"
         rows.append(("steps too long", text))
-    if lanes.get("index_min") is not None:
-        text = f"{lanes['index_min']:.6g} to {lanes['index_max']:.6g}"
+    if found.get("index_min") is not None:
+        text = f"{found['index_min']:.6g} to {found['index_max']:.6g}"
         rows.append(("precession index", text))
-    found = errors(dataset)
-    rows += [("chosen", found["chosen"])] if "chosen" in found else []
+    rows += answer.filled({"chosen": found.get("chosen")})
     for name, one in found.get("errors", {}).items():
         text = f"{one['median']:.1e} (median), {one['largest']:.1e} (largest) {one['units']}"
         rows.append((f"error of {name}", text))
@@ -175,6 +159,4 @@ def print_sweep(
         if diverging:
             text += f"; {diverging} of them left out, whose neighbours leave them, as in chaos"
         rows.append(("errors from", text))
-    rows.append(("time", f"{seconds:.1f} s"))
-    rows += answer.written(written)
-    answer.print_table(rows)
+    return [*rows, ("time", f"{found['seconds']:.1f} s")]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..core.attributes import about
+from ..core.attributes import about, variable
 from ..core.plane import plane
 from ..effects import AbstractBodies
 from ..files.toml import dumps
@@ -43,8 +43,8 @@ def dataset(result: TimeHistory | Reactions) -> xr.Dataset:
         settings |= chosen(result.pilots)
     time = np.asarray(result.time)
     coordinates = {
-        "time": ("time", time, about("s", "time since the start")),
-        "angle": ("time", np.asarray(result.angle), about("rad", "angle of revolution")),
+        "time": variable("time", time, "s", "time since the start"),
+        "angle": variable("time", result.angle, "rad", "angle of revolution"),
         **coordinates,
         "axis": ("axis", ["x", "y"]),
     }
@@ -67,18 +67,16 @@ def _motion(result: TimeHistory) -> tuple[Variables, Variables]:
         "displacement": _vector(at_stations, result.displacement, "m", "displacement"),
         "velocity": _vector(at_stations, result.velocity, "m/s", "velocity"),
         "slope": _vector(at_stations, result.slope, "rad", "slope dz/dx"),
-        "speed": ("time", np.asarray(result.speed), about("rad/s", "speed of rotation")),
-        "acceleration": (
-            "time",
-            np.asarray(result.acceleration),
-            about("rad/s^2", "acceleration of rotation"),
+        "speed": variable("time", result.speed, "rad/s", "speed of rotation"),
+        "acceleration": variable(
+            "time", result.acceleration, "rad/s^2", "acceleration of rotation"
         ),
     }
     force = result.contact_force
     if force is not None:
         name = "contact force on the shaft"
         variables["contact_force"] = _vector(("time", "limiter"), force, "N", name)
-    return variables, {"station": ("station", np.asarray(result.stations), about("m", "station"))}
+    return variables, {"station": variable("station", result.stations, "m", "station")}
 
 
 def _balls(run: TimeHistory) -> tuple[Variables, Variables]:
@@ -91,19 +89,18 @@ def _balls(run: TimeHistory) -> tuple[Variables, Variables]:
         ],
         axis=1,
     )
+    along = ("time", "ball")
     race = np.repeat(np.arange(len(present)), [places.sum() for places in present])
     variables = {
-        "ball_angle": (
-            ("time", "ball"),
-            of_all_races("angle"),
-            about("rad", "angle of a ball from the rotor"),
+        "ball_angle": variable(
+            along, of_all_races("angle"), "rad", "angle of a ball from the rotor"
         ),
-        "ball_rate": (("time", "ball"), of_all_races("rate"), about("rad/s", "its rate")),
+        "ball_rate": variable(along, of_all_races("rate"), "rad/s", "its rate"),
         "imbalance": _vector(
             ("time",), run.imbalance, "kg m", "imbalance of rotor and balls, in its axes"
         ),
     }
-    return variables, {"race": ("ball", race, about("1", "race of a ball"))}
+    return variables, {"race": variable("ball", race, "1", "race of a ball")}
 
 
 def _reactions(result: Reactions) -> tuple[Variables, Variables]:
