@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, nonnegative, real
-from ..core.tables import RPM, notebook_table
+from ..core.tables import RPM, largest_rows, notebook_table
 from ..effects import AbstractBodies, AbstractContact, Disc, Gravity
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
 from ..equations.rigid_motions import check_constant_load
@@ -109,10 +109,7 @@ class WeightResponse(eqx.Module):
 
 def _peaks(what: str, speeds: Array, frequencies: Array, stations: Array, parts: Array) -> str:
     """Table for a notebook: the largest displacement at every station and the case it occurs in."""
-    sizes, rows = np.abs(parts), []
-    for at, size in zip(np.asarray(stations), sizes.T, strict=True):
-        k = int(np.argmax(size))
-        rows.append((at, size[k], speeds[k], speeds[k] * RPM, frequencies[k]))
+    rows = largest_rows(np.asarray(stations), np.abs(parts), speeds, speeds * RPM, frequencies)
     heads = ("station [m]", "largest half axis [m]", "at speed [rad/s]", "[rpm]")
     ends = f"{np.min(speeds):.6g} to {np.max(speeds):.6g} rad/s"
     head = f"{what} of {speeds.size} cases, speeds {ends}"

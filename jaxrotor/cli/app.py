@@ -21,76 +21,34 @@ from .interrupt import stop_on_ctrl_c
 from .typed import typed
 
 
-# Module and summary of every command. The modules take seconds to load, so `jaxrotor --help` uses the
-# summaries, and only the module of the command that runs is loaded.
-COMMANDS = {
-    "scenes": ("scenes", "List the scenes that come with jaxrotor."),
-    "show": (
-        "show",
-        "Show a scene: its parameters, whirl frequencies, critical speeds and onset of instability.",
-    ),
-    "new": (
-        "new",
-        "Write a commented scene file to start from: a disc on a shaft in two bearings, ready to run.",
-    ),
-    "roots": (
-        "linear",
-        "Complex roots: whirl frequencies, damping, direction and stability, without contact.",
-    ),
-    "onset": (
-        "linear",
-        "Lowest speed at which the straight rotor loses stability, and its whirl there.",
-    ),
-    "campbell": (
-        "campbell",
-        "Campbell diagram: whirl frequencies and growth rates against speed, without contact.",
-    ),
-    "critical": (
-        "campbell",
-        "Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor.",
-    ),
-    "stability": (
-        "stability",
-        "Boundaries of stability along one parameter, or a stability map over two, without contact.",
-    ),
-    "response": (
-        "response",
-        "Steady response to unbalance: its peaks, and its values at operating and critical speeds.",
-    ),
-    "balance": (
-        "balance",
-        "Balance a rotor as a rigid body: corrections in two planes, and grade G before and after.",
-    ),
-    "simulate": (
-        "simulate",
-        "Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.",
-    ),
-    "run-up": (
-        "run_up",
-        "Simulate a run-up or any other change of speed: peak, speeds, contact and balls.",
-    ),
-    "reactions": (
-        "reactions",
-        "Reactions of bearings and stops: at rest, and first, last and largest dynamic part.",
-    ),
-    "sweep": (
-        "sweep",
-        "Sweep a scene over parameters: many long motions, their data and bifurcation diagram or map.",
-    ),
-    "accuracy": (
-        "accuracy",
-        "Accuracy against cost: error to a converged reference, compile time, run time and memory.",
-    ),
-    "explore": (
-        "explore",
-        "Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.",
-    ),
-    "export": ("export", "Write the data of a run as a table (CSV, Parquet) or as NetCDF."),
-    "report": (
-        "report",
-        "Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.",
-    ),
+# Summary of every command, and its module where that has another name. The modules take seconds to load,
+# so `jaxrotor --help` uses the summaries, and only the module of the command that runs is loaded.
+_SUMMARIES = {
+    "scenes": "List the scenes that come with jaxrotor.",
+    "show": "Show a scene: its parameters, whirl frequencies, critical speeds and onset of instability.",
+    "new": "Write a commented scene file to start from: a disc on a shaft in two bearings, ready to run.",
+    "roots": "Complex roots: whirl frequencies, damping, direction and stability, without contact.",
+    "onset": "Lowest speed at which the straight rotor loses stability, and its whirl there.",
+    "campbell": "Campbell diagram: whirl frequencies and growth rates against speed, without contact.",
+    "critical": "Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor.",
+    "stability": "Boundaries of stability along one parameter, or a stability map over two, "
+    "without contact.",
+    "response": "Steady response to unbalance: its peaks, "
+    "and its values at operating and critical speeds.",
+    "balance": "Balance a rotor as a rigid body: corrections in two planes, and grade G before and after.",
+    "simulate": "Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.",
+    "run-up": "Simulate a run-up or any other change of speed: peak, speeds, contact and balls.",
+    "reactions": "Reactions of bearings and stops: at rest, and first, last and largest dynamic part.",
+    "sweep": "Sweep a scene over parameters: many long motions, "
+    "their data and bifurcation diagram or map.",
+    "accuracy": "Accuracy against cost: error to a converged reference, compile time, "
+    "run time and memory.",
+    "explore": "Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.",
+    "export": "Write the data of a run as a table (CSV, Parquet) or as NetCDF.",
+    "report": "Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.",
 }
+_MODULES = {"roots": "linear", "onset": "linear", "critical": "campbell", "run-up": "run_up"}
+COMMANDS = {name: (_MODULES.get(name, name), told) for name, told in _SUMMARIES.items()}
 _WITHOUT_SCENE = ("scenes", "new", "explore", "export", "report")
 _DOUBTS = ImplausibleWarning, FewStepsWarning  # warnings that are printed as notes
 UsageError: Any = typer.BadParameter.__base__  # that of the click inside typer

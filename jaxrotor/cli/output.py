@@ -51,7 +51,11 @@ def files_in(
     out: Path | None, names: Sequence[str], overwrite: bool, units: Mapping[str, Any]
 ) -> Iterator[Files]:
     """`Files` of names in a folder, moved there at the end; see `draft`."""
-    with contextlib.nullcontext(Path()) if out is None else draft(out, names, overwrite) as folder:
+    with (
+        contextlib.nullcontext(Path(os.devnull))
+        if out is None
+        else draft(out, names, overwrite) as folder
+    ):
         yield Files(out, names, units, folder)
 
 

@@ -65,9 +65,8 @@ def response(
     ```
     """
     whole = rotor = options.scene_with(scene, settings)
-    station = rotor.stations(
-        options.optional(at, "m", "--at")
-    )  # of a contact, before it is left out
+    # Of a contact, which is left out below.
+    station = rotor.stations(options.optional(at, "m", "--at"))
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
     for kind in contacts:
         rotor = rotor.without(kind)

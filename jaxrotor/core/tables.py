@@ -49,6 +49,14 @@ def notebook_table(
     return f"<div><p>{sentence}</p>\n{table}</div>"
 
 
+def largest_rows(names: Any, sizes: Any, *beside: Any) -> list[tuple]:
+    """Rows of names: the largest number in the column of each, and what stands `beside` it."""
+    sizes = np.asarray(sizes)
+    places = np.argmax(sizes, axis=0).tolist()
+    pairs = enumerate(zip(names, places, strict=True))
+    return [(name, sizes[k, i], *(column[k] for column in beside)) for i, (name, k) in pairs]
+
+
 def _cell(value: Any) -> str:
     """A text as it is, a number with six digits."""
     if value is None or isinstance(value, str):

@@ -11,7 +11,7 @@ from ..core.compiled import compiled
 from ..core.pilot import Pilot
 from ..core.plane import plane
 from ..core.quantities import Scalar
-from ..core.tables import notebook_table
+from ..core.tables import largest_rows, notebook_table
 from ..effects.base import AbstractBodies, AbstractCasing
 from ..equations.kinematics import Kinematics, RotatingState
 from ..equations.rotating_frame import Transient
@@ -70,10 +70,8 @@ class TimeHistory(eqx.Module):
         return self.coordinates[:, number - len(self.scene.of(AbstractCasing))]
 
     def _repr_html_(self) -> str:
-        sizes, rows = np.abs(self.displacement), []
-        for at, size in zip(self.stations, sizes.T, strict=True):
-            k = int(np.argmax(size))
-            rows.append((at, size[k], self.time[k], self.speed[k]))
+        sizes = np.abs(self.displacement)
+        rows = largest_rows(np.asarray(self.stations), sizes, self.time, self.speed)
         heads = ("station [m]", "largest displacement [m]", "at time [s]", "at speed [rad/s]")
         return notebook_table(str(self), heads, rows)
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Complex, Float
 from ..core import linalg
 from ..core.compiled import compiled
 from ..core.quantities import known
-from ..core.tables import notebook_table
+from ..core.tables import largest_rows, notebook_table
 from ..effects import AbstractContact, Support
 from ..equations.forces import (
     applied_force,
@@ -50,13 +50,10 @@ class Reactions(eqx.Module):
     solver: str = eqx.field(static=True)  # by which the motion was computed
 
     def _repr_html_(self) -> str:
-        sizes = np.abs(np.asarray(self.force))
+        places = [self.scene.where(name) for name in self.names]
         rest = np.abs(np.asarray(self.static)).tolist()
-        last = sizes.argmax(axis=0).tolist()
-        rows = [
-            (self.scene.where(name), sizes[k, i], float(self.time[k]), still)
-            for i, (name, k, still) in enumerate(zip(self.names, last, rest, strict=True))
-        ]
+        largest = largest_rows(places, np.abs(self.force), self.time)
+        rows = [(*row, still) for row, still in zip(largest, rest, strict=True)]
         heads = ("reaction", "largest [N]", "at time [s]", "at rest [N]")
         samples = f"Reactions at {self.time.size} samples, motion by {self.solver}"
         return notebook_table(samples, heads, rows)
