@@ -92,8 +92,10 @@ def campbell(
     where = " in the axes of the shaft" if result.frame == "rotating" else ""
     notes, top = [], int(np.argmax(np.nan_to_num(largest, nan=-np.inf)))
     if largest[top] > growth.max() + 1e-6 * np.abs(growth).max():
-        at = f"up to {largest[top]:.4g} 1/s, at {turns * speeds[top]:.5g} {unit}"
-        notes = [("left out", f"faster whirl with growth {at}; --count shows more branches")]
+        undamped = abs(largest[top]) <= 1e-9 * np.abs(values).max()
+        rate = "that nothing damps" if undamped else f"with growth up to {largest[top]:.4g} 1/s"
+        at = f"{rate}, at {turns * speeds[top]:.5g} {unit}"
+        notes = [("left out", f"faster whirl {at}; --count shows more branches")]
     table, title = answer.Table(rows, heads, range(1, 5)), f"Whirl frequencies{where} [{unit}]"
     answer.give(as_json, facts, title, table, notes + files.rows)
 
