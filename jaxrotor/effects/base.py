@@ -368,7 +368,7 @@ def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> No
     """Raise if a support is where a constraint of the shaft holds the displacement it acts on."""
     pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
     for effect in effects:
-        at = getattr(effect, "at", None)
+        at: Any = getattr(effect, "at", None)
         idle = effect.holds_shaft and not effect.turns_section and at is not None
         if idle and not isinstance(effect, AbstractContact) and getattr(effect, "on", None) is None:
             for pin in pins:
