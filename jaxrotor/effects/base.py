@@ -368,12 +368,13 @@ def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> No
     """Raise if a support is where a constraint of the shaft holds the displacement it acts on."""
     pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
     for effect in effects:
-        at: Any = getattr(effect, "at", None)
-        idle = effect.holds_shaft and not effect.turns_section and at is not None
-        if idle and not isinstance(effect, AbstractContact) and getattr(effect, "on", None) is None:
-            for pin in pins:
-                if coincide(float(at), float(pin.at), float(shaft.length)):
-                    raise ValueError(
-                        f"The {effect.kind} at {float(at):g} m has no effect, since a {pin.holds} of the "
-                        "shaft holds the displacement there; leave one of both out."
-                    )
+        at, on = getattr(effect, "at", None), getattr(effect, "on", None)
+        linear = effect.holds_shaft and not isinstance(effect, AbstractContact)
+        if at is None or on is not None or not linear or effect.turns_section:
+            continue
+        for pin in pins:
+            if coincide(float(at), float(pin.at), float(shaft.length)):
+                raise ValueError(
+                    f"The {effect.kind} at {float(at):g} m has no effect, since a {pin.holds} of the "
+                    "shaft holds the displacement there; leave one of both out."
+                )

@@ -185,8 +185,8 @@ def _solid_and_dashed(
     for shown, name, dashes in zip(masks, names, ("-", (0, (4, 2))), strict=True):
         if np.any(shown):
             style |= {"width": 1.3, "linestyle": dashes}
-            part = (np.where(shown, along, np.nan) for along in (x, y))
-            page.curve(ax, *part, colour, page.once(ax, name), **style)
+            right, up = np.where(shown, x, np.nan), np.where(shown, y, np.nan)
+            page.curve(ax, right, up, colour, page.once(ax, name), **style)
 
 
 def _mark(
