@@ -43,8 +43,8 @@ def run_up(
     solver: Annotated[
         Solver | None,
         typer.Option(
-            help=f"{NAMED} [default: exponential4 of a flexible shaft without contact, dopri8 of another "
-            "shaft, else kvaerno5]"
+            help=f"{NAMED} [default: exponential4, with contact exponential2, where they can be taken, "
+            "else dopri8 of one or two coordinates with mass and kvaerno5 of more]"
         ),
     ] = None,
     substeps: Annotated[

@@ -1,20 +1,8 @@
 """Choice of the method by which a motion is advanced, the same for a run and for a lane of a sweep.
 
-| the scene | by whole revolutions | along times |
-|---|---|---|
-| no contact, constant speed | exact | exact; a lane by steps of order 4 |
-| contact, constant speed | exponential steps of order 2 | the same |
-| axes that turn and axes that stand, nearly equal | exponential steps of order 4 | integrated |
-| the same, very unequal | integrated | integrated |
-| axes that turn alone | as those that stand | integrated |
-| coordinates without mass | exponential steps, of contacts that do not rub | integrated |
-| a speed that varies, known in time | refused | exponential steps of order 4, with contact 2 |
-| balls, or a drive that the rotor holds back | integrated | exponential steps of order 4 |
-| the same on one or two coordinates | integrated | integrated |
-| balls that touch, a drive that may stop, tables at a speed that varies, films | integrated | integrated |
-
-"Integrated" is by a diffrax solver with an error estimate, `default_solver`; a solver that is named is
-taken, or refused in a sentence that names the reason.
+The table is in docs/concepts/motion.md. What exponential steps do not take is integrated by a diffrax
+solver with an error estimate, `default_solver`; a solver that is named is taken, or refused in a
+sentence that names the reason.
 """
 
 import dataclasses

@@ -310,8 +310,8 @@ def _motion(
 ) -> _Motion:
     """Motion of a run in one program; what follows the integration would take longer than it outside."""
     run = integrate(scene, system, times, launch, stations, plan)
-    if isinstance(scene.spin, Drive) and scene.spin.drag is not None and scene.spin.odd is None:
-        driven = (scene.spin.drag > 0) & jnp.any(run.turning.speed < 0)  # see `Drive.check_drag`
+    driven = isinstance(scene.spin, Drive) and scene.spin.driven_back(run.turning.speed)
+    if driven is not False:
         seen = jax.tree.map(lambda leaf: jnp.where(driven, jnp.nan, leaf), run.seen)
         run = run._replace(seen=seen)
     balls: tuple[Balls, ...] = ()

@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from ..core.quantities import (
@@ -10,7 +9,6 @@ from ..core.quantities import (
     Series,
     known,
     nonnegative,
-    number_or_nan,
     positive,
     real,
     series,
@@ -56,12 +54,19 @@ class Drive(AbstractSpin):
 
     def check_drag(self, speeds: ArrayLike) -> None:
         """Raise if the drag drives the rotor at one of known speeds, and that is not said to be meant."""
-        if self.odd is None and number_or_nan(self.drag) > 0 and np.any(np.asarray(speeds) < 0):
+        driven = self.driven_back(speeds)
+        if known(driven) and driven:
             raise ValueError(
                 "`drag [N m s^2]` would drive this rotor, which turns backward from "
                 f"{float(self.speed):g} rad/s under {float(self.torque):g} N m; give `odd = true`, with "
                 "which it opposes either sense, or `odd = false` if `k2 Omega^2` is meant to the letter."
             )
+
+    def driven_back(self, speeds: ArrayLike) -> ArrayLike:
+        """Whether the drag drives the rotor at one of some speeds, and that is not said to be meant."""
+        if self.drag is None or self.odd is not None:
+            return False
+        return (self.drag > 0) & jnp.any(jnp.asarray(speeds) < 0)
 
     def moment(self, speed: ArrayLike, sense: ArrayLike | None = None) -> Array:
         """Torque of motor and resistance.
