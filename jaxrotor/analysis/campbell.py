@@ -26,6 +26,7 @@ from .modal import (
     sense_of_whirl,
     slowest_first,
 )
+from .resolved import resolved
 from .whirl_tables import OverWhirl, whirl_roots
 
 
@@ -122,8 +123,9 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
     Args:
         scene: the rotor; its own speed does not matter.
         speeds: [rad/s], two or more, ascending or descending; those of a reversed rotor are negative.
-        count: number of branches to keep, the slowest at the first speed. Where axes are unequal one of
-            each conjugate pair is kept, but both where a pair splits into real roots.
+        count: number of branches to keep, the slowest at the first speed; nodes that are "auto" are as
+            many as these need. Where axes are unequal one of each conjugate pair is kept, but both where
+            a pair splits into real roots.
 
     Returns:
         `Campbell` diagram. Neither differentiable nor traceable; use `roots` for that.
@@ -139,6 +141,7 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
             f"`speeds` must be two or more in ascending or descending order, but is {speeds}."
         )
     check_linear(scene, speeds)
+    scene = resolved(scene, count)
     system = OverWhirl.of(scene)
     blocks = system.blocks
     if not all(map(known, jax.tree.leaves(system))):

@@ -18,6 +18,7 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from .films import check_linear
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
+from .resolved import resolved
 from .synchronous import crossings, families, filled, synchronous_of
 from .whirl_tables import synchronous
 
@@ -112,7 +113,8 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     Args:
         scene: the rotor; of its own speed the sense alone matters. Damping, hysteresis and cross-coupled
             stiffness are left out.
-        count: largest number of each kind to return, by default all.
+        count: largest number of each kind to return, by default all; nodes that are "auto" are as many as
+            twice as many `roots` need.
         points: number of stations along the shaft at which the sense of the whirl is evaluated.
 
     Returns:
@@ -125,7 +127,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
 
     Source: Brysin, Nikiforov (2019), eq. (3) with Lambda = omega; Klochkov, eqs. (16), (17).
     """
-    scene = synchronous(scene)
+    scene = resolved(synchronous(scene), None if count is None else 2 * count)
     check_linear(scene, [])
     found = dataclasses.replace(_synchronous(scene, assemble(scene), points), count=count)
     if not known(found.speeds):

@@ -29,6 +29,7 @@ from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from ..spins.base import sense_of
 from .films import check_linear
+from .resolved import resolved
 from .whirl_tables import OverWhirl, whirl_roots
 
 
@@ -155,7 +156,8 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
 
     Args:
         scene: the rotor.
-        count: number of the slowest roots to return, by default all.
+        count: number of the slowest roots to return, by default all. Nodes that are "auto" are as many as
+            these need, unless the shaft is traced; all roots are those of the scene's own nodes.
 
     Returns:
         Roots [rad/s] by rising magnitude; of a pair, that from x to y first. Coordinates without mass have
@@ -170,7 +172,7 @@ def roots(scene: Scene, count: int | None = None) -> Complex[Array, " m"]:
     eq. (2); Klochkov, eqs. (4)-(7).
     """
     check_linear(scene)
-    values = _roots(OverWhirl.of(scene), count)
+    values = _roots(OverWhirl.of(resolved(scene, count)), count)
     if known(values):
         found = np.asarray(values)
         return jnp.asarray(found[np.isfinite(found)][:count])
@@ -189,7 +191,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
 
     Args:
         scene: the rotor.
-        count: number of the slowest modes to return, by default all.
+        count: number of the slowest modes to return, by default all; it decides nodes as in `roots`.
         points: number of stations.
 
     Returns:
@@ -200,6 +202,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
         ValueError: tables of coefficients have no values at the speed of the scene.
     """
     check_linear(scene)
+    scene = resolved(scene, count)
     found = _modes(scene, assemble(scene), count, points)
     if not known(found.values):
         return found

@@ -17,6 +17,7 @@ from ..scene import Scene
 from .films import check_linear
 from .forced import ending_span
 from .modal import less_rounding, slowest_first
+from .resolved import resolved
 
 
 _ALIKE = 1 - 1e-10  # cosine between two modes above which they count as one
@@ -34,7 +35,8 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
         forces: station(s) [m] of the forces, by default the observed station of `simulate`.
         displacements: station(s) [m] to observe, by default those of the forces.
         modes: number of the slowest blocks of `A` to keep, at least those of roots at zero; the static
-            compliance of the others is added to `D`. By default all are kept; then `D` is zero except
+            compliance of the others is added to `D`, and nodes that are "auto" are as many as these blocks
+            need. By default all are kept; then `D` is zero except
             for coordinates without mass.
 
     Returns:
@@ -64,7 +66,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
     seen = into if displacements is None else scene.stations(displacements)
     for at in into:
         scene = ending_span(scene, at)
-    system = assemble(scene)
+    system = assemble(resolved(scene, modes))
     check_known_in_time(system)
     equations = _equations(system, into, seen)
     circular = isotropic(system.blocks)

@@ -12,7 +12,7 @@ from .. import plot
 from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
 from ..analysis.critical import critical_between
 from ..analysis.modal import KINDS, kind_of_whirl
-from ..analysis.nodes import resolved
+from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
 from ..core.attributes import variable
 from ..equations.pencil import is_rounding
@@ -131,7 +131,7 @@ def critical(
 
     jaxrotor critical limiter-rotor --count 3
     """
-    rotor = resolved(options.scene_with(scene, settings), 2 * count)
+    rotor = options.scene_with(scene, settings)
     found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
     columns = (np.asarray(a).tolist() for a in (found.speeds, found.forward_share, found.senses))
     described = [

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from ..analysis import Modes, Onset, modes, onset_speed
 from ..analysis.growth import growth_rates
 from ..analysis.modal import kind_of_whirl
-from ..analysis.nodes import resolved
+from ..analysis.resolved import resolved
 from ..analysis.whirl_tables import OverWhirl
 from ..core.compiled import compiled_quickly
 from ..equations.pencil import frame, is_rounding

@@ -12,7 +12,7 @@ import typer
 
 from ..analysis import Onset, onset_speed
 from ..analysis.modal import KINDS
-from ..analysis.nodes import resolved
+from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
 from ..core.parallel import in_threads
 from ..equations.rigid_motions import CURE, unheld

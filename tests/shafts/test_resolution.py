@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import jaxrotor as jr
 from jaxrotor.analysis.forced import ending_span
-from jaxrotor.analysis.nodes import resolved
+from jaxrotor.analysis.resolved import resolved
 from jaxrotor.shafts.cased import same_shape
 from jaxrotor.shafts.resolution import nodes_needed
 
@@ -262,9 +262,31 @@ def test_nodes_for_more_roots():
     material = shaft.material
     ratio = float(material.youngs_modulus / material.density) * 0.02**2 / 16
     expected = (np.arange(1, 9) * np.pi) ** 2 * np.sqrt(ratio)
-    speeds = lambda scene: np.unique(np.abs(jr.roots(scene).imag).round(6))[:8]
-    np.testing.assert_allclose(speeds(resolved(scene, 16)), expected, rtol=1e-7)
-    assert abs(speeds(scene)[5] / expected[5] - 1) > 1e-4
-    assert resolved(scene, 4).resolution == scene.resolution
+    both = np.repeat(expected, 2)  # forward and backward
+    critical = jr.critical_speeds(scene, 8)
+    poles = np.linalg.eigvals(jr.state_space(scene, 0.37, modes=16).A).imag
+    found = {
+        "roots": jr.roots(scene, 16).imag,
+        "modes": jr.modes(scene, 16, 3).values.imag,
+        "campbell": jr.campbell(scene, [0.0, 100.0], 16).frequencies[1],
+        "critical": jnp.concatenate([critical.forward, critical.backward]),
+        "state space": np.sort(np.abs(poles))[::2],
+    }
+    for name, values in found.items():
+        frequencies = np.sort(np.abs(np.asarray(values)))
+        np.testing.assert_allclose(frequencies, both, rtol=1e-7, err_msg=name)
+    own = np.sort(np.abs(np.asarray(jr.roots(scene).imag)))  # with nodes of the scene
+    assert abs(own[10] / both[10] - 1) > 1e-4
+    assert all(resolved(scene, count) is scene for count in (None, 4))
     fixed = scene.with_nodes(5)
     assert resolved(fixed, 16) is fixed
+
+
+def test_a_traced_shaft_keeps_its_nodes():
+    def number(diameter, speed):
+        traced = SIMPLE.replace({"shaft.diameter": diameter})
+        assert resolved(traced, 16) is traced
+        return resolved(SIMPLE.at_speed(speed), 16).line().stiffness
+
+    finer = jax.eval_shape(number, 0.03, 150.0).shape[0]
+    assert finer == coordinates(resolved(SIMPLE, 16)) > coordinates(SIMPLE)
