@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import jaxrotor as jr
 from jaxrotor.cli import app
+from jaxrotor.core.quantities import value_of
 
 
 HERE = Path(__file__).parent / "ross"  # written by ROSS 2.3.0, see `reference.py` there
@@ -144,7 +145,7 @@ def test_tables_of_ross_3(changed):
     scene, notes = changed(third(speed=[0.0, 800.0], kxx=[1e7, 2e7], kyy=[3e7, 4e7], cxx=[1e3]))
     rear = scene.of(jr.Support)[1]
     assert rear.speeds.tolist() == [0, 800] and rear.kxx.tolist() == [1e7, 2e7]
-    assert rear.kyy.tolist() == [3e7, 4e7] and float(rear.cxx) == float(rear.cyy) == 1e3
+    assert rear.kyy.tolist() == [3e7, 4e7] and float(rear.cxx) == value_of(rear, "cyy") == 1e3
     assert not notes
 
 
@@ -179,7 +180,7 @@ def test_negative_direct_stiffness_of_a_seal(changed):
     seal = {"frequency": [500.0, 800.0], "kxx": [-2e4, -3e4], "cxx": [15.0, 15.0]}
     scene, _ = changed(lambda d: d.update({"LabyrinthSeal_L": {"n": 3, "tag": "L", **seal}}))
     (own,) = [one for one in scene.of(jr.Support) if one.speeds is not None and one.kxx[0] < 0]
-    assert own.kxx.tolist() == own.kyy.tolist() == [-2e4, -3e4]
+    assert own.kxx.tolist() == value_of(own, "kyy").tolist() == [-2e4, -3e4]
 
 
 def test_added_mass_of_a_seal(changed):
@@ -189,10 +190,20 @@ def test_added_mass_of_a_seal(changed):
 
 
 def test_coefficients_without_a_value_are_those_that_ross_takes(changed):
-    """In ROSS `kyy=None` is `kxx`, and `cyy=None` is `cxx`; a JSON file has null for both."""
-    front = changed(put(FRONT, kyy=None, cyy=None))[0].of(jr.Support)[0]
-    assert float(front.kyy) == float(front.kxx) == 3e7
-    assert float(front.cyy) == float(front.cxx) == 4e3
+    """In ROSS `kyy=None` is `kxx`, and `cyy=None` is `cxx`; a JSON file has null for both.
+
+    They stay so where `kxx` is another number, so that a bearing that is the same all round stays one.
+    """
+    scene = changed(put(FRONT, kyy=None, cyy=None))[0]
+    front = scene.of(jr.Support)[0]
+    assert value_of(front, "kyy") == float(front.kxx) == 3e7
+    assert value_of(front, "cyy") == float(front.cxx) == 4e3
+    for other in (scene.replace, scene.put):
+        stiff = other({"supports.0.kxx": np.array(7e7)})
+        assert stiff.values("supports.0.kyy") == ([7e7], "kxx")
+        assert float(stiff.of(jr.Support)[0].mean_stiffness) == 7e7
+    given = changed(put(FRONT, kyy=[3e7]))[0].replace({"supports.0.kxx": 7e7})
+    assert float(given.of(jr.Support)[0].kyy) == 3e7
 
 
 @pytest.mark.parametrize("key", ["Id", "Ip", "m"])
@@ -208,7 +219,7 @@ def test_tables_over_speed_and_whirl_frequency(changed):
     scene, notes = changed(third(**both, kxx=table.tolist(), cxx=[[1e3, 1e3]] * 3))
     rear = scene.of(jr.Support)[1]
     assert rear.speeds.tolist() == speeds.tolist() and rear.frequencies.tolist() == whirls.tolist()
-    assert rear.kxx.tolist() == rear.kyy.tolist() == table.tolist()
+    assert rear.kxx.tolist() == value_of(rear, "kyy").tolist() == table.tolist()
     assert float(rear.cxx) == 1e3 and rear.hold and not notes
     still = np.broadcast_to(table[0], table.shape)  # the same at every speed
     rear = changed(third(**both, kxx=still.tolist(), cxx=[1e3]))[0].of(jr.Support)[1]
@@ -289,7 +300,11 @@ def test_one_note_for_many(changed):
 def test_tapered_element_is_cut(changed):
     """Diameters are those at the middles of four pieces; the mass is that of the cone within 0.2 %."""
     scene, notes = changed(put(SHAFT, odl=0.03, odr=0.045))
-    assert any("tapered element is cut into 4 uniform ones" in note for note in notes)
+    # `Int dx / d^4` over the thinnest piece, by that of its middle.
+    ends = 0.03 + 0.015 * np.arange(3) / 8
+    error = (ends[0] ** -3 - ends[2] ** -3) / 3 / (ends[2] - ends[0]) * ends[1] ** 4 - 1
+    said = "tapered element is cut into 4 uniform ones, whose flexibility is off by up to"
+    assert f"{said} {100 * error:.2g} %: Shaft Element 1" in notes
     diameters = [float(step.diameter) for step in scene.shaft.steps][:4]
     assert diameters == pytest.approx(0.03 + 0.015 * (np.arange(4) + 0.5) / 4)
     squares = np.mean(np.square(diameters))
@@ -323,7 +338,6 @@ def test_sleeve_of_another_material(changed):
     light = {"name": "light", "E": 7e10, "rho": 2700.0, "G_s": 2.6e10}
     sleeve = {**STEPPED[SHAFT], "idl": 0.03, "idr": 0.03, "odl": 0.05, "odr": 0.05}
     scene, notes = changed(lambda d: d.update({"ShaftElement_s": {**sleeve, "material": light}}))
-    assert any("layers are taken as one ring" in note for note in notes)
     step = scene.shaft.steps[0]
     area, second = np.pi * 0.05**2 / 4, np.pi * 0.05**4 / 64
     core, tube = np.pi * 0.03**4 / 64, np.pi * (0.05**4 - 0.03**4) / 64
@@ -332,6 +346,12 @@ def test_sleeve_of_another_material(changed):
     )
     mass = np.pi / 4 * (7850 * 0.03**2 + 2700 * (0.05**2 - 0.03**2))
     assert float(step.material.density) * area == pytest.approx(mass)
+    inertia = 7850 * core + 2700 * tube
+    error = float(step.material.density) * second / inertia - 1
+    (said,) = [note for note in notes if "layers are taken as one ring" in note]
+    assert said.endswith(
+        f"whose rotary inertia is off by up to {100 * error:.2g} %: Shaft Element 1"
+    )
 
 
 def on_support(ground, mass=None):
@@ -359,6 +379,19 @@ def test_bearing_on_a_flexible_support(changed):
     assert not scene.of(jr.Casing)
     (said,) = [note for note in notes if "in series" in note]
     assert "(omega C << K of either): front" in said
+
+
+def test_two_in_series_that_are_the_same_all_round(changed):
+    """`k = k1 k2 / (k1 + k2)`, along y the same, also where the bearing is given another stiffness."""
+
+    def link(document):
+        on_support({"kxx": 1e8, "cxx": 1e3})(document)
+        document[FRONT].update(kyy=None, cyy=None)
+
+    scene = changed(link)[0]
+    front = scene.of(jr.Support)[0]
+    assert value_of(front, "kyy") == float(front.kxx) == pytest.approx(3e7 * 1e8 / 1.3e8)
+    assert scene.replace({"supports.0.kxx": 7e7}).values("supports.0.kyy") == ([7e7], "kxx")
 
 
 def test_tables_in_series(changed):

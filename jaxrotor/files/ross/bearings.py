@@ -155,7 +155,8 @@ def _series(element: Element, one: Coefficients, other: Coefficients, notes: Not
             "tables in series, one linear and one by PCHIP, are interpolated by PCHIP", element
         )
     kind = one.interpolation if one.interpolation == other.interpolation else "pchip"
-    return Coefficients(speeds, None, stiffness[:, None], damping[:, None], kind)
+    implied = "kc" if one.implied == other.implied == "kc" else ""
+    return Coefficients(speeds, None, stiffness[:, None], damping[:, None], kind, implied=implied)
 
 
 def _made(element: Element, build: Any, *values: Any, **named: Any) -> Any:

@@ -25,6 +25,7 @@ class Coefficients(NamedTuple):
     damping: np.ndarray  # (w, f, 2, 2) [N s/m]
     interpolation: str = "pchip"  # between the nodes of tables, or "linear"
     mass: float = 0.0  # added mass, the same along x and y [kg]
+    implied: str = ""  # letters of the matrices whose yy the file leaves out, so that it is xx
 
     def at(self, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping (v, 2, 2) of synchronous whirl at speeds (v,), as at the ends beyond."""
@@ -45,14 +46,19 @@ class Coefficients(NamedTuple):
 
     @property
     def of_support(self) -> dict[str, Any]:
-        """Arguments of a support: a coefficient that is the same everywhere is a number."""
+        """Arguments of a support: a coefficient that is the same everywhere is a number.
+
+        What the file leaves out is left out, so that `kyy` follows a `kxx` that is changed later.
+        """
         found: dict[str, Any] = {}
         given = {"speeds": self.speeds, "frequencies": self.frequencies}
         shape = [nodes.size for nodes in given.values() if nodes is not None]
         for letter, matrix in zip("kc", (self.stiffness, self.damping), strict=True):
             if letter == "c" and not matrix.any():
                 continue
-            for axes, values in zip(AXES, matrix.reshape(-1, 4).T, strict=True):
+            same = letter in self.implied and np.array_equal(matrix[..., 0, 0], matrix[..., 1, 1])
+            own = AXES[:3] if same else AXES
+            for axes, values in zip(own, matrix.reshape(-1, 4).T, strict=False):
                 found[letter + axes] = values.reshape(shape) if np.ptp(values) else values[0]
         if any(np.ndim(value) for value in found.values()):
             found |= given | {"hold": True, "interpolation": self.interpolation}
@@ -110,8 +116,9 @@ def coefficients(element: Element, speed: float, notes: Notes) -> Coefficients:
             "coefficients that depend on speed are interpolated by PCHIP, as by ROSS 3", element
         )
     kind = "linear" if kind == "linear" else "pchip"
+    implied = "".join(letter for letter in "kc" if element.table.get(f"{letter}yy") is None)
     return Coefficients(
-        speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1], kind, mass
+        speeds, nodes["frequency"], matrices[:, :, 0], matrices[:, :, 1], kind, mass, implied
     )
 
 

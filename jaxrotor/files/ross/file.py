@@ -76,17 +76,21 @@ class Notes:
 
     def __init__(self) -> None:
         self.found: dict[str, list[str]] = {}
+        self.errors: dict[str, float] = {}
 
-    def add(self, text: str, element: Element) -> None:
-        """Add a note on an element."""
+    def add(self, text: str, element: Element, error: float | None = None) -> None:
+        """Add a note on an element; of relative errors the largest is told behind the text."""
         names = self.found.setdefault(text, [])
         if element.name not in names:
             names.append(element.name)
+        if error is not None:
+            self.errors[text] = max(error, self.errors.get(text, 0.0))
 
     def __iter__(self) -> Iterator[str]:
         for text, names in self.found.items():
+            size = f" {100 * round(self.errors[text], 9):.2g} %" if text in self.errors else ""
             more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            yield f"{text}: {names[0]}{more}"
+            yield f"{text}{size}: {names[0]}{more}"
 
 
 def read(source: str) -> list[Element]:

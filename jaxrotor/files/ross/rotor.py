@@ -27,10 +27,11 @@ def from_ross(
     and with a `Step` where the section changes. Disks, and point masses on the shaft, become `Disc`.
     Bearings and seals become `Support` with all eight coefficients and their added mass, as one number,
     the mean of mxx and myy. Coefficients are numbers or tables over the speed, the whirl frequency or
-    both, constant beyond their ends; `kyy` and `cyy` that a file leaves out are `kxx` and `cxx`.
-    Between the nodes of a table ROSS 3 interpolates as `Support` does, and its `interpolation` is kept;
-    ROSS 2 took splines. A tapered element becomes up to four uniform ones, and layers of sleeves become
-    one ring.
+    both, constant beyond their ends; `kyy` and `cyy` that a file leaves out stay out, so they are `kxx`
+    and `cxx`, also where these are replaced or swept. Between the nodes of a table ROSS 3 interpolates as
+    `Support` does, and its `interpolation` is kept; ROSS 2 took splines. A tapered element becomes up to
+    four uniform ones, and layers of sleeves become one ring; the sentence on them has the largest error,
+    of the bending flexibility of a piece and of the rotary inertia of a ring.
 
     A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
     holds. Without a mass there both become one `Support` in series, `K^-1 = K1^-1 + K2^-1`,

@@ -98,9 +98,6 @@ def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) 
         left != right for ol, orr, il, ir in sides for left, right in [(ol, orr), (il, ir)]
     )
     pieces = max(1, min(_PIECES, int(length / (_SHORTEST * total)))) if tapered else 1
-    if tapered:
-        into = f"cut into {pieces} uniform ones" if pieces > 1 else "taken as a uniform one"
-        notes.add(f"tapered element is {into}", layer[0])
     materials = [_material(element) for element in layer]
     found = []
     for piece in range(pieces):
@@ -115,7 +112,26 @@ def _rings(layer: Sequence[Element], length: float, total: float, notes: Notes) 
                 wanted = "must be positive and above the inner diameter"
                 refuse(f"{element.path}.odl", f"{wanted}, but is {ring.outer:g}.")
         found.append(_combined(rings, layer[0], notes))
+    if tapered:
+        into = f"cut into {pieces} uniform ones" if pieces > 1 else "taken as a uniform one"
+        error = _error_of_pieces(sides, [young for young, *_ in materials], pieces)
+        notes.add(f"tapered element is {into}, whose flexibility is off by up to", layer[0], error)
     return found
+
+
+def _error_of_pieces(sides: Any, young: Any, pieces: int) -> float:
+    """Largest relative error of the flexibility `Int dx / EI` of uniform pieces of tapered layers."""
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    ends = np.reshape(sides, (-1, 2, 2, 1, 1))  # of outer and inner diameters, left and right
+    ways = np.array([1.0, -1.0])  # outer less inner
+
+    def rigidity(places: np.ndarray) -> np.ndarray:
+        share = (np.arange(pieces)[:, None] + places) / pieces
+        diameters = ends[:, :, 0] + share * (ends[:, :, 1] - ends[:, :, 0])
+        return np.einsum("l,s,lspn->pn", young, ways, diameters**4)
+
+    mean = (1 / rigidity((1 + nodes) / 2)) @ weights / 2
+    return float(np.max(np.abs(rigidity(np.array([0.5]))[:, 0] * mean - 1)))
 
 
 def _material(element: Element) -> tuple[float, float, float]:
@@ -134,11 +150,17 @@ def _combined(rings: Sequence[Ring], element: Element, notes: Notes) -> Ring:
     touch = all(a.outer == b.inner for a, b in zip(rings, rings[1:], strict=False))
     if len({ring.of for ring in rings}) == 1 and touch:
         return rings[0]._replace(outer=outer)
-    notes.add("layers are taken as one ring of equal mass, bending and shear stiffness", element)
     area, second = (
         np.array([r.outer**k - r.inner**k for r in rings]) / (outer**k - inner**k) for k in (2, 4)
     )
     young, density, shear = np.array([ring.of for ring in rings]).T
+    error = abs(float(density @ area) / float(density @ second) - 1)
+    notes.add(
+        "layers are taken as one ring of equal mass, bending and shear stiffness, whose rotary inertia is "
+        "off by up to",
+        element,
+        error,
+    )
     return Ring(
         rings[0].length,
         outer,
