@@ -17,7 +17,7 @@ from ..core.caller import FewStepsWarning
 from ..core.plausibility import ImplausibleWarning
 from ..core.program_cache import keep_programs_of_commands
 from ..files.shipped import source
-from .interrupt import stop_on_ctrl_c
+from .interrupt import INTERRUPTED, run_until_interrupted, stop_on_ctrl_c
 from .typed import typed
 
 
@@ -75,7 +75,7 @@ class OneSentence(TyperGroup):
             raise
         except KeyboardInterrupt:
             typer.echo("Interrupted; nothing was written.", err=True)
-            raise typer.Exit(130) from None
+            raise typer.Exit(INTERRUPTED) from None
         except UsageError as error:
             typer.echo(f"{_one_line(error.format_message())} (see --help)", err=True)
             raise typer.Exit(2) from None
@@ -204,4 +204,4 @@ def main() -> None:
     # Tracing creates millions of lasting objects; scanning them for garbage is a tenth of the time of a
     # command.
     gc.set_threshold(50_000, 20, 50)
-    app(prog_name="jaxrotor")
+    run_until_interrupted(lambda: app(prog_name="jaxrotor"))

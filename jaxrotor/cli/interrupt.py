@@ -1,12 +1,29 @@
 """Interrupt: Ctrl-C ends a command whatever the program is doing."""
 
+import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from typing import Any
 
 
 LATER = 0.05  # delay before the interrupt is raised a second time [s]
+INTERRUPTED = 130  # exit status of a command that Ctrl-C has ended
+
+
+def run_until_interrupted(program: Callable[[], None]) -> None:
+    """Run a program that ends by `SystemExit`, after Ctrl-C without waiting for threads under way."""
+    try:
+        program()
+    except SystemExit as end:
+        main = threading.main_thread()
+        waited_for = [one for one in threading.enumerate() if one is not main and not one.daemon]
+        if end.code == INTERRUPTED and waited_for:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(INTERRUPTED)
+        raise
 
 
 def stop_on_ctrl_c() -> None:

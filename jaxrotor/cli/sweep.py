@@ -26,6 +26,7 @@ from ..sweeps.store import PENDING, OtherSweepError
 from ..sweeps.sweep import KEEP, SETTLE, sweep as run
 from . import answer, options
 from .axis_units import axis_units, stored
+from .interrupt import INTERRUPTED
 from .output import draft, draw, written_to
 from .sweep_answer import errors, lanes_of, results, sweep_rows
 
@@ -249,7 +250,7 @@ def _interruption_reported(partial: Path) -> Iterator[None]:
             "continues from there.",
             err=True,
         )
-        raise typer.Exit(130) from None
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def _axes(

@@ -33,13 +33,16 @@ def chunk_size(lanes: int, most: int, workers: int) -> int:
     return -(-lanes // chunks)
 
 
-def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None]) -> list:
+def spread(
+    run: Callable, chunks: list, workers: int, tick: Callable[[int], None], leave: bool = False
+) -> list:
     """Results of `run(chunk, tick)` for all chunks, computed by `workers` threads.
 
     Threads suffice, as a compiled program runs outside the interpreter's lock. With several devices
-    each chunk runs on a device that is free.
+    each chunk runs on a device that is free. Ctrl-C waits for the current segments of chunks that are
+    under way, unless it leaves them to end by themselves (`leave`).
     """
-    stop = threading.Event()
+    stop, wait = threading.Event(), True
     devices = jax.local_devices()
     free: queue.SimpleQueue[Any] = queue.SimpleQueue()
     for device in itertools.islice(itertools.cycle(devices), workers):
@@ -60,25 +63,27 @@ def spread(run: Callable, chunks: list, workers: int, tick: Callable[[int], None
 
     if workers == 1 or len(chunks) == 1:
         return [run(chunk, tick) for chunk in chunks]
-    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        call = placed if len(devices) > 1 else run
+    pool = concurrent.futures.ThreadPoolExecutor(workers)
+    call = placed if len(devices) > 1 else run
+    try:
         futures = [pool.submit(call, chunk, tick_or_stop) for chunk in chunks]
-        try:
-            return [future.result() for future in futures]
-        except BaseException:  # also Ctrl-C: running chunks stop after their current segment
-            stop.set()
-            for future in futures:
-                future.cancel()
-            raise
+        return [future.result() for future in futures]
+    except BaseException as error:  # also Ctrl-C: running chunks stop after their current segment
+        stop.set()
+        wait = not (leave and isinstance(error, KeyboardInterrupt))
+        raise
+    finally:
+        pool.shutdown(wait, cancel_futures=True)
 
 
 def in_threads(call: Callable, values: Any) -> list:
     """`call(value)` for each of many values, on all cores.
 
-    Ctrl-C waits for the calls that are under way. Settings of jax that hold in a `with` block alone hold
-    in the thread that set them, so not here.
+    Ctrl-C does not wait for the calls that are under way. Settings of jax that hold in a `with` block
+    alone hold in the thread that set them, so not here.
     """
-    return spread(lambda value, _: call(value), list(values), cores(None), lambda _: None)
+    own = lambda value, _: call(value)
+    return spread(own, list(values), cores(None), lambda _: None, leave=True)
 
 
 @dataclasses.dataclass(frozen=True)

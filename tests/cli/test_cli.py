@@ -1297,6 +1297,25 @@ def test_ctrl_c_while_memory_is_freed():
     assert done.stdout.splitlines() == ["garbage collection", "weak reference", "True"]
 
 
+INTERRUPTED_BESIDE_A_THREAD_WITHOUT_END = """
+import threading
+from jaxrotor.cli.interrupt import run_until_interrupted
+
+def program():
+    threading.Thread(target=threading.Event().wait).start()
+    print("Interrupted")
+    raise SystemExit(130)
+
+run_until_interrupted(program)
+"""
+
+
+def test_ctrl_c_leaves_threads():
+    run = [sys.executable, "-c", INTERRUPTED_BESIDE_A_THREAD_WITHOUT_END]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "Interrupted\n", "")
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupted_sweep_goes_on(place):
