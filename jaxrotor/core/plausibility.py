@@ -43,6 +43,10 @@ LIGHT = (0.5, 30.0)  # the same in g/cm^3
 SHEAR = (0.02, 1.0)  # shear modulus over Young's modulus
 
 
+# Beginnings of the paths of a rotor that two supports alone hold, beside those of dampings.
+_HELD_BY_TWO = ("shaft.", "spin", "disc", "unbalance", "support", "gravit")
+
+
 class Role(NamedTuple):
     """Largest share that a length has of another one of the machine."""
 
@@ -363,3 +367,31 @@ class _Doubts:
                     f"{weight / together:.3g} m under the weight of the rotor, {weight:.3g} N; check "
                     f"their unit (1 N/mm is 1000 N/m, 1 N/um is 1e6 N/m), and that of the masses."
                 )
+        yield from self._softer_of_two(supports, SOFT * bent)
+
+    def _softer_of_two(self, supports: dict[str, float], least: float) -> Iterator[Doubt]:
+        """The softer of two supports that alone hold a shaft, if its part of the weight moves it far.
+
+        Its part is `Sum m g (x - x_other) / (x_own - x_other)`. Seals are soft beside bearings, so a third
+        support is as it is.
+        """
+        machine = self.machine
+        plain = all(path.startswith(_HELD_BY_TWO) or "damping" in path for path in machine.found)
+        held = any(".constraints." in path or "angular" in path for path in machine.found)
+        if not machine.real or not plain or held or machine.drills or len(supports) != 2:
+            return
+        (own, soft), (other, firm) = sorted(supports.items(), key=lambda one: one[1])
+        here, there = (machine.value(f"{owner}.at") for owner in (own, other))
+        if here == there or not 1.0 < UNEQUAL * soft < firm:
+            return
+        moment = (machine.mass - machine.discs) * (machine.length / 2 - there)
+        for path, one in machine.of("disc", "mass"):
+            moment += one.value * (machine.value(f"{path.removesuffix('mass')}at") - there)
+        weight = GRAVITY * abs(moment / (here - there))
+        if soft < min(least, weight / (GIVE * machine.diameter)):
+            path = next(f"{own}.{k}" for k in ("kxx", "stiffness") if f"{own}.{k}" in machine.found)
+            why = (
+                f"by which it would give way by {weight / soft:.3g} m under its part of the weight, "
+                f"{weight:.3g} N"
+            )
+            yield doubt(path, soft, "N/m", why, (firm / UNEQUAL, UNEQUAL * firm))

@@ -90,6 +90,16 @@ MACHINES = {
         *(jr.Support(at, kxx=1e9) for at in (7.0, 14.0, 20.0, 28.0, 35.0)),
         stiffness=equal(1e9, 1e6),
     ),
+    "pump with a seal between its bearings": lambda: machine(
+        *(1.2, 0.08, 40.0, 0.15, 310.0, 2e-5), jr.Support(0.7, 8e4), stiffness=equal(1e8, 1e4)
+    ),
+    "rotor whose weight is on one bearing": lambda: jr.Scene(
+        jr.FlexibleShaft(0.4, 0.04, STEEL, constraints=()),
+        jr.Disc(0.03, 20.0, polar=0.2),
+        jr.Support(0.02, 1e8),
+        jr.Support(0.4, 1e5),
+        spin=jr.ConstantSpeed(300.0),
+    ),
     "laboratory rotor": lambda: machine(
         *(0.56, 0.01, 0.8, 0.0375, 300.0, 1e-4),
         jr.Limiter(0.28, 1.0, 1e-3, 1e6, rim_radius=0.0375, blend=1e-5),

@@ -128,6 +128,24 @@ def test_a_wrong_unit_gives_one_warning_that_names_the_right_one(name, path, val
     assert path.startswith("supports.") or sentence.startswith(f"`{path}` is ")
 
 
+def test_one_of_two_supports_a_thousand_times_too_soft():
+    """Each bears half of `7850 pi d^2 l / 4 + 10 kg`; together they are as firm as one that is right."""
+    rotor = lambda first, second: jr.Scene(
+        jr.FlexibleShaft(1.0, 0.05, jr.Material(**STEEL), constraints=()),
+        jr.Disc(0.5, 10.0),
+        jr.Support(0.0, kxx=first),
+        jr.Support(1.0, kxx=second),
+        spin=jr.ConstantSpeed(100.0),
+    )
+    said = (
+        "`supports.1.kxx` is 10000 N/m, by which it would give way by 0.0125 m under its part of the "
+        "weight, 125 N; check its unit: 10000 N/mm is 1e+07 N/m."
+    )
+    with pytest.warns(jr.ImplausibleWarning) as found:
+        rotor(1e7, 1e4)
+    assert [str(one.message) for one in found] == [said]
+
+
 @pytest.mark.filterwarnings("error")
 def test_no_body_has_more_than_twice_the_moment_about_its_diameter():
     fan = MACHINES[FAN]()
