@@ -4,6 +4,7 @@ import copy
 import json
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -199,7 +200,7 @@ def test_coefficients_without_a_value_are_those_that_ross_takes(changed):
     assert value_of(front, "kyy") == float(front.kxx) == 3e7
     assert value_of(front, "cyy") == float(front.cxx) == 4e3
     for other in (scene.replace, scene.put):
-        stiff = other({"supports.0.kxx": np.array(7e7)})
+        stiff = other({"supports.0.kxx": jnp.asarray(7e7)})
         assert stiff.values("supports.0.kyy") == ([7e7], "kxx")
         assert float(stiff.of(jr.Support)[0].mean_stiffness) == 7e7
     given = changed(put(FRONT, kyy=[3e7]))[0].replace({"supports.0.kxx": 7e7})
