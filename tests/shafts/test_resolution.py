@@ -3,6 +3,7 @@
 import dataclasses
 
 import equinox as eqx
+import fem
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -280,6 +281,27 @@ def test_nodes_for_more_roots():
     assert all(resolved(scene, count) is scene for count in (None, 4))
     fixed = scene.with_nodes(5)
     assert resolved(fixed, 16) is fixed
+
+
+@pytest.mark.slow
+def test_faster_critical_speeds_of_a_stepped_shaft_are_those_of_finite_elements():
+    """Six forward and six backward ones, with gyroscopic moments, on a short thick end and a long span."""
+    length, first, then, at, material = 1.6, 0.09, 0.06, 0.15, (2.05e11, 7830.0)
+    disc, bearings = (at, 20.0, 0.1, 0.2), [(0.0, 5e7), (length, 5e7)]
+    steps = [jr.Step(at, then)]
+    shaft = jr.FlexibleShaft(length, first, jr.Material(*material), steps=steps, constraints=())
+    supports = [jr.Support(*one) for one in bearings]
+    scene = jr.Scene(shaft, jr.Disc(*disc), *supports, spin=jr.ConstantSpeed(300.0))
+    stretches = [fem.Stretch(at, first), fem.Stretch(length, then)]
+    springs = [(place, stiff * np.eye(2)) for place, stiff in bearings]
+    _, speeds, shares, _ = fem.critical_speeds(
+        stretches, [disc], springs, (*material, np.inf), length / 80, 16
+    )
+    found, own = jr.critical_speeds(scene, 6), jr.critical_speeds(scene)
+    for ahead, kind in ((True, "forward"), (False, "backward")):
+        expected = speeds[(shares > 0.5) == ahead][:6]
+        np.testing.assert_allclose(getattr(found, kind), expected, rtol=1e-6)
+        assert abs(getattr(own, kind)[5] / expected[5] - 1) > 1e-3  # with nodes of the scene
 
 
 def test_a_traced_shaft_keeps_its_nodes():
