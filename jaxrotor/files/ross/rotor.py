@@ -31,7 +31,8 @@ def from_ross(
     and `cxx`, also where these are replaced or swept. Between the nodes of a table ROSS 3 interpolates as
     `Support` does, and its `interpolation` is kept; ROSS 2 took splines. A tapered element becomes up to
     four uniform ones, and layers of sleeves become one ring; the sentence on them has the largest error,
-    of the bending flexibility of a piece and of the rotary inertia of a ring.
+    of the bending flexibility of a piece (where the whole shaft is tapered, about twice that of its
+    natural frequencies) and of the rotary inertia of a ring.
 
     A bearing on a flexible support (`n_link`) with a point mass stands on a `Casing`, which the support
     holds. Without a mass there both become one `Support` in series, `K^-1 = K1^-1 + K2^-1`,
