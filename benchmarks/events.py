@@ -24,10 +24,10 @@ from rich.table import Table
 
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
-from jaxrotor.solvers.basis import ModalBasis, unpacked
-from jaxrotor.solvers.branches import BranchedPorts
 from jaxrotor.solvers.control import tuned
 from jaxrotor.solvers.exponential import Exponential
+from jaxrotor.solvers.located import Along, LocatedStep
+from jaxrotor.solvers.step import Part
 
 
 SCENE = rotor.SCENE.replace({"unbalance.eccentricity": rotor.LARGEST})
@@ -36,32 +36,29 @@ SCENE = rotor.SCENE.replace({"unbalance.eccentricity": rotor.LARGEST})
 class Switched(eqx.Module):
     """The rotor along given branches of its contact law, and when they end."""
 
-    ports: BranchedPorts
-    basis: ModalBasis
-    generator: jax.Array
-    input_matrix: jax.Array
+    step: LocatedStep
 
-    @classmethod
-    def of(cls, form) -> "Switched":
-        field = form.field
-        return cls(BranchedPorts.build(form), form.basis, field.generator, field.input_matrix)
-
-    def seen(self, theta, y):
-        return self.ports.read(unpacked(self.basis, y), theta)
+    def at(self, theta):
+        return self.step.forcing.at(theta, Part(0.0, self.step.tableau.h))
 
     def rate(self, theta, y, branches):
-        force = self.ports.forces(branches, self.seen(theta, y))
-        return self.generator @ y + self.input_matrix @ force
+        generator = self.step.forcing.field.generator
+        return generator @ y + self.step.change(self.at(theta), Along(branches), y)
+
+    def branches(self, theta, y):
+        return self.step.branches(self.at(theta), y)
+
+    def margins(self, theta, y, branches):
+        return self.step.crossing(self.at(theta), branches, y).margin
 
     def margin(self, t, y, args, **_):
-        return jnp.min(self.ports.crossing(args, self.seen(t, y)).margin)
+        return jnp.min(self.margins(t, y, args))
 
     def next(self, theta, y, branches):
         """The branches after the one that is nearest its end there."""
-        seen = self.seen(theta, y)
-        margin = self.ports.crossing(branches, seen).margin
+        margin = self.margins(theta, y, branches)
         flat, rebuild = ravel_pytree(branches)
-        now, _ = ravel_pytree(self.ports.branches(seen))
+        now, _ = ravel_pytree(self.branches(theta, y))
         flat = jnp.where(jnp.isfinite(margin), flat, now)
         ends = jnp.argmin(jnp.abs(margin))
         return rebuild(flat.at[ends].set(1 - flat[ends]))
@@ -80,9 +77,10 @@ def segment(switched: Switched, theta, end, y, branches, solver, rtol):
 
 
 def by_events(form, y, solver, rtol, revolutions: int):
-    switched, end = Switched.of(form), jnp.asarray(2 * np.pi * revolutions)
+    step = Exponential(4, "modal", located=True).stepper(form, 32)
+    switched, end = Switched(step), jnp.asarray(2 * np.pi * revolutions)
     theta, steps, events = jnp.zeros(()), 0, 0
-    branches = switched.ports.branches(switched.seen(theta, y))
+    branches = switched.branches(theta, y)
     while theta < end:
         theta, y, branches, more = segment(switched, theta, end, y, branches, solver, rtol)
         steps, events = steps + int(more), events + 1

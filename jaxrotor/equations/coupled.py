@@ -9,7 +9,6 @@ the stations, with the accelerance `D` in place of the inverse inertia.
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -30,7 +29,7 @@ from .forces import applied_force, body_force, resistance
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of
 from .start import Launch
-from .system import Port, System
+from .system import Law, System, actual
 
 
 INSIDE = (
@@ -67,16 +66,6 @@ class Stations(eqx.Module):
 def is_coupled(scene: Scene) -> bool:
     """Whether balls, or a rotation that is not known in time, are part of the motion of a rotor."""
     return bool(scene.of(AbstractBodies)) or not scene.spin.given
-
-
-# Force of every contact of a port, by its number, itself, displacement and velocity there, and speed:
-Law = Callable[[int, Port, Array, Array, Scalar], Float[Array, "k 2"]]
-
-
-def actual(number: int, port: Port, place: Array, velocity: Array, speed: Scalar) -> Array:
-    """Forces of a port by its laws."""
-    del number
-    return port.forces(place, velocity, speed)
 
 
 class Instant(NamedTuple):

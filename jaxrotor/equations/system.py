@@ -1,7 +1,7 @@
 """System: the equations of motion of a scene. See docs/concepts/ports.md for its ports."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import equinox as eqx
 import jax
@@ -118,12 +118,29 @@ class Port(eqx.Module):
         return total
 
 
+# Force of every law of a port, by its number, itself, displacement and velocity there, and speed:
+Law = Callable[[int, Port, Array, Array, Number], Float[Array, "k 2 ..."]]
+
+
+def actual(number: int, port: Port, place: Array, velocity: Array, speed: Number) -> Array:
+    """Forces of a port by its laws."""
+    del number
+    return port.forces(place, velocity, speed)
+
+
 def port_forces(
-    ports: tuple[Port, ...], displacement: Array, velocity: Array, speed: Number
+    ports: tuple[Port, ...],
+    displacement: Array,
+    velocity: Array,
+    speed: Number,
+    law: Law = actual,
 ) -> Float[Array, "2 p ..."]:
     """Total force at every port from displacement and velocity there, all (2, p), or (2, p, lanes)."""
     motions = zip(ports, *(jnp.swapaxes(x, 0, 1) for x in (displacement, velocity)), strict=True)
-    found = [port.added(port.forces(d, v, speed), d, v) for port, d, v in motions]
+    found = [
+        port.added(law(number, port, d, v, speed), d, v)
+        for number, (port, d, v) in enumerate(motions)
+    ]
     return jnp.stack(found, axis=1)
 
 

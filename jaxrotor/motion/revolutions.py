@@ -24,12 +24,13 @@ from ..equations.system import System, assemble, has_massless, structure
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
 from ..solvers.control import step_control, tuned
-from ..solvers.exponential import Exponential, ExponentialStep, revolution, revolution_of_lanes
+from ..solvers.exponential import Exponential, revolution, revolution_of_lanes
 from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.lanes import lanes_last, per_lane
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm, take_lanes
 from ..solvers.remainder import RemainderMap
+from ..solvers.step import Step
 from ..spins.constant import ConstantSpeed
 from .base import AbstractMarch, Plan, Window, bounded
 
@@ -45,7 +46,7 @@ class March(AbstractMarch):
     system: System
     stations: Float[Array, " s"]
     form: AbstractForm
-    step: ExponentialStep | LocatedStep | None
+    step: Step | LocatedStep | None
     # Propagator over `span` without contact, where there is contact or a remainder:
     free: Rotation | SlotRotation | Dense | RemainderMap | None
     span: Scalar  # angle that counts as a revolution [rad]
@@ -91,15 +92,15 @@ class March(AbstractMarch):
         if not isinstance(plan.solver, Exponential):
             return cls(plan, system, stations, PhysicalForm(motion, rows), None, None, span)
         form = plan.solver.form(lent, motion, rows, basis, stations.size)
-        step = plan.solver.stepper(form, plan.steps, span, batch=plan.batch)
+        step = plan.solver.stepper(form, plan.steps, span)
         free = None
         # It only tells whether there was contact, or what steps amplify, so it needs no derivative.
         still, length = jax.lax.stop_gradient((form.basis, span))
         if system.remainder and step is not None:
             settings = *jax.lax.stop_gradient((lent, rate)), plan.solver, still
             free = RemainderMap.of(*settings, plan.steps, length)
-            spoilt = jnp.where(free.amplified, jnp.nan, step.tableau.weights)
-            step = eqx.tree_at(lambda step: step.tableau.weights, step, spoilt)
+            weights = lambda step: step.tableau.weights
+            step = eqx.tree_at(weights, step, jnp.where(free.amplified, jnp.nan, weights(step)))
         elif step is not None:
             free = eqx.tree_at(lambda f: f.basis, form, still).free_propagator(length)
         return cls(plan, system, stations, form, step, free, span)
@@ -111,12 +112,7 @@ class March(AbstractMarch):
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
         """See `Tableau.contact_stiffness_ratio`; zero where `Exponential` steps no contact."""
-        if self.step is None:
-            return jnp.zeros((0, 2))
-        form = self.form
-        assert isinstance(form, PortForm) and form.contacts is not None
-        seen, through = form.contacts.reading.matrix, form.contacts.through
-        return self.step.tableau.contact_stiffness_ratio(seen, self.system.ports, through)
+        return jnp.zeros((0, 2)) if self.step is None else self.step.contact_stiffness_ratio
 
     @property
     def amplified(self) -> Bool[Array, ""]:
@@ -218,7 +214,7 @@ class March(AbstractMarch):
 
         def one(carry, theta):
             y, unresolved = carry
-            y1, more = step.advance(theta, y)
+            y1, _, more = step.advance(theta, y, batch=self.plan.batch)
             return (y1, unresolved + more), self.form.read(theta, y) if sample else None
 
         (y1, unresolved), samples = jax.lax.scan(one, (y, jnp.zeros((), int)), grid[:-1])
@@ -277,7 +273,7 @@ def collect_lanes(march: March, y: Array, carry: Any, update: Callable, windows:
 
     `update` then has windows and carries of all lanes, along their last axis.
     """
-    if not (march.plan.batch and isinstance(march.step, ExponentialStep)):
+    if not (march.plan.batch and isinstance(march.step, Step)):
         return march.collect(y, carry, update, windows)
     of_all = lambda parts, y: _collect_rows(parts[0], parts[1], y, update, windows)
     return lanes_last(of_all, (march, carry), y)
@@ -286,7 +282,7 @@ def collect_lanes(march: March, y: Array, carry: Any, update: Callable, windows:
 def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows: int) -> Any:
     """The same, lanes last."""
     plan, form, step = march.plan, march.form, march.step
-    assert isinstance(form, PortForm) and isinstance(step, ExponentialStep)
+    assert isinstance(form, PortForm) and isinstance(step, Step)
     fused = isinstance(plan.solver, Exponential) and plan.solver.fused
     together = plan.contacts and march.system.members and take_lanes(march.system.ports)
 

@@ -76,7 +76,7 @@ def run_up(
         at: station(s) [m] to observe, by default as in `simulate`.
         solver: `Exponential(..)` or any diffrax solver; by default as in a sweep: exponential steps of
             order 4, with contact 2, where they can be taken, else Dopri8 for one or two coordinates with
-            mass and Kvaerno5 for more; see "One motion, four marches" in the documentation.
+            mass and Kvaerno5 for more; see "One motion, three marches" in the documentation.
         controller: step control of a diffrax solver, by default rtol 1e-7 and atol 1e-10 of m and rad.
         substeps: steps from sample to sample of a solver without an error estimate; of `Exponential` by
             default as many as follow the unbalance at the highest speed, of a drive at that which it would

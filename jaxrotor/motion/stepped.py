@@ -1,4 +1,4 @@
-"""Exponential steps of a run whose speed is known in time.
+"""Stepping: settings of exponential steps along times.
 
 A run is cut into pieces, from sample to sample or shorter. A piece is stepped in the modal coordinates
 that the rotor has at one of a few speeds, the nearest.
@@ -12,27 +12,23 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float, Int
+from jaxtyping import Array, Float, Int
 
-from ..core.blocks import unbalance_factor
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, Series, known
 from ..equations.constant_frame import linear_matrix
-from ..equations.coupled import INSIDE
-from ..equations.fixed_axes import FixedAxes, SpeedTerms, depends_on_speed
+from ..equations.fixed_axes import depends_on_speed
 from ..equations.start import Launch
 from ..equations.system import System
 from ..scene import Scene
 from ..solvers.basis import Basis, Count, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
-from ..solvers.located_varying import LocatedVaryingStep
-from ..solvers.varying_speed import Course, RotorAtSpeed, VaryingStep
 from ..spins.constant import ConstantSpeed
 from .choice import check_steppable
-from .exact import exact_motion, has_steady_motion
-from .speeds import coupled_steps, expected_speed, steps_between, turning
+from .exact import has_steady_motion
+from .speeds import coupled_steps, expected_speed, steps_between
 
 
 MODES = 8  # in which the change of speed acts within a piece; beyond them the nearest speed counts
@@ -213,111 +209,3 @@ def _modal_bases(
     centres, rate = _centres(system, breaks, span, count)
     one = lambda speed: modal(linear_matrix(system.at_speed(speed), rate))
     return jax.lax.map(one, centres)
-
-
-class Path(eqx.Module):
-    """Motion at the samples, in fixed axes."""
-
-    q: Complex[Array, "T n"]
-    velocity: Complex[Array, "T n"]  # [1/s] of them
-    touched: Bool[Array, ""]  # whether a contact was loaded
-    unresolved: Int[Array, ""]  # steps whose changes of contact were not located
-    contact_stiffness_ratio: Float[Array, "k 2"]
-
-
-def stepped(system: System, stepping: Stepping, begin: tuple[Array, Array], angle: Scalar) -> Path:
-    """Motion from coordinates and velocities at time 0, where the rotor is turned by `angle`.
-
-    Without contact and at constant speed it is exact, and nothing is stepped.
-    """
-    centres, rate = stepping.centres(system)
-    if stepping.exact:
-        basis: Any = jax.tree.map(lambda leaf: leaf[0], stepping.bases)
-        settings = rate, stepping.breaks, begin, angle
-        path = exact_motion(system, basis, *settings, even=stepping.even)
-        q, velocity = (part[stepping.samples] for part in path)
-        return Path(q, velocity, jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros((0, 2)))
-    terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
-    order, bases = stepping.solver.order, stepping.bases
-    build = lambda of: RotorAtSpeed.build(system.at_speed(of[0]), rate, terms, of[1])
-    lengths = jnp.diff(stepping.breaks)
-    h = lambda length: rate * length / (stepping.substeps * stepping.parts)
-    if stepping.speeds == 1:
-        rotors = build(jax.tree.map(lambda leaf: leaf[0], (centres, bases)))
-        step_of = lambda rotor: rotor.step(order, h(jnp.max(lengths)), system.ports)
-        steps = step_of(rotors)
-        at = lambda tree, number: tree
-        middle = steps
-    else:
-        rotors = jax.lax.map(build, (centres, bases))
-        step_of = lambda rotor: rotor.step(order, h(jnp.max(lengths)), ())
-        at = lambda tree, number: jax.tree.map(lambda leaf: leaf[number], tree)
-        steps = jax.lax.map(step_of, rotors) if stepping.even else None
-        middle = step_of(at(rotors, stepping.speeds // 2))
-        middle = dataclasses.replace(middle, ports=system.ports)
-
-    def piece(carry, part):
-        state, touched, unresolved = carry
-        time, length = part
-        speed = turning(system, time + length / 2).speed
-        number = jnp.argmin(jnp.abs(centres - speed))
-        rotor = at(rotors, number)
-        if stepping.even:
-            step = dataclasses.replace(at(steps, number), ports=system.ports)
-        else:
-            step = rotor.step(order, h(length), system.ports)
-        step, each = steps_of(rotor, step, stepping.solver), length / stepping.parts
-
-        def several(count, carry):
-            y, *found = carry
-            part = time + count * each, each, stepping.substeps
-            now = course(system, rotor, centres[number], angle, part)
-            y, loaded, more = step.several(now, y, batch=False)
-            return y, found[0] | loaded, found[1] + more
-
-        found: Any = rotor.encode(state), touched, unresolved
-        if isinstance(stepping.parts, int):
-            found = several(0, found)
-        else:
-            found = jax.lax.fori_loop(0, stepping.parts, several, found)
-        state = rotor.decode(found[0])
-        return (state, *found[1:]), state
-
-    axes = FixedAxes(at(rotors, 0).axes.matrix, rate)
-    first = axes.state(*begin)
-    times = stepping.breaks[:-1], lengths
-    begun = first, jnp.zeros((), bool), jnp.zeros((), int)
-    (_, touched, unresolved), states = jax.lax.scan(piece, begun, times)
-    states = jnp.concatenate([first[None], states])[stepping.samples]
-    q, velocity = jax.vmap(axes.coordinates)(states)
-    return Path(q, velocity, touched, unresolved, middle.contact_stiffness_ratio)
-
-
-def steps_of(
-    rotor: RotorAtSpeed, step: VaryingStep, solver: Exponential
-) -> VaryingStep | LocatedVaryingStep:
-    """The steps of a rotor, located where the solver is so and a law of contact has kinks."""
-    kinked = any(law.kinked for port in step.ports for law in port.laws)
-    return LocatedVaryingStep.of(rotor, step, solver.order) if solver.located and kinked else step
-
-
-def course(
-    system: System,
-    rotor: RotorAtSpeed,
-    centre: Scalar,
-    angle: Scalar | float,
-    piece: tuple[Scalar, Scalar, int],
-) -> Course:
-    """Loads and speeds, known in time, at the steps of a piece: its beginning, length and their number."""
-    time, length, substeps = piece
-    count = 2 * substeps
-    share = jnp.arange(count + 1) / count
-    now = turning(system, time + length * share)
-    acceleration = now.acceleration
-    if system.spin.kinks is not None:  # at an end it is that of this side of a jump
-        share = share.at[0].add(INSIDE / count).at[-1].add(-INSIDE / count)
-        acceleration = turning(system, time + length * share).acceleration
-    g = unbalance_factor(now.speed, acceleration) * jnp.exp(1j * (angle + now.angle))
-    nodes = jnp.arange(substeps)[:, None] * 2 + np.arange(3)
-    speed = now.speed[nodes]
-    return Course(rotor.load_values(g[nodes]), speed, speed - centre)

@@ -13,10 +13,10 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.compiled import compiled
 from ..core.extremes import larger
-from ..core.plane import plane
+from ..core.plane import direction, plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
-from ..equations.coupled import SpinAndBalls, is_coupled
+from ..equations.coupled import SpinAndBalls
 from ..equations.kinematics import Kinematics, RotatingState, Turning
 from ..equations.massless_coordinates import Known
 from ..equations.rotating_frame import Transient
@@ -25,9 +25,8 @@ from ..equations.system import System
 from ..scene import Scene
 from ..solvers.control import step_control
 from ..spins.drive import Drive
-from .coupled import coupled_path
-from .speeds import turning
-from .stepped import Stepping, stepped
+from .stepped import Stepping
+from .stepped_rotor import stepped
 
 
 def controller_for(solver, scene: Scene, **options) -> dfx.AbstractStepSizeController | None:
@@ -201,33 +200,24 @@ def _step(
 ) -> Integrated:
     """A run by exponential steps."""
     field = Transient.of(scene, None, launch.angle, system=system)
-    system, none = field.system, jnp.zeros(0)
-    never = jnp.asarray(jnp.inf)
-    if is_coupled(scene):
-        coupled = coupled_path(scene, field, plan, launch, stations[0])
-        instants = jax.vmap(field.instant)(times, coupled.states)
-        seen = motion_of_stations(system, instants, stations)
-        steps = coupled.touched, coupled.unresolved, coupled.contact_stiffness_ratio
-        return Integrated(instants.turning, instants, never, _finite(instants), seen, *steps)
-    begin = launch.shaft.state(system, stations[0])
-    path = stepped(system, plan, begin, launch.angle)
+    system, never = field.system, jnp.asarray(jnp.inf)
+    path = stepped(scene, system, plan, launch, stations[0])
     steps = path.touched, path.unresolved, path.contact_stiffness_ratio
     if plan.exact:  # accelerations would take longer than the motion, and few ask for them
-        now = turning(system, times)
-        now = now._replace(angle=launch.angle + now.angle)
-        seen = _seen(system, path.q, path.velocity, now.speed, stations)
-        return Integrated(now, None, never, _finite(seen), seen, *steps)
+        seen = _seen(system, path.q, path.velocity, path.turning.speed, stations)
+        return Integrated(path.turning, None, never, _finite(seen), seen, *steps)
 
-    def instant(time: Scalar, q: Array, velocity: Array) -> Kinematics:
-        angle, speed, _ = system.spin.turning(time, system.blocks.polar)
-        back = jnp.exp(-1j * (launch.angle + angle))
-        drift = back * (velocity - 1j * speed * q)
-        parts = plane(back * q), plane(drift) / field.rate
-        return field.instant(time, RotatingState(*parts, none, none, none, none))
+    def instant(time: Scalar, now: Turning, q: Array, velocity: Array, others: SpinAndBalls):
+        """Motion in the axes of the shaft."""
+        back, rate = direction(-now.angle), field.rate
+        parts = plane(back * q), plane(back * (velocity - 1j * now.speed * q)) / rate
+        rates = others.angle, others.speed / rate, others.bodies, others.bodies_rate / rate
+        return field.instant(time, RotatingState(*parts, *rates))
 
-    instants = jax.vmap(instant)(times, path.q, path.velocity)
+    instants = jax.vmap(instant)(times, path.turning, path.q, path.velocity, path.others)
     seen = motion_of_stations(system, instants, stations)
-    return Integrated(instants.turning, instants, never, _finite(instants), seen, *steps)
+    good = _finite(instants)
+    return Integrated(instants.turning, instants, never, good, seen, *steps)
 
 
 def first_state(field: Transient, launch: Launch, station: Scalar, *, free: bool) -> RotatingState:

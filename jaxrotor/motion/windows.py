@@ -1,9 +1,7 @@
 """Windows: a motion along evenly spaced samples, advanced from window to window of them."""
 
-import abc
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,45 +12,105 @@ from jaxtyping import Array, Float
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
 from ..equations.constant_frame import linear_matrix
-from ..equations.fixed_axes import SpeedTerms, depends_on_speed
-from ..equations.start import AbstractStart, Launch
+from ..equations.coupled import SpinAndBalls
+from ..equations.fixed_axes import depends_on_speed
+from ..equations.start import AbstractStart, Continued, Launch
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
-from ..solvers.located_varying import LocatedVaryingStep
-from ..solvers.varying_speed import RotorAtSpeed, VaryingStep
+from ..solvers.located import LocatedStep
+from ..solvers.step import Step
 from .base import AbstractMarch, Bodies, Plan, Window, bounded
-from .run_up import after
-from .speeds import coupled_steps, decomposed_at, expected_speed, steps_between, turning
-from .stepped import Stepping, course, steps_of
+from .history import imbalance_of
+from .run_up import after, with_balls
+from .speeds import coupled_steps, decomposed_at, expected_speed, steps_between
+from .stepped import Stepping
+from .stepped_rotor import SteppedRotor
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
 MOST_MODES = 24  # in which the change of speed acts, as all lanes share one speed of decomposition
 
 
-class AbstractWindowMarch(AbstractMarch):
+class WindowMarch(AbstractMarch):
     """Motion of one scene along evenly spaced samples, advanced by whole windows of them.
 
     The rotor is decomposed at one speed, so that lanes whose speeds differ share the coefficients of a
     step. The last entry of a state counts the windows.
     """
 
-    system: eqx.AbstractVar[System]
-    step: eqx.AbstractVar[Any]
-    reading: eqx.AbstractVar[Float[Array, "4 m2"]]  # [Re, Im] of the station's motion
-    length: eqx.AbstractVar[Scalar]  # from sample to sample [s]
-    substeps: eqx.AbstractVar[int]  # there
-    before: eqx.AbstractVar[int]  # intervals before the first sample
+    plan: Plan
+    scene: Scene
+    rotor: SteppedRotor
+    step: Step | LocatedStep
+    reading: Float[Array, "4 m2"]  # [Re, Im] of the station's motion
+    length: Scalar  # from sample to sample [s]
+    substeps: int = eqx.field(static=True)  # there
+    before: int = eqx.field(static=True)  # intervals before the first sample
 
-    @abc.abstractmethod
-    def interval(self, time: Scalar, y: Array) -> tuple[Array, Array, Array]:
-        """State after an interval from a time on, whether a contact was loaded, steps not resolved."""
+    @classmethod
+    def build(
+        cls,
+        scene: Scene,
+        plan: Plan,
+        stepping: Stepping,
+        start: AbstractStart,
+        station: Float[Array, "1"],
+    ) -> "WindowMarch":
+        """Assemble a scene, as it is at a start, for a plan and its steps, with one station to read."""
+        launch, solver = Launch.of(start), plan.solver
+        scene = after(scene, launch)
+        system = assemble(scene, plan.together)
+        (centre,), rate = stepping.centres(system)
+        assert isinstance(solver, Exponential)
+        basis = None
+        if solver.basis != "dense":
+            basis = modal(linear_matrix(decomposed_at(system, centre), rate))
+        rotor = SteppedRotor.build(scene, system, stepping, launch.angle, (centre, basis))
+        length = stepping.breaks[1] - stepping.breaks[0]
+        step = rotor.plain(solver.order, length / stepping.substeps)
+        return cls(
+            plan=plan,
+            scene=scene,
+            rotor=rotor,
+            step=solver.located_of(rotor.rotor, step),
+            reading=rotor.rotor.reading(system.line.row(station[0])),
+            length=length,
+            substeps=stepping.substeps,
+            before=stepping.before,
+        )
 
-    @abc.abstractmethod
-    def seen(self, times: Array, states: Array) -> tuple[Array, Array, Bodies | None]:
-        """States of the rotor in its basis, speeds of rotation, and balls at some times."""
+    def begin(self, start: AbstractStart, at: Scalar) -> Array:
+        launch = with_balls(self.scene, Launch.of(start))
+        return jnp.append(self.rotor.begin(launch, at), 0.0)
+
+    def encode(self, *parts: Array) -> Array:
+        """State at the first sample of the parts that `decode` returns."""
+        q, velocity, *balls = parts
+        launch = Launch(Continued(q, velocity), self.rotor.angle)
+        speed = self.rotor.system.spin.speed
+        others = SpinAndBalls.of(launch, speed, free=bool(self.rotor.sizes.spin))
+        if balls:
+            pair = lambda others: (others.bodies, others.bodies_rate)
+            others = eqx.tree_at(pair, others, (balls[0], balls[1] - speed))
+        return jnp.append(self.rotor.encode(q, velocity, others), 0.0)
+
+    def decode(self, y: Array) -> tuple[Array, ...]:
+        """Coordinates [m], their velocities [m/s], and angles [rad] and speeds [rad/s] of balls.
+
+        The latter are left out where the speed is known in time and there are no balls.
+        """
+        q, velocity, others = self.rotor.decode(y[:-1])
+        if self.rotor.forces is None:
+            return q, velocity
+        speed = self.rotor.turning(self.times(y[-1])[0], others).speed
+        return q, velocity, others.bodies, others.bodies_rate + speed
+
+    @property
+    def eigenvectors(self) -> Array | np.ndarray:
+        """Those of the linear equations, by which the basis is judged."""
+        return self.rotor.rotor.basis.vectors
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
@@ -70,9 +128,13 @@ class AbstractWindowMarch(AbstractMarch):
         return end, ok
 
     def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
-        number, times, system = y[-1], self.times(y[-1]), self.system
+        number, times, system = y[-1], self.times(y[-1]), self.rotor.system
         end, outcome, states = self._stepped(y[:-1], times[:-1])
-        w, speed, bodies = self.seen(times, jnp.concatenate([states, end[None]]))
+        w, others = jax.vmap(self.rotor.parts)(jnp.concatenate([states, end[None]]))
+        speed, bodies = jax.vmap(self.rotor.turning)(times, others).speed, None
+        if system.races:
+            imbalance = imbalance_of(self.scene, others.bodies)
+            bodies = Bodies(others.bodies, others.bodies_rate, imbalance)
         seen = jnp.moveaxis((w @ self.reading.T).reshape(-1, 2, 2), 1, -1)
         forces = None
         if self.plan.contacts and system.ports:
@@ -95,88 +157,13 @@ class AbstractWindowMarch(AbstractMarch):
 
         def one(carry, time):
             y, touched, unresolved = carry
-            end, loaded, more = self.interval(time, y)
+            starts = self.rotor.starts(time, self.length, self.substeps)
+            end, loaded, more = self.step.several(starts, y, batch=True)
             return (end, touched | loaded, unresolved + more), y
 
         first = y, jnp.zeros((), bool), jnp.zeros((), int)
         (y, touched, unresolved), states = jax.lax.scan(one, first, times)
         return y, Outcome(bounded(y), jnp.ones((), bool), unresolved, touched), states
-
-
-class WindowMarch(AbstractWindowMarch):
-    """Motion of a rotor whose speed is known in time."""
-
-    plan: Plan
-    system: System
-    rotor: RotorAtSpeed
-    step: VaryingStep | LocatedVaryingStep
-    reading: Float[Array, "4 m2"]
-    centre: Scalar  # speed of decomposition [rad/s]
-    angle: Scalar | float  # of rotation at time 0 [rad]
-    length: Scalar
-    substeps: int = eqx.field(static=True)
-    before: int = eqx.field(static=True)
-
-    @classmethod
-    def build(
-        cls,
-        scene: Scene,
-        plan: Plan,
-        stepping: Stepping,
-        start: AbstractStart,
-        station: Float[Array, "1"],
-    ) -> "WindowMarch":
-        """Assemble a scene, as it is at a start, for a plan and its steps, with one station to read."""
-        system = assemble(after(scene, Launch.of(start)), plan.together)
-        centres, rate = stepping.centres(system)
-        terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
-        at_centre = decomposed_at(system, centres[0])
-        assert isinstance(plan.solver, Exponential)
-        dense = plan.solver.basis == "dense"
-        basis = None if dense else modal(linear_matrix(at_centre, rate))
-        rotor = RotorAtSpeed.build(at_centre, rate, terms, basis)
-        length = stepping.breaks[1] - stepping.breaks[0]
-        h = rate * length / stepping.substeps
-        plain = rotor.step(plan.solver.order, h, system.ports)
-        step = steps_of(rotor, plain, plan.solver)
-        return cls(
-            plan=plan,
-            system=system,
-            rotor=rotor,
-            step=step,
-            reading=rotor.reading(system.line.row(station[0])),
-            centre=centres[0],
-            angle=start.angle if isinstance(start, Launch) else 0.0,
-            length=length,
-            substeps=stepping.substeps,
-            before=stepping.before,
-        )
-
-    def begin(self, start: AbstractStart, at: Scalar) -> Array:
-        """State at the start."""
-        return self.encode(*start.state(self.system, at))
-
-    def encode(self, *parts: Array) -> Array:
-        """State at the first sample of coordinates [m] and their velocities [m/s]."""
-        q, velocity = parts
-        return jnp.append(self.rotor.encode(self.rotor.axes.state(q, velocity)), 0.0)
-
-    def decode(self, y: Array) -> tuple[Array, Array]:
-        """Coordinates [m] and velocities [m/s] of a state."""
-        return self.rotor.axes.coordinates(self.rotor.decode(y[:-1]))
-
-    @property
-    def eigenvectors(self) -> Array | np.ndarray:
-        """Those of the linear equations, by which the basis is judged."""
-        return self.rotor.basis.vectors
-
-    def interval(self, time: Scalar, y: Array) -> tuple[Array, Array, Array]:
-        part = time, self.length, self.substeps
-        now = course(self.system, self.rotor, self.centre, self.angle, part)
-        return self.step.several(now, y, batch=True)
-
-    def seen(self, times: Array, states: Array) -> tuple[Array, Array, None]:
-        return states, turning(self.system, times).speed, None
 
 
 def window_of(samples: int) -> int:

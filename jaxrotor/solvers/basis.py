@@ -269,7 +269,7 @@ class Dense(eqx.Module):
     matrix: Float[Array, "m2 m2"]
 
     def __call__(self, w: Float[Array, "m2 ..."]) -> Float[Array, "m2 ..."]:
-        return self.matrix @ w if w.ndim == 1 else product(self.matrix, w)
+        return product(self.matrix, w)
 
 
 def well_conditioned(vectors: Array | np.ndarray) -> bool:
@@ -325,7 +325,7 @@ def as_real(z: Inexact[Array, "..."]) -> Float[Array, "a2 b2"]:
     return jnp.block([[z.real, -z.imag], [z.imag, z.real]])
 
 
-def unpacked(basis: "Basis | BasisWithOthers", y: Float[Array, " m2"]) -> Inexact[Array, " m"]:
+def unpacked(basis: "Basis", y: Float[Array, " m2"]) -> Inexact[Array, " m"]:
     """`re + i im` of a state or of forces `[re, im]` in a complex basis; unchanged in a real one."""
     if not jnp.iscomplexobj(basis.vectors):
         return y
@@ -339,37 +339,3 @@ def packed(w: Inexact[Array, " m"]) -> Float[Array, " m2"]:
 
 
 Basis = ModalBasis | SlotBasis | DenseBasis
-
-
-class BasisWithOthers(eqx.Module):
-    """A basis of the rotor, and numbers without a linear part behind its coordinates."""
-
-    own: Basis
-    count: int = eqx.field(static=True)
-
-    @property
-    def vectors(self) -> Array:
-        """Those of the rotor, which are complex where the coordinates are."""
-        return self.own.vectors
-
-    def flow(self, span: Scalar, b: Inexact[Array, "m p"], count: int) -> tuple[Any, list[Array]]:
-        """See `ModalBasis.flow`: `phi_k(0) = 1 / k!`."""
-        own, others = self._parts(b)
-        flow, parts = self.own.flow(span, own, count)
-        factor, found = span, []
-        for k, part in enumerate(parts, start=1):
-            factor = factor / k
-            found.append(jnp.concatenate([part, factor * others]))
-        return flow, found
-
-    def apply(self, flow: Any, b: Inexact[Array, "m p"]) -> Inexact[Array, "m p"]:
-        """`exp(span A) b`."""
-        own, others = self._parts(b)
-        return jnp.concatenate([self.own.apply(flow, own), others])
-
-    def twice(self, flow: Any) -> Any:
-        """`exp(2 span A)`."""
-        return self.own.twice(flow)
-
-    def _parts(self, b: Inexact[Array, "m p"]) -> list[Array]:
-        return jnp.split(b, [b.shape[0] - self.count])

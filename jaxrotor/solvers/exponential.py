@@ -10,23 +10,23 @@ state to the stage values of the ports, the forces, and one product back. See do
 import functools
 from typing import Literal
 
-import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..core.quantities import Scalar
 from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import Basis, Count, dense, modal
+from .forcing import AtConstantSpeed
 from .lanes import lanes_last
 from .located import LocatedStep
-from .ports import PortField, PortForm, Reading, YieldingReading
+from .ports import PortForm, Reading, YieldingReading
+from .rotor import RotorAtSpeed
 from .shapes import Shapes
-from .tableau import AbstractStep, Tableau, tableau_of
+from .step import Now, Step
 
 
 class Exponential(eqx.Module):
@@ -102,63 +102,22 @@ class Exponential(eqx.Module):
         return PortForm.along_axes(axes, motion, rows, own)
 
     def stepper(
-        self, form: PortForm, steps: Count, span: ArrayLike = 2 * jnp.pi, *, batch: bool = False
-    ) -> "ExponentialStep | LocatedStep | None":
-        """A step, of `steps` in an angle `span` [rad]; None without contact, where no steps are needed.
-
-        With `batch`, lanes under `jax.vmap` whose steps are split run together.
-        """
-        field = form.field
-        if form.contacts is None or field.reading is None:
+        self, form: PortForm, steps: Count, span: ArrayLike = 2 * jnp.pi
+    ) -> Step | LocatedStep | None:
+        """A step, of `steps` in an angle `span` [rad]; None without contact, where no steps are needed."""
+        if form.contacts is None:
             return None
-        h = jnp.asarray(span) / steps
-        kinked = any(law.kinked for port in form.motion.ports for law in port.laws)
-        if self.located and kinked:
-            return LocatedStep.build(form, self.order, h, batch=batch)
-        ports = form.contacts
-        tableau = tableau_of(self.order, form.basis, ports.output_matrix, ports.input_matrix, h)
-        return ExponentialStep(
-            tableau=tableau, field=field, reading=field.reading, order_=self.order
-        )
+        step = form.step(self.order, jnp.asarray(span) / steps, AtConstantSpeed(form.field))
+        return self.located_of(form, step)
 
-
-class ExponentialStep(AbstractStep):
-    """A step of fixed size that ignores changes of contact inside it."""
-
-    tableau: Tableau
-    field: PortField
-    reading: Reading
-    order_: int = eqx.field(static=True)
-
-    def init(self, terms, t0, t1, y0, args) -> None:
-        del terms, t0, t1, y0, args
-
-    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        del terms, t1, args, solver_state, made_jump
-        y1 = self.advance(jnp.asarray(t0), y0)
-        return y1, None, {"y0": y0, "y1": y1}, None, dfx.RESULTS.successful
-
-    def advance(self, theta: Scalar, y: Float[Array, " m2"]) -> Float[Array, " m2"]:
-        """State after a step from `theta`."""
-        phases = self.tableau.phases(theta)
-        return lanes_last(lambda step, y: step.of_lanes(phases, y), self, y, batch=False)
-
-    def of_lanes(self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"]) -> Array:
-        """States after a step, lanes last."""
-        free = self.tableau.free_readings(phases, y, self.reading)
-        reading = self.reading
-
-        def forces(stage: Array, time: int) -> Array:
-            phase = lambda: phases[time]
-            seen = reading.fixed(phase, stage)
-            field = self.field.at(phase)
-            return reading.turned(phase, field.of_lanes(seen))
-
-        return self.tableau.advance(y) + self.tableau.increment(free, forces)
+    def located_of(self, rotor: PortForm | RotorAtSpeed, step: Step) -> Step | LocatedStep:
+        """A step of a rotor, located where this solver is so and a law of contact has kinks."""
+        kinked = any(law.kinked for port in step.ports for law in port.laws)
+        return LocatedStep.of(rotor, step) if self.located and kinked else step
 
 
 def revolution(
-    step: ExponentialStep,
+    step: Step,
     y: Float[Array, " m2"],
     steps: int,
     stations: Reading | YieldingReading | None,
@@ -179,7 +138,7 @@ def revolution(
 
 
 def revolution_of_lanes(
-    step: ExponentialStep,
+    step: Step,
     stations: Reading | YieldingReading | None,
     y: Float[Array, "m2 lanes"],
     steps: int,
@@ -204,11 +163,11 @@ def revolution_of_lanes(
 
 
 def _stepped(
-    parts: tuple[ExponentialStep, Reading | YieldingReading | None],
+    parts: tuple[Step, Reading | YieldingReading | None],
     y: Float[Array, "m2 lanes"],
     phases: Float[Array, "c 2"],
 ) -> tuple[Float[Array, "m2 lanes"], Float[Array, "s4 lanes"] | None]:
     """States after a step, and what the stations read before it, lanes last."""
     step, stations = parts
     seen = None if stations is None else stations.of_lanes(phases[0], y)
-    return step.of_lanes(phases, y), seen
+    return step(Now(phases), y)[0], seen

@@ -34,11 +34,13 @@ def one_lane(tree: Any) -> Any:
     return jax.tree.map(lambda leaf: leaf[..., None] if eqx.is_array(leaf) else leaf, tree)
 
 
-def product(matrix: Float[Array, "a b l"], x: Float[Array, "b lanes"]) -> Float[Array, "a lanes"]:
-    """`matrix @ x` in every lane."""
-    if matrix.shape[1] <= THIN:
+def product(matrix: Float[Array, "a b ..."], x: Float[Array, "b ..."]) -> Float[Array, "a ..."]:
+    """`matrix @ x`, in every lane where there are some."""
+    if 0 < matrix.shape[1] <= THIN:
         columns = [matrix[:, k] * x[k] for k in range(matrix.shape[1])]
         return sum(columns[1:], start=columns[0])
+    if x.ndim == 1:
+        return matrix @ x
     if matrix.shape[-1] == 1:
         return matrix[..., 0] @ x
     return jnp.sum(matrix * x, axis=1)

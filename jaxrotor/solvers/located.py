@@ -1,118 +1,283 @@
-"""Located steps at constant speed: exponential steps that are split where a force changes its branch."""
+"""Located steps: a step that ends, and begins anew, at the instants at which a force changes its branch.
 
-import diffrax as dfx
+Between two such instants every force follows one smooth branch of its law, so an exponential step
+keeps its order. A step is tried along the branches that hold at its start. Every condition of a
+branch has a margin, positive while it holds; margins and rates at both ends of the step, which the
+readings of the ports give, define cubics, and the step ends at the first descent of one through zero.
+The error of a cubic there, `dt = -margin / rate`, is corrected by the jump of the force, so that neither
+order nor derivatives depend on how the instant was found:
+
+    w <- w + B (f_before - f_after) dt
+
+See docs/concepts/lanes.md for lanes that are split at different instants.
+"""
+
+from typing import Any
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact, Int
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int
 
-from ..core.quantities import Scalar
-from .basis import Basis, as_real, unpacked
-from .branches import BranchedPorts
-from .lanes import one_lane
-from .ports import PortForm, phase_at
-from .splits import AbstractInstant, AbstractSplitStep
-from .tableau import AbstractStep, Tableau, step_of, tableau_of
-
-
-class PortsAtAngle(AbstractInstant):
-    """The ports of a rotor of constant speed at an angle of revolution."""
-
-    ports: BranchedPorts
-    basis: Basis
-    theta: Scalar
-
-    def read(self, w):
-        return self.ports.read(w, self.theta)
-
-    def crossing(self, branches, seen):
-        return self.ports.crossing(branches, seen)
-
-    def inputs(self, branches, w, exhausted=None):
-        return self._turned(self.ports.forces_of(branches, self.read(w), exhausted))
-
-    def jump(self, before, after, w):
-        seen, forces = self.read(w), self.ports.forces
-        return self._turned(forces(before, seen) - forces(after, seen))
-
-    def _turned(self, force: Float[Array, " p2"]) -> Inexact[Array, " p"]:
-        turned = self.ports.contacts.reading.turned
-        return unpacked(self.basis, turned(lambda: phase_at(self.theta), force))
+from ..core.quantities import Number, Scalar
+from ..equations.system import Branches, Law, Port, actual
+from .basis import as_real
+from .crossing import Crossing, falls_through_zero, first_crossing
+from .lanes import product
+from .step import AbstractForcing, AbstractRotor, At, Part, Step, of_ports
+from .tableau import OnceTableau, Tableau
 
 
-class SplitOfRevolution(AbstractSplitStep):
-    """A step at constant speed."""
-
-    ports: BranchedPorts
-    basis: Basis
-    input_matrix: Inexact[Array, "m p"]
-    h: Scalar
-    order: int = eqx.field(static=True)
-    batch: bool = eqx.field(static=True)
-
-    def at(self, theta, w):
-        del w
-        ports = self.ports.at(lambda: phase_at(theta))
-        return PortsAtAngle(ports=ports, basis=self.basis, theta=jnp.asarray(theta))
-
-    def part(self, w, theta, span, force):
-        del theta
-        return step_of(self.order, self.basis, self.input_matrix, w, span, force)
+NEAR = 1e-2  # of a full step: largest distance of a split from the crossing
+TRIES = 24  # most attempts in one step; the rest is then stepped without splitting
+BLOCK = 16  # lanes whose splits run at once
 
 
-class LocatedStep(AbstractStep):
-    """A step that is split where a force changes its branch.
+class Along(eqx.Module):
+    """Forces of every law of a port along given branches; the actual ones where `exhausted`."""
 
-    The state of the solver counts the steps that `TRIES` attempts did not resolve. With `batch`, lanes
-    under `jax.vmap` that are split run at once; otherwise one lane runs with all its tangents, as a
-    Jacobian needs.
-    """
+    branches: tuple[Branches, ...]
+    exhausted: Bool[Array, ""] | None = None
 
-    tableau: Tableau
-    splitting: SplitOfRevolution
-    order_: int = eqx.field(static=True)
+    def __call__(
+        self, number: int, port: Port, place: Array, velocity: Array, speed: Number
+    ) -> Float[Array, "k 2"]:
+        found = port.along(self.branches[number], place, velocity, jnp.asarray(speed))
+        if self.exhausted is None:
+            return found
+        return jnp.where(self.exhausted, port.forces(place, velocity, speed), found)
+
+
+class Split(eqx.Module):
+    """State of a partly completed step, and the crossings found in the span last tried."""
+
+    y: Float[Array, " y"]
+    after: Scalar  # the beginning of the step [rad]
+    left: Scalar  # of the step [rad]
+    span: Scalar  # tried last, from `after`
+    begin: Crossing
+    end: Crossing
+    branches: tuple[Branches, ...]
+    tries: Int[Array, ""]
+
+    @property
+    def unresolved(self) -> Int[Array, ""]:
+        """1 where the attempts did not complete the step."""
+        return (self.tries > TRIES) + 0
+
+
+class LocatedStep(eqx.Module):
+    """A step of fixed size that is split where a force changes its branch."""
+
+    whole: Step
+    rotor: AbstractRotor
+    # Readings C, and their rates at the ports by state, inputs and loads: C A, C B, C L
+    views: Float[Array, "v m2"]
+    input: Float[Array, "m2 i"]  # B
+    entering: Float[Array, "p4 i"]
+    loading: Float[Array, "p4 l"]
 
     @classmethod
-    def build(cls, form: PortForm, order: int, h: Scalar, *, batch: bool = False) -> "LocatedStep":
-        ports = BranchedPorts.build(form)
-        own = ports.contacts
-        tableau = tableau_of(order, form.basis, own.output_matrix, own.input_matrix, h)
-        splitting = SplitOfRevolution(
-            ports=ports,
-            basis=form.basis,
-            input_matrix=own.input_matrix,
-            h=h,
-            order=order,
-            batch=batch,
+    def of(cls, rotor: AbstractRotor, whole: Step) -> "LocatedStep":
+        """The located step of a rotor by one that is not."""
+        assert rotor.output is not None and rotor.input is not None
+        real, ports = as_real(rotor.output), whole.ports
+        own, enters = of_ports(ports, real), as_real(rotor.input)
+        moving = of_ports(ports, as_real(rotor.output @ rotor.basis.matrix()))
+        views = jnp.concatenate([real, moving])
+        return cls(whole, rotor, views, enters, own @ enters, own @ rotor.load_matrix)
+
+    @property
+    def tableau(self) -> Tableau | OnceTableau:
+        """That of the whole step."""
+        return self.whole.tableau
+
+    @property
+    def forcing(self) -> AbstractForcing:
+        """See `Step`."""
+        return self.whole.forcing
+
+    @property
+    def reading(self) -> Float[Array, "p4 m2"]:
+        """See `Step`."""
+        return self.whole.reading
+
+    @property
+    def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
+        """See `Step`."""
+        return self.whole.contact_stiffness_ratio
+
+    def several(
+        self, starts: Any, y: Float[Array, " y"], *, batch: bool
+    ) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
+        """State after a step from every start, whether a contact was loaded, how many are unresolved."""
+
+        def one(carry, start):
+            y, touched, unresolved = carry
+            y, loaded, more = self.advance(start, y, batch=batch)
+            return (y, touched | loaded, unresolved + more), None
+
+        begin = y, jnp.zeros((), bool), jnp.zeros((), int)
+        return jax.lax.scan(one, begin, starts)[0]
+
+    def advance(
+        self, start: Any, y: Float[Array, " y"], *, batch: bool = False
+    ) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
+        """State after a whole step, whether a contact was loaded in it, and 1 if it is not resolved.
+
+        With `batch`, lanes under `jax.vmap` that are split run at once; otherwise one lane runs with all
+        its tangents, as a Jacobian needs.
+        """
+        tableau, forcing = self.tableau, self.forcing
+        h = tableau.h
+        begin, finish = forcing.at(start, Part(0.0, h)), forcing.at(start, Part(h, h))
+        branches = self.branches(begin, y)
+        y1, loaded = self.whole(forcing.now(start, tableau.times, h), y, Along(branches))
+        ends = self.crossing(begin, branches, y), self.crossing(finish, branches, y1)
+        passed = ~jnp.any(falls_through_zero(*ends, h))
+        left, whole = jnp.where(passed, 0.0, h), jnp.asarray(h)
+        split = Split(
+            jnp.where(passed, y1, y),
+            jnp.zeros_like(whole),
+            left,
+            whole,
+            *ends,
+            branches,
+            jnp.zeros((), int),
         )
-        return cls(tableau=tableau, splitting=splitting, order_=order)
+        done = _finish(self, start, split, batch=batch)
+        return done.y, loaded | (done.tries > 0), done.unresolved
 
-    def init(self, terms, t0, t1, y0, args) -> Int[Array, ""]:
-        del terms, t0, t1, y0, args
-        return jnp.zeros((), int)
+    def attempt(self, start: Any, split: Split) -> Split:
+        """Step to the first crossing or the end; accepted unless another crossing is on the way."""
+        forcing, h, branches = self.forcing, self.tableau.h, split.branches
+        exhausted = split.tries >= TRIES
+        share = first_crossing(split.begin, split.end, split.span)
+        span = jnp.where(exhausted | (share > 1), split.left, share * split.span)
+        here = Part(split.after, h)
+        begin = self.crossing(forcing.at(start, here), branches, split.y)
+        step = self.rotor.step(self.tableau.order, span, forcing, once=True)
+        now = forcing.now(start, step.tableau.times, span, here)
+        y, _ = step(now, split.y, Along(branches, exhausted))
+        there = forcing.at(start, Part(split.after + span, h))
+        end = self.crossing(there, branches, y)
+        falling = falls_through_zero(begin, end, span)
+        # The condition that ends here, and its distance; at the end of the step it must be past.
+        last = span >= split.left
+        off = -end.margin / jnp.where(end.rate < 0, end.rate, -1.0)
+        ends = (end.rate < 0) & (jnp.abs(off) < NEAR * h) & (~last | (end.margin <= 0))
+        first = jnp.argmin(jnp.where(ends, off, jnp.inf))
+        ends &= (jnp.arange(ends.size) == first) & ~exhausted
+        accepted = exhausted | ~jnp.any(falling & ~ends)
+        after = _branches_after(ends, end, branches, self.branches(there, y))
+        jump = self.change(there, Along(branches), y, less=Along(after))
+        y = y + jump * jnp.sum(jnp.where(ends, off, 0.0))
+        left = jnp.where(last, 0.0, split.left - span)
+        keep = lambda new, old: jax.tree.map(lambda a, b: jnp.where(accepted, a, b), new, old)
+        # After an accepted span nothing is known of the next crossing: the rest is tried whole.
+        unknown = jax.tree.map(lambda one: jnp.full_like(one, jnp.inf), end)
+        return Split(
+            keep(y, split.y),
+            keep(split.after + span, split.after),
+            keep(left, split.left),
+            span,
+            keep(unknown, begin),
+            keep(unknown, end),
+            keep(after, branches),
+            split.tries + 1,
+        )
 
-    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        del terms, t1, args, made_jump
-        y1, unresolved = self.advance(jnp.asarray(t0), y0)
-        return y1, None, {"y0": y0, "y1": y1}, solver_state + unresolved, dfx.RESULTS.successful
+    def branches(self, at: At, y: Float[Array, " y"]) -> tuple[Branches, ...]:
+        """Branches of all laws in a state."""
+        own, _, x = self._viewed(y)
+        seen = self.forcing.seen(at.node, own)
+        d, v = self.forcing.motion(at.node, of_ports(self.whole.ports, seen), actual)
+        speed, ports = self.forcing.speed(at.node, x), enumerate(self.whole.ports)
+        return tuple(port.branches(d[:, i], v[:, i], speed) for i, port in ports)
 
-    def advance(self, theta: Scalar, y: Array) -> tuple[Array, Int[Array, ""]]:
-        """State after a full step from `theta`, and 1 if it is not resolved."""
-        ports = self.splitting.ports
-        tableau, reading = one_lane((self.tableau, ports.contacts.reading))
-        phases = self.tableau.phases(theta)
-        free = tableau.free_readings(phases, y[:, None], reading)
-        fixed, turned = ports.contacts.reading.fixed, ports.contacts.reading.turned
-        now, then = fixed(lambda: phases[0], free[0][:, 0]), free[-1][:, 0]
-        at = lambda time: ports.at(lambda: phases[time])
-        branches = at(0).branches(now)
+    def crossing(self, at: At, branches: tuple[Branches, ...], y: Float[Array, " y"]) -> Crossing:
+        """Margins of the conditions of given branches, and their rates by the angle."""
+        forcing, ports, law = self.forcing, self.whole.ports, Along(branches)
+        own, moving, x = self._viewed(y)
+        inputs, rates = forcing.forces(at.node, forcing.seen(at.node, own), x, law)
+        change = moving + product(self.entering, inputs)
+        if at.load is not None:
+            change = change + product(self.loading, at.load)
 
-        def force(stage: Array, time: int) -> Array:
-            phase = lambda: phases[time]
-            return turned(phase, at(time).forces(branches, fixed(phase, stage[:, 0])))[:, None]
+        def margins(node: Any, own: Float[Array, " p4"], x: Array) -> Float[Array, " c"]:
+            d, v = forcing.motion(node, forcing.seen(node, own), law)
+            speed, pairs = forcing.speed(node, x), enumerate(zip(ports, branches, strict=True))
+            found = [port.margins(b, d[:, i], v[:, i], speed) for i, (port, b) in pairs]
+            return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
 
-        added = tableau.increment(free, force)[:, 0]
-        y1 = self.tableau.advance(y) + added
-        finish = fixed(lambda: phases[-1], then + as_real(ports.contacts.output_matrix) @ added)
-        ends = at(0).crossing(branches, now), at(-1).crossing(branches, finish)
-        split = self.splitting.complete(theta, (y, y1), branches, ends)
-        return split.y, split.unresolved
+        point = at.node, of_ports(ports, own), x
+        return Crossing(
+            *jax.jvp(margins, point, (at.rate, change, 0 * x if rates is None else rates))
+        )
+
+    def change(
+        self, at: At, law: Law, y: Float[Array, " y"], less: Law | None = None
+    ) -> Float[Array, " y"]:
+        """Rate of a state by what acts on it, by a law of contact, `less` that by another law."""
+        own, _, x = self._viewed(y)
+        of = lambda law: self.forcing.forces(at.node, self.forcing.seen(at.node, own), x, law)
+        inputs, rates = of(law)
+        if less is not None:
+            others = of(less)
+            inputs, rates = jax.tree.map(jnp.subtract, (inputs, rates), others)
+        moved = product(self.input, inputs)
+        return moved if rates is None else jnp.concatenate([moved, rates])
+
+    def _viewed(self, y: Float[Array, " y"]) -> tuple[Array, Array, Array]:
+        """Readings of a state, their rates at the ports by it, and the numbers of the others."""
+        w, x = jnp.split(y, [y.size - self.forcing.others])
+        seen = product(self.views, w)
+        own, moving = jnp.split(seen, [seen.size - 4 * len(self.whole.ports)])
+        return own, moving, x
+
+
+def _branches_after(
+    ends: Bool[Array, " c"], end: Crossing, branches: Any, now: tuple[Branches, ...]
+) -> Any:
+    """Branches after some conditions end; inactive conditions are those of the state `now`."""
+    flat, rebuild = ravel_pytree(branches)
+    stay = jnp.where(jnp.isfinite(end.margin), flat, ravel_pytree(now)[0])
+    return rebuild(jnp.where(ends, 1 - flat, stay))
+
+
+def _finish(step: LocatedStep, start: Any, split: Split, *, batch: bool) -> Split:
+    """Attempts until the step is complete; of many lanes, by blocks of those that are not."""
+    arrays, constant = eqx.partition((step, start), eqx.is_array)
+
+    def attempt(arrays: Any, split: Split) -> Split:
+        step, start = eqx.combine(arrays, constant)
+        return step.attempt(start, split)
+
+    def alone(arrays: Any, split: Split) -> Split:
+        return jax.lax.while_loop(lambda s: s.left > 0, lambda s: attempt(arrays, s), split)
+
+    if not batch:
+        return alone(arrays, split)
+    run = jax.custom_batching.custom_vmap(alone)
+
+    @run.def_vmap
+    def _(size, batched, arrays, split):
+        own, given = batched
+        spread = lambda leaf, own: leaf if own else jnp.broadcast_to(leaf, (size, *leaf.shape))
+        split = jax.tree.map(spread, split, given)
+        axes = jax.tree.map(lambda own: 0 if own else None, own)
+
+        def block(split: Split) -> Split:
+            left, lanes = jax.lax.top_k(split.left, min(size, BLOCK))
+            lanes = jnp.where(left > 0, lanes, size)  # complete lanes: out of range, dropped
+            take = lambda leaf: leaf.at[lanes].get(mode="clip")
+            some = jax.tree.map(lambda leaf, own: take(leaf) if own else leaf, arrays, own)
+            tried = jax.vmap(attempt, in_axes=(axes, 0))(some, jax.tree.map(take, split))
+            put = lambda old, new: old.at[lanes].set(new, mode="drop")
+            return jax.tree.map(put, split, tried)
+
+        split = jax.lax.while_loop(lambda s: jnp.any(s.left > 0), block, split)
+        return split, jax.tree.map(lambda _: True, split)
+
+    return run(arrays, split)

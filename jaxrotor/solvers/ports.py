@@ -13,14 +13,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float, Inexact
+from jaxtyping import Array, Complex, Float, Inexact
 
 from ..core.quantities import Number, Scalar
 from ..equations.constant_frame import ConstantFrame
 from ..equations.massless_coordinates import Condensed
 from ..equations.pencil import steady_response
 from ..equations.stationary_frame import Motion
-from ..equations.system import Port, System, port_forces
+from ..equations.system import Law, Port, System, actual, port_forces
 from .basis import (
     Basis,
     Count,
@@ -34,9 +34,11 @@ from .basis import (
 from .feedthrough import force_through
 from .form import AbstractForm
 from .lanes import per_lane, product
+from .step import AbstractRotor, Step
+from .tableau import Flows, phase_at, tableau_of
 
 
-Phase = Callable[[], Float[Array, "2"]]  # cosine and sine of an angle of revolution
+Phase = Callable[[], Float[Array, "2 ..."]]  # cosine and sine of an angle of revolution
 
 
 class Reading(eqx.Module):
@@ -51,7 +53,7 @@ class Reading(eqx.Module):
     sin: Float[Array, " s4"] | None
     turn: Scalar | None = None  # s, where all of these are along axes that turn by s theta
 
-    def steady(self, phase: Float[Array, "2"]) -> Float[Array, "s4 ..."] | float:
+    def steady(self, phase: Float[Array, "2 ..."]) -> Float[Array, "s4 ..."] | float:
         """Readings of the steady response, by cosine and sine of the angle of revolution."""
         steady = 0.0 if self.still is None else self.still
         if self.cos is not None and self.sin is not None:
@@ -93,11 +95,6 @@ class Reading(eqx.Module):
         return self.fixed(lambda: phase, product(self.matrix, y) + self.steady(phase))
 
 
-def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
-    """Cosine and sine of angles of revolution."""
-    return jnp.stack([jnp.cos(theta), jnp.sin(theta)], axis=-1)
-
-
 class Contacts(eqx.Module):
     """Input and output matrices of the ports of a scene with contact."""
 
@@ -124,32 +121,29 @@ class PortField(eqx.Module):
         rate = self.generator @ y
         if self.reading is not None and self.input_matrix is not None:
             phase = lambda: phase_at(theta)
-            force = self.at(phase).forces(self.reading(theta, y))
+            force = self.at(phase).forces_of(self.reading(theta, y))
             rate = rate + self.input_matrix @ self.reading.turned(phase, force)
         return rate
 
     def at(self, phase: Phase) -> "PortField":
-        """The field with `D` along fixed axes, as `forces` takes it."""
+        """The field with `D` along fixed axes, as `forces_of` takes it."""
         if self.through is None or self.reading is None or self.reading.turn is None:
             return self
         turned = self.reading.around(phase, self.through)
         return eqx.tree_at(lambda field: field.through, self, turned)
 
-    @eqx.filter_jit
-    def forces(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
+    def forces_of(self, seen: Float[Array, "p4 ..."], law: Law = actual) -> Float[Array, "p2 ..."]:
         """`[Re, Im]` of the port forces from displacement and velocity of the ports without them."""
         if self.through is None:
-            return self._law(seen)
-        return force_through(self._law, seen, self.through)
+            return forces_of_lanes(self.motion.ports, self.motion.speed, seen, law)
+        yielding = lambda field, seen: field._through(seen, law)
+        return yielding(self, seen) if seen.ndim == 1 else per_lane(yielding, self, seen)
 
-    def of_lanes(self, seen: Float[Array, "p4 lanes"]) -> Float[Array, "p2 lanes"]:
-        """The same in all lanes, lanes last."""
-        if self.through is not None:
-            return per_lane(PortField.forces, self, seen)
-        return forces_of_lanes(self.motion.ports, self.motion.speed, seen)
-
-    def _law(self, seen: Float[Array, " p4"]) -> Float[Array, " p2"]:
-        return _forces((self.motion.ports, self.motion.speed), seen)
+    @eqx.filter_jit
+    def _through(self, seen: Float[Array, " p4"], law: Law) -> Float[Array, " p2"]:
+        parts, through = (self.motion.ports, self.motion.speed), self.through
+        assert through is not None
+        return force_through(lambda seen: _forces(parts, seen, law), seen, through)
 
 
 def take_lanes(ports: tuple[Port, ...]) -> bool:
@@ -158,27 +152,30 @@ def take_lanes(ports: tuple[Port, ...]) -> bool:
 
 
 def forces_of_lanes(
-    ports: tuple[Port, ...], speed: Number, seen: Float[Array, "p4 lanes"]
-) -> Float[Array, "p2 lanes"]:
-    """`[Re, Im]` of the forces of all ports, from displacement and velocity, in all lanes.
+    ports: tuple[Port, ...], speed: Number, seen: Float[Array, "p4 ..."], law: Law = actual
+) -> Float[Array, "p2 ..."]:
+    """`[Re, Im]` of the forces of all ports, from displacement and velocity, in one or all lanes.
 
     Elementwise laws are called once for all lanes. Without the barriers the compiler computes what a
     stage reads, and its forces, once for each of their uses: 70 in place of 36 ns a lane-step of order 2.
     """
     parts = ports, speed
+    if seen.ndim == 1:
+        return _forces(parts, seen, law)
     if not take_lanes(ports):
-        return per_lane(_forces, parts, seen)
+        return per_lane(lambda parts, seen: _forces(parts, seen, law), parts, seen)
     if seen.shape[-1] == 1:
-        return _forces(parts, seen)
-    return jax.lax.optimization_barrier(_forces(parts, jax.lax.optimization_barrier(seen)))
+        return _forces(parts, seen, law)
+    return jax.lax.optimization_barrier(_forces(parts, jax.lax.optimization_barrier(seen), law))
 
 
 @eqx.filter_jit  # traced once a program
 def _forces(
-    parts: tuple[tuple[Port, ...], Number], seen: Float[Array, "p4 ..."]
+    parts: tuple[tuple[Port, ...], Number], seen: Float[Array, "p4 ..."], law: Law
 ) -> Float[Array, "p2 ..."]:
-    motion = seen.reshape(2, 2, -1, *seen.shape[1:])
-    return port_forces(parts[0], motion[:, 0], motion[:, 1], parts[1]).reshape(-1, *seen.shape[1:])
+    (ports, speed), motion = parts, seen.reshape(2, 2, -1, *seen.shape[1:])
+    forces = port_forces(ports, motion[:, 0], motion[:, 1], speed, law)
+    return forces.reshape(-1, *seen.shape[1:])
 
 
 class YieldingReading(eqx.Module):
@@ -207,7 +204,7 @@ class YieldingReading(eqx.Module):
         def seen(phase: Array, y: Array) -> tuple[Array, Array]:
             at = lambda: phase
             read = lambda of: of.fixed(at, of.matrix @ y + of.steady(phase))
-            force = field.at(at).forces(read(ports))
+            force = field.at(at).forces_of(read(ports))
             return read(stations) + stations.around(at, self.through) @ force, force
 
         _, force = seen(phase, y)
@@ -218,7 +215,7 @@ class YieldingReading(eqx.Module):
         return jnp.stack([place, speed], axis=1).ravel()
 
 
-class PortForm(AbstractForm):
+class PortForm(AbstractForm, AbstractRotor):
     """`y = [Re w, Im w]`: deviation from the exact steady response, in a basis of `A`.
 
     Where the axes are unequal, `w` is real, in the `axes` that make the coefficients constant.
@@ -287,6 +284,27 @@ class PortForm(AbstractForm):
         enters = as_real(contacts.input_matrix)
         return PortField(self.motion, generator, enters, contacts.reading, contacts.through)
 
+    @property
+    def output(self) -> Inexact[Array, "s m"] | None:
+        """Output matrix of the ports."""
+        return None if self.contacts is None else self.contacts.output_matrix
+
+    @property
+    def input(self) -> Inexact[Array, "m p"] | None:
+        """Input matrix of the ports."""
+        return None if self.contacts is None else self.contacts.input_matrix
+
+    @property
+    def load_matrix(self) -> Float[Array, "m2 l"]:
+        """That of no loads, as a state is the deviation from the response to them."""
+        return jnp.zeros((as_real(self.basis.vectors).shape[1], 0))
+
+    def step(self, order, h, forcing, *, once=False) -> Step:
+        """A step of `h` [rad]."""
+        assert self.output is not None and self.input is not None
+        flows = Flows.of(order, self.basis, self.input, h)
+        return Step(tableau_of(self.basis, self.output, flows, h, once=once), forcing)
+
     def encode(self, q, velocity):
         if self.axes is not None:
             state = self.axes.state(q, velocity)
@@ -312,7 +330,7 @@ class PortForm(AbstractForm):
         whole, field = condensed.lift @ moved, self.field
         if condensed.feed is None or field.reading is None:
             return whole
-        return whole + condensed.feed @ field.forces(field.reading(jnp.zeros(()), y))
+        return whole + condensed.feed @ field.forces_of(field.reading(jnp.zeros(()), y))
 
     def read(self, theta, y):
         return self.stations(theta, y).reshape(2, 2, -1)

@@ -16,8 +16,9 @@ from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import Basis
-from .exponential import Exponential, ExponentialStep
+from .exponential import Exponential
 from .lanes import one_lane
+from .step import Now, Step
 
 
 WINDOWS = 64  # whose growth is looked at
@@ -54,10 +55,10 @@ class RemainderMap(eqx.Module):
         def run(share: Scalar) -> Float[Array, "m m1"]:
             """States that steps lead to from one in every coordinate, and from rest."""
             step = solver.stepper(form, steps, share * span)
-            assert isinstance(step, ExponentialStep), "the laws of a remainder have no kinks"
+            assert isinstance(step, Step), "the laws of a remainder have no kinks"
             lanes, begin = one_lane(step), jnp.eye(size, size + 1)
             phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
-            each = jax.vmap(lambda phases: lanes.of_lanes(phases, begin))(phases)
+            each = jax.vmap(lambda phases: lanes(Now(phases), begin)[0])(phases)
             advance = lambda y, one: (_linear(one) @ y + one[:, -1:], None)
             ends, _ = jax.lax.scan(advance, begin, each)
             return ends

@@ -3,10 +3,10 @@
 Source: Cox, Matthews, J. Comput. Phys. 176 (2002), eqs. (22) (ETDRK2) and (26)-(29) (ETDRK4).
 """
 
+import abc
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
-import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,43 +16,113 @@ from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..equations.system import Port
-from .basis import Basis, BasisWithOthers, Dense, Rotation, SlotRotation, as_real
+from .basis import Basis, Dense, Rotation, SlotRotation, as_real, packed, unpacked
 from .lanes import product
-from .ports import Reading, phase_at
 
 
-class Tableau(eqx.Module):
+def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
+    """Cosine and sine of angles of revolution."""
+    return jnp.stack([jnp.cos(theta), jnp.sin(theta)], axis=-1)
+
+
+class AbstractTableau(eqx.Module):
     """One exponential step of fixed size in terms of the readings of the ports, of one or many lanes.
 
-    Stage `i` reads `Y_i = outputs[c_i] y + steady(theta + c_i h) + Sum_j coupling[i][j] f_j`, with forces
-    `f_i = f(Y_i)`; the step is `y <- advance(y) + weights (f_0, f_1, ..)`.
+        Y_i = C exp(c_i h A) y + steady(theta + c_i h) + Sum_j coupling[i][j] f_j,   f_i = f(Y_i)
+        y <- exp(h A) y + Sum_i weights[i] f_i
+
+    Loads known in time add to both.
     """
 
-    advance: Rotation | SlotRotation | Dense
-    outputs: Float[Array, "c_p4 m2"]  # C exp(c h A), one for every distinct stage time
-    coupling: tuple[dict[int, Float[Array, "p4 p2"]], ...]  # of stage i to earlier stages j
-    weights: Float[Array, "m2 stages_p2"]
-    h: Scalar
-    times: tuple[float, ...] = eqx.field(static=True)  # distinct, in steps
-    stages: tuple[int, ...] = eqx.field(static=True)  # which time each stage is at
+    h: eqx.AbstractVar[Scalar]
+    times: eqx.AbstractVar[tuple[float, ...]]  # distinct, in steps
+    stages: eqx.AbstractVar[tuple[int, ...]]  # which time each stage is at
+
+    @property
+    def order(self) -> int:
+        """2 or 4: as many as there are stages."""
+        return len(self.stages)
 
     def phases(self, theta: ArrayLike) -> Float[Array, "... c 2"]:
         """Cosine and sine of the angles at the distinct times of steps from `theta` on."""
         times = jnp.asarray(self.times, jnp.result_type(self.h))
         return phase_at(jnp.asarray(theta)[..., None] + times * self.h)
 
-    def free_readings(
-        self, phases: Float[Array, "c 2"], y: Float[Array, "m2 lanes"], reading: Reading
-    ) -> list[Array]:
-        """Readings of the ports at the distinct times without the forces of this step."""
-        free = jnp.split(product(self.outputs, y), len(self.times))
-        return [one + reading.steady(phase) for one, phase in zip(free, phases, strict=True)]
+    @abc.abstractmethod
+    def ahead(self, y: Array, load: Array | None) -> tuple[Array, list[Array]]:
+        """State after the step, and readings at the distinct times, without the forces of the step."""
 
-    def increment(self, free: list[Array], forces: Callable) -> Float[Array, "m2 lanes"]:
+    @abc.abstractmethod
+    def increment(self, free: list[Array], forces: Callable) -> Float[Array, "m2 ..."]:
         """Sum that the forces of all stages add to the state by the end of the step.
 
         `forces` takes the readings of a stage and which of the distinct times it is at.
         """
+
+
+class OnceTableau(AbstractTableau):
+    """A tableau of a step that is taken once: nothing is multiplied in advance, all is in the basis."""
+
+    basis: Basis
+    output: Inexact[Array, "s m"]
+    flows: tuple[Any, ...]  # to the distinct times but the first
+    coupling: tuple["Terms", ...]
+    weights: "Terms"
+    loads: tuple[Float[Array, "m2 u"], ...]
+    h: Scalar
+    times: tuple[float, ...] = eqx.field(static=True)
+    stages: tuple[int, ...] = eqx.field(static=True)
+
+    def ahead(self, y, load):
+        begin = unpacked(self.basis, y)
+        states = [self.basis.apply(flow, begin[:, None])[:, 0] for flow in self.flows]
+        if load is not None:
+            added = [unpacked(self.basis, product(part, load)) for part in self.loads]
+            states = [state + more for state, more in zip(states, added, strict=True)]
+        return packed(states[-1]), [packed(self.output @ state) for state in (begin, *states)]
+
+    def increment(self, free, forces):
+        found: list[Array] = []
+        for time, coupling in zip(self.stages, self.coupling, strict=True):
+            stage = free[time]
+            if coupling:
+                stage = stage + packed(self.output @ _total(coupling, found))
+            found.append(unpacked(self.basis, forces(stage, time)))
+        return packed(_total(self.weights, found))
+
+
+class Tableau(AbstractTableau):
+    """A tableau of steps of one size."""
+
+    propagator: Rotation | SlotRotation | Dense
+    outputs: Float[Array, "c_s m2"]  # C exp(c h A), one for every distinct time
+    coupling: tuple[dict[int, Float[Array, "s p2"]], ...]  # of stage i to earlier stages j
+    weights: Float[Array, "m2 stages_p2"]
+    # Change of the state by known loads, and of the readings at the distinct times but the first:
+    load: Float[Array, "m2 u"] | None
+    load_outputs: tuple[Float[Array, "s u"], ...]
+    h: Scalar
+    times: tuple[float, ...] = eqx.field(static=True)
+    stages: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def output(self) -> Float[Array, "s m2 ..."]:
+        """`C` as it acts on the real state."""
+        return self.outputs[: self.outputs.shape[0] // len(self.times)]
+
+    def ahead(self, y, load):
+        end = self.propagator(y)
+        if self.load is not None and load is not None:
+            end = end + product(self.load, load)
+        if not self.outputs.shape[0]:
+            return end, [jnp.zeros((0, *y.shape[1:]))] * len(self.times)
+        free = jnp.split(product(self.outputs, y), len(self.times))
+        if load is not None:
+            added = [product(part, load) for part in self.load_outputs]
+            free = [free[0], *(one + more for one, more in zip(free[1:], added, strict=True))]
+        return end, free
+
+    def increment(self, free, forces):
         found: list[Array] = []
         for time, coupling in zip(self.stages, self.coupling, strict=True):
             stage = free[time]
@@ -102,23 +172,6 @@ def _own_parts(response: Float[Array, "..."], p: int) -> Float[Array, "2 p 2 2"]
     return jax.lax.stop_gradient(jnp.einsum("adpbp->dpab", parts))
 
 
-class AbstractStep(dfx.AbstractSolver):
-    """A tableau as a diffrax solver, on a fixed grid of steps of `tableau.h`."""
-
-    tableau: eqx.AbstractVar[Tableau]
-    order_: eqx.AbstractVar[int]
-
-    term_structure: ClassVar = dfx.ODETerm
-    interpolation_cls: ClassVar[Callable[..., Any]] = dfx.LocalLinearInterpolation
-
-    def order(self, terms) -> int:
-        del terms
-        return self.order_
-
-    def func(self, terms, t0, y0, args):
-        return terms.vf(t0, y0, args)
-
-
 Parts = list[Array]  # `span phi_k(span A) b`, k = 1, 2, ..
 
 
@@ -132,7 +185,7 @@ class Flows(NamedTuple):
     def of(
         cls,
         order: int,
-        basis: Basis | BasisWithOthers,
+        basis: Basis,
         b: Inexact[Array, "m p"],
         h: Scalar,
         count: int = 2,
@@ -149,7 +202,7 @@ class Flows(NamedTuple):
         return Flows(take(self.middle), take(self.end))
 
 
-def doubled(basis: Basis | BasisWithOthers, flow: Any, parts: Parts) -> Parts:
+def doubled(basis: Basis, flow: Any, parts: Parts) -> Parts:
     """`phi_k(2 z) = (e^z phi_k(z) + Sum_j phi_j(z) / (k - j)!) / 2^k`, j = 1 .. k, times the span.
 
     So one matrix exponential serves a step and half of it.
@@ -162,128 +215,92 @@ def doubled(basis: Basis | BasisWithOthers, flow: Any, parts: Parts) -> Parts:
     ]
 
 
-def tableau_of(
-    order: int,
-    basis: Basis,
-    output: Inexact[Array, "s m"],
-    b: Inexact[Array, "m p"],
-    h: Scalar,
-    flows: Flows | None = None,
-) -> Tableau:
-    """Tableau of order 2 or 4 for steps of `h` [rad] between outputs and inputs in a basis.
-
-    `flows` are those of `h` and `b`, where they are at hand.
-    """
-    flows = Flows.of(order, basis, b, h) if flows is None else flows
-    return (_etdrk4 if order == 4 else _etdrk2)(basis, output, flows, h)
+# A sum over parts (m, p), each times the sum of the inputs of some stages times their shares:
+Terms = tuple[tuple[Inexact[Array, "m p"], dict[int, float]], ...]
 
 
-def _etdrk2(basis: Basis, output: Array, flows: Flows, h: Scalar) -> Tableau:
-    flow, (one, two, *_) = flows.end
-    return _tableau(
-        basis,
-        output,
-        h,
-        flow,
-        outputs={0.0: output, 1.0: basis.output_after(output, flow)},
-        stages=(0, 1),
-        coupling=({}, {0: one}),
-        weights=(one - two, two),
-    )
+class Scheme(NamedTuple):
+    """Stages of a step: flows to the distinct times but the first, what stages and step add by inputs."""
+
+    flows: tuple[Any, ...]
+    times: tuple[float, ...]
+    stages: tuple[int, ...]
+    coupling: tuple[Terms, ...]  # of stage i to earlier stages
+    weights: Terms
 
 
-def _etdrk4(basis: Basis, output: Array, flows: Flows, h: Scalar) -> Tableau:
-    assert flows.middle is not None
+def scheme_of(basis: Basis, flows: Flows) -> Scheme:
+    """Stages of order 2, or 4 where the flows have the middle of a step, by Cox and Matthews."""
+    if flows.middle is None:
+        flow, (one, two, *_) = flows.end
+        weights = (one, {0: 1.0}), (two, {0: -1.0, 1: 1.0})
+        return Scheme((flow,), (0.0, 1.0), (0, 1), ((), ((one, {0: 1.0}),)), weights)
     middle, (half, *_) = flows.middle
     flow, (one, two, three) = flows.end
-    both = 2 * two - 4 * three
-    return _tableau(
-        basis,
-        output,
-        h,
-        flow,
-        outputs={
-            0.0: output,
-            0.5: basis.output_after(output, middle),
-            1.0: basis.output_after(output, flow),
-        },
-        stages=(0, 1, 1, 2),
-        coupling=({}, {0: half}, {1: half}, {0: basis.apply(middle, half) - half, 2: 2 * half}),
-        weights=(one - 3 * two + 4 * three, both, both, 4 * three - two),
+    last = (basis.apply(middle, half), {0: 1.0}), (half, {0: -1.0, 2: 2.0})
+    coupling = (), ((half, {0: 1.0}),), ((half, {1: 1.0}),), last
+    weights = (
+        (one, {0: 1.0}),
+        (two, {0: -3.0, 1: 2.0, 2: 2.0, 3: -1.0}),
+        (three, {0: 4.0, 1: -4.0, 2: -4.0, 3: 4.0}),
     )
+    return Scheme((middle, flow), (0.0, 0.5, 1.0), (0, 1, 1, 2), coupling, weights)
 
 
-def _tableau(basis, output, h, flow, outputs, stages, coupling, weights) -> Tableau:
-    """The coefficients as they act on the real state."""
+def _total(terms: Terms, inputs: list[Array]) -> Array:
+    """The sum by the inputs of the stages."""
+    parts = []
+    for part, shares in terms:
+        scaled = [inputs[k] if c == 1 else c * inputs[k] for k, c in shares.items()]
+        parts.append(part @ sum(scaled[1:], start=scaled[0]))
+    return sum(parts[1:], start=parts[0])
+
+
+def _by_stage(terms: Terms) -> dict[int, Array]:
+    """The matrix of every stage that takes part in a sum."""
+    found: dict[int, Array] = {}
+    for part, shares in terms:
+        for stage, share in shares.items():
+            own = part if share == 1 else share * part
+            found[stage] = found[stage] + own if stage in found else own
+    return found
+
+
+def tableau_of(
+    basis: Basis,
+    output: Inexact[Array, "s m"],
+    flows: Flows,
+    h: Scalar,
+    loads: tuple[Float[Array, "m2 u"], ...] = (),
+    *,
+    once: bool = False,
+) -> Tableau | OnceTableau:
+    """Tableau of steps of `h` [rad] between outputs and inputs in a basis, as it acts on the real state.
+
+    `flows` are those of `h` and the inputs, `loads` the changes of the state by known loads until the
+    distinct times but the first. `once`: the tableau of a step that is taken once.
+    """
+    scheme = scheme_of(basis, flows)
+    places: dict[str, Any] = {"h": h, "times": scheme.times, "stages": scheme.stages}
+    if once:
+        return OnceTableau(
+            basis=basis,
+            output=output,
+            flows=scheme.flows,
+            coupling=scheme.coupling,
+            weights=scheme.weights,
+            loads=loads,
+            **places,
+        )
+    real = as_real(output)
+    outputs = [real, *(as_real(basis.output_after(output, flow)) for flow in scheme.flows)]
+    coupling, weights = map(_by_stage, scheme.coupling), _by_stage(scheme.weights)
     return Tableau(
-        basis.propagator(flow),
-        jnp.concatenate([as_real(part) for part in outputs.values()]),
-        tuple({j: as_real(output @ part) for j, part in row.items()} for row in coupling),
-        jnp.concatenate([as_real(part) for part in weights], axis=1),
-        h,
-        tuple(outputs),
-        stages,
+        propagator=basis.propagator(scheme.flows[-1]),
+        outputs=jnp.concatenate(outputs),
+        coupling=tuple({j: as_real(output @ part) for j, part in row.items()} for row in coupling),
+        weights=jnp.concatenate([as_real(weights[k]) for k in range(len(weights))], axis=1),
+        load=loads[-1] if loads else None,
+        load_outputs=tuple(real @ part for part in loads),
+        **places,
     )
-
-
-State = Inexact[Array, " m"]
-Force = Callable[[State, Scalar | float], Inexact[Array, " p"]]  # of state and angle in the step
-
-
-class LoadInStep(NamedTuple):
-    """A load known in time: `matrix (g0 + g1 x + g2 x^2)`, with `x` from 0 to 1 in a step."""
-
-    matrix: Inexact[Array, "m l"]
-    values: tuple[Array, Array, Array]  # g0, g1, g2
-
-
-def step_of(
-    order: int,
-    basis: Basis | BasisWithOthers,
-    input_matrix: Inexact[Array, "m p"],
-    w: State,
-    span: Scalar,
-    force: Force,
-    load: LoadInStep | None = None,
-) -> State:
-    """State after a step of any size `span` [rad] under the force of the ports, and a load."""
-    own, columns = input_matrix.shape[1], input_matrix
-    if load is not None:
-        columns = jnp.concatenate([input_matrix, load.matrix], axis=1)
-    flows = Flows.of(order, basis, columns, span, 2 if load is None else 3)
-
-    def free(w: State, at: tuple[Any, Parts], share: float) -> State:
-        """State without the forces of the ports after a share of the step."""
-        flow, parts = at
-        ahead = basis.apply(flow, w[:, None])[:, 0]
-        if load is None:
-            return ahead
-        # Int exp((1 - x) a) x^k dx = k! phi_(k+1)(a)
-        terms = zip(parts, (1.0, share, 2 * share**2), load.values, strict=True)
-        return ahead + sum(factor * part[:, own:] @ value for part, factor, value in terms)
-
-    end, by_force = free(w, flows.end, 1.0), flows.columns(slice(own))
-    if by_force.middle is None or flows.middle is None:
-        return _step2(by_force.end[1], w, span, force, end)
-    go_half = flows.middle[0]
-    go = lambda w: basis.apply(go_half, w[:, None])[:, 0]
-    parts, middle = (by_force.middle[1], by_force.end[1]), free(w, flows.middle, 0.5)
-    return _step4(parts, w, span, force, (middle, end), go)
-
-
-def _step2(parts: Parts, w: State, span: Scalar, force: Force, end: State) -> State:
-    one, two, *_ = parts
-    f = force(w, 0.0)
-    a = end + one @ f
-    return a + two @ (force(a, span) - f)
-
-
-def _step4(parts: tuple[Parts, Parts], w: State, span: Scalar, force: Force, free, go) -> State:
-    (half, *_), (one, two, three) = parts
-    middle, end = free
-    f = force(w, 0.0)
-    a = middle + half @ f
-    fa = force(a, span / 2)
-    fb = force(middle + half @ fa, span / 2)
-    fc = force(end + go(half @ f) + half @ (2 * fb - f), span)
-    return end + one @ f + two @ (2 * (fa + fb) - 3 * f - fc) + three @ (4 * (f - fa - fb + fc))

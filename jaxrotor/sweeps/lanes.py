@@ -16,12 +16,10 @@ from ..core.parallel import first_alone
 from ..core.precision import double, single
 from ..core.progress import segments
 from ..equations.constant_frame import linear_matrix
-from ..equations.coupled import is_coupled
 from ..equations.lent import with_lent_films
 from ..equations.start import AbstractStart, put_number
 from ..equations.system import assemble
 from ..motion.base import AbstractMarch, Plan
-from ..motion.coupled_windows import CoupledMarch
 from ..motion.integrated import IntegratedMarch, IntegratedPace
 from ..motion.revolutions import March, collect_lanes, revolution_rate
 from ..motion.stepped import Stepping
@@ -211,7 +209,7 @@ def _marches(
         return _build_lanes(context, _with_solver(plan, chosen), points, begin, bases)
     in_modes = dataclasses.replace(solver, basis="modal")
     built = _build_lanes(context, _with_solver(plan, in_modes), points, begin)
-    march = cast(March | WindowMarch | CoupledMarch, built[0])
+    march = cast(March | WindowMarch, built[0])
     chosen = decide_basis(solver, march.eigenvectors)
     if chosen == in_modes:
         return built
@@ -303,8 +301,7 @@ def _build(
             start = put_number(start, path.removeprefix("start."), values[path])
     march: AbstractMarch
     if isinstance(paced, Stepping):
-        stepped = CoupledMarch if is_coupled(scene) else WindowMarch
-        march = stepped.build(scene, plan, paced, start, station[None])
+        march = WindowMarch.build(scene, plan, paced, start, station[None])
     elif isinstance(paced, IntegratedPace):
         march = IntegratedMarch.build(scene, plan, paced, start, station[None])
     else:

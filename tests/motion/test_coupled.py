@@ -311,3 +311,21 @@ def test_steps_that_a_motor_map_needs():
 def test_what_coupled_steps_do_not_take(scene, words):
     with pytest.raises(ValueError, match=words):
         jr.run_up(scene, [0.0, 0.1], solver=jr.Exponential())
+
+
+def test_a_drive_beside_a_rotor_that_does_not_feel_it():
+    """Nothing acts on the rotor and nothing of it is read: a damped oscillation beside a motor."""
+    disc, shaft = jr.Disc(0.5, MASS, exact=False), jr.MasslessShaft(1.0, 0.5, STIFFNESS)
+    motor = jr.Drive(20.0, 12.0, 0.06, polar=POLAR, feedback=True)
+    scene = jr.Scene(shaft, disc, jr.DiscDamping(0.5, DAMPING), spin=motor)
+    times = np.linspace(0.0, 0.3, 7)
+    found = jr.run_up(
+        scene, times, start=jr.Whirl(1e-3, rate=0.0), solver=jr.Exponential(4), substeps=40
+    )
+    decay = DAMPING / (2 * MASS)
+    rate = np.sqrt(STIFFNESS / MASS - decay**2)
+    expected = np.exp(-decay * times) * (np.cos(rate * times) + decay / rate * np.sin(rate * times))
+    place = found.displacement[:, 0]
+    np.testing.assert_allclose(place / place[0], expected, atol=1e-9)
+    speed = 200.0 - 180.0 * np.exp(-0.06 / POLAR * times)
+    np.testing.assert_allclose(found.speed, speed, rtol=1e-9)

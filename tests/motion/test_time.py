@@ -336,36 +336,3 @@ def test_adaptive_solver_meets_scipy_on_a_smooth_motion():
     control = dfx.PIDController(rtol=1e-10, atol=1e-13)
     r = jr.simulate(smooth_scene(), 2, 32, solver=dfx.Tsit5(), start=start, controller=control)
     assert abs(complex(r.displacement[-1, 0]) - exact) < 1e-12
-
-
-# === as a solver of diffrax
-
-
-@pytest.mark.slow
-def test_step_is_a_diffrax_solver_too():
-    """One revolution of the rub by `diffeqsolve` is that of the library's own loop."""
-    built = RIGHT.with_nodes(4)
-    begun = jr.simulate(built, 200, 128, start=whirl(0.012, -10), keep=1).end
-    steps = 128
-    choice = jr.Exponential(4, "modal")
-
-    @eqx.filter_jit
-    def solved(scene):
-        system = jr.assemble(scene)
-        form = choice.form(system, Motion(system, jnp.abs(scene.spin.speed)), jnp.eye(system.n))
-        found = dfx.diffeqsolve(
-            dfx.ODETerm(form.field),
-            choice.stepper(form, steps),
-            0.0,
-            2 * np.pi,
-            None,
-            form.encode(begun.q, begun.velocity),
-            stepsize_controller=dfx.StepTo(ts=jnp.linspace(0.0, 2 * jnp.pi, steps + 1)),
-        )
-        assert found.ys is not None
-        return form.decode(found.ys[-1])
-
-    q, velocity = solved(built)
-    own = jr.simulate(built, 1, steps, solver=choice, start=begun).end
-    assert abs(q - own.q).max() < 1e-11 * abs(own.q).max()
-    assert abs(velocity - own.velocity).max() < 1e-9 * abs(own.velocity).max()

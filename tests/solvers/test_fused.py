@@ -51,9 +51,9 @@ def march_of(scene, order=2, *, steps=STEPS, **choice):
 def varied(march, factor):
     """The march with an unbalance and stops of its own."""
     own = lambda m: (
-        m.step.reading.cos,
-        m.step.reading.sin,
-        m.step.field.motion.ports[0].laws[0].contact.stiffness,
+        m.step.forcing.reading.cos,
+        m.step.forcing.reading.sin,
+        m.step.forcing.ports[0].laws[0].contact.stiffness,
     )
     return eqx.tree_at(own, march, [factor * leaf for leaf in own(march)])
 
@@ -224,7 +224,9 @@ def test_what_a_step_does_not_use_is_not_read():
     step = LaneStep.of(one, last, y[:, None], march.step.tableau.phases(0.0))
     used = sum(array.size for array in step.arrays)
     assert (
-        used < sum(leaf.size for leaf in jax.tree.leaves(arrays)) - march.step.field.generator.size
+        used
+        < sum(leaf.size for leaf in jax.tree.leaves(arrays))
+        - march.step.forcing.field.generator.size
     )
     assert len(step.equations.invars) == len(step.arrays) + 2
 

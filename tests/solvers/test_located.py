@@ -12,7 +12,6 @@ from systems import LENGTH, TIME, limiter_rotor
 
 import jaxrotor as jr
 from jaxrotor.equations.stationary_frame import Motion
-from jaxrotor.solvers.located import LocatedStep
 
 
 RUB = jr.Whirl(0.012 * LENGTH, rate=-10 / TIME)  # leads to the backward rub
@@ -27,11 +26,11 @@ def prepared(scene, order):
 
     @jax.jit
     def run(y, steps, revolutions):
-        step = LocatedStep.build(form, order, 2 * jnp.pi / steps, batch=True)
+        step = choice.stepper(form, steps)
 
         def one(i, carry):
             y, unresolved = carry
-            y, more = step.advance((i % steps) * step.tableau.h, y)
+            y, _, more = step.advance((i % steps) * step.tableau.h, y, batch=True)
             return y, unresolved + more
 
         return jax.lax.fori_loop(0, steps * revolutions, one, (y, jnp.zeros((), int)))

@@ -15,7 +15,6 @@ import jaxrotor as jr
 from jaxrotor.equations.constant_frame import in_constant_axes
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.solvers.basis import WORST_CONDITION, condition, well_conditioned
-from jaxrotor.solvers.located import LocatedStep
 
 
 RATIOS = np.geomspace(1e2, 1e9, 15)  # of the axes of an ellipsoid, before equilibration
@@ -49,8 +48,9 @@ def after_two_revolutions(scene, steps):
     """Coordinates after two revolutions from rest by located steps; one program for any number of them."""
     system = in_constant_axes(jr.assemble(scene))
     motion = Motion(system, jnp.abs(scene.spin.speed))
-    form = jr.Exponential(4, "modal").form(system, motion, jnp.eye(system.n))
-    step = LocatedStep.build(form, 4, 2 * jnp.pi / steps)
+    solver = jr.Exponential(4, "modal", located=True)
+    form = solver.form(system, motion, jnp.eye(system.n))
+    step = solver.stepper(form, steps)
     rest = form.encode(*jr.AtRest().state(system, jnp.asarray(0.5)))
     one = lambda k, y: step.advance(step.tableau.h * (k % steps), y)[0]
     return form.decode(jax.lax.fori_loop(0, 2 * steps, one, rest))[0]

@@ -1,0 +1,265 @@
+"""Forcings: actions on a rotor at constant speed, along times, and on one that is coupled to others."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from ..core.quantities import Scalar
+from ..equations.coupled import CoupledForces, Instant, SpinAndBalls
+from ..equations.system import Law, Port
+from .lanes import per_lane
+from .ports import PortField, Reading, forces_of_lanes
+from .step import AbstractForcing, At, Now
+from .tableau import phase_at
+
+
+# A parabola at a share x of a step by its values at 0, 1/2 and 1: rows are the powers of x.
+PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
+
+
+class AtConstantSpeed(AbstractForcing):
+    """Contact; `w` is the deviation from the steady response. A node is the phase, a start the angle."""
+
+    field: PortField
+
+    @property
+    def reading(self) -> Reading:
+        """Reading of the ports."""
+        assert self.field.reading is not None
+        return self.field.reading
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        return self.field.motion.ports
+
+    @property
+    def others(self) -> int:
+        return 0
+
+    @property
+    def through(self) -> Float[Array, "p4 p2"] | None:
+        return self.field.through
+
+    def now(self, start, times, span, part=None) -> Now:
+        begin = start if part is None else start + part.begin
+        angles = jnp.stack([begin + time * span for time in times])
+        return Now(jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1))
+
+    def at(self, start, part) -> At:
+        phase = phase_at(start + part.begin)
+        return At(phase, jnp.stack([-phase[1], phase[0]]))
+
+    def seen(self, node, own):
+        return own + self.reading.steady(node)
+
+    def forces(self, node, seen, x, law):
+        del x
+        phase, reading = lambda: node, self.reading
+        force = self.field.at(phase).forces_of(reading.fixed(phase, seen), law)
+        return reading.turned(phase, force), None
+
+    def motion(self, node, seen, law):
+        phase = lambda: node
+        seen, field = self.reading.fixed(phase, seen), self.field.at(phase)
+        if field.through is not None:
+            seen = seen + field.through @ field.forces_of(seen, law)
+        return _motion(seen)
+
+    def speed(self, node, x):
+        del node, x
+        return jnp.asarray(self.field.motion.speed)
+
+
+class Speeds(NamedTuple):
+    """Speeds known in time, at the beginning, middle and end of a step."""
+
+    speed: Float[Array, "3 ..."]  # Omega [rad/s]
+    change: Float[Array, "3 ..."]  # Omega - Omega_c
+
+
+class AlongTimes(AbstractForcing):
+    """Contact, the speed terms and loads, at a speed known in time. A start is a `Now` with `Speeds`.
+
+    Within a step the speed and the loads are parabolas through their values at its beginning, middle and
+    end.
+    """
+
+    ports: tuple[Port, ...]
+
+    @property
+    def others(self) -> int:
+        return 0
+
+    @property
+    def through(self) -> None:
+        return None
+
+    def seen(self, node, own):
+        del node
+        return own
+
+    def motion(self, node, seen, law):
+        del node, law
+        return _motion(seen)
+
+    def now(self, start, times, span, part=None) -> Now:
+        del times
+        if part is None:
+            return start
+        shares = (part.begin + span * jnp.array([0.0, 0.5, 1.0])) / part.whole
+        weights = _powers(shares).T @ PARABOLA
+        nodes = jax.tree.map(lambda values: weights @ values, start.nodes)
+        load = start.load
+        if load is not None:
+            unbalance, rest = _parts_of_load(load)
+            load = jnp.concatenate([(weights @ unbalance).ravel(), rest])
+        return Now(nodes, load)
+
+    def at(self, start, part) -> At:
+        x = jnp.asarray(part.begin / part.whole)
+        weights = _powers(x) @ PARABOLA
+        slopes = jnp.stack([0 * x, 1.0 + 0 * x, 2 * x]) @ PARABOLA / part.whole
+        node, rate = (jax.tree.map(lambda v, w=w: w @ v, start.nodes) for w in (weights, slopes))
+        load = start.load
+        if load is not None:
+            unbalance, rest = _parts_of_load(load)
+            load = jnp.concatenate([weights @ unbalance, rest])
+        return At(node, rate, load)
+
+    def forces(self, node, seen, x, law):
+        del x
+        both, p = seen.reshape(2, -1, *seen.shape[1:]), len(self.ports)
+        parts = []
+        if p:
+            motion = both[:, : 2 * p].reshape(4 * p, *seen.shape[1:])
+            found = forces_of_lanes(self.ports, node.speed, motion, law)
+            parts.append(found.reshape(2, p, *seen.shape[1:]))
+        if both.shape[1] > 2 * p:
+            parts.append(node.change * both[:, 2 * p :])
+        return jnp.concatenate(parts, axis=1).reshape(-1, *seen.shape[1:]), None
+
+    def speed(self, node, x):
+        del x
+        return node.speed
+
+
+def _motion(seen: Float[Array, " p4"]) -> tuple[Array, Array]:
+    """Displacement and velocity of ports, (2, p) each, by their readings along fixed axes."""
+    d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
+    return d, v
+
+
+def _powers(x: Array) -> Float[Array, "3 ..."]:
+    """`1, x, x^2`."""
+    return jnp.stack([1.0 + 0 * x, x, x**2])
+
+
+def _parts_of_load(load: Float[Array, " u"]) -> tuple[Float[Array, "3 g"], Array]:
+    """[Re, Im] of the unbalance at the nodes of a step, if there is one, and 1 of a weight."""
+    count = load.size // 6 * 6
+    return load[:count].reshape(3, -1), load[count:]
+
+
+class Sizes(NamedTuple):
+    """Numbers of the spin and the balls in a state, which are its last ones."""
+
+    spin: int  # 1 where it is free, else 0
+    bodies: int
+
+    @classmethod
+    def of(cls, forces: CoupledForces) -> "Sizes":
+        """Those of a scene."""
+        return cls(int(forces.free), sum(race.bodies.places for race in forces.system.races))
+
+    @property
+    def total(self) -> int:
+        """All numbers, those of the rates included."""
+        return 2 * (self.spin + self.bodies)
+
+    def named(self, x: Float[Array, " x"]) -> SpinAndBalls:
+        """The spin and the balls by their numbers."""
+        d, b = self.spin, self.bodies
+        return SpinAndBalls(x[:d], x[d : 2 * d], x[2 * d : 2 * d + b], x[2 * d + b :])
+
+
+class Coupled(AbstractForcing):
+    """Forces that depend on balls, or on a rotation that the rotor holds back. A start is a time [s]."""
+
+    coupled: CoupledForces
+    rate: Scalar  # [rad/s]
+    weighs: bool = eqx.field(static=True)
+    sizes: Sizes = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, forces: CoupledForces, rate: Scalar, *, weighs: bool) -> "Coupled":
+        """The forcing of a rotor, `weighs` where weight acts on it."""
+        return cls(forces, rate, weighs, Sizes.of(forces))
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        return self.coupled.system.ports
+
+    @property
+    def others(self) -> int:
+        return self.sizes.total
+
+    @property
+    def through(self) -> None:
+        return None
+
+    def seen(self, node, own):
+        del node
+        return own
+
+    def motion(self, node, seen, law):
+        del node, law
+        return _motion(seen)
+
+    def now(self, start, times, span, part=None) -> Now:
+        length, begin = span / self.rate, start
+        middle = start + (span if part is None else part.whole) / self.rate / 2
+        if part is not None:
+            begin = start + part.begin / self.rate
+        nodes = jnp.stack([begin + time * length for time in times])
+        load = jnp.ones((1, *nodes.shape[1:])) if self.weighs else None
+        return Now(Instant.of_step(nodes, middle), load)
+
+    def at(self, start, part) -> At:
+        time = jnp.asarray(start + part.begin / self.rate)
+        now = Instant.of_step(time, start + part.whole / 2 / self.rate)
+        load = jnp.ones(1) if self.weighs else None
+        return At(now, Instant(jnp.asarray(1 / self.rate), jnp.zeros(())), load)
+
+    def forces(self, node, seen, x, law):
+        sizes = self.sizes
+        call = lambda parts, both: _found(parts, both, sizes, law)
+        parts, both = (self.coupled, node), jnp.concatenate([seen, x])
+        found = call(parts, both) if both.ndim == 1 else per_lane(call, parts, both)
+        inputs, rates = jnp.split(found, [found.shape[0] - sizes.total])
+        return inputs, rates / self.rate
+
+    def speed(self, node, x):
+        others = self.sizes.named(x)
+        if self.coupled.free or self.coupled.system.spin.kinks is None:
+            return self.coupled.turning(node, others).speed
+        # The rate of a speed at a jump of the acceleration is that of this side of it.
+        time = jax.lax.stop_gradient(node.time)
+        turning = self.coupled.turning(node._replace(time=time), others)
+        return turning.speed + (node.time - time) * turning.acceleration
+
+
+@eqx.filter_jit  # traced once a program
+def _found(
+    parts: tuple[CoupledForces, Instant], seen: Float[Array, " z"], sizes: Sizes, law: Law
+) -> Float[Array, " i"]:
+    """`[Re, Im]` of the inputs, and the rates of the others per second, by readings and others."""
+    forces, now = parts
+    stage, x = jnp.split(seen, [seen.size - sizes.total])
+    real, imag = jnp.split(stage, 2)
+    found, rates = forces(now, jax.lax.complex(real, imag), sizes.named(x), law)
+    return jnp.concatenate([found.real, found.imag, ravel_pytree(rates)[0]])
