@@ -16,7 +16,7 @@ from scene_examples import EXAMPLES
 from jaxrotor import shafts, spins
 from jaxrotor.core.quantities import is_series, takes_matrix, takes_table, unit_of
 from jaxrotor.files.toml_reader import choices_of
-from jaxrotor.files.vocabulary import COUNTS, FORMS, START, kinds, models
+from jaxrotor.files.vocabulary import COUNTS, FORMS, START, exported, models
 from jaxrotor.shafts import AbstractShaft, Constraint, Step
 from jaxrotor.shafts.materials import NAMED, Material
 from jaxrotor.spins.base import AbstractSpin
@@ -53,7 +53,7 @@ def page() -> str:
     parts += [_part("step", Step, "[[shaft.steps]]")]
     parts += [_part("constraint", Constraint, "[[shaft.constraints]]")]
     parts += [_part("material", Material, "[shaft.material]"), "## Effects\n"]
-    for kind, cls in kinds().items():
+    for kind, cls in exported().items():
         parts.append(_part(kind, cls, f"[{kind}]"))
         parts += [_form(form) for form in FORMS if form.of is cls]
     parts += ["## Rotation\n", "One of these models.\n"]

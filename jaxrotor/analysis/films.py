@@ -16,9 +16,12 @@ from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
 from ..effects import Support
 from ..effects.film import AbstractFilm, FilmLaw
+from ..effects.law import Now
 from ..equations.pencil import Pencil, check_axes, frame, unequal_parts
+from ..equations.port import Port
 from ..equations.speed_tables import check_tables
-from ..equations.system import Port, System, assemble
+from ..equations.stationary_frame import check_no_states
+from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.cased import ends
 
@@ -89,6 +92,7 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
             "has no static position; simulate it in time."
         )
     check_axes(system, "There is no static position", "simulate it in time")
+    check_no_states(system, "A static position", "simulate it in time")
     position, load, stiffness, damping = _at_speeds(system, films, speeds)
     if known(position) and not np.isfinite(position).all():
         k = int(np.argmin(np.isfinite(position).all(axis=1)))
@@ -262,7 +266,7 @@ class _Balance(eqx.Module):
         """Force that is not balanced, and its derivative."""
 
         def pressed(port: Port) -> tuple[Array, Array]:
-            force = lambda at: port.forces(at, jnp.zeros(2), self.speed).sum(0)
+            force = lambda at: port.forces(at, jnp.zeros(2), Now(self.speed)).sum(0)
             row, column = _double(port.row), _double(port.column).T
             value, slope = _with_slopes(force, row @ x)
             return column @ value, column @ slope @ row
@@ -353,7 +357,7 @@ def _positions(balance: _Balance):
     x = jnp.where(good, x - linalg.solve(free(jacobian), residual), jnp.nan)
 
     def film(law: FilmLaw, place: Array) -> tuple[Array, ...]:
-        force = lambda motion: law(motion[:2], motion[2:], balance.speed)
+        force = lambda motion: law(motion[:2], motion[2:], Now(balance.speed))
         own, slopes = _with_slopes(force, jnp.append(place, jnp.zeros(2)))
         position = place - jnp.stack([law.x, law.y])
         vectors = position[0] + 1j * position[1], -own[0] - 1j * own[1]

@@ -9,7 +9,6 @@ from .base import (
     AbstractContact as AbstractContact,
     AbstractDamping as AbstractDamping,
     AbstractEffect as AbstractEffect,
-    AbstractLaw as AbstractLaw,
     AbstractLinear as AbstractLinear,
     AbstractLoad as AbstractLoad,
 )
@@ -21,6 +20,7 @@ from .gravity import Gravity as Gravity
 from .hysteretic_damping import HystereticDamping as HystereticDamping
 from .internal_damping import InternalDamping as InternalDamping
 from .journal_bearing import JournalBearing as JournalBearing
+from .law import AbstractLaw as AbstractLaw, AbstractSmoothLaw as AbstractSmoothLaw, Now as Now
 from .limiter import Limiter as Limiter
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core.quantities import Number, Scalar, nonnegative, positive, real
-from .base import Hardness, Plane
+from .law import Hardness, Now, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
 
@@ -62,10 +62,10 @@ class ViscoelasticRing(AbstractRubLaw):
     def elementwise(self) -> bool:
         return True
 
-    def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
+    def touch(self, displacement: Plane, velocity: Plane, now: Now) -> Touch:
         ring = self.contact
         radius, cos, sin, _ = _polar(displacement[0] - self.x, displacement[1] - self.y)
-        slipping = speed * ring.rim_radius + cos * velocity[1] - sin * velocity[0]
+        slipping = now.speed * ring.rim_radius + cos * velocity[1] - sin * velocity[0]
         # The radius has a kink in the centre, which cubics along a step misread; its square has none.
         twice = 2 * jnp.where(ring.gap > 0, ring.gap, 1.0)
         nearness = (radius**2 - ring.gap**2) / twice

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.quantities import Number, is_table, known, number_or_nan
-from .base import AbstractSmoothLaw, Hardness, Plane
+from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
 
 LETTERS = {"stiffness": "k", "damping": "c"}
@@ -45,14 +45,14 @@ class DeviatorLaw(AbstractSmoothLaw):
     def elementwise(self) -> bool:
         return True
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
+    def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         force = jnp.zeros_like(displacement)
         for part, (x, y) in ((self.stiffness, displacement), (self.damping, velocity)):
             if part is not None:
                 force -= jnp.stack([part[0] * x + part[1] * y, part[1] * x - part[0] * y])
         return force
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:

@@ -6,7 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Number, Scalar, nonnegative, real
-from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
+from .base import AbstractContact
+from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
 
 class CubicSpring(AbstractContact):
@@ -43,11 +44,11 @@ class CubicLaw(AbstractSmoothLaw):
     def elementwise(self) -> bool:
         return True
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
+    def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         u = self.cos * displacement[0] + self.sin * displacement[1]
         return -self.stiffness * u**3 * jnp.stack([self.cos, self.sin])
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
         return jnp.zeros(())
 
     def hardness(self) -> Hardness:

@@ -6,8 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Number, Scalar
-from .base import AbstractContact, AbstractSmoothLaw, Hardness, Plane
+from .base import AbstractContact
 from .film_pressure import centred_share, film_integrals
+from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
 
 SERIES = 0.1  # below this `t - arctan t` is summed as a series
@@ -73,10 +74,10 @@ class FilmLaw(AbstractSmoothLaw):
         centre = jnp.stack(jnp.broadcast_arrays(self.x, self.y))
         return (displacement - centre) / self.film.clearance
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
+    def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance
         if self.film.turning:
-            rate = rate - speed / 2 * jnp.stack([-zeta[1], zeta[0]])
+            rate = rate - now.speed / 2 * jnp.stack([-zeta[1], zeta[0]])
         return -self.scale * self.resistance(zeta, rate)
 
     def resistance(self, zeta: Plane, w: Plane) -> Plane:
@@ -106,7 +107,7 @@ class FilmLaw(AbstractSmoothLaw):
         even = half - whole / speed / 2
         return whole / 2 + jnp.where(moves, square / rho, 0.0) * even
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
         """`T = -2 pi mu R^3 L Omega / (c s) - Im(z* F) / 2` with Couette shear all round.
 
         The ring of a damper does not turn, and what holds it takes the moment.
@@ -118,7 +119,7 @@ class FilmLaw(AbstractSmoothLaw):
         square = zeta[0] ** 2 + zeta[1] ** 2
         s = jnp.sqrt(jnp.where(square < 1, 1 - square, jnp.nan))
         shear = 2 * jnp.pi * film.viscosity * film.radius**3 * film.length / film.clearance
-        return -shear * speed / s - film.clearance * (x * force[1] - y * force[0]) / 2
+        return -shear * now.speed / s - film.clearance * (x * force[1] - y * force[0]) / 2
 
     def hardness(self) -> Hardness:
         """Damping of the centred journal: a short half film has `pi k0 / (2 c)`. There is no stiffness."""

@@ -10,7 +10,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core import linalg
 from ..core.quantities import Scalar
-from .base import Plane
+from .law import Plane
 
 
 NODES = 31  # round the journal, so that there are 16 Fourier coefficients

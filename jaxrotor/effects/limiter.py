@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Number, Scalar, nonnegative, positive, real
-from .base import Hardness, Plane
+from .law import Hardness, Now, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
 
@@ -67,11 +67,11 @@ class ViscoelasticStop(AbstractRubLaw):
     def elementwise(self) -> bool:
         return True
 
-    def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
+    def touch(self, displacement: Plane, velocity: Plane, now: Now) -> Touch:
         stop = self.contact
         outward = self.cos * displacement[0] + self.sin * displacement[1]
         closing = self.cos * velocity[0] + self.sin * velocity[1]
-        slipping = speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
+        slipping = now.speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
         depth = outward - stop.gap
         return Touch(self.cos, self.sin, depth, closing, slipping, depth)
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 
 from ..core.extremes import bounded, larger, smaller
 from ..core.quantities import Number, Scalar
-from .base import AbstractContact, AbstractLaw, Branch, Plane
+from .base import AbstractContact
+from .law import AbstractLaw, Branch, Now, Plane
 
 
 class AbstractRub(AbstractContact):
@@ -49,29 +50,29 @@ class AbstractRubLaw(AbstractLaw):
     contact: eqx.AbstractVar[AbstractRub]
 
     @abc.abstractmethod
-    def touch(self, displacement: Plane, velocity: Plane, speed: Number) -> Touch:
+    def touch(self, displacement: Plane, velocity: Plane, now: Now) -> Touch:
         """Motion of the rim relative to the contact."""
 
-    def __call__(self, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
-        touch = self.touch(displacement, velocity, speed)
+    def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
+        touch = self.touch(displacement, velocity, now)
         return _directed(touch, *self._forces(touch))
 
-    def torque(self, force: Plane, displacement: Plane, velocity: Plane, speed: Number) -> Number:
-        touch = self.touch(displacement, velocity, speed)
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
+        touch = self.touch(displacement, velocity, now)
         return self.contact.rim_radius * (touch.cos * force[1] - touch.sin * force[0])
 
     @property
     def kinked(self) -> bool:
         return self.contact.blend is None or self.contact.slip is None
 
-    def branch(self, displacement: Plane, velocity: Plane, speed: Number) -> Branch:
-        touch = self.touch(displacement, velocity, speed)
+    def branch(self, displacement: Plane, velocity: Plane, now: Now) -> Branch:
+        touch = self.touch(displacement, velocity, now)
         # At touch-down the depth may be negative by rounding; what is about to press is under pressure.
         pressed = ~(self._pressure(larger(touch.depth, 0.0), touch.rate) < 0)
         return jnp.stack([touch.depth > 0, pressed, 0.5 + 0.5 * jnp.sign(touch.slip)])
 
-    def along(self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number) -> Plane:
-        touch = self.touch(displacement, velocity, speed)
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, now: Now) -> Plane:
+        touch = self.touch(displacement, velocity, now)
         contact, (inside, pressed, forward) = self.contact, branch
         if contact.blend is None:
             normal = inside * pressed * self._pressure(touch.depth, touch.rate)
@@ -80,10 +81,8 @@ class AbstractRubLaw(AbstractLaw):
         direction = 2 * forward - 1 if contact.slip is None else self._direction(touch.slip)
         return _directed(touch, normal, contact.friction * normal * direction)
 
-    def margins(
-        self, branch: Branch, displacement: Plane, velocity: Plane, speed: Number
-    ) -> Branch:
-        touch = self.touch(displacement, velocity, speed)
+    def margins(self, branch: Branch, displacement: Plane, velocity: Plane, now: Now) -> Branch:
+        touch = self.touch(displacement, velocity, now)
         contact, (inside, pressed, _) = self.contact, branch > 0
         sharp, kink = contact.blend is None, (contact.friction > 0) & (contact.slip is None)
         # Outside only the depth can change sign; inside, the pressure and the direction of friction.

@@ -17,6 +17,7 @@ from ..core import linalg
 from ..core.blocks import Load
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar
+from ..effects.law import Now
 from .massless_coordinates import Condensed, Massless
 from .pencil import Pencil, check_axes, frame, isotropic, steady_response
 from .stationary_frame import Motion
@@ -57,7 +58,8 @@ def loop_gain(system: System) -> Scalar:
     rows = jnp.kron(axes, jnp.stack([port.row for port in ports]))
     columns = jnp.kron(axes, jnp.stack([port.column for port in ports], axis=1))
     flexibility = rows @ linalg.solve(_of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns)
-    force = lambda z, port: port.forces(z, still, system.spin.speed).sum(0)
+    now = Now(system.spin.speed)
+    force = lambda z, port: port.forces(z, still, now).sum(0)
     slope = lambda port: jax.jacfwd(force)(still, port)
     moduli = jnp.stack([linalg.spectral_norm(slope(port)) for port in ports])
     roots = jnp.sqrt(jnp.tile(moduli, 2))
@@ -173,7 +175,7 @@ def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
     """`A` of the linear equations without loads and balls: complex where all axes are equal, else real."""
     system = dataclasses.replace(in_constant_axes(system), races=())
     if isotropic(system.blocks) and system.massless is None:
-        return Motion(system, rate, loads=False).matrix()
+        return Motion(dataclasses.replace(system, ports=()), rate, loads=False).matrix()
     unloaded = eqx.tree_at(lambda s: s.load, system, Load())
     return ConstantFrame.of(unloaded, rate).matrix
 

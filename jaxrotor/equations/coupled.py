@@ -20,16 +20,18 @@ from ..core import linalg
 from ..core.blocks import Blocks, Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
-from ..effects.base import AbstractBodies
+from ..effects.base import AbstractBodies, AbstractContact
+from ..effects.law import AbstractLaw, Now
 from ..scene import Scene
 from ..spins.base import Turning
 from .accelerations import with_accelerations
 from .fixed_axes import SpeedTerms
-from .forces import applied_force, body_force, resistance
+from .forces import applied_force, body_force, resistance, state_rates
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of
+from .port import Law, actual, of_each
 from .start import Launch
-from .system import Law, System, actual
+from .system import System
 
 
 INSIDE = (
@@ -64,8 +66,15 @@ class Stations(eqx.Module):
 
 
 def is_coupled(scene: Scene) -> bool:
-    """Whether balls, or a rotation that is not known in time, are part of the motion of a rotor."""
-    return bool(scene.of(AbstractBodies)) or not scene.spin.given
+    """Whether balls, states of laws, or a rotation not known in time are part of a rotor's motion."""
+    states = any(law.states for law in laws_of(scene))
+    return bool(scene.of(AbstractBodies)) or states or not scene.spin.given
+
+
+def laws_of(scene: Scene) -> list[AbstractLaw]:
+    """Laws of the contacts of a scene, with shapes in place of numbers."""
+    law = lambda contact: contact.law()
+    return [eqx.filter_eval_shape(law, contact) for contact in scene.of(AbstractContact)]
 
 
 class Instant(NamedTuple):
@@ -85,8 +94,8 @@ class Instant(NamedTuple):
         return cls(time, time + INSIDE * (middle - time))
 
 
-class SpinAndBalls(eqx.Module):
-    """Motion of a free spin and of balls, the others beside a rotor.
+class AuxiliaryState(eqx.Module):
+    """State of what moves with a rotor: a free spin, balls, and states of laws.
 
     A part that the scene lacks has no entries.
     """
@@ -95,15 +104,22 @@ class SpinAndBalls(eqx.Module):
     speed: Float[Array, " d"]  # Omega [rad/s]
     bodies: Float[Array, " b"]  # psi [rad]
     bodies_rate: Float[Array, " b"]  # psi. [rad/s]
+    states: Float[Array, " s"]  # of laws, in their own units
 
     @classmethod
-    def of(cls, launch: Launch, speed: Scalar, *, free: bool) -> "SpinAndBalls":
-        """Those of a start with balls at a speed; `free` where the spin is integrated too."""
+    def of(cls, launch: Launch, system: System, *, free: bool) -> "AuxiliaryState":
+        """That of a start with balls, of a system; `free` where the spin is integrated too."""
         alone = lambda value: jnp.reshape(value, -1)[: int(free)]
         join = lambda parts: jnp.concatenate([jnp.zeros(0), *parts])
         balls = launch.balls or ()
         places = join(one.angle for one in balls), join(one.rate for one in balls)
-        return cls(alone(launch.angle), alone(speed), *places)
+        states = system.begin() if launch.states is None else launch.states
+        if states.shape != (system.states,):
+            raise ValueError(
+                f"`states` of the start must be {system.states} numbers, those of the laws of the scene, "
+                f"but has the shape {states.shape}; take `motion.end` of the same scene, or leave it out."
+            )
+        return cls(alone(launch.angle), alone(system.spin.speed), *places, states)
 
 
 class CoupledForces(eqx.Module):
@@ -158,7 +174,7 @@ class CoupledForces(eqx.Module):
         parts = reduced, moments, corotating, rows @ columns, weight, by_terms
         return cls(*parts, centre, begin, len(stations.all_coordinates), free), stations
 
-    def turning(self, now: Instant, others: SpinAndBalls) -> Turning:
+    def turning(self, now: Instant, others: AuxiliaryState) -> Turning:
         """Rotation now; the acceleration of a free spin is not known yet."""
         if self.free:
             return Turning(others.angle[0], others.speed[0], jnp.zeros(()))
@@ -169,8 +185,8 @@ class CoupledForces(eqx.Module):
         return Turning(self.begin + angle, speed, acceleration)
 
     def __call__(
-        self, at: Instant, seen: Complex[Array, " z"], others: SpinAndBalls, law: Law = actual
-    ) -> tuple[Complex[Array, " i"], SpinAndBalls]:
+        self, at: Instant, seen: Complex[Array, " z"], others: AuxiliaryState, law: Law = actual
+    ) -> tuple[Complex[Array, " i"], AuxiliaryState]:
         """Inputs of the linear rotor, and the rates of the others per second.
 
         `seen` are displacements and velocities of the ports, signals of the speed terms, and accelerations
@@ -184,12 +200,13 @@ class CoupledForces(eqx.Module):
         place, velocity, signals, acceleration, q = jnp.split(seen, ends)
         signals = (turning.speed - self.centre) * signals
         given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
-        pairs = zip(system.ports, plane(place).T, plane(velocity).T, strict=True)
-        contacts = [law(i, *port, turning.speed) for i, port in enumerate(pairs)]
+        own = of_each(system.ports, Now(turning.speed, turning.angle, others.states))
+        motions = list(zip(system.ports, plane(place).T, plane(velocity).T, own, strict=True))
+        contacts = [law(i, *motion) for i, motion in enumerate(motions)]
         contact = jnp.zeros(0, complex)
         if p:
-            pairs = zip(system.ports, contacts, plane(place).T, plane(velocity).T, strict=True)
-            x, y = jnp.stack([port.added(f, d, v) for port, f, d, v in pairs], axis=1)
+            pairs = zip(motions, contacts, strict=True)
+            x, y = jnp.stack([port.added(f, d, v) for (port, d, v, _), f in pairs], axis=1)
             contact = x + 1j * y
             given = given + self.accelerance[:, :p] @ contact
         if self.weight is not None:
@@ -198,9 +215,9 @@ class CoupledForces(eqx.Module):
             given = given + self.by_terms @ signals
         ahead = lambda part: jnp.zeros(system.n, complex).at[:p].set(part)
         none = jnp.zeros_like(others.bodies)
-        now = Kinematics(
-            turning, none, none, none, others.bodies, turning.speed + others.bodies_rate, none
-        )
+        spinning = turning.speed + others.bodies_rate
+        bodies = others.bodies, spinning, none
+        now = Kinematics(turning, none, none, none, *bodies, others.states)
         r = now.back * ahead(place)
         drift = now.back * ahead(velocity) - 1j * turning.speed * r
         now = now._replace(r=r, drift=drift, absolute=jnp.zeros_like(r))
@@ -223,11 +240,12 @@ class CoupledForces(eqx.Module):
         force = now.turn * (force + jnp.zeros_like(r))
         acceleration = then.turning.acceleration
         d = others.angle.size
-        rates = SpinAndBalls(
+        rates = AuxiliaryState(
             jnp.full(d, turning.speed),
             jnp.full(d, acceleration),
             others.bodies_rate,
             then.bodies_acceleration - acceleration,
+            state_rates(system, now, contacts),
         )
         return jnp.concatenate([contact, signals, force[p:]]), rates
 

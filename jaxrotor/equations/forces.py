@@ -8,8 +8,10 @@ from jaxtyping import Array, Complex, Float
 from ..core.blocks import Blocks, Load
 from ..core.plane import direction, plane
 from ..core.quantities import Scalar
+from ..effects.law import Now, States
 from .kinematics import Kinematics
-from .system import Port, Race, System
+from .port import Port, of_each
+from .system import Race, System
 
 
 def resistance(blocks: Blocks, now: Kinematics) -> Array:
@@ -52,8 +54,7 @@ Contacts = list[Float[Array, "k 2"]]  # force of every law of every port, in fix
 
 def contacts_of(system: System, now: Kinematics) -> Contacts:
     """Forces of all contacts."""
-    motions = zip(system.ports, *port_motion(system, now), strict=True)
-    return [port.forces(d, v, now.turning.speed) for port, d, v in motions]
+    return [port.forces(*motion) for port, motion in port_motion(system, now)]
 
 
 def contact_force(
@@ -70,16 +71,23 @@ def contact_force(
 def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Scalar:
     """Torque of all contacts on the shaft about its axis [N m]."""
     torque = jnp.zeros(())
-    for port, forces, d, v in zip(system.ports, contacts, *port_motion(system, now), strict=True):
-        torque = torque + port.torque(forces, d, v, now.turning.speed)
+    for (port, motion), forces in zip(port_motion(system, now), contacts, strict=True):
+        torque = torque + port.torque(forces, *motion)
     return torque
 
 
-def port_motion(system: System, now: Kinematics) -> tuple[list[Array], list[Array]]:
-    """Displacement and velocity [x, y] of every port, in fixed axes."""
-    rows = [port.row for port in system.ports]
-    displacement = [plane(row @ now.r * now.turn) for row in rows]
-    return displacement, [plane(row @ now.velocity * now.turn) for row in rows]
+def state_rates(system: System, now: Kinematics, contacts: Contacts) -> States:
+    """Rates of the states of all laws per second."""
+    pairs = zip(port_motion(system, now), contacts, strict=True)
+    rates = [port.rates(forces, *motion) for (port, motion), forces in pairs if port.size]
+    return jnp.concatenate([jnp.zeros(0), *rates])
+
+
+def port_motion(system: System, now: Kinematics) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:
+    """Every port, its displacement and velocity [x, y] in fixed axes, and what its laws are given."""
+    for port, own in zip(system.ports, of_each(system.ports, now.of_laws), strict=True):
+        place, velocity = port.row @ now.r, port.row @ now.velocity
+        yield port, (plane(place * now.turn), plane(velocity * now.turn), own)
 
 
 # === rolling bodies

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core.plane import direction
+from ..effects.law import Now
 from ..spins.base import Turning
 
 
@@ -22,6 +23,7 @@ class RotatingState(eqx.Module):
     speed: Float[Array, " d"]  # Omega over the reference rate
     bodies: Float[Array, " b"]  # angles relative to the shaft, psi = phi - theta [rad]
     bodies_rate: Float[Array, " b"]
+    states: Float[Array, " s"]  # of laws, in their own units
 
 
 class Kinematics(NamedTuple):
@@ -34,6 +36,7 @@ class Kinematics(NamedTuple):
     bodies: Float[Array, " b"]  # psi [rad]
     bodies_speed: Float[Array, " b"]  # phi. [rad/s]
     bodies_acceleration: Float[Array, " b"]  # phi.. [rad/s^2]
+    states: Float[Array, " s"]  # of laws, in their own units
 
     @property
     def velocity(self) -> Complex[Array, " n"]:
@@ -49,3 +52,8 @@ class Kinematics(NamedTuple):
     def back(self) -> Complex[Array, ""]:
         """`exp(-i theta)`, by which a vector in fixed axes is given in those of the shaft."""
         return jnp.conj(self.turn)
+
+    @property
+    def of_laws(self) -> Now:
+        """Speed, angle and states that laws are given."""
+        return Now(self.turning.speed, self.turning.angle, self.states)

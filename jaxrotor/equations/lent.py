@@ -12,7 +12,8 @@ import dataclasses
 import jax.numpy as jnp
 
 from ..core.blocks import Blocks
-from .system import Port, System
+from .port import Port
+from .system import System
 
 
 def with_lent_films(system: System) -> System:

@@ -14,6 +14,7 @@ from ..core.blocks import Blocks
 from ..core.compiled import compiled
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
+from ..effects.law import States
 from ..scene import Scene
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
@@ -24,6 +25,7 @@ from .forces import (
     contacts_of,
     nonlinear_columns,
     resistance,
+    state_rates,
 )
 from .kinematics import Kinematics, RotatingState
 from .massless_coordinates import Known, Massless, MasslessCoordinates
@@ -117,7 +119,14 @@ class Transient(eqx.Module):
             jnp.full(free, acceleration / rate),
             rate * y.bodies_rate,
             (now.bodies_acceleration - acceleration) / rate,
+            self._state_rates(now),
         )
+
+    def _state_rates(self, now: Kinematics) -> States:
+        """Rates of the states of laws per second."""
+        if not self.system.states:
+            return now.states
+        return state_rates(self.system, now, contacts_of(self.system, now))
 
     def breakaway_torque(self, time: Scalar, y: RotatingState) -> Array:
         """Torque on a spin at rest that dry friction has to hold [N m]."""
@@ -136,7 +145,9 @@ class Transient(eqx.Module):
         turning = self._turning(time, y)
         nothing = jnp.zeros_like(y.bodies)
         spinning = turning.speed + self.rate * y.bodies_rate
-        now = Kinematics(turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing)
+        now = Kinematics(
+            turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing, y.states
+        )
         if self.massless is not None:
             now = self._with_massless_motion(self.massless, now)
         push = -resistance(self._blocks(turning.speed), now)
@@ -190,7 +201,7 @@ class Transient(eqx.Module):
         turning = Turning(
             jnp.asarray(self.begin), jnp.asarray(self.system.spin.speed), jnp.zeros(())
         )
-        now = Kinematics(turning, zero, zero, zero, none, none, none)
+        now = Kinematics(turning, zero, zero, zero, none, none, none, none)
         return self.massless.condition(
             lambda r: self._imbalance_of_forces(now._replace(r=r)),
             lambda drift: self._imbalance_of_forces(now._replace(drift=drift)),

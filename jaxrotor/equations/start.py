@@ -115,6 +115,7 @@ class Launch(AbstractStart):
     stopped: Bool[Array, ""] = eqx.field(
         default=False, converter=jnp.asarray
     )  # and never starts again
+    states: Float[Array, " s"] | None = None  # of laws, contact by contact; None: as laws begin
 
     @classmethod
     def of(cls, start: AbstractStart | None) -> "Launch":
@@ -215,6 +216,10 @@ def shaft_of(start: AbstractStart, what: str) -> AbstractStart:
     """
     if not isinstance(start, Launch):
         return start
+    if start.states is not None:
+        raise ValueError(
+            f"{what} takes no states of laws, but the start has {start.states.size}; leave them out."
+        )
     if start.balls:
         raise ValueError(
             f"{what} takes no balls, but the start has {len(start.balls)} races of them."

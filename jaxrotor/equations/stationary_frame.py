@@ -3,19 +3,23 @@
 Axes are fixed in space, see docs/concepts/frames.md.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core import linalg
 from ..core.blocks import Load
-from ..core.plane import plane
+from ..core.plane import angle, plane
 from ..core.quantities import Scalar
+from ..effects.law import Now
 from .massless_coordinates import MasslessCoordinates
 from .pencil import check_moves
-from .system import Port, System, port_forces
+from .port import Port, port_forces
+from .system import System
 
 
 RUN_UP = "use `jaxrotor.run_up`, which takes any rotor and any spin"
@@ -59,6 +63,7 @@ class Motion(eqx.Module):
         check_moves(system)
         check_known_in_time(system)
         check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
+        check_no_states(system, "A motion by whole revolutions", RUN_UP)
         speed, s = system.spin.speed, system.spin.speed / rate
         load = system.load if loads else Load()
         columns = rows = None
@@ -134,16 +139,19 @@ class Motion(eqx.Module):
 
     def contact(self, theta: Scalar, y: State, args: None = None) -> State:
         """The part that may have jumps and kinks: contact."""
-        del theta, args
+        del args
         if self.rows is None or self.columns is None:
             return jnp.zeros_like(y)
         q, rate = y
-        forces = self.port_forces(q @ self.rows.T, self.rate * (rate @ self.rows.T))
+        now = self.now(lambda: jnp.stack([jnp.cos(theta), jnp.sin(theta)]))
+        forces = port_forces(self.ports, q @ self.rows.T, self.rate * (rate @ self.rows.T), now)
         return jnp.stack([jnp.zeros_like(q), forces @ self.columns.T])
 
-    def port_forces(self, displacement: Array, velocity: Array) -> Float[Array, "2 p"]:
-        """Total force at every port from displacement and velocity there, all (2, p)."""
-        return port_forces(self.ports, displacement, velocity, self.speed)
+    def now(self, phase: Callable[[], Float[Array, "2 ..."]]) -> Now:
+        """Speed and, where a law asks for it, angle, by cosine and sine of the angle of revolution."""
+        if not any(law.clock for port in self.ports for law in port.laws):
+            return Now(self.speed)
+        return Now(self.speed, self.s * angle(jax.lax.complex(*phase())))
 
     def matrix(self) -> Complex[Array, "n2 n2"]:
         """`A` of the linear part `(q, q')' = A (q, q')` of a rotor that is the same along every axis."""
@@ -181,6 +189,20 @@ def check_no_balls(system: System, what: str, instead: str) -> None:
     if system.races:
         raise ValueError(
             f"{what} is for a rotor without balls, but it has {system.owners_of('bodies')}; {instead}."
+        )
+
+
+def by_times(system: System) -> bool:
+    """Whether laws have states, or count turns, so that no revolution is as the one before it."""
+    return bool(system.states) or "cage" in system.clocks
+
+
+def check_no_states(system: System, what: str, instead: str) -> None:
+    """Raise if laws have states or count turns; the message names `what`, and says to do `instead`."""
+    if by_times(system):
+        raise ValueError(
+            f"{what} is for forces that the motion there determines, but a contact "
+            f"({system.owners_of('contact')}) has states of its own or counts turns; {instead}."
         )
 
 

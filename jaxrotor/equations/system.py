@@ -1,7 +1,7 @@
 """System: the equations of motion of a scene. See docs/concepts/ports.md for its ports."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import equinox as eqx
 import jax
@@ -11,15 +11,14 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.compiled import compiled_quickly
-from ..core.extremes import larger
-from ..core.quantities import Number, Scalar, known
+from ..core.quantities import Scalar, known
 from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
-    AbstractLaw,
     AbstractUnequal,
 )
+from ..effects.law import AbstractLaw, Now, States
 from ..scene import Scene
 from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
@@ -27,121 +26,12 @@ from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
 from .parts import OverSpeed, Parts, assemble_blocks, assemble_load, blocks_of_parts
+from .port import Port, count_of, of_each
 from .rigid_motions import unheld
 from .speed_tables import has_tables, within_tables
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
-Branches = tuple[Float[Array, "_ _"], ...]  # (k, c) of every stack of k laws of equal structure
-
-
-class Port(eqx.Module):
-    """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations."""
-
-    row: Float[Array, " n"]
-    column: Float[Array, " n"]
-    at: Scalar  # [m]
-    laws: tuple[AbstractLaw, ...]  # laws of equal structure stacked along a leading axis
-    # Stiffness and damping that the linear equations bear in place of the laws, see `with_lent_films`:
-    lent: Float[Array, "2"] | None = None
-    on: str | None = eqx.field(static=True, default=None)  # name of a casing; None: the ground
-
-    def forces(
-        self, displacement: Array, velocity: Array, speed: Number
-    ) -> Float[Array, "k 2 ..."]:
-        """Force of every law at this port [N], in the order of `System.members`."""
-        return jnp.concatenate(
-            [jax.vmap(lambda law: law(displacement, velocity, speed))(stack) for stack in self.laws]
-        )
-
-    def added(
-        self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array
-    ) -> Float[Array, "2 ..."]:
-        """Force of all laws together, beside what they lend to the linear equations [N]."""
-        total = forces.sum(0)
-        if self.lent is None:
-            return total
-        return total + self.lent[0] * displacement + self.lent[1] * velocity
-
-    def branches(self, displacement: Array, velocity: Array, speed: Scalar) -> Branches:
-        """Branch of every law in a motion."""
-        motion = displacement, velocity, speed
-        return tuple(jax.vmap(lambda law: law.branch(*motion))(stack) for stack in self.laws)
-
-    def along(
-        self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
-    ) -> Float[Array, "k 2"]:
-        """Force of every law by the formula of a given branch, also beyond its ends [N]."""
-        along = lambda law, branch: law.along(branch, displacement, velocity, speed)
-        return jnp.concatenate(list(map(jax.vmap(along), self.laws, branches)))
-
-    def margins(
-        self, branches: Branches, displacement: Array, velocity: Array, speed: Scalar
-    ) -> Branches:
-        """Margin of every condition of every law: how far it is from changing."""
-        margins = lambda law, branch: law.margins(branch, displacement, velocity, speed)
-        return tuple(map(jax.vmap(margins), self.laws, branches))
-
-    def hardness(self) -> Float[Array, "2"]:
-        """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
-        share, each = self._shares()
-        return jnp.max(share @ each, axis=0)
-
-    def hardnesses(self) -> Float[Array, "k 2"]:
-        """The same outward along every law, of that law and of those that act before it."""
-        (share, each), gaps = self._shares(), self.clearances(jnp.zeros(2))
-        return (share * (gaps[:, None] <= gaps)).T @ each
-
-    def _shares(self) -> tuple[Float[Array, "k k"], Float[Array, "k 2"]]:
-        """Share of law i in a motion outward along law j; stiffness and damping of each law."""
-        stacks = [jax.vmap(lambda law: law.hardness()[:3])(stack) for stack in self.laws]
-        stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
-        round_about = jnp.all(out == 0, axis=1)  # a law without a direction has all of it
-        share = jnp.where(round_about[:, None], 1.0, larger(out @ out.T, 0.0) ** 2)
-        return share, jnp.stack([stiffness, damping], axis=1)
-
-    def clearances(self, displacement: Array) -> Float[Array, " k"]:
-        """Distance of every law until it acts [m]."""
-        stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
-        return jnp.concatenate(stacks)
-
-    def torque(
-        self, forces: Float[Array, "k 2"], displacement: Array, velocity: Array, speed: Scalar
-    ) -> Scalar:
-        """Torque about the axis of all laws, by their forces [N m]."""
-        motion, total, start = (displacement, velocity, speed), jnp.zeros(()), 0
-        for stack in self.laws:
-            stop = start + jax.tree.leaves(stack)[0].shape[0]
-            torques = jax.vmap(lambda law, force: law.torque(force, *motion))
-            total = total + jnp.sum(torques(stack, forces[start:stop]))
-            start = stop
-        return total
-
-
-# Force of every law of a port, by its number, itself, displacement and velocity there, and speed:
-Law = Callable[[int, Port, Array, Array, Number], Float[Array, "k 2 ..."]]
-
-
-def actual(number: int, port: Port, place: Array, velocity: Array, speed: Number) -> Array:
-    """Forces of a port by its laws."""
-    del number
-    return port.forces(place, velocity, speed)
-
-
-def port_forces(
-    ports: tuple[Port, ...],
-    displacement: Array,
-    velocity: Array,
-    speed: Number,
-    law: Law = actual,
-) -> Float[Array, "2 p ..."]:
-    """Total force at every port from displacement and velocity there, all (2, p), or (2, p, lanes)."""
-    motions = zip(ports, *(jnp.swapaxes(x, 0, 1) for x in (displacement, velocity)), strict=True)
-    found = [
-        port.added(law(number, port, d, v, speed), d, v)
-        for number, (port, d, v) in enumerate(motions)
-    ]
-    return jnp.stack(found, axis=1)
 
 
 class Race(eqx.Module):
@@ -185,8 +75,8 @@ class System(eqx.Module):
 
     @property
     def coupled(self) -> bool:
-        """Whether balls, or a rotation that is not known in time, are part of the motion."""
-        return bool(self.races) or not self.spin.given
+        """Whether balls, states of laws, or a rotation not known in time are part of the motion."""
+        return bool(self.races) or bool(self.states) or not self.spin.given
 
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
@@ -222,17 +112,29 @@ class System(eqx.Module):
         inside = True if self.tabled is None else within_tables(self.tabled, speed) == speed
         return jnp.asarray(inside)
 
+    @property
+    def clocks(self) -> set[str]:
+        """Clocks that laws ask for, see `AbstractLaw`."""
+        return {law.clock for port in self.ports for law in port.laws if law.clock}
+
+    @property
+    def states(self) -> int:
+        """Number of states of all laws."""
+        return sum(port.size for port in self.ports)
+
+    def begin(self) -> States:
+        """States of all laws at the start of a motion, port by port."""
+        return jnp.concatenate([jnp.zeros(0), *(port.begin() for port in self.ports)])
+
     def contact_forces(
-        self, displacement: Array, velocity: Array, speed: Number
+        self, displacement: Array, velocity: Array, now: Now
     ) -> Float[Array, "k 2 ..."]:
         """Force of each contact of the scene, in its order, from the motion (p, 2) of the ports.
 
         Elementwise laws take the motion of several lanes, (p, 2, lanes).
         """
-        forces = jnp.concatenate(
-            [port.forces(displacement[i], velocity[i], speed) for i, port in enumerate(self.ports)]
-        )
-        return forces[self._order]
+        motions = zip(self.ports, displacement, velocity, of_each(self.ports, now), strict=True)
+        return jnp.concatenate([port.forces(d, v, own) for port, d, v, own in motions])[self._order]
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:
         """Distance of each contact of the scene until it acts [m], arguments as in `contact_forces`."""
@@ -321,6 +223,23 @@ def _owners(scene: Scene, parts: Parts) -> Iterator[tuple[str, str]]:
 def structure(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
     """Blocks, loads and ports of a scene as shapes alone, without the cost of `assemble`."""
     return _assembled.shapes(scene, port_groups(scene) if together is None else together)
+
+
+def state_names(
+    scene: Scene, together: tuple[tuple[int, ...], ...] | None = None
+) -> list[tuple[str, str]]:
+    """Names and units of the states of all laws, in the order of `System.begin`.
+
+    The wear of the first stop is `("worn_stops.0.wear", "m")`.
+    """
+    system, contacts = structure(scene, together), scene.of(AbstractContact)
+    numbers, found = iter(system.members), []
+    for stack in (stack for port in system.ports for stack in port.laws):
+        for number in [next(numbers) for _ in range(count_of(stack))]:
+            owner = scene.name_of(contacts[number])
+            words = (state.removesuffix("]").partition(" [") for state in stack.states)
+            found += [(f"{owner}.{name}", unit or "1") for name, _, unit in words]
+    return found
 
 
 def has_massless(scene: Scene, system: System | None = None) -> bool | None:

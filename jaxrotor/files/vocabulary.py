@@ -1,12 +1,13 @@
 """Vocabulary of scene files: names of effects, shafts and spins, and their keys.
 
-Effects are found by the `kind` and `plural` of the classes that `jaxrotor.effects` exports, shafts and
-spins by their class names (`FlexibleShaft` is `model = "flexible"`). A new class needs no line here.
+Effects are found by the `kind` and `plural` of their classes, those that `jaxrotor.effects` exports and
+one's own, shafts and spins by their class names (`FlexibleShaft` is `model = "flexible"`). A new class
+needs no line here.
 """
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -64,11 +65,34 @@ FORMS = (
 )
 
 
-def kinds() -> dict[str, Any]:
+def exported() -> dict[str, Any]:
     """Classes of effects that `jaxrotor.effects` exports, by their kind."""
-    classes = [c for c in vars(effects).values() if inspect.isclass(c)]
-    named = [c for c in classes if issubclass(c, AbstractEffect) and hasattr(c, "kind")]
-    return {cls.kind: cls for cls in named if not inspect.isabstract(cls)}
+    return _by_kind(vars(effects).values())
+
+
+def kinds() -> dict[str, Any]:
+    """The same, and classes of one's own that have been defined, of one kind the last."""
+    ours = exported()
+    return ours | _by_kind(_below(AbstractEffect)) | ours
+
+
+def kinds_with(effect: AbstractEffect) -> dict[str, Any]:
+    """The same, and the class of an effect, unless it has the kind of one that is exported."""
+    return {effect.kind: type(effect)} | exported()
+
+
+def _by_kind(values: Iterable[Any]) -> dict[str, Any]:
+    """Classes of effects among some values that are not abstract, by their kind."""
+    classes = [c for c in values if inspect.isclass(c) and issubclass(c, AbstractEffect)]
+    named = [c for c in classes if hasattr(c, "kind") and not inspect.isabstract(c)]
+    return {cls.kind: cls for cls in named}
+
+
+def _below(cls: type) -> Iterator[type]:
+    """Classes that inherit from one, at any number of removes."""
+    for one in cls.__subclasses__():
+        yield one
+        yield from _below(one)
 
 
 def models(module: ModuleType, base: type) -> dict[str, type]:

@@ -54,6 +54,7 @@ class Window(eqx.Module):
     time: Float[Array, " T"] | None = None  # since the start [s]; None: not computed by revolutions
     speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None: that of the scene
     bodies: "Bodies | None" = None  # None: the scene has none
+    states: Float[Array, "T x ..."] | None = None  # of laws; None: the scene has none
 
 
 class Bodies(eqx.Module):

@@ -20,7 +20,7 @@ from ..equations.coupled import is_coupled
 from ..equations.pencil import frame
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, is_whole
-from ..equations.stationary_frame import check_known_in_time
+from ..equations.stationary_frame import by_times, check_known_in_time
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
 from ..solvers.choice import solver_name
@@ -40,7 +40,7 @@ def system_of_march(
     scene: Scene, system: System, solver: Any, start: AbstractStart | None = None
 ) -> System | None:
     """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
-    if system.races or not (start is None or is_whole(start)):
+    if system.races or by_times(system) or not (start is None or is_whole(start)):
         return None
     if solver is None and system.steep:
         return None
@@ -116,8 +116,10 @@ def check_steppable(
     system = assemble(scene) if system is None else system
     check_known_in_time(system)
     reason = unsteppable(system)
-    if revolutions and system.races:
-        reason = f"there are balls ({system.owners_of('bodies')}), which `times` would allow"
+    if revolutions and (system.races or by_times(system)):
+        parts = system.owners_of("bodies" if system.races else "contact")
+        moves = "balls" if system.races else "contacts with states or angles of their own"
+        reason = f"there are {moves} ({parts}), which `times` would allow"
     if reason is None:
         massless = has_massless(scene, system)
         reason = "a part of the rotor has no mass" if massless else None

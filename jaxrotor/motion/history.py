@@ -16,7 +16,7 @@ from ..effects.base import AbstractBodies, AbstractCasing
 from ..equations.kinematics import Kinematics, RotatingState
 from ..equations.rotating_frame import Transient
 from ..equations.start import Balls, Launch
-from ..equations.system import System, assemble
+from ..equations.system import System, assemble, state_names
 from ..scene import Scene
 
 
@@ -37,6 +37,7 @@ class TimeHistory(eqx.Module):
     coordinates: Complex[Array, "T n"]  # of the equations of motion
     rates: Complex[Array, "T n"]  # of them [1/s]
     balls: tuple[Balls, ...]  # one entry a race
+    states: dict[str, Float[Array, " T"]]  # of laws by their names, such as "worn_stop.wear"
     stations: Float[Array, " s"]  # [m]
     stopped: Scalar  # time at which the rotor came to rest for good [s], infinite if never
     end: Launch  # state at the end, from which another motion may continue
@@ -91,6 +92,14 @@ class TimeHistory(eqx.Module):
         )
 
 
+def named_states(scene: Scene, instants: Kinematics | None) -> dict[str, Float[Array, " T"]]:
+    """States of laws at the samples of a run, by their names."""
+    if instants is None or not instants.states.shape[-1]:
+        return {}
+    names = [name for name, _ in state_names(scene)]
+    return dict(zip(names, jnp.moveaxis(instants.states, -1, 0), strict=True))
+
+
 def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "*T"]:
     """Unbalance of the scene and of all bodies at angles `psi` from the shaft, in its axes [kg m]."""
     moments = [race.masses * race.race_radius for race in scene.of(AbstractBodies)]
@@ -116,7 +125,7 @@ def _instants(
         turn = jnp.exp(-1j * angle)
         r = turn * q
         drift = turn * velocity - 1j * speed * r
-        state = RotatingState(plane(r), plane(drift), none, none, none, none)
+        state = RotatingState(plane(r), plane(drift), *[none] * 5)
         return transient.instant(time, state)
 
     return jax.vmap(instant)(times, angles, coordinates, rates)

@@ -76,20 +76,22 @@ class IntegratedMarch(AbstractMarch):
         )
 
     def encode(self, *parts: Array) -> Array:
-        """State at angle zero of coordinates, their velocities, angles and speeds of the balls."""
-        q, velocity, angles, speeds = parts
+        """State at angle zero of the parts that `decode` returns."""
+        q, velocity, angles, speeds, states = parts
         launch = Launch(Continued(q, velocity), self.field.begin)
         y = first_state(self.field, launch, self.stations[0], free=self.integration.free)
         rates = (speeds - self.speed) / self.field.rate
-        y = eqx.tree_at(lambda y: (y.bodies, y.bodies_rate), y, (angles, rates))
+        named = lambda y: (y.bodies, y.bodies_rate, y.states)
+        y = eqx.tree_at(named, y, (angles, rates, states))
         no = jnp.asarray(False)
         return self._packed(y, no, no, self._before_first())
 
     def decode(self, y: Array) -> tuple[Array, ...]:
-        """Coordinates [m], their velocities [m/s], angles of the balls [rad] and their speeds [rad/s]."""
+        """Coordinates [m], velocities [m/s]; angles [rad] and speeds [rad/s] of balls, states of laws."""
         state, *_, number = self._unpacked(y)
         now = self.field.instant(self._time(number), state)
-        return now.r * now.turn, now.velocity * now.turn, now.bodies, now.bodies_speed
+        coordinates = now.r * now.turn, now.velocity * now.turn
+        return *coordinates, now.bodies, now.bodies_speed, now.states
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
@@ -118,6 +120,7 @@ class IntegratedMarch(AbstractMarch):
             times,
             speed,
             self._bodies(instants),
+            instants.states if self.field.system.states else None,
         )
         return end, window, ok
 
@@ -166,7 +169,7 @@ class IntegratedMarch(AbstractMarch):
     def _unpacked(self, y: Array) -> tuple[RotatingState, Array, Array, Array]:
         n, free = self.field.system.n, int(self.integration.free)
         bodies = sum(race.bodies.places for race in self.field.system.races)
-        ends = np.cumsum([2 * n, 2 * n, free, free, bodies, bodies])
+        ends = np.cumsum([2 * n, 2 * n, free, free, bodies, bodies, self.field.system.states])
         r, rate, *others, last = jnp.split(y, ends)
         state = RotatingState(r.reshape(2, n), rate.reshape(2, n), *others)
         return state, last[0] > 0, last[1] > 0, last[2]

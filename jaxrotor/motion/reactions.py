@@ -243,4 +243,5 @@ def _at_rest(system: System) -> Kinematics:
     zero = jnp.zeros(())
     count = sum(race.bodies.places for race in system.races)
     still = jnp.zeros(count)
-    return Kinematics(Turning(zero, zero, zero), q, 0 * q, 0 * q, still, still, still)
+    turning, bodies = Turning(zero, zero, zero), (still, still, still)
+    return Kinematics(turning, q, 0 * q, 0 * q, *bodies, system.begin())

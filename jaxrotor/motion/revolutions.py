@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import diffrax as dfx
 import equinox as eqx
@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
+from ..effects.law import Now
 from ..equations.constant_frame import in_constant_axes
 from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
@@ -185,8 +186,9 @@ class March(AbstractMarch):
         """Forces of all contacts by the readings of `sample`, of lanes along a last axis as well [N]."""
         ports = samples[:, :, :, -len(self.system.ports) :]
         place, velocity = jnp.moveaxis(ports, (2, 1), (0, 3))  # (T, p, xy, ..) each
-        of_sample = jax.vmap(self.system.contact_forces, in_axes=(0, 0, None))
-        vectors = of_sample(place, velocity, self.system.spin.speed)
+        angle = self.form.motion.s * self._grid() if self.system.clocks else None
+        of_sample = jax.vmap(self.system.contact_forces, in_axes=(0, 0, cast(Any, Now)(None, 0)))
+        vectors = of_sample(place, velocity, Now(self.system.spin.speed, angle))
         return jax.lax.complex(vectors[:, :, 0], vectors[:, :, 1])
 
     def _grid(self) -> Float[Array, " T"]:

@@ -25,7 +25,7 @@ from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
 from .choice import default_solver, steps_along
-from .history import TimeHistory
+from .history import TimeHistory, named_states
 from .rebounds import Rebounds
 from .stepped import Stepping, stepping_of
 from .transient import Integrated, Integration, controller_for, integrate
@@ -329,6 +329,7 @@ def _motion(
         "speed": end.speed,
         "time": launch.time + times[-1],
         "stopped": jnp.isfinite(run.stopped) & stops,
+        "states": run.instants.states[-1] if run.instants is not None and system.states else None,
     }
     return _Motion(run, balls, state)
 
@@ -342,6 +343,7 @@ def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeH
         acceleration=acceleration,
         **motion.run.seen._asdict(),
         balls=motion.balls,
+        states=named_states(scene, motion.run.instants),
         stations=stations,
         stopped=motion.run.stopped,
         end=Launch(**motion.end),

@@ -221,6 +221,7 @@ def _by_revolutions(
         coordinates=coordinates,
         rates=rates,
         balls=(),
+        states={},
         stations=stations,
         stopped=jnp.asarray(jnp.inf),
         end=Launch(Continued(*end)),

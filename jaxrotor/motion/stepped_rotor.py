@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.blocks import unbalance_factor
 from ..core.quantities import Scalar
-from ..equations.coupled import INSIDE, CoupledForces, Instant, SpinAndBalls, is_coupled
+from ..equations.coupled import INSIDE, AuxiliaryState, CoupledForces, Instant, is_coupled
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
 from ..equations.start import Launch
 from ..equations.system import System
@@ -20,7 +20,7 @@ from ..scene import Scene
 from ..solvers.basis import Basis
 from ..solvers.forcing import AlongTimes, Coupled, Sizes, Speeds
 from ..solvers.rotor import RotorAtSpeed
-from ..solvers.step import AbstractForcing, Now, Step
+from ..solvers.step import AbstractForcing, Step, StepData
 from ..spins.base import Turning
 from .exact import exact_motion
 from .speeds import decomposed_at, turning
@@ -30,7 +30,7 @@ from .stepped import Stepping
 class SteppedRotor(eqx.Module):
     """A rotor in the coordinates of its steps.
 
-    A state is that of the rotor in its basis, then the numbers of the `SpinAndBalls`.
+    A state is that of the rotor in its basis, then the numbers of its `AuxiliaryState`.
     """
 
     system: System
@@ -70,8 +70,8 @@ class SteppedRotor(eqx.Module):
 
     @property
     def sizes(self) -> Sizes:
-        """Numbers of the spin and the balls in a state."""
-        return Sizes(0, 0) if self.forces is None else Sizes.of(self.forces)
+        """Numbers of what moves with the rotor, in a state."""
+        return Sizes(0, 0, 0) if self.forces is None else Sizes.of(self.forces)
 
     def plain(self, order: int, length: Scalar) -> Step:
         """A step of a length of time [s], which is not split."""
@@ -90,11 +90,12 @@ class SteppedRotor(eqx.Module):
             acceleration = turning(system, time + length * share).acceleration
         g = unbalance_factor(now.speed, acceleration) * jnp.exp(1j * (self.angle + now.angle))
         nodes = jnp.arange(count)[:, None] * 2 + np.arange(3)
+        angle = self.angle + now.angle[nodes] if system.clocks else None
         speed = now.speed[nodes]
-        return Now(Speeds(speed, speed - self.centre), self.rotor.load_values(g[nodes]))
+        return StepData(Speeds(angle, speed, speed - self.centre), self.rotor.load_values(g[nodes]))
 
     def encode(
-        self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], others: SpinAndBalls
+        self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], others: AuxiliaryState
     ) -> Float[Array, " y"]:
         """State of coordinates [m], their velocities [m/s] and what moves with the rotor."""
         w = self.rotor.encode(self.rotor.axes.state(q, velocity))
@@ -103,22 +104,22 @@ class SteppedRotor(eqx.Module):
     def begin(self, launch: Launch, at: Scalar) -> Float[Array, " y"]:
         """State at a start, which has balls where the scene has some; `at` [m] is the observed station."""
         free = self.forces is not None and self.forces.free
-        others = SpinAndBalls.of(launch, self.system.spin.speed, free=free)
+        others = AuxiliaryState.of(launch, self.system, free=free)
         return self.encode(*launch.shaft.state(self.system, at), others)
 
     def decode(
         self, y: Float[Array, " y"]
-    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], SpinAndBalls]:
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], AuxiliaryState]:
         """Coordinates [m], their velocities [m/s] and what moves with the rotor, of a state."""
         w, others = self.parts(y)
         return *self.rotor.axes.coordinates(self.rotor.decode(w)), others
 
-    def parts(self, y: Float[Array, " y"]) -> tuple[Float[Array, " m2"], SpinAndBalls]:
+    def parts(self, y: Float[Array, " y"]) -> tuple[Float[Array, " m2"], AuxiliaryState]:
         """State of the rotor in its basis, and what moves with it."""
         w, x = jnp.split(y, [y.size - self.sizes.total])
         return w, self.sizes.named(x)
 
-    def turning(self, time: Scalar, others: SpinAndBalls) -> Turning:
+    def turning(self, time: Scalar, others: AuxiliaryState) -> Turning:
         """Rotation at a time [s]; of a free spin without its acceleration."""
         if self.forces is not None:
             return self.forces.turning(Instant.at(jnp.asarray(time)), others)
@@ -131,7 +132,7 @@ class Path(eqx.Module):
 
     q: Complex[Array, "T n"]
     velocity: Complex[Array, "T n"]  # [1/s] of them
-    others: SpinAndBalls
+    others: AuxiliaryState
     turning: Turning  # of a free spin without its acceleration
     touched: Bool[Array, ""]  # whether a contact was loaded
     unresolved: Int[Array, ""]  # steps whose changes of contact were not located
@@ -154,7 +155,7 @@ def stepped(
         q, velocity = (part[samples] for part in motion)
         now = turning(system, times[samples])
         now = now._replace(angle=launch.angle + now.angle)
-        none = SpinAndBalls.of(launch, system.spin.speed, free=False)
+        none = AuxiliaryState.of(launch, system, free=False)
         return Path(
             q, velocity, none, now, jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros((0, 2))
         )
@@ -183,7 +184,7 @@ def stepped(
         into, out = lambda own, y: own.rotor.encode(y), lambda own, y: own.rotor.decode(y)
         axes = FixedAxes(take(rotors, 0).axes.matrix, rate)
         first = axes.state(*launch.shaft.state(system, station))
-        none = SpinAndBalls.of(Launch(), system.spin.speed, free=False)
+        none = AuxiliaryState.of(Launch(), system, free=False)
         coordinates = lambda state: (*axes.coordinates(state), none)
 
     def piece(carry, part):

@@ -16,7 +16,8 @@ from ..core.extremes import larger
 from ..core.plane import direction, plane
 from ..core.quantities import Scalar
 from ..effects.base import AbstractBetween, AbstractBodies
-from ..equations.coupled import SpinAndBalls
+from ..effects.law import Now
+from ..equations.coupled import AuxiliaryState
 from ..equations.kinematics import Kinematics, RotatingState, Turning
 from ..equations.massless_coordinates import Known
 from ..equations.rotating_frame import Transient
@@ -186,7 +187,7 @@ def integrate_part(
     """The run from the state at `begin` on, which `stays` at rest, over `times`."""
     never, stays = jnp.asarray(jnp.inf), jnp.asarray(stays)
     spin = field.system.spin
-    if not plan.free and not field.system.n and not y.bodies.size:  # nothing to integrate
+    if not (plan.free or field.system.n or y.bodies.size or y.states.size):  # nothing moves
         path = jax.tree.map(lambda leaf: jnp.zeros((times.size, *leaf.shape)), y)
         return Part(path, None, jnp.asarray(True), never, y, stays)
     if plan.free and isinstance(spin, Drive) and spin.can_stop:
@@ -204,15 +205,15 @@ def _step(
     path = stepped(scene, system, plan, launch, stations[0])
     steps = path.touched, path.unresolved, path.contact_stiffness_ratio
     if plan.exact:  # accelerations would take longer than the motion, and few ask for them
-        seen = _seen(system, path.q, path.velocity, path.turning.speed, stations)
+        seen = _seen(system, path.q, path.velocity, Now(path.turning.speed), stations)
         return Integrated(path.turning, None, never, _finite(seen), seen, *steps)
 
-    def instant(time: Scalar, now: Turning, q: Array, velocity: Array, others: SpinAndBalls):
+    def instant(time: Scalar, now: Turning, q: Array, velocity: Array, others: AuxiliaryState):
         """Motion in the axes of the shaft."""
         back, rate = direction(-now.angle), field.rate
         parts = plane(back * q), plane(back * (velocity - 1j * now.speed * q)) / rate
         rates = others.angle, others.speed / rate, others.bodies, others.bodies_rate / rate
-        return field.instant(time, RotatingState(*parts, *rates))
+        return field.instant(time, RotatingState(*parts, *rates, others.states))
 
     instants = jax.vmap(instant)(times, path.turning, path.q, path.velocity, path.others)
     seen = motion_of_stations(system, instants, stations)
@@ -226,7 +227,7 @@ def first_state(field: Transient, launch: Launch, station: Scalar, *, free: bool
     speed = system.spin.speed
     q, velocity = launch.shaft.state(system, station)
     turn = jnp.exp(-1j * launch.angle)
-    others = SpinAndBalls.of(launch, speed, free=free)
+    others = AuxiliaryState.of(launch, system, free=free)
     return RotatingState(
         plane(turn * q),
         plane(turn * (velocity - 1j * speed * q)) / rate,
@@ -234,6 +235,7 @@ def first_state(field: Transient, launch: Launch, station: Scalar, *, free: bool
         others.speed / rate,
         others.bodies,
         others.bodies_rate / rate,
+        others.states,
     )
 
 
@@ -336,14 +338,14 @@ def motion_of_stations(system: System, instants: Kinematics, stations: Array) ->
     """Motion of the stations and of all coordinates, and contact forces, in fixed axes."""
     turn = jnp.exp(1j * instants.turning.angle)[:, None]
     velocity = turn * jax.vmap(lambda now: now.velocity)(instants)
-    return _seen(system, turn * instants.r, velocity, instants.turning.speed, stations)
+    return _seen(system, turn * instants.r, velocity, instants.of_laws, stations)
 
 
 def _seen(
     system: System,
     q: Complex[Array, "T n"],
     velocity: Complex[Array, "T n"],
-    speed: Float[Array, " T"],
+    now: Now,
     stations: Array,
 ) -> StationMotion:
     """Motion of the stations and forces of the contacts, by the coordinates and their rates."""
@@ -352,7 +354,7 @@ def _seen(
     if system.ports:
         ports = jnp.stack([port.row for port in system.ports])
         forces = jax.vmap(system.contact_forces)(
-            plane(q @ ports.T, axis=-1), plane(velocity @ ports.T, axis=-1), speed
+            plane(q @ ports.T, axis=-1), plane(velocity @ ports.T, axis=-1), now
         )
         forces = forces[..., 0] + 1j * forces[..., 1]
     return StationMotion(q @ rows.T, velocity @ rows.T, q @ slopes.T, forces, q, velocity)

@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
+from ..effects.law import Now
 from ..equations.constant_frame import linear_matrix
-from ..equations.coupled import SpinAndBalls
+from ..equations.coupled import AuxiliaryState
 from ..equations.fixed_axes import depends_on_speed
 from ..equations.start import AbstractStart, Continued, Launch
 from ..equations.system import System, assemble
@@ -87,25 +88,26 @@ class WindowMarch(AbstractMarch):
 
     def encode(self, *parts: Array) -> Array:
         """State at the first sample of the parts that `decode` returns."""
-        q, velocity, *balls = parts
-        launch = Launch(Continued(q, velocity), self.rotor.angle)
-        speed = self.rotor.system.spin.speed
-        others = SpinAndBalls.of(launch, speed, free=bool(self.rotor.sizes.spin))
-        if balls:
-            pair = lambda others: (others.bodies, others.bodies_rate)
-            others = eqx.tree_at(pair, others, (balls[0], balls[1] - speed))
+        q, velocity, *rest = parts
+        launch, system = Launch(Continued(q, velocity), self.rotor.angle), self.rotor.system
+        others = AuxiliaryState.of(launch, system, free=bool(self.rotor.sizes.spin))
+        if rest:
+            angles, speeds, states = rest
+            named = lambda others: (others.bodies, others.bodies_rate, others.states)
+            moved = angles, speeds - system.spin.speed, states
+            others = eqx.tree_at(named, others, moved)
         return jnp.append(self.rotor.encode(q, velocity, others), 0.0)
 
     def decode(self, y: Array) -> tuple[Array, ...]:
-        """Coordinates [m], their velocities [m/s], and angles [rad] and speeds [rad/s] of balls.
+        """Coordinates [m], velocities [m/s]; angles [rad] and speeds [rad/s] of balls, states of laws.
 
-        The latter are left out where the speed is known in time and there are no balls.
+        What follows the velocities is left out where nothing moves with the rotor.
         """
         q, velocity, others = self.rotor.decode(y[:-1])
         if self.rotor.forces is None:
             return q, velocity
         speed = self.rotor.turning(self.times(y[-1])[0], others).speed
-        return q, velocity, others.bodies, others.bodies_rate + speed
+        return q, velocity, others.bodies, others.bodies_rate + speed, others.states
 
     @property
     def eigenvectors(self) -> Array | np.ndarray:
@@ -131,7 +133,7 @@ class WindowMarch(AbstractMarch):
         number, times, system = y[-1], self.times(y[-1]), self.rotor.system
         end, outcome, states = self._stepped(y[:-1], times[:-1])
         w, others = jax.vmap(self.rotor.parts)(jnp.concatenate([states, end[None]]))
-        speed, bodies = jax.vmap(self.rotor.turning)(times, others).speed, None
+        turning, bodies = jax.vmap(self.rotor.turning)(times, others), None
         if system.races:
             imbalance = imbalance_of(self.scene, others.bodies)
             bodies = Bodies(others.bodies, others.bodies_rate, imbalance)
@@ -140,11 +142,13 @@ class WindowMarch(AbstractMarch):
         if self.plan.contacts and system.ports:
             ports = (w @ self.step.reading.T).reshape(len(w), 2, 2, -1)
             ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
-            both = jax.vmap(system.contact_forces)(ports[:, 0], ports[:, 1], speed)
+            now = Now(turning.speed, turning.angle, others.states)
+            both = jax.vmap(system.contact_forces)(ports[:, 0], ports[:, 1], now)
             forces = both[..., 0] + 1j * both[..., 1]
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
         motion = z[:, :1], z[:, 1:], None, forces, None
-        window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies)
+        speed, states = turning.speed, others.states if system.states else None
+        window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies, states)
         return jnp.append(end, number + 1), window, outcome
 
     def times(self, number: Scalar) -> Float[Array, " T"]:

@@ -15,6 +15,7 @@ from jaxtyping import Array, Complex, Float
 from ..core import linalg
 from ..core.plane import plane
 from ..core.quantities import Scalar
+from ..effects.law import Now
 from ..equations.pencil import Pencil
 from ..equations.system import System
 
@@ -28,6 +29,7 @@ class Balance(eqx.Module):
     driven: Complex[Array, "K n p"]  # by a unit of force at every port
     size: Scalar  # of the displacements [m]
     samples: int = eqx.field(static=True)
+    revolutions: int = eqx.field(static=True)  # in a period
 
     @classmethod
     def of(cls, system: System, harmonics: int, revolutions: int, samples: int) -> "Balance":
@@ -51,9 +53,9 @@ class Balance(eqx.Module):
 
         responses = jax.lax.map(response, (frequencies, forces))
         parts = frequencies, responses[..., 0], responses[..., 1:]
-        plain = cls(system, *parts, jnp.ones(()), samples)
+        plain = cls(system, *parts, jnp.ones(()), samples, revolutions)
         size = jax.lax.stop_gradient(jnp.max(jnp.abs(plain.rows @ plain.loaded.T), initial=0.0))
-        return cls(system, *parts, jnp.where(size > 0, size, 1.0), samples)
+        return cls(system, *parts, jnp.where(size > 0, size, 1.0), samples, revolutions)
 
     @property
     def rows(self) -> Float[Array, "p n"]:
@@ -77,9 +79,10 @@ class Balance(eqx.Module):
         in_time = (self._sampled(part) for part in (ports, rates))
         parts = [plane(part, axis=-1) for part in in_time]
         speed = self.system.spin.speed
+        angle = 2 * jnp.pi * self.revolutions / self.samples * jnp.arange(self.samples)
         totals = [
-            jax.vmap(lambda z, v, port=port: port.forces(z, v, speed).sum(0))(
-                parts[0][:, i], parts[1][:, i]
+            jax.vmap(lambda z, v, angle, port=port: port.forces(z, v, Now(speed, angle)).sum(0))(
+                parts[0][:, i], parts[1][:, i], angle
             )
             for i, port in enumerate(self.system.ports)
         ]

@@ -61,7 +61,7 @@ def revolutions_of(scene: Scene, system: System, guess: Any) -> int | None:
         return 1
     if known(speed) and not float(speed):
         return None
-    if frame(system.blocks) != "fixed":
+    if frame(system.blocks) != "fixed" or system.clocks:
         return 1
     if unbalance is None:
         return None

@@ -19,9 +19,10 @@ from ..core.extremes import largest
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..core.tables import notebook_table
+from ..effects.law import Now
 from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
-from ..equations.stationary_frame import RUN_UP, check_no_balls
+from ..equations.stationary_frame import RUN_UP, check_no_balls, check_no_states
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
 from ..motion.rebounds import pilot_run
@@ -201,7 +202,7 @@ def _find(
         time=time,
         displacement=displacement,
         velocity=velocity,
-        contact_force=_contact_force(system, waves @ q, waves @ rates),
+        contact_force=_contact_force(system, time, waves @ q, waves @ rates),
         stations=stations,
         residual=residual,
         truncation=truncation(balance, revolutions, row, coefficients, ports),
@@ -235,14 +236,18 @@ def _root(balance: Balance, ports: Array, finder: Any, max_iterations: int):
     return x, root.stats["num_steps"]
 
 
-def _contact_force(system: System, q: Array, rates: Array) -> Complex[Array, "T k"] | None:
+def _contact_force(
+    system: System, time: Array, q: Array, rates: Array
+) -> Complex[Array, "T k"] | None:
     """Force of each contact of the scene [N]."""
     if not system.ports:
         return None
     rows = jnp.stack([port.row for port in system.ports])
     z, v = (part @ rows.T for part in (q, rates))
     pairs = (plane(part, axis=-1) for part in (z, v))
-    forces = jax.vmap(lambda z, v: system.contact_forces(z, v, system.spin.speed))(*pairs)
+    speed = system.spin.speed
+    force = lambda angle, z, v: system.contact_forces(z, v, Now(speed, angle))
+    forces = jax.vmap(force)(speed * time, *pairs)
     return forces[..., 0] + 1j * forces[..., 1]
 
 
@@ -258,6 +263,7 @@ def _check(system: System) -> None:
     check_moves(system)
     check_alike(system, "Harmonic balance", RUN_UP)
     check_no_balls(system, "Harmonic balance", RUN_UP)
+    check_no_states(system, "Harmonic balance", RUN_UP)
     if any(law.kinked for port in system.ports for law in port.laws):
         raise ValueError(
             "Harmonic balance takes smooth contact, but there are sharp stops; give them `blend` and "
@@ -269,7 +275,8 @@ def _check(system: System) -> None:
             "At zero speed a revolution has no length, so it has no harmonics; give the scene a speed."
         )
     loads = [load for load in (system.load.unbalance, system.load.constant) if load is not None]
-    if all(known(load) and not bool(jnp.any(load != 0)) for load in loads):
+    still = all(known(load) and not bool(jnp.any(load != 0)) for load in loads)
+    if still and not system.clocks:
         raise ValueError(
             "Without unbalance or weight nothing moves the rotor, so the balance is that of rest; a "
             "motion of its own period is found by `jaxrotor.periodic`."

@@ -8,6 +8,7 @@ import xarray as xr
 from ..core.attributes import about, variable
 from ..core.plane import plane
 from ..effects import AbstractBodies
+from ..equations.system import state_names
 from ..files.toml import dumps
 from ..motion.history import TimeHistory
 from ..motion.reactions import Reactions
@@ -38,6 +39,9 @@ def dataset(result: TimeHistory | Reactions) -> xr.Dataset:
         if result.balls:
             balls, races = _balls(result)
             variables, coordinates = variables | balls, coordinates | races
+        units = dict(state_names(result.scene)) if result.states else {}
+        for name, values in result.states.items():
+            variables[name] = variable("time", values, units[name], "state of a law")
         if result.steps_per_revolution is not None:
             settings["steps_per_revolution"] = result.steps_per_revolution
         settings |= chosen(result.pilots)

@@ -26,7 +26,7 @@ from .located import LocatedStep
 from .ports import PortForm, Reading, YieldingReading
 from .rotor import RotorAtSpeed
 from .shapes import Shapes
-from .step import Now, Step
+from .step import Step, StepData
 
 
 class Exponential(eqx.Module):
@@ -170,4 +170,4 @@ def _stepped(
     """States after a step, and what the stations read before it, lanes last."""
     step, stations = parts
     seen = None if stations is None else stations.of_lanes(phases[0], y)
-    return step(Now(phases), y)[0], seen
+    return step(StepData(phases), y)[0], seen

@@ -10,11 +10,13 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..core.quantities import Scalar
-from ..equations.coupled import CoupledForces, Instant, SpinAndBalls
-from ..equations.system import Law, Port
+from ..effects.law import Now
+from ..equations.coupled import AuxiliaryState, CoupledForces, Instant
+from ..equations.kinematics import Turning
+from ..equations.port import Law, Port
 from .lanes import per_lane
 from .ports import PortField, Reading, forces_of_lanes
-from .step import AbstractForcing, At, Now
+from .step import AbstractForcing, At, StepData
 from .tableau import phase_at
 
 
@@ -45,10 +47,10 @@ class AtConstantSpeed(AbstractForcing):
     def through(self) -> Float[Array, "p4 p2"] | None:
         return self.field.through
 
-    def now(self, start, times, span, part=None) -> Now:
+    def now(self, start, times, span, part=None) -> StepData:
         begin = start if part is None else start + part.begin
         angles = jnp.stack([begin + time * span for time in times])
-        return Now(jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1))
+        return StepData(jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1))
 
     def at(self, start, part) -> At:
         phase = phase_at(start + part.begin)
@@ -60,30 +62,31 @@ class AtConstantSpeed(AbstractForcing):
     def forces(self, node, seen, x, law):
         del x
         phase, reading = lambda: node, self.reading
-        force = self.field.at(phase).forces_of(reading.fixed(phase, seen), law)
+        force = self.field.forces_of(phase, reading.fixed(phase, seen), law)
         return reading.turned(phase, force), None
 
     def motion(self, node, seen, law):
         phase = lambda: node
-        seen, field = self.reading.fixed(phase, seen), self.field.at(phase)
-        if field.through is not None:
-            seen = seen + field.through @ field.forces_of(seen, law)
+        seen, through = self.reading.fixed(phase, seen), self.field.through_at(phase)
+        if through is not None:
+            seen = seen + through @ self.field.forces_of(phase, seen, law)
         return _motion(seen)
 
-    def speed(self, node, x):
-        del node, x
-        return jnp.asarray(self.field.motion.speed)
+    def of_laws(self, node, x):
+        del x
+        return self.field.motion.now(lambda: node)
 
 
 class Speeds(NamedTuple):
-    """Speeds known in time, at the beginning, middle and end of a step."""
+    """Rotation known in time, at the beginning, middle and end of a step."""
 
+    angle: Float[Array, "3 ..."] | None  # theta [rad]; None: no law asks for it
     speed: Float[Array, "3 ..."]  # Omega [rad/s]
     change: Float[Array, "3 ..."]  # Omega - Omega_c
 
 
 class AlongTimes(AbstractForcing):
-    """Contact, the speed terms and loads, at a speed known in time. A start is a `Now` with `Speeds`.
+    """Contact, the speed terms and loads, at a speed known in time. A start is a `StepData` with `Speeds`.
 
     Within a step the speed and the loads are parabolas through their values at its beginning, middle and
     end.
@@ -107,7 +110,7 @@ class AlongTimes(AbstractForcing):
         del node, law
         return _motion(seen)
 
-    def now(self, start, times, span, part=None) -> Now:
+    def now(self, start, times, span, part=None) -> StepData:
         del times
         if part is None:
             return start
@@ -118,7 +121,7 @@ class AlongTimes(AbstractForcing):
         if load is not None:
             unbalance, rest = _parts_of_load(load)
             load = jnp.concatenate([(weights @ unbalance).ravel(), rest])
-        return Now(nodes, load)
+        return StepData(nodes, load)
 
     def at(self, start, part) -> At:
         x = jnp.asarray(part.begin / part.whole)
@@ -132,20 +135,19 @@ class AlongTimes(AbstractForcing):
         return At(node, rate, load)
 
     def forces(self, node, seen, x, law):
-        del x
         both, p = seen.reshape(2, -1, *seen.shape[1:]), len(self.ports)
         parts = []
         if p:
             motion = both[:, : 2 * p].reshape(4 * p, *seen.shape[1:])
-            found = forces_of_lanes(self.ports, node.speed, motion, law)
+            found = forces_of_lanes(self.ports, self.of_laws(node, x), motion, law)
             parts.append(found.reshape(2, p, *seen.shape[1:]))
         if both.shape[1] > 2 * p:
             parts.append(node.change * both[:, 2 * p :])
         return jnp.concatenate(parts, axis=1).reshape(-1, *seen.shape[1:]), None
 
-    def speed(self, node, x):
+    def of_laws(self, node, x):
         del x
-        return node.speed
+        return Now(node.speed, node.angle)
 
 
 def _motion(seen: Float[Array, " p4"]) -> tuple[Array, Array]:
@@ -166,29 +168,35 @@ def _parts_of_load(load: Float[Array, " u"]) -> tuple[Float[Array, "3 g"], Array
 
 
 class Sizes(NamedTuple):
-    """Numbers of the spin and the balls in a state, which are its last ones."""
+    """Numbers of the spin, the balls and the states of laws in a state, which are its last ones."""
 
     spin: int  # 1 where it is free, else 0
     bodies: int
+    states: int
 
     @classmethod
     def of(cls, forces: CoupledForces) -> "Sizes":
         """Those of a scene."""
-        return cls(int(forces.free), sum(race.bodies.places for race in forces.system.races))
+        system = forces.system
+        bodies = sum(race.bodies.places for race in system.races)
+        return cls(int(forces.free), bodies, system.states)
 
     @property
     def total(self) -> int:
         """All numbers, those of the rates included."""
-        return 2 * (self.spin + self.bodies)
+        return 2 * (self.spin + self.bodies) + self.states
 
-    def named(self, x: Float[Array, " x"]) -> SpinAndBalls:
-        """The spin and the balls by their numbers."""
+    def named(self, x: Float[Array, " x"]) -> AuxiliaryState:
+        """The spin, the balls and the states of laws by their numbers."""
         d, b = self.spin, self.bodies
-        return SpinAndBalls(x[:d], x[d : 2 * d], x[2 * d : 2 * d + b], x[2 * d + b :])
+        return AuxiliaryState(*jnp.split(x, np.cumsum([d, d, b, b])))
 
 
 class Coupled(AbstractForcing):
-    """Forces that depend on balls, or on a rotation that the rotor holds back. A start is a time [s]."""
+    """Forces that depend on balls, on states of laws, or on a rotation that the rotor holds back.
+
+    A start is a time [s].
+    """
 
     coupled: CoupledForces
     rate: Scalar  # [rad/s]
@@ -220,14 +228,14 @@ class Coupled(AbstractForcing):
         del node, law
         return _motion(seen)
 
-    def now(self, start, times, span, part=None) -> Now:
+    def now(self, start, times, span, part=None) -> StepData:
         length, begin = span / self.rate, start
         middle = start + (span if part is None else part.whole) / self.rate / 2
         if part is not None:
             begin = start + part.begin / self.rate
         nodes = jnp.stack([begin + time * length for time in times])
         load = jnp.ones((1, *nodes.shape[1:])) if self.weighs else None
-        return Now(Instant.of_step(nodes, middle), load)
+        return StepData(Instant.of_step(nodes, middle), load)
 
     def at(self, start, part) -> At:
         time = jnp.asarray(start + part.begin / self.rate)
@@ -243,14 +251,21 @@ class Coupled(AbstractForcing):
         inputs, rates = jnp.split(found, [found.shape[0] - sizes.total])
         return inputs, rates / self.rate
 
-    def speed(self, node, x):
+    def of_laws(self, node, x):
         others = self.sizes.named(x)
+        turning = self._turning(node, others)
+        return Now(turning.speed, turning.angle, others.states)
+
+    def _turning(self, node: Instant, others: AuxiliaryState) -> Turning:
+        """Rotation now, with rates by the time on this side of a jump."""
         if self.coupled.free or self.coupled.system.spin.kinks is None:
-            return self.coupled.turning(node, others).speed
+            return self.coupled.turning(node, others)
         # The rate of a speed at a jump of the acceleration is that of this side of it.
         time = jax.lax.stop_gradient(node.time)
         turning = self.coupled.turning(node._replace(time=time), others)
-        return turning.speed + (node.time - time) * turning.acceleration
+        speed = turning.speed + (node.time - time) * turning.acceleration
+        angle = turning.angle + (node.time - time) * turning.speed
+        return turning._replace(angle=angle, speed=speed)
 
 
 @eqx.filter_jit  # traced once a program

@@ -50,10 +50,9 @@ def per_lane(call: Callable, tree: Any, x: Any) -> Any:
     """`call(tree, x)`, written for one trajectory, in every lane; arrays of `x` have an axis of lanes."""
     arrays, constant = eqx.partition(tree, eqx.is_array)
     leaves, treedef = jax.tree.flatten(arrays)
-    axes = [None if leaf.shape[-1] == 1 else -1 for leaf in leaves]
-    leaves = [
-        leaf[..., 0] if axis is None else leaf for leaf, axis in zip(leaves, axes, strict=True)
-    ]
+    alone = lambda leaf: leaf.ndim == 0 or leaf.shape[-1] == 1  # shared by all lanes
+    axes = [None if alone(leaf) else -1 for leaf in leaves]
+    leaves = [leaf[..., 0] if leaf.ndim and alone(leaf) else leaf for leaf in leaves]
     one = lambda leaves, x: call(eqx.combine(jax.tree.unflatten(treedef, leaves), constant), x)
     return jax.vmap(one, in_axes=(axes, -1), out_axes=-1)(leaves, x)
 

@@ -12,6 +12,7 @@ order nor derivatives depend on how the instant was found:
 See docs/concepts/lanes.md for lanes that are split at different instants.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -20,8 +21,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core.quantities import Number, Scalar
-from ..equations.system import Branches, Law, Port, actual
+from ..core.quantities import Scalar
+from ..effects.law import Now
+from ..equations.port import Branches, Law, Port, actual, of_each
 from .basis import as_real
 from .crossing import Crossing, falls_through_zero, first_crossing
 from .lanes import product
@@ -41,12 +43,12 @@ class Along(eqx.Module):
     exhausted: Bool[Array, ""] | None = None
 
     def __call__(
-        self, number: int, port: Port, place: Array, velocity: Array, speed: Number
+        self, number: int, port: Port, place: Array, velocity: Array, now: Now
     ) -> Float[Array, "k 2"]:
-        found = port.along(self.branches[number], place, velocity, jnp.asarray(speed))
+        found = port.along(self.branches[number], place, velocity, now)
         if self.exhausted is None:
             return found
-        return jnp.where(self.exhausted, port.forces(place, velocity, speed), found)
+        return jnp.where(self.exhausted, port.forces(place, velocity, now), found)
 
 
 class Split(eqx.Module):
@@ -193,8 +195,8 @@ class LocatedStep(eqx.Module):
         own, _, x = self._viewed(y)
         seen = self.forcing.seen(at.node, own)
         d, v = self.forcing.motion(at.node, of_ports(self.whole.ports, seen), actual)
-        speed, ports = self.forcing.speed(at.node, x), enumerate(self.whole.ports)
-        return tuple(port.branches(d[:, i], v[:, i], speed) for i, port in ports)
+        motions = _motions(self.whole.ports, d, v, self.forcing.of_laws(at.node, x))
+        return tuple(port.branches(*motion) for port, motion in motions)
 
     def crossing(self, at: At, branches: tuple[Branches, ...], y: Float[Array, " y"]) -> Crossing:
         """Margins of the conditions of given branches, and their rates by the angle."""
@@ -207,8 +209,8 @@ class LocatedStep(eqx.Module):
 
         def margins(node: Any, own: Float[Array, " p4"], x: Array) -> Float[Array, " c"]:
             d, v = forcing.motion(node, forcing.seen(node, own), law)
-            speed, pairs = forcing.speed(node, x), enumerate(zip(ports, branches, strict=True))
-            found = [port.margins(b, d[:, i], v[:, i], speed) for i, (port, b) in pairs]
+            pairs = zip(_motions(ports, d, v, forcing.of_laws(node, x)), branches, strict=True)
+            found = [port.margins(branch, *motion) for (port, motion), branch in pairs]
             return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
 
         point = at.node, of_ports(ports, own), x
@@ -235,6 +237,15 @@ class LocatedStep(eqx.Module):
         seen = product(self.views, w)
         own, moving = jnp.split(seen, [seen.size - 4 * len(self.whole.ports)])
         return own, moving, x
+
+
+def _motions(
+    ports: tuple[Port, ...], displacement: Array, velocity: Array, now: Now
+) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:
+    """Every port with the motion there, of (2, p), and what its laws are given."""
+    return zip(
+        ports, zip(displacement.T, velocity.T, of_each(ports, now), strict=True), strict=True
+    )
 
 
 def _branches_after(

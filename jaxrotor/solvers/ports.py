@@ -15,12 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
-from ..core.quantities import Number, Scalar
+from ..core.quantities import Scalar
+from ..effects.law import Now
 from ..equations.constant_frame import ConstantFrame
 from ..equations.massless_coordinates import Condensed
 from ..equations.pencil import steady_response
+from ..equations.port import Law, Port, actual, port_forces
 from ..equations.stationary_frame import Motion
-from ..equations.system import Law, Port, System, actual, port_forces
+from ..equations.system import System
 from .basis import (
     Basis,
     Count,
@@ -120,30 +122,37 @@ class PortField(eqx.Module):
         del args
         rate = self.generator @ y
         if self.reading is not None and self.input_matrix is not None:
-            phase = lambda: phase_at(theta)
-            force = self.at(phase).forces_of(self.reading(theta, y))
-            rate = rate + self.input_matrix @ self.reading.turned(phase, force)
+            phase = phase_at(theta)
+            force = self.forces_of(lambda: phase, self.reading(theta, y))
+            rate = rate + self.input_matrix @ self.reading.turned(lambda: phase, force)
         return rate
 
-    def at(self, phase: Phase) -> "PortField":
-        """The field with `D` along fixed axes, as `forces_of` takes it."""
-        if self.through is None or self.reading is None or self.reading.turn is None:
-            return self
-        turned = self.reading.around(phase, self.through)
-        return eqx.tree_at(lambda field: field.through, self, turned)
+    def through_at(self, phase: Phase) -> Float[Array, "p4 p2 ..."] | None:
+        """`D` along fixed axes."""
+        if self.through is None or self.reading is None:
+            return None
+        return self.reading.around(phase, self.through)
 
-    def forces_of(self, seen: Float[Array, "p4 ..."], law: Law = actual) -> Float[Array, "p2 ..."]:
+    def forces_of(
+        self, phase: Phase, seen: Float[Array, "p4 ..."], law: Law = actual
+    ) -> Float[Array, "p2 ..."]:
         """`[Re, Im]` of the port forces from displacement and velocity of the ports without them."""
-        if self.through is None:
-            return forces_of_lanes(self.motion.ports, self.motion.speed, seen, law)
-        yielding = lambda field, seen: field._through(seen, law)
-        return yielding(self, seen) if seen.ndim == 1 else per_lane(yielding, self, seen)
+        through, parts = self.through_at(phase), (self.motion.ports, self.motion.now(phase))
+        if through is None:
+            return forces_of_lanes(*parts, seen, law)
+        yielding = lambda every, seen: _through(every[0], every[1], seen, law)
+        every = parts, through
+        return yielding(every, seen) if seen.ndim == 1 else per_lane(yielding, every, seen)
 
-    @eqx.filter_jit
-    def _through(self, seen: Float[Array, " p4"], law: Law) -> Float[Array, " p2"]:
-        parts, through = (self.motion.ports, self.motion.speed), self.through
-        assert through is not None
-        return force_through(lambda seen: _forces(parts, seen, law), seen, through)
+
+@eqx.filter_jit
+def _through(
+    parts: tuple[tuple[Port, ...], Now],
+    through: Float[Array, "p4 p2"],
+    seen: Float[Array, " p4"],
+    law: Law,
+) -> Float[Array, " p2"]:
+    return force_through(lambda seen: _forces(parts, seen, law), seen, through)
 
 
 def take_lanes(ports: tuple[Port, ...]) -> bool:
@@ -152,14 +161,14 @@ def take_lanes(ports: tuple[Port, ...]) -> bool:
 
 
 def forces_of_lanes(
-    ports: tuple[Port, ...], speed: Number, seen: Float[Array, "p4 ..."], law: Law = actual
+    ports: tuple[Port, ...], now: Now, seen: Float[Array, "p4 ..."], law: Law = actual
 ) -> Float[Array, "p2 ..."]:
     """`[Re, Im]` of the forces of all ports, from displacement and velocity, in one or all lanes.
 
     Elementwise laws are called once for all lanes. Without the barriers the compiler computes what a
     stage reads, and its forces, once for each of their uses: 70 in place of 36 ns a lane-step of order 2.
     """
-    parts = ports, speed
+    parts = ports, now
     if seen.ndim == 1:
         return _forces(parts, seen, law)
     if not take_lanes(ports):
@@ -171,10 +180,10 @@ def forces_of_lanes(
 
 @eqx.filter_jit  # traced once a program
 def _forces(
-    parts: tuple[tuple[Port, ...], Number], seen: Float[Array, "p4 ..."], law: Law
+    parts: tuple[tuple[Port, ...], Now], seen: Float[Array, "p4 ..."], law: Law
 ) -> Float[Array, "p2 ..."]:
-    (ports, speed), motion = parts, seen.reshape(2, 2, -1, *seen.shape[1:])
-    forces = port_forces(ports, motion[:, 0], motion[:, 1], speed, law)
+    (ports, now), motion = parts, seen.reshape(2, 2, -1, *seen.shape[1:])
+    forces = port_forces(ports, motion[:, 0], motion[:, 1], now, law)
     return forces.reshape(-1, *seen.shape[1:])
 
 
@@ -204,7 +213,7 @@ class YieldingReading(eqx.Module):
         def seen(phase: Array, y: Array) -> tuple[Array, Array]:
             at = lambda: phase
             read = lambda of: of.fixed(at, of.matrix @ y + of.steady(phase))
-            force = field.at(at).forces_of(read(ports))
+            force = field.forces_of(at, read(ports))
             return read(stations) + stations.around(at, self.through) @ force, force
 
         _, force = seen(phase, y)
@@ -330,7 +339,9 @@ class PortForm(AbstractForm, AbstractRotor):
         whole, field = condensed.lift @ moved, self.field
         if condensed.feed is None or field.reading is None:
             return whole
-        return whole + condensed.feed @ field.forces_of(field.reading(jnp.zeros(()), y))
+        zero = jnp.zeros(())
+        force = field.forces_of(lambda: phase_at(zero), field.reading(zero, y))
+        return whole + condensed.feed @ force
 
     def read(self, theta, y):
         return self.stations(theta, y).reshape(2, 2, -1)

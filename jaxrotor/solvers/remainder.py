@@ -18,7 +18,7 @@ from ..equations.system import System
 from .basis import Basis
 from .exponential import Exponential
 from .lanes import one_lane
-from .step import Now, Step
+from .step import Step, StepData
 
 
 WINDOWS = 64  # whose growth is looked at
@@ -58,7 +58,7 @@ class RemainderMap(eqx.Module):
             assert isinstance(step, Step), "the laws of a remainder have no kinks"
             lanes, begin = one_lane(step), jnp.eye(size, size + 1)
             phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
-            each = jax.vmap(lambda phases: lanes(Now(phases), begin)[0])(phases)
+            each = jax.vmap(lambda phases: lanes(StepData(phases), begin)[0])(phases)
             advance = lambda y, one: (_linear(one) @ y + one[:, -1:], None)
             ends, _ = jax.lax.scan(advance, begin, each)
             return ends

@@ -16,7 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact, Int
 
 from ..core.quantities import Scalar
-from ..equations.system import Law, Port, actual
+from ..effects.law import Now
+from ..equations.port import Law, Port, actual
 from .basis import Basis
 from .lanes import lanes_last
 from .tableau import OnceTableau, Tableau
@@ -29,7 +30,7 @@ STAGES = {
 }
 
 
-class Now(NamedTuple):
+class StepData(NamedTuple):
     """Data of a step that are known in time.
 
     Nodes are instants from the beginning to the end of the step, along a first axis of even distances.
@@ -75,7 +76,7 @@ class AbstractForcing(eqx.Module):
     @abc.abstractmethod
     def now(
         self, start: Any, times: tuple[float, ...], span: Scalar, part: Part | None = None
-    ) -> Now:
+    ) -> StepData:
         """Data of a step of `span` [rad] at its `times`, or of a part of one, by its start."""
 
     @abc.abstractmethod
@@ -97,8 +98,8 @@ class AbstractForcing(eqx.Module):
         """Displacement and velocity of the ports along fixed axes, (2, p) each, by their readings."""
 
     @abc.abstractmethod
-    def speed(self, node: Any, x: Float[Array, " x"]) -> Scalar:
-        """Speed of rotation [rad/s]."""
+    def of_laws(self, node: Any, x: Float[Array, "x ..."]) -> Now:
+        """Speed, angle and states that the laws of the ports are given."""
 
 
 class Step(eqx.Module):
@@ -127,7 +128,7 @@ class Step(eqx.Module):
         return self.tableau.contact_stiffness_ratio(self.reading, self.ports, through)
 
     def __call__(
-        self, now: Now, y: Float[Array, "y ..."], law: Law = actual
+        self, now: StepData, y: Float[Array, "y ..."], law: Law = actual
     ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."]]:
         """State after a step, and whether a contact was loaded at its start."""
         tableau, forcing = self.tableau, self.forcing
@@ -202,7 +203,7 @@ class AbstractRotor(eqx.Module):
         """A step of `h` [rad] under a forcing, which is taken `once` or many times."""
 
 
-def _node(now: Now, time: float) -> Any:
+def _node(now: StepData, time: float) -> Any:
     """Data at a node, by its time in steps."""
     return jax.tree.map(lambda leaf: leaf[int(time * (leaf.shape[0] - 1))], now.nodes)
 

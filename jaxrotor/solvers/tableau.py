@@ -15,7 +15,7 @@ from jaxtyping import Array, ArrayLike, Float, Inexact
 from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
-from ..equations.system import Port
+from ..equations.port import Port
 from .basis import Basis, Dense, Rotation, SlotRotation, as_real, packed, unpacked
 from .lanes import product
 

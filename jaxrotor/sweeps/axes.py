@@ -27,6 +27,8 @@ TAKEN = (
         "limiter",
         "revolution",
         "sample",
+        "state",
+        "states",
         "window",
     ),
     *(

@@ -14,7 +14,7 @@ from ..core.caller import FewStepsWarning, warn
 from ..core.outcome import FEWEST, STATUS, failed, rebound_steps, statuses, too_long
 from ..effects.base import AbstractContact
 from ..equations.start import numbers_of
-from ..equations.system import structure
+from ..equations.system import state_names, structure
 from ..files.toml import dumps
 from ..motion.integrated import IntegratedPace
 from ..motion.rebounds import counted, few_steps, in_revolutions, is_pilot_run
@@ -222,6 +222,11 @@ def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -
         variables[name] = ((*axes, *one.dims), values, attrs)
     if any("axis" in one.dims for one in reported.values()):
         coords["axis"] = ("axis", ["x", "y"])
+    if any("state" in one.dims for one in reported.values()):
+        names = [
+            f"{name} [{unit}]" for name, unit in state_names(context.scene, context.plan.together)
+        ]
+        coords["state"] = ("state", names)
     ratio = _ratio_of_touched(context, results, reported, bounced=True)
     if ratio.size:
         steps = np.full(ratio.shape[:2], np.nan)

@@ -163,8 +163,8 @@ def run_rows(
 
 def _kicked(parts: Any, kick: float) -> tuple[np.ndarray, ...]:
     """States, see `IntegratedMarch.decode`, with the first ball moved by an angle [rad]."""
-    q, velocity, angles, speeds = parts
-    return q, velocity, angles + kick * (np.arange(angles.shape[1]) == 0), speeds
+    q, velocity, angles, *rest = parts
+    return q, velocity, angles + kick * (np.arange(angles.shape[1]) == 0), *rest
 
 
 def _end_or_first(ok: Any, end: Any, first: Any) -> Any:

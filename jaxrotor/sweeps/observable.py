@@ -45,6 +45,7 @@ class Turn(eqx.Module):
     time: Float[Array, "T ..."] | None = None  # since the start of a run [s]; None in revolutions
     speed: Float[Array, "T ..."] | None = None  # of rotation [rad/s]; None in revolutions
     bodies: Bodies | None = None  # balls; None: there are none
+    states: Float[Array, "T x ..."] | None = None  # of laws; None: there are none
 
     @classmethod
     def of(cls, window: Window, number: Array, count: int) -> "Turn":
@@ -52,7 +53,7 @@ class Turn(eqx.Module):
         z, velocity = window.displacement[:, 0], window.velocity[:, 0]
         seen = z, velocity, window.contact_force, number
         pace = window.step, window.sense, count, window.time, window.speed
-        return cls(*seen, *pace, window.bodies)
+        return cls(*seen, *pace, window.bodies, window.states)
 
     def in_centre(self) -> Bool[Array, "T ..."]:
         """Whether a sample is in the centre, or passes through it to within rounding."""
@@ -71,6 +72,7 @@ class AbstractObservable(eqx.Module):
     # Whether `update` takes lanes along a last axis, or one without it; a subclass says it again:
     rows: ClassVar[bool] = False
     needs_balls: ClassVar[bool] = False
+    needs_states: ClassVar[bool] = False
     paced: ClassVar[Literal["any", "revolutions", "times"]] = "revolutions"  # in what it is defined
 
     @abc.abstractmethod

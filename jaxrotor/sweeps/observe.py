@@ -1,6 +1,7 @@
 """Observables: what sweeps keep of whole revolutions, or of the windows of a run."""
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -8,6 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.plane import plane, square
+from ..effects.base import AbstractBodies, AbstractContact
+from ..equations.coupled import laws_of
+from ..scene import Scene
 from ..solvers.lanes import reduced
 from .observable import (
     AbstractObservable as AbstractObservable,
@@ -209,6 +213,24 @@ class Contact(AbstractObservable):
         }
 
 
+class States(AbstractStored):
+    """States of all laws, such as the wear of a stop, at the end of every revolution or window."""
+
+    needs_states: ClassVar[bool] = True
+    rows = True
+    paced = "any"
+
+    def update(self, carry, turn: Turn):
+        assert turn.states is not None, "checked before the run"
+        return carry, turn.states[-1]
+
+    def report(self, carry, stored, count):
+        dims = ("window", "state")
+        return {
+            "states": Variable(dims, stored, "see `state`", "states of laws at ends of windows")
+        }
+
+
 class Reversal(AbstractObservable):
     """Reversal of the whirl to backward: the first of `window` backward revolutions in a row.
 
@@ -297,7 +319,7 @@ class WhirlSpectrum(AbstractObservable):
 
 
 def everything(
-    contacts: bool = False, *, along_times: bool = False, balls: bool = False
+    contacts: bool = False, *, along_times: bool = False, balls: bool = False, states: bool = False
 ) -> tuple[AbstractObservable, ...]:
     """The default observables of a sweep: section, extrema, precession and radius.
 
@@ -305,14 +327,42 @@ def everything(
         contacts: whether `Contact`, which observes limiters, is among them.
         along_times: whether the lanes are runs along times, observed by peak, envelope and radius.
         balls: whether `Imbalance` and `BallLag`, which observe balls, are among them.
+        states: whether `States`, which observes states of laws, is among them.
 
     Returns:
         The observables, for `sweep(.., observe=..)`.
     """
-    others = *[Contact()][:contacts], *[Imbalance(), BallLag()][: 2 * balls]
+    others = *[Contact()][:contacts], *[Imbalance(), BallLag()][: 2 * balls], *[States()][:states]
     if along_times:
         return Peak(), Envelope(), Radius(), *others
     return Section(), Extrema(), Precession(), Radius(), *others
+
+
+def checked_observables(
+    observe: Any, scene: Scene, steps: int, along_times: bool
+) -> tuple[AbstractObservable, ...]:
+    """The observables asked for, or by default all but the spectrum."""
+    contacts, balls = len(scene.of(AbstractContact)), bool(scene.of(AbstractBodies))
+    states = any(law.states for law in laws_of(scene))
+    if observe is None:
+        observe = everything(bool(contacts), along_times=along_times, balls=balls, states=states)
+    observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
+    for one in observe:
+        if not isinstance(one, AbstractObservable):
+            raise ValueError(f"`observe` must hold observables such as Section(), but has {one!r}.")
+        if one.paced not in ("any", "times" if along_times else "revolutions"):
+            where = (
+                "along `times`" if one.paced == "times" else "of whole revolutions, without `times`"
+            )
+            raise ValueError(f"`{type(one).__name__}` is an observable of motions {where}.")
+        if one.needs_balls and not balls:
+            raise ValueError(f"`{type(one).__name__}` observes balls, but the scene has none.")
+        if one.needs_states and not states:
+            raise ValueError(
+                f"`{type(one).__name__}` observes states of laws, but the scene has none."
+            )
+        one.check(steps, contacts)
+    return observe
 
 
 def _check_direction_is_resolved(steps: int) -> None:

@@ -18,7 +18,8 @@ from ..core.checks import check_counts
 from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
-from ..effects.base import AbstractBodies, AbstractContact
+from ..effects.base import AbstractBodies
+from ..equations.coupled import laws_of
 from ..equations.massless_coordinates import Massless
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart
@@ -42,7 +43,7 @@ from .cluster import executor
 from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, check_rebounds, coords_of, errors_of, points_of
 from .lanes import Context, Stages
-from .observe import AbstractObservable, everything
+from .observe import AbstractObservable, checked_observables
 from .pace import checked_times, finer, pace_of, start_of_lanes, stepped_by, windows_of
 from .store import PENDING, Store, StoreError
 
@@ -156,7 +157,7 @@ def sweep(
     check_counts(0, settle=settle, error_sample=error_sample or 0)
     if along is None:
         _check_scene(scene, over)
-    _check_kick(kick, carry, scene)
+    _check_carry(carry, kick, scene)
     _check_precision(precision)
     over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
     start = start_of_lanes(scene, start, paths_of(over))
@@ -181,7 +182,7 @@ def sweep(
         solver, massless, more = _solver_of(scene, solver, pilot_lanes, station, period, tolerance)
         pilots += more
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
-    observe = _checked_observables(observe, scene, steps, along is not None)
+    observe = checked_observables(observe, scene, steps, along is not None)
     in_single = _in_single(precision, solver, pace)
     stepped = solver, controller, dfx.ForwardMode(), max_steps, steps
     plan = Plan(
@@ -203,28 +204,6 @@ def sweep(
 # === before the run
 
 
-def _checked_observables(
-    observe: Any, scene: Scene, steps: int, along_times: bool
-) -> tuple[AbstractObservable, ...]:
-    """The observables asked for, or by default all but the spectrum."""
-    contacts, balls = len(scene.of(AbstractContact)), bool(scene.of(AbstractBodies))
-    if observe is None:
-        observe = everything(bool(contacts), along_times=along_times, balls=balls)
-    observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
-    for one in observe:
-        if not isinstance(one, AbstractObservable):
-            raise ValueError(f"`observe` must hold observables such as Section(), but has {one!r}.")
-        if one.paced not in ("any", "times" if along_times else "revolutions"):
-            where = (
-                "along `times`" if one.paced == "times" else "of whole revolutions, without `times`"
-            )
-            raise ValueError(f"`{type(one).__name__}` is an observable of motions {where}.")
-        if one.needs_balls and not balls:
-            raise ValueError(f"`{type(one).__name__}` observes balls, but the scene has none.")
-        one.check(steps, contacts)
-    return observe
-
-
 def _check_scene(scene: Scene, over: Mapping[str, Any]) -> None:
     """Raise unless the speed is constant, and the rotor held, if no swept support may hold it."""
     check_constant_speed(scene, "`sweep` without `times`")
@@ -232,8 +211,13 @@ def _check_scene(scene: Scene, over: Mapping[str, Any]) -> None:
         check_weight(scene)
 
 
-def _check_kick(kick: float, carry: str | None, scene: Scene) -> None:
-    """Raise unless there are balls to move, and states that are carried on."""
+def _check_carry(carry: str | None, kick: float, scene: Scene) -> None:
+    """Raise unless states can be carried on, and there are balls for a kick to move."""
+    if carry is not None and any(law.clock == "cage" for law in laws_of(scene)):
+        raise ValueError(
+            "`carry` takes states on at angle zero, but a contact of the scene counts turns; leave "
+            "`carry` out."
+        )
     if not isinstance(kick, Real) or not np.isfinite(kick):
         raise ValueError(f"`kick [rad]` must be a finite angle, but is {kick!r}.")
     if kick and (carry is None or not scene.of(AbstractBodies)):

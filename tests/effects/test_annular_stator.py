@@ -10,6 +10,7 @@ from differences import check_forward
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
+from jaxrotor.effects.law import Now
 from jaxrotor.equations.system import assemble
 from jaxrotor.solvers.crossing import Crossing, falls_through_zero
 
@@ -30,8 +31,8 @@ def plane(w: complex) -> jax.Array:
 def laws(ring: jr.AnnularStator, z, v, speed) -> tuple[np.ndarray, np.ndarray]:
     """Forces `x + i y` and torques of many states."""
     states = [jnp.stack([jnp.real(w), jnp.imag(w)], axis=1) for w in map(np.asarray, (z, v))]
-    law, speed = ring.law(), jnp.asarray(speed, float)
-    both = jax.vmap(lambda z, v: (law(z, v, speed), law.torque(law(z, v, speed), z, v, speed)))
+    law, now = ring.law(), Now(jnp.asarray(speed, float))
+    both = jax.vmap(lambda z, v: (law(z, v, now), law.torque(law(z, v, now), z, v, now)))
     force, torque = jax.jit(both)(*states)
     return np.asarray(force) @ [1, 1j], np.asarray(torque)
 
@@ -112,13 +113,13 @@ def test_law_is_safe_in_the_centre(gap, blend):
     """No force, and finite derivatives by every number; a ring without gap has its stiffness there."""
     one = ring(gap=gap, blend=blend, damping=0.0, slip=None if blend is None else 1.0)
     zero, speed = jnp.zeros(2), jnp.asarray(2.0)
-    assert not np.any(one.law()(zero, zero, speed))
-    total = lambda one, z, v: jnp.sum(one.law()(z, v, speed))
+    assert not np.any(one.law()(zero, zero, Now(speed)))
+    total = lambda one, z, v: jnp.sum(one.law()(z, v, Now(speed)))
     slopes_at = jax.jit(jax.grad(total, argnums=(0, 1, 2)))
     for v in (zero, jnp.array([3.0, -1.0])):
         slopes = slopes_at(one, zero, v)
         assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slopes))
-    found = np.asarray(jax.jit(jax.jacfwd(lambda z: one.law()(z, zero, speed)))(zero))
+    found = np.asarray(jax.jit(jax.jacfwd(lambda z: one.law()(z, zero, Now(speed))))(zero))
     stiff = STIFF if gap == 0 and blend is None else 0.0
     want = -stiff * np.array([[1, -FRICTION], [FRICTION, 1]])
     np.testing.assert_allclose(found, want, rtol=1e-12, atol=1e-12)
@@ -132,13 +133,13 @@ def test_a_negative_gap_is_refused():
 @pytest.mark.hard("7.2 a fast pass through the centre of a ring")
 def test_a_fast_pass_through_the_centre_is_no_crossing():
     """From one side to the other in one step: the margin is a parabola and stays positive."""
-    law, speed = ring().law(), jnp.asarray(1.0)
+    law, now = ring().law(), Now(jnp.asarray(1.0))
     begin, end = plane(-0.7 + 0.05j), plane(0.6 - 0.02j)
     v = (end - begin) / 0.1
-    branch = law.branch(begin, v, speed)
+    branch = law.branch(begin, v, now)
 
     def crossing(z):
-        margins = lambda z: law.margins(branch, z, v, speed)
+        margins = lambda z: law.margins(branch, z, v, now)
         return Crossing(*jax.jvp(margins, (z,), (v,)))
 
     assert not np.any(falls_through_zero(crossing(begin), crossing(end), jnp.asarray(0.1)))
@@ -336,7 +337,7 @@ def test_many_stops_press_by_another_law(record_property):
         z = GAP * (1 + depth)
         stops = jr.Limiter(AT, 0.0, GAP, 1.0)
         law = lambda a, stops=stops, z=z: jr.Limiter(AT, a, stops.gap, 1.0).law()(
-            plane(z), jnp.zeros(2), jnp.zeros(())
+            plane(z), jnp.zeros(2), Now(jnp.zeros(()))
         )
         force = -float(np.sum(jax.vmap(law)(jnp.asarray(angles))[:, 0]))
         a0 = np.arccos(GAP / z)
@@ -362,5 +363,5 @@ def test_second_derivatives_at_the_centre_are_finite():
         second = jax.jit(jax.hessian(small.clearance))
         assert np.all(np.isfinite(second(jnp.zeros(2, kind))))
         speed = jnp.ones((), kind)
-        force = lambda z, small=small, speed=speed: jnp.sum(small(z, 0 * z, speed))
+        force = lambda z, small=small, speed=speed: jnp.sum(small(z, 0 * z, Now(speed)))
         assert np.all(np.isfinite(jax.jit(jax.hessian(force))(jnp.zeros(2, kind))))

@@ -9,6 +9,7 @@ import pytest
 from numpy.polynomial import Legendre
 
 import jaxrotor as jr
+from jaxrotor.effects.law import Now
 
 
 SPEED = 662.0  # [rad/s]
@@ -31,7 +32,7 @@ def stop(**values) -> jr.Limiter:
 def force(limiter: jr.Limiter, z, v, speed=SPEED) -> complex:
     """Force of the law as `x + i y`."""
     plane = lambda w: jnp.array([np.real(w), np.imag(w)], float)
-    fx, fy = np.asarray(limiter.law()(plane(z), plane(v), jnp.asarray(speed, float)))
+    fx, fy = np.asarray(limiter.law()(plane(z), plane(v), Now(jnp.asarray(speed, float))))
     return complex(fx, fy)
 
 
@@ -179,7 +180,7 @@ def test_law_is_safe_at_the_centre(gap, blend):
     limiter = stop(gap=gap, blend=blend, slip=1.0)
 
     def pull(limiter, z, v):
-        return jnp.sum(limiter.law()(z, v, jnp.asarray(0.0)))
+        return jnp.sum(limiter.law()(z, v, Now(jnp.asarray(0.0))))
 
     zero = jnp.zeros(2)
     touching = gap * jnp.array([jnp.cos(jnp.pi / 3), jnp.sin(jnp.pi / 3)])

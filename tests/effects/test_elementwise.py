@@ -8,7 +8,8 @@ import pytest
 import jaxrotor as jr
 from jaxrotor.effects.coefficients import DeviatorLaw
 from jaxrotor.effects.cubic_spring import CubicLaw
-from jaxrotor.equations.system import Port
+from jaxrotor.effects.law import Now
+from jaxrotor.equations.port import Port
 from jaxrotor.solvers.lanes import one_lane
 from jaxrotor.solvers.ports import forces_of_lanes
 
@@ -34,7 +35,7 @@ def motions():
     """Displacements [m], velocities [m/s] and speeds [rad/s], lanes last."""
     draw = np.random.default_rng(0)
     place = lambda size: jnp.asarray(draw.uniform(-size, size, (2, LANES)))
-    return place(6e-5), place(0.1), jnp.asarray(draw.uniform(-300, 300, LANES))
+    return place(6e-5), place(0.1), Now(jnp.asarray(draw.uniform(-300, 300, LANES)))
 
 
 @jax.jit
@@ -64,7 +65,7 @@ def test_a_law_of_several_modes_is_mapped_over_the_lanes():
 class Central(CubicLaw):
     """A spring to the centre, whose formula is not elementwise though it inherits from one that is."""
 
-    def __call__(self, displacement, velocity, speed):
+    def __call__(self, displacement, velocity, now):
         return -self.stiffness * jnp.sum(displacement**2) * displacement
 
 
@@ -74,5 +75,5 @@ def test_a_law_that_only_inherits_is_mapped_over_the_lanes():
     place, velocity, _ = motions()
     seen = jnp.stack([place, velocity], axis=1).reshape(4, LANES)  # x, x., y, y.
     wanted = -1e12 * np.sum(np.square(place), axis=0) * np.asarray(place)
-    found = jax.jit(forces_of_lanes)((port,), jnp.zeros(1), seen)
+    found = jax.jit(forces_of_lanes)((port,), Now(jnp.zeros(1)), seen)
     np.testing.assert_allclose(found, wanted, rtol=1e-12)

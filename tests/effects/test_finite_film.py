@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
 
 import jaxrotor as jr
+from jaxrotor.effects.law import Now
 
 
 def bearing(slenderness, modes, kind=jr.JournalBearing, **values):
@@ -21,8 +22,8 @@ def bearing(slenderness, modes, kind=jr.JournalBearing, **values):
 @jax.jit
 def evaluated(film, z, v, speed):
     one = lambda z, v: (
-        film.law()(z, v, speed),
-        film.law().torque(film.law()(z, v, speed), z, v, speed),
+        film.law()(z, v, Now(speed)),
+        film.law().torque(film.law()(z, v, Now(speed)), z, v, Now(speed)),
     )
     return jax.vmap(one)(z, v)
 
@@ -173,7 +174,7 @@ def test_identities(blend):
 @pytest.mark.slow
 def test_derivatives_at_rest():
     """In the centre as in any direction; half of the whole film where it does not move."""
-    slope = jax.jit(jax.jacfwd(lambda v, z, film: film.law()(z, v, jnp.zeros(()))))
+    slope = jax.jit(jax.jacfwd(lambda v, z, film: film.law()(z, v, Now(jnp.zeros(())))))
     film, zero = bearing(1.0, 1), jnp.zeros(2)
     rate = laws(film, np.array([0.0]), np.array([1.0]))[0][0].real
     np.testing.assert_allclose(slope(zero, zero, film), rate * np.eye(2), atol=1e-13)
@@ -236,7 +237,7 @@ def test_derivatives_are_those_of_differences():
     def slopes(x, along):
         def force(x):
             film = jr.JournalBearing(0.5, 1.0, x[4], 1.0, 1.0, modes=1)
-            return film.law()(x[:2], x[2:4], jnp.ones(()))
+            return film.law()(x[:2], x[2:4], Now(jnp.ones(())))
 
         first = lambda x: jax.jvp(force, (x,), (along,))
         (value, slope), (_, second) = jax.jvp(first, (x,), (along,))

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad_vec
 
 import jaxrotor as jr
+from jaxrotor.effects.law import Now
 
 
 UNIT = {"at": 0.5, "viscosity": 1.0, "radius": 1.0, "length": 1.0, "clearance": 1.0}  # k0 = 1
@@ -20,8 +21,8 @@ def bearing(kind=jr.JournalBearing, **values):
 @jax.jit
 def evaluated(film, z, v, speed):
     one = lambda z, v: (
-        film.law()(z, v, speed),
-        film.law().torque(film.law()(z, v, speed), z, v, speed),
+        film.law()(z, v, Now(speed)),
+        film.law().torque(film.law()(z, v, Now(speed)), z, v, Now(speed)),
     )
     return jax.vmap(one)(z, v)
 
@@ -109,15 +110,15 @@ def test_journal_that_leaves_the_wall():
 @pytest.mark.hard("8.5 a film that does not move, in its centre and off it")
 def test_centre_rest_and_wall():
     """Half of the full film's derivative where the film does not move, NaN from the wall on."""
-    slope = jax.jacfwd(lambda v, z, film: film.law()(z, v, jnp.zeros(())))
+    slope = jax.jacfwd(lambda v, z, film: film.law()(z, v, Now(jnp.zeros(()))))
     zero = jnp.zeros(2)
     for e in (0.0, 0.5):
         z, s = jnp.array([e, 0.0]), np.sqrt(1 - e**2)
         want = -np.pi / 2 * np.diag([3 * e**2 / s**5 + 1 / s**3, 1 / s**3])
         np.testing.assert_allclose(slope(zero, z, bearing()), want, rtol=1e-14)
-        assert not np.any(bearing().law()(z, zero, jnp.zeros(())))
+        assert not np.any(bearing().law()(z, zero, Now(jnp.zeros(()))))
     assert np.isnan(laws(bearing(), [1.0, 1.2j], [1j, 1.0], 2.0)[0]).all()
-    slopes = jax.grad(lambda film: jnp.sum(film.law()(zero, zero, jnp.ones(()))))(bearing())
+    slopes = jax.grad(lambda film: jnp.sum(film.law()(zero, zero, Now(jnp.ones(())))))(bearing())
     assert all(bool(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(slopes))
 
 
@@ -172,6 +173,6 @@ def test_squeeze_film_is_a_film_that_does_not_turn():
 def test_derivatives_nearly_in_the_centre():
     """Of a film that moves, at displacements whose squares are no numbers: those of the centre."""
     law, rate = bearing().law(), jnp.array([1e-3, 0.0])
-    force = lambda x: law(jnp.array([x, 0.0]), rate, jnp.zeros(()))[0]
+    force = lambda x: law(jnp.array([x, 0.0]), rate, Now(jnp.zeros(())))[0]
     slope = jax.grad(force)
     assert float(slope(-1e-160)) == pytest.approx(float(slope(-1e-12)), rel=1e-6)

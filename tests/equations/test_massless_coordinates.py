@@ -10,6 +10,7 @@ from differences import central, check_forward
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
+from jaxrotor.effects.law import Now
 from jaxrotor.equations.massless_coordinates import Condensed, Massless
 from jaxrotor.equations.rotating_frame import massless_of
 from jaxrotor.equations.stationary_frame import Motion
@@ -315,7 +316,7 @@ def test_a_stop_on_a_port_that_yields():
     def force(seen):
         def law(seen):
             d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
-            return sum(stop.law()(d[:, 0], v[:, 0], jnp.zeros(())) for stop in stops)
+            return sum(stop.law()(d[:, 0], v[:, 0], Now(jnp.zeros(()))) for stop in stops)
 
         return force_through(law, seen, through)
 
@@ -337,7 +338,7 @@ def test_a_port_that_yields_aslant():
     def force(seen):
         def law(seen):
             d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
-            return stop.law()(d[:, 0], v[:, 0], jnp.zeros(()))
+            return stop.law()(d[:, 0], v[:, 0], Now(jnp.zeros(())))
 
         return force_through(law, seen, through)
 

@@ -256,7 +256,7 @@ def test_accelerations_call_no_solver():
     scene = jr.Scene(scene.shaft, *scene.effects, spin=spin)
     field = Transient.of(scene, jnp.asarray(100.0), jnp.zeros(()))
     n, one, balls = field.system.n, jnp.ones(1), jnp.ones(5)
-    y = RotatingState(jnp.ones((2, n)), jnp.ones((2, n)), one, one, balls, balls)
+    y = RotatingState(jnp.ones((2, n)), jnp.ones((2, n)), one, one, balls, balls, jnp.zeros(0))
     made = jax.make_jaxpr(lambda y: field(jnp.zeros(()), y))(y)
     assert not {"lu", "triangular_solve", "custom_linear_solve", "eig"} & set(
         primitives(made.jaxpr)
@@ -270,7 +270,7 @@ def rates_with_bodies(scene, states, bodies):
     field = Transient.of(scene, jnp.asarray(1 / TIME), jnp.zeros(()))
     angle, rate = bodies if field.system.races else jnp.zeros((2, 0))
     none = jnp.zeros(0)
-    at = lambda time, state: field(time, RotatingState(*state, none, none, angle, rate))
+    at = lambda time, state: field(time, RotatingState(*state, none, none, angle, rate, none))
     found = jax.vmap(at)(1e-3 * jnp.arange(len(states)), states)
     return found.r_rate, found.bodies_rate
 

@@ -32,7 +32,6 @@ from jaxrotor import (
     SpeedProfile,
     Support,
     Unbalance,
-    effects,
     roots,
 )
 from jaxrotor.core.blocks import Blocks
@@ -45,7 +44,7 @@ from jaxrotor.files.shipped import _shipped, shipped
 from jaxrotor.files.toml import dumps, load, loads, save, study
 from jaxrotor.files.toml_reader import read
 from jaxrotor.files.units import SceneError
-from jaxrotor.files.vocabulary import kinds
+from jaxrotor.files.vocabulary import exported
 
 
 NAMES = ["limiter-rotor", "limiter-rotor-2023"]
@@ -288,7 +287,7 @@ def every_effect() -> Scene:
     """Scene with every exported effect, and with numbers that no machine has and no short decimals."""
     rng = random.Random(7)
     members = []
-    for cls in kinds().values():
+    for cls in exported().values():
         if cls is Casing:
             members.append(Casing("pedestal", rng.random() / 3))
             continue
@@ -437,21 +436,26 @@ class Magnet(AbstractLinear):
         return Blocks()
 
 
-def test_new_effect_needs_an_export_and_nothing_else(monkeypatch):
+class AnotherDisc(AbstractLinear):
+    kind: ClassVar[str] = "disc"
+    plural: ClassVar[str] = "discs"
+
+    def blocks(self, line):
+        return Blocks()
+
+
+def test_an_effect_of_ones_own_is_read_and_written_once_it_is_defined():
     text = good("[spin]", "[[magnets]]\nstrength = '2 kN/m'\n[spin]")
-    assert "magnets is not a part of a scene" in refused(text)
-    with pytest.raises(SceneError, match="no scene file can name a Magnet"):
-        dumps(
-            Scene(
-                FlexibleShaft(1, 0.1, constraints=[Constraint(0.0, "clamp")]),
-                Magnet(1.0),
-                spin=ConstantSpeed(1.0),
-            )
-        )
-    monkeypatch.setattr(effects, "Magnet", Magnet, raising=False)
     scene = loads(text)
     assert scene.get("magnet.strength") == 2
     same(scene, loads(dumps(scene)))
+    assert "magnetz is not a part of a scene" in refused(text.replace("magnets", "magnetz"))
+
+
+def test_an_effect_of_ones_own_that_takes_the_name_of_another_is_not_written():
+    shaft = FlexibleShaft(1, 0.1, constraints=[Constraint(0.0, "clamp")])
+    with pytest.raises(SceneError, match="no scene file can name a AnotherDisc"):
+        dumps(Scene(shaft, AnotherDisc(), spin=ConstantSpeed(1.0)))
 
 
 # === quantities and tables

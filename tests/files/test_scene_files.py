@@ -9,7 +9,7 @@ import pytest
 
 from jaxrotor.files.toml import loads
 from jaxrotor.files.toml_reader import read
-from jaxrotor.files.vocabulary import FORMS, kinds
+from jaxrotor.files.vocabulary import FORMS, exported
 
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -50,7 +50,7 @@ def test_every_example_is_a_scene(script):
 
 def test_every_part_has_examples_of_all_its_keys(script):
     """The script raises for a new effect or key without an example."""
-    assert set(kinds()) | {form.noun for form in FORMS} < set(script.EXAMPLES)
+    assert set(exported()) | {form.noun for form in FORMS} < set(script.EXAMPLES)
     with pytest.raises(KeyError, match="Give 'magnet' examples with every key"):
         script.examples("magnet")
     with pytest.raises(KeyError, match="Give `colour` of 'disc' an example"):

@@ -350,6 +350,7 @@ def test_accelerations_follow_from_the_lagrangian(record_property):
         none,
         jnp.array(q[2:] - om * tau),
         jnp.array(100 * (v[2:] - om)),
+        none,
     )
 
     @eqx.filter_jit
@@ -411,7 +412,7 @@ def jacobian(scene, angles):
     """Of the full nonlinear model by its state, at a balanced position."""
     field = Transient.of(scene, jnp.asarray(100.0), jnp.zeros(()))
     plane, none = jnp.zeros((2, 1)), jnp.zeros(0)
-    y = RotatingState(plane, plane, none, none, angles, jnp.zeros(angles.size))
+    y = RotatingState(plane, plane, none, none, angles, jnp.zeros(angles.size), none)
     flat, back = jax.flatten_util.ravel_pytree(y)
     rates = lambda flat: jax.flatten_util.ravel_pytree(field(jnp.zeros(()), back(flat)))[0]
     return jax.jacfwd(rates)(flat)

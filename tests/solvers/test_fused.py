@@ -13,6 +13,7 @@ from systems import EFFECTS, one_disc
 import jaxrotor as jr
 from jaxrotor.core.precision import single
 from jaxrotor.effects.base import AbstractContact
+from jaxrotor.effects.law import Now
 from jaxrotor.equations.system import port_groups
 from jaxrotor.motion.base import Plan
 from jaxrotor.motion.revolutions import March, collect_lanes
@@ -189,7 +190,7 @@ def test_laws_number_by_number_are_the_laws():
         law = contact.law()
         for size in (4e-3, 4e-4):
             motion = size * jnp.array([1.0, 0.7]), jnp.array([0.3, -0.2])
-            force = lambda law, u, v: law(u, v, jnp.asarray(30.0))
+            force = lambda law, u, v: law(u, v, Now(jnp.asarray(30.0)))
             traced = jax.make_jaxpr(force)(law, *motion)
             leaves = [np.asarray(leaf) for leaf in jax.tree.leaves((law, *motion))]
             numbers = [np.vectorize(np.float64, otypes="O")(leaf) for leaf in leaves]

@@ -11,6 +11,7 @@ import pytest
 from unequal_rotor import SPEED, ByHand, rotor, unequal
 
 import jaxrotor as jr
+from jaxrotor.effects.law import Now
 from jaxrotor.equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.motion.choice import has_small_remainder, system_of_march
@@ -116,7 +117,7 @@ def test_what_is_unequal_adds_up_to_the_blocks():
         total = np.zeros((system.n, system.n), complex)
         for port in system.deviators:
             motion = (0 * unit[0], unit[0]) if still else (unit[0], 0 * unit[0])
-            force = -port.forces(*map(jnp.asarray, motion), jnp.ones(())).sum(0)
+            force = -port.forces(*map(jnp.asarray, motion), Now(jnp.ones(()))).sum(0)
             total += np.outer(port.column, port.row) * complex(*np.asarray(force))
         np.testing.assert_allclose(total, getattr(system.blocks, name), rtol=1e-12, atol=1e-9)
 

@@ -1,0 +1,130 @@
+"""Law: force on the shaft at a station by the motion there and what turns or remembers beside it."""
+
+import abc
+from typing import ClassVar, Literal, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core.quantities import Number, Scalar
+
+
+Plane = Float[Array, "2 ..."]  # vector (x, y) in the plane of whirl, of one motion or of lanes
+Branch = Float[Array, " c"]  # for every condition of a law 1 if it holds, else 0
+States = Float[Array, "s ..."]  # states of a law, or their rates
+
+
+class Hardness(NamedTuple):
+    """Stiffness and damping of a contact for an outward motion along a direction, and its friction."""
+
+    stiffness: Scalar  # [N/m]
+    damping: Scalar  # [N s/m]
+    direction: Plane  # unit vector; zero where it is the same along every direction
+    friction: Scalar  # coefficient [1]
+
+
+class Now(NamedTuple):
+    """Speed, angle and states, on which a law may depend beside the motion at its station."""
+
+    speed: Number  # of rotation [rad/s]
+    angle: Number | None = None  # of its `clock` [rad]; None: it has none
+    state: States | None = None  # its own `states`; None: it has none
+
+
+class AbstractLaw(eqx.Module):
+    """Force on the shaft at a station as a function of the displacement and velocity there.
+
+    A law with jumps or kinks consists of smooth branches. `c` conditions, each 1 or 0, determine the
+    branch, so that steps in time can end where it changes. A smooth law has no conditions.
+
+    A law may have `states` of its own, whose `rates` are integrated with the motion, and depend on the
+    angle of rotation. By the `clock` "shaft" that angle is within a revolution, from 0 to 2 pi, so that a
+    motion by whole revolutions has it exactly; by "cage" it counts all turns since the start, as what
+    turns at another ratio needs.
+    """
+
+    steep: ClassVar[bool] = False  # whether it has no bound, so that steps need an error estimate
+    states: ClassVar[tuple[str, ...]] = ()  # names with units, such as "wear [m]"
+    clock: ClassVar[Literal["shaft", "cage"] | None] = None  # None: no angle is given
+
+    @property
+    def elementwise(self) -> bool:
+        """Whether the force is computed element by element, for lanes along a last axis as for one motion.
+
+        It holds for the class that defines it alone: a law that inherits from it says it again.
+        Its numbers then have a last axis, too, of as many lanes or of one. Only `x, y = displacement` and
+        arithmetic of numbers are elementwise; sums over an array or products of matrices are not. Other
+        laws are mapped over the lanes, which takes about twice the time.
+        """
+        return False
+
+    @property
+    def takes_lanes(self) -> bool:
+        """Whether the law's own class says that it is `elementwise`."""
+        return self.elementwise and "elementwise" in vars(type(self))
+
+    @abc.abstractmethod
+    def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
+        """Force [N] from displacement [m], velocity [m/s] and what is given `now`."""
+
+    def begin(self) -> States:
+        """Its states at the start of a motion, by default zero."""
+        return jnp.zeros(len(self.states))
+
+    def rates(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> States:
+        """Rates of its states per second, by its force [N] and the motion there."""
+        assert now.state is not None, "asked of laws with states alone"
+        return jnp.zeros_like(now.state)
+
+    @abc.abstractmethod
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
+        """Torque on the shaft about its axis [N m], positive in the sense of positive spin.
+
+        `force` is that of the law, or of one of its branches.
+        """
+
+    @abc.abstractmethod
+    def hardness(self) -> "Hardness":
+        """Stiffness and damping of the contact, which limit the length of steps in time; friction."""
+
+    @property
+    @abc.abstractmethod
+    def kinked(self) -> bool:
+        """Whether the force has jumps or kinks."""
+
+    @abc.abstractmethod
+    def branch(self, displacement: Plane, velocity: Plane, now: Now) -> Branch:
+        """Conditions in the current state; `zeros(0)` for a smooth law."""
+
+    @abc.abstractmethod
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, now: Now) -> Plane:
+        """Force [N] by the formula of a branch, whether or not its conditions hold."""
+
+    @abc.abstractmethod
+    def margins(self, branch: Branch, displacement: Plane, velocity: Plane, now: Now) -> Branch:
+        """Smooth functions, positive while a condition keeps its value; infinite where it is inactive."""
+
+    @abc.abstractmethod
+    def clearance(self, displacement: Plane) -> Number:
+        """Distance [m] to contact, negative in contact; -inf for a law that always acts."""
+
+
+class AbstractSmoothLaw(AbstractLaw):
+    """Law that acts everywhere by one formula, so there is no branch and no clearance."""
+
+    @property
+    def kinked(self) -> bool:
+        return False
+
+    def branch(self, displacement: Plane, velocity: Plane, now: Now) -> Branch:
+        return jnp.zeros(0)
+
+    def along(self, branch: Branch, displacement: Plane, velocity: Plane, now: Now) -> Plane:
+        return self(displacement, velocity, now)
+
+    def margins(self, branch: Branch, displacement: Plane, velocity: Plane, now: Now) -> Branch:
+        return jnp.zeros(0)
+
+    def clearance(self, displacement: Plane) -> Number:
+        return -jnp.inf * jnp.ones(())

@@ -1,0 +1,191 @@
+"""Port: one station where nonlinear laws act, see docs/concepts/ports.md."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core.extremes import larger
+from ..core.quantities import Scalar
+from ..effects.law import AbstractLaw, Now, States
+
+
+Branches = tuple[Float[Array, "_ _"], ...]  # (k, c) of every stack of k laws of equal structure
+
+
+class Port(eqx.Module):
+    """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " n"]
+    at: Scalar  # [m]
+    laws: tuple[AbstractLaw, ...]  # laws of equal structure stacked along a leading axis
+    # Stiffness and damping that the linear equations bear in place of the laws, see `with_lent_films`:
+    lent: Float[Array, "2"] | None = None
+    on: str | None = eqx.field(static=True, default=None)  # name of a casing; None: the ground
+
+    @property
+    def size(self) -> int:
+        """Number of states of all laws."""
+        return sum(count_of(stack) * len(stack.states) for stack in self.laws)
+
+    def begin(self) -> States:
+        """States of all laws at the start of a motion."""
+        parts = [jax.vmap(lambda law: law.begin())(stack).ravel() for stack in self.laws]
+        return jnp.concatenate([jnp.zeros(0), *parts])
+
+    def forces(self, displacement: Array, velocity: Array, now: Now) -> Float[Array, "k 2 ..."]:
+        """Force of every law at this port [N], in the order of `System.members`.
+
+        `now` has the angle since the start of the motion, and the states of all laws.
+        """
+        call = lambda law, now: law(displacement, velocity, now)
+        return jnp.concatenate([_mapped(call)(*stack) for stack in self._stacks(now)])
+
+    def rates(
+        self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array, now: Now
+    ) -> States:
+        """Rates of the states of all laws per second, by their forces [N]."""
+        call = lambda law, now, force: law.rates(force, displacement, velocity, now)
+        parts = zip(self._stacks(now), self._of_stacks(forces), strict=True)
+        rates = [_mapped(call)(*stack, force) for stack, force in parts if stack[0].states]
+        flat = [rate.reshape(-1, *rate.shape[2:]) for rate in rates]
+        return jnp.concatenate(flat) if flat else jnp.zeros((0, *forces.shape[2:]))
+
+    def _stacks(self, now: Now) -> Iterator[tuple[AbstractLaw, Now]]:
+        """Every stack of laws with an angle by their clock, and their own states."""
+        start = 0
+        for stack in self.laws:
+            angle, state = now.angle if stack.clock else None, None
+            if angle is not None and stack.clock == "shaft":
+                angle = jnp.mod(angle, 2 * jnp.pi)
+            if now.state is not None and stack.states:
+                stop = start + count_of(stack) * len(stack.states)
+                own, start = now.state[start:stop], stop
+                state = own.reshape(-1, len(stack.states), *own.shape[1:])
+            yield stack, Now(now.speed, angle, state)
+
+    def _of_stacks(self, each: Float[Array, "k ..."]) -> Iterator[Array]:
+        """Parts of an array of all laws, stack by stack."""
+        start = 0
+        for stack in self.laws:
+            stop = start + count_of(stack)
+            yield each[start:stop]
+            start = stop
+
+    def added(
+        self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array
+    ) -> Float[Array, "2 ..."]:
+        """Force of all laws together, beside what they lend to the linear equations [N]."""
+        total = forces.sum(0)
+        if self.lent is None:
+            return total
+        return total + self.lent[0] * displacement + self.lent[1] * velocity
+
+    def branches(self, displacement: Array, velocity: Array, now: Now) -> Branches:
+        """Branch of every law in a motion."""
+        call = lambda law, now: law.branch(displacement, velocity, now)
+        return tuple(_mapped(call)(*stack) for stack in self._stacks(now))
+
+    def along(
+        self, branches: Branches, displacement: Array, velocity: Array, now: Now
+    ) -> Float[Array, "k 2"]:
+        """Force of every law by the formula of a given branch, also beyond its ends [N]."""
+        call = lambda law, now, branch: law.along(branch, displacement, velocity, now)
+        stacks = zip(self._stacks(now), branches, strict=True)
+        return jnp.concatenate([_mapped(call)(*stack, branch) for stack, branch in stacks])
+
+    def margins(
+        self, branches: Branches, displacement: Array, velocity: Array, now: Now
+    ) -> Branches:
+        """Margin of every condition of every law: how far it is from changing."""
+        call = lambda law, now, branch: law.margins(branch, displacement, velocity, now)
+        stacks = zip(self._stacks(now), branches, strict=True)
+        return tuple(_mapped(call)(*stack, branch) for stack, branch in stacks)
+
+    def hardness(self) -> Float[Array, "2"]:
+        """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
+        share, each = self._shares()
+        return jnp.max(share @ each, axis=0)
+
+    def hardnesses(self) -> Float[Array, "k 2"]:
+        """The same outward along every law, of that law and of those that act before it."""
+        (share, each), gaps = self._shares(), self.clearances(jnp.zeros(2))
+        return (share * (gaps[:, None] <= gaps)).T @ each
+
+    def _shares(self) -> tuple[Float[Array, "k k"], Float[Array, "k 2"]]:
+        """Share of law i in a motion outward along law j; stiffness and damping of each law."""
+        stacks = [jax.vmap(lambda law: law.hardness()[:3])(stack) for stack in self.laws]
+        stiffness, damping, out = (jnp.concatenate(part) for part in zip(*stacks, strict=True))
+        round_about = jnp.all(out == 0, axis=1)  # a law without a direction has all of it
+        share = jnp.where(round_about[:, None], 1.0, larger(out @ out.T, 0.0) ** 2)
+        return share, jnp.stack([stiffness, damping], axis=1)
+
+    def clearances(self, displacement: Array) -> Float[Array, " k"]:
+        """Distance of every law until it acts [m]."""
+        stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
+        return jnp.concatenate(stacks)
+
+    def torque(
+        self, forces: Float[Array, "k 2"], displacement: Array, velocity: Array, now: Now
+    ) -> Scalar:
+        """Torque about the axis of all laws, by their forces [N m]."""
+        call = lambda law, now, force: law.torque(force, displacement, velocity, now)
+        stacks = zip(self._stacks(now), self._of_stacks(forces), strict=True)
+        torques = [jnp.sum(_mapped(call)(*stack, force)) for stack, force in stacks]
+        return sum(torques, start=jnp.zeros(()))
+
+
+def _mapped(call: Callable) -> Callable:
+    """`call(law, now, ..)` for every law of a stack, each with its own states."""
+
+    def every(stack: AbstractLaw, now: Now, *given: Array) -> Array:
+        own = cast(Any, Now)(None, None, 0)  # laws of a stack share speed and angle
+        return jax.vmap(call, in_axes=(0, own, *[0] * len(given)))(stack, now, *given)
+
+    return every
+
+
+def count_of(stack: AbstractLaw) -> int:
+    """Number of laws in a stack."""
+    return jax.tree.leaves(stack)[0].shape[0]
+
+
+# Force of every law of a port, by its number, itself, displacement and velocity there, and `Now`:
+Law = Callable[[int, Port, Array, Array, Now], Float[Array, "k 2 ..."]]
+
+
+def actual(number: int, port: Port, place: Array, velocity: Array, now: Now) -> Array:
+    """Forces of a port by its laws."""
+    del number
+    return port.forces(place, velocity, now)
+
+
+def of_each(ports: Sequence[Port], now: Now) -> Iterator[Now]:
+    """The same for every port, with its own of the states of all."""
+    start = 0
+    for port in ports:
+        stop = start + port.size
+        yield now if now.state is None else now._replace(state=now.state[start:stop])
+        start = stop
+
+
+def port_forces(
+    ports: tuple[Port, ...],
+    displacement: Array,
+    velocity: Array,
+    now: Now,
+    law: Law = actual,
+) -> Float[Array, "2 p ..."]:
+    """Total force at every port from displacement and velocity there, all (2, p), or (2, p, lanes)."""
+    motions = (jnp.swapaxes(x, 0, 1) for x in (displacement, velocity))
+    found = [
+        port.added(law(number, port, d, v, own), d, v)
+        for number, (port, d, v, own) in enumerate(
+            zip(ports, *motions, of_each(ports, now), strict=True)
+        )
+    ]
+    return jnp.stack(found, axis=1)
