@@ -32,9 +32,8 @@ class CriticalSpeeds(eqx.Module):
     nearly straight lines.
     """
 
-    speeds: Float[
-        Array, " c"
-    ]  # [rad/s] in the scene's sense, by magnitude; traced, infinite ones fill up
+    # [rad/s] in the scene's sense, by magnitude; traced, infinite ones fill up
+    speeds: Float[Array, " c"]
     forward_share: Float[Array, " c"]  # from 0 to 1
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle

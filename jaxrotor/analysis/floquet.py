@@ -19,9 +19,8 @@ from .whirl_tables import OverWhirl, grows_beyond, whirl_roots
 
 
 STAGES = 7
-LONGEST_STEP = (
-    3.0  # phase of the first mode per step [rad]; its multiplier errs by 3e-8 per step there
-)
+# Phase of the first mode per step [rad]; its multiplier errs by 3e-8 per step there
+LONGEST_STEP = 3.0
 LEAST = 1e-8  # multipliers of half a revolution below this part of the largest are rounding
 
 

@@ -18,7 +18,7 @@ from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, with_values
-from ..core.sign_change import sign_change
+from ..core.roots import sign_change
 from ..effects.base import AbstractOverSpeed
 from ..equations.pencil import (
     Pencil,

@@ -201,16 +201,14 @@ class TimeRecord(AbstractRecord):
 
     kind: ClassVar[str] = "samples"
 
-    displacement: Inexact[Array, "T c"] = eqx.field(
-        converter=table
-    )  # x + i y, or read by probes [m]
+    # x + i y, or read by probes [m]
+    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
     revolutions: int | None = eqx.field(default=None, static=True)
     times: Series | None = series("times [s]", ascending=True, nonnegative=True, default=None)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    start: AbstractStart = eqx.field(  # in which the motion begins
-        default_factory=AtRest, converter=checked_start
-    )
+    # In which the motion begins
+    start: AbstractStart = eqx.field(default_factory=AtRest, converter=checked_start)
     substeps: int = eqx.field(default=4, static=True)
     solver: Any = None
 

@@ -133,9 +133,8 @@ class OrbitRecord(AbstractRecord):
     name: ClassVar[str] = "revolutions"
     unit: ClassVar[str] = "1"
 
-    displacement: Inexact[Array, "T c"] = eqx.field(
-        converter=table
-    )  # x + i y, or read by probes [m]
+    # x + i y, or read by probes [m]
+    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
     revolutions: int = eqx.field(default=1, static=True)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)

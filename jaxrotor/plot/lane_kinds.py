@@ -31,9 +31,8 @@ _KINDS = {  # name -> colour, in the order of the legend
 }
 
 Group = tuple[str, str, Bool[np.ndarray, "..."]]  # name, colour, and the lanes of this kind
-Classes = tuple[
-    Int[np.ndarray, "y x"], list[tuple[str, str]]
-]  # number of each lane's; name and colour
+# Number of each lane's; name and colour
+Classes = tuple[Int[np.ndarray, "y x"], list[tuple[str, str]]]
 
 
 def groups_of_lanes(dataset: xr.Dataset, lanes: tuple[str, ...]) -> list[Group]:

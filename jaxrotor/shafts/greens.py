@@ -93,9 +93,8 @@ class HeldKernel(AbstractKernel):
     beam: CantileverKernel
     length: Scalar
     stations: Float[Array, " c"]
-    slopes: tuple[bool, ...] = eqx.field(
-        static=True
-    )  # whether each holds the slope, else displacement
+    # Whether each holds the slope, else displacement
+    slopes: tuple[bool, ...] = eqx.field(static=True)
     free: int = eqx.field(static=True)
     inverse: Float[Array, "c2 c2"]
 

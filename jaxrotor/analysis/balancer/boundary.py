@@ -12,7 +12,7 @@ from jaxtyping import Array, Complex, Float
 
 from ...core.compiled import compiled_quickly
 from ...core.quantities import Scalar, known
-from ...core.sign_change import sign_change
+from ...core.roots import implicit_root, sign_change
 from ..maps import CHUNK, traced
 from .groups import BalancerGroups
 from .linear import growth_rate
@@ -108,9 +108,7 @@ def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
     first = jnp.argmin(inside)  # 0 also if all are inside
     ends = jnp.stack([jnp.maximum(first - 1, 0), jnp.maximum(first, 1)])
     found = sign_change(discriminant, *grid[ends], *values[ends], rises=False)
-    slope = jax.grad(discriminant)(found)
-    residual = _discriminant(found, groups.mass, beta)
-    limit = found - (residual - jax.lax.stop_gradient(residual)) / slope
+    limit = implicit_root(lambda polar: _discriminant(polar, groups.mass, beta), found)
     return jnp.where(first > 0, limit, jnp.where(inside[0], 1.0, 0.0))
 
 

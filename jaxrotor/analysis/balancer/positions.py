@@ -19,9 +19,8 @@ from .groups import BalancerGroups
 
 
 Positions = tuple[Float[Array, " _"], ...]  # psi [rad], one array per row
-STEPS = (
-    100  # Newton steps of `nearest_balanced`; a position near the limit of the capacity takes half
-)
+# Newton steps of `nearest_balanced`; a position near the limit of the capacity takes half
+STEPS = 100
 LARGEST_STEP = 0.5  # rad, largest move of a ball in one step
 
 
@@ -242,9 +241,8 @@ class CriticalCases(NamedTuple):
     imbalance: Float[np.ndarray, " k"]  # s0 = x(j) of each case, ascending
     distinct: Float[np.ndarray, " d"]  # distinct critical values of s0, ascending
     balanced: Int[np.ndarray, "z r"]  # j_l of the cases without imbalance, x = 0
-    halves: (
-        int  # number of cases without imbalance; cases that differ by a half-turn count once (k_kr)
-    )
+    # Number of cases without imbalance; cases that differ by a half-turn count once (k_kr)
+    halves: int
 
 
 def critical_cases(balls: Sequence[int], moment: Any) -> CriticalCases:

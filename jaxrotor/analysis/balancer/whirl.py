@@ -169,9 +169,8 @@ class LagWhirl(NamedTuple):
     rate: Scalar  # Om of the rotor's tilt and the balls
     angles: Float[Array, " r"]  # angles of the rows relative to the first [rad]
     delta: Complex[Array, ""]  # tilt, in axes rotating at Om with the first row at angle 0
-    growth: (
-        Scalar  # largest real part of the full model's roots, without the zero of its free phase
-    )
+    # Largest real part of the full model's roots, without the zero of its free phase
+    growth: Scalar
 
 
 class LagBranch(NamedTuple):
