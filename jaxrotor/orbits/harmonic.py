@@ -15,10 +15,8 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
-from ..core.extremes import largest
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
-from ..core.tables import notebook_table
 from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
 from ..equations.stationary_frame import RUN_UP, check_no_balls
@@ -30,13 +28,14 @@ from ..motion.simulate import simulate
 from ..scene import Scene
 from .balance import Balance, truncation
 from .guess import start_of
+from .orbit import AbstractOrbit
 
 
 SAMPLES = 16  # in a period for every harmonic, by default
 LEAST = 4  # in a period for every harmonic, at least
 
 
-class HarmonicOrbit(eqx.Module):
+class HarmonicOrbit(AbstractOrbit):
     """A motion `z(t) = Sum_k coefficients[k] exp(i orders[k] Omega t)` at `s` stations and `p` ports.
 
     `K = 2 H + 1` harmonics from the fastest backward whirl to the fastest forward one.
@@ -61,18 +60,6 @@ class HarmonicOrbit(eqx.Module):
     harmonics: int = eqx.field(static=True)  # H
     revolutions: int = eqx.field(static=True)  # in a period
     samples: int = eqx.field(static=True)  # in a period, of the forces
-
-    @property
-    def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
-        """Smallest and largest distance from the centre [m] at the samples."""
-        radius = jnp.abs(self.displacement)
-        return -largest(-radius), largest(radius)
-
-    def _repr_html_(self) -> str:
-        low, high = self.radius
-        heads = ("station [m]", "least radius [m]", "largest radius [m]")
-        rows = list(zip(self.stations.tolist(), low.tolist(), high.tolist(), strict=True))
-        return notebook_table(str(self), heads, rows)
 
     def __str__(self) -> str:
         return (
