@@ -149,6 +149,14 @@ def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
     return eqx.tree_at(_columns, both[0], columns).where(order[inside[order]])
 
 
+def critical_if_any(scene: Scene, low: float, high: float) -> CriticalSpeeds | None:
+    """Critical speeds as of `critical_between`, None of a rotor that has none at any speed."""
+    try:
+        return critical_between(scene, low, high)
+    except ValueError:
+        return None
+
+
 @compiled_quickly
 def _synchronous(scene: Scene, system: System, points: int) -> CriticalSpeeds:
     """Critical speeds by rising magnitude; infinite ones fill up."""

@@ -123,7 +123,8 @@ def harmonic_balance(
             f"`harmonics` must be at least `revolutions` = {revolutions}, the order of the unbalance, but "
             f"is {harmonics}."
         )
-    samples = _power_of_two(SAMPLES * harmonics) if samples is None else samples
+    if samples is None:
+        samples = 1 << (SAMPLES * harmonics - 1).bit_length()  # a power of two
     check_counts(samples=samples)
     if samples < LEAST * harmonics:
         raise ValueError(
@@ -231,10 +232,6 @@ def _contact_force(system: System, q: Array, rates: Array) -> Complex[Array, "T 
     pairs = (plane(part, axis=-1) for part in (z, v))
     forces = jax.vmap(lambda z, v: system.contact_forces(z, v, system.spin.speed))(*pairs)
     return forces[..., 0] + 1j * forces[..., 1]
-
-
-def _power_of_two(least: int) -> int:
-    return 1 << (least - 1).bit_length()
 
 
 # === checks and guesses

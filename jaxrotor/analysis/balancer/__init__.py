@@ -7,11 +7,7 @@ from .boundary import (
     stability_speed as stability_speed,
 )
 from .cautions import cautions as cautions
-from .groups import (
-    BalancerGroups as BalancerGroups,
-    Scales as Scales,
-    groups_of as groups_of,
-)
+from .groups import BalancerGroups as BalancerGroups, Scales as Scales, groups_of as groups_of
 from .linear import (
     Zeros as Zeros,
     ball_momenta as ball_momenta,
@@ -48,14 +44,8 @@ from .positions import (
     second_harmonics as second_harmonics,
     smallest_gap as smallest_gap,
 )
-from .settling import (
-    Settling as Settling,
-    settling_time as settling_time,
-)
-from .slow import (
-    slow_motion as slow_motion,
-    slow_rates as slow_rates,
-)
+from .settling import Settling as Settling, settling_time as settling_time
+from .slow import slow_motion as slow_motion, slow_rates as slow_rates
 from .whirl import (
     LagBranch as LagBranch,
     LagWhirl as LagWhirl,
