@@ -11,6 +11,7 @@ from jaxtyping import Array, Complex, Float
 from ...core import linalg
 from ...core.compiled import compiled_quickly
 from ...core.extremes import largest
+from ...core.plane import real_matrix
 from ...core.quantities import Scalar
 from ...equations.pencil import Pencil, root_changes
 from .groups import BalancerGroups
@@ -73,7 +74,7 @@ def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
         u = jnp.diag(jnp.concatenate([jnp.asarray(rotor, complex)[None], row]))
         u = u.at[0, 1:].set(pull).at[1:, 0].set(-m * pull)
         v = jnp.zeros_like(u).at[1:, 0].set(m * beta * jnp.conj(pull))
-        return jnp.block([[(u + v).real, -(u - v).imag], [(u + v).imag, (u - v).real]])
+        return real_matrix(u, v)
 
     inertia = block(1j, 1.0, jnp.ones(rows))
     damping = block(-2 * om + 0j, groups.damping + 1j * groups.a13, groups.drag)
