@@ -5,8 +5,6 @@ import sys
 
 import lazy_loader
 
-from .earlier_names import keep_earlier_names
-
 
 # Threads slow down linear algebra with matrices this small (a Campbell diagram takes 13 times as long on
 # two cores). OpenBLAS reads the variable when it is first loaded; a value that is already set is kept.
@@ -17,8 +15,6 @@ if "JAX_ENABLE_X64" not in os.environ:
     os.environ["JAX_ENABLE_X64"] = "1"
     if "jax" in sys.modules:
         sys.modules["jax"].config.update("jax_enable_x64", True)
-
-keep_earlier_names()
 
 # Every name is loaded at its first use, as jax alone takes half a second.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

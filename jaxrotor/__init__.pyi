@@ -137,12 +137,8 @@ from .files.units import SceneError as SceneError
 from .files.variants import Variant as Variant, variants as variants
 from .motion.history import TimeHistory as TimeHistory
 from .motion.reactions import Reactions as Reactions, reactions as reactions
-from .motion.run_up import RunUp as RunUp, run_up as run_up
-from .motion.simulate import (
-    Response as Response,
-    chosen_steps as chosen_steps,
-    simulate as simulate,
-)
+from .motion.run_up import run_up as run_up
+from .motion.simulate import chosen_steps as chosen_steps, simulate as simulate
 from .orbits import (
     BifurcationCurve as BifurcationCurve,
     Branch as Branch,

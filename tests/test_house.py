@@ -28,7 +28,7 @@ PACKAGE = Path(jaxrotor.__file__).parent
 
 # From the ground up, as the table of CONTRIBUTING has them; rooms of one floor do not import each other.
 FLOORS = [
-    ("earlier_names", "core"),
+    ("core",),
     ("shafts", "spins"),
     ("effects",),
     ("scene",),

@@ -1,5 +1,7 @@
 """Annular rub: the synchronous whirl of a rotor that slides along its ring all the way round."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,6 +11,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
+from ..core.roots import implicit_root, sign_change
 from ..core.tables import notebook_table
 from ..effects import AnnularStator
 from ..equations.pencil import eigenvalues
@@ -17,9 +20,6 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from .films import check_linear
 from .ring import RotorInRing, ring_of, sorted_roots
-
-
-BISECTIONS = 60
 
 
 class AnnularRub(eqx.Module):
@@ -36,9 +36,8 @@ class AnnularRub(eqx.Module):
     displacement: Complex[Array, "k 2"]  # relative to the ring, at rotation angle 0 [m]
     roots: Complex[Array, "k 2 m"]  # in turning axes [rad/s]; largest growth first
     coordinates: Complex[Array, "k 2 n"]  # at rotation angle 0 [m]
-    onsets: Float[
-        Array, " o"
-    ]  # speeds at which the free whirl grows up to the gap or falls to it [rad/s]
+    # Speeds at which the free whirl grows up to the gap or falls to it [rad/s]
+    onsets: Float[Array, " o"]
     folds: Float[Array, " f"]  # speeds at which both branches merge [rad/s]
     fold_radius: Float[Array, " f"]  # [m]
 
@@ -141,10 +140,8 @@ def _annular_rub(system: System, ring: AnnularStator, speeds: Float[Array, " k"]
         )
 
     free, free_growth, normal, displacement, roots, coordinates = jax.lax.map(one, speeds)
-    beyond = lambda speed: jnp.abs(at(speed).free) ** 2 - ring.gap**2
-    merging = lambda speed: at(speed).discriminant
-    onsets, _ = _crossings(beyond, speeds)
-    folds, merges = _crossings(merging, speeds)
+    onsets, _ = _crossings(lambda one: one.beyond, system, ring, speeds)
+    folds, merges = _crossings(lambda one: one.discriminant, system, ring, speeds)
     # Where the discriminant vanishes with a negative force, no branch in contact ends.
     force = jax.lax.map(lambda speed: at(speed).merged, jnp.where(merges, folds, speeds[0]))
     folds = jnp.where(force >= 0, folds, jnp.nan)
@@ -179,6 +176,11 @@ class _Synchronous(eqx.Module):
         return cls(rotor, whole, unit, rotor.row @ whole, compliance)
 
     @property
+    def beyond(self) -> Scalar:
+        """`|z_free|^2 - g^2`: positive where the free whirl would cross the ring [m^2]."""
+        return jnp.abs(self.free) ** 2 - self.rotor.ring.gap**2
+
+    @property
     def discriminant(self) -> Scalar:
         """`(|z_free| |q|)^2 - (g Im q)^2` over `|q|^2`: negative where there is no full rub [m^2]."""
         q = self.compliance
@@ -210,27 +212,25 @@ class _Synchronous(eqx.Module):
 
 
 def _crossings(
-    function, speeds: Float[Array, " k"]
+    measure: Callable[[_Synchronous], Scalar],
+    system: System,
+    ring: AnnularStator,
+    speeds: Float[Array, " k"],
 ) -> tuple[Float[Array, " i"], Bool[Array, " i"]]:
-    """Zeros of a function between neighbouring speeds, NaN where it has none, and where it has some."""
-    first, second = speeds[:-1], speeds[1:]
-    below = jax.lax.stop_gradient(jax.lax.map(function, speeds)) < 0
-    changes = below[:-1] != below[1:]
+    """Zeros of a measure between neighbouring speeds, NaN where it has none, and where it has some."""
+    own = lambda speed: measure(_Synchronous.of(system, ring, speed))
+    rotor, speeds = jax.lax.stop_gradient(((system, ring), speeds))
+    held = lambda speed: measure(_Synchronous.of(*rotor, speed))
+    values = jax.lax.map(held, speeds)
+    pairs = [jnp.stack([part[:-1], part[1:]], axis=1) for part in (speeds, values)]
+    order = jnp.argsort(pairs[0], axis=1)  # speeds may descend
+    ends, at_ends = (jnp.take_along_axis(pair, order, axis=1) for pair in pairs)
+    changes = (at_ends[:, 0] < 0) != (at_ends[:, 1] < 0)
 
-    def zero(case):
-        low, high, starts_below = case
+    def zero(ends: Array, at_ends: Array) -> Scalar:
+        return sign_change(held, *ends, *at_ends, rises=at_ends[0] < 0)
 
-        def halve(ends, _):
-            low, high = ends
-            middle = (low + high) / 2
-            same = (jax.lax.stop_gradient(function(middle)) < 0) == starts_below
-            return (jnp.where(same, middle, low), jnp.where(same, high, middle)), None
-
-        (low, high), _ = jax.lax.scan(halve, (low, high), length=BISECTIONS)
-        middle = jax.lax.stop_gradient((low + high) / 2)
-        value, slope = jax.jvp(function, (middle,), (jnp.ones_like(middle),))
-        # Its derivative is that of the implicit function theorem.
-        return middle - (value - jax.lax.stop_gradient(value)) / jax.lax.stop_gradient(slope)
-
-    found = jax.lax.map(zero, (first, second, below[:-1]))
+    one = lambda case: jax.lax.cond(case[0], zero, lambda ends, _: ends[0], *case[1:])
+    found = jax.lax.map(one, (changes, ends, at_ends))
+    found = jax.lax.map(lambda root: implicit_root(own, root), found)
     return jnp.where(changes, found, jnp.nan), changes

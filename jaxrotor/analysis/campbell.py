@@ -31,9 +31,8 @@ from .whirl_tables import OverWhirl, whirl_roots
 
 
 CHOICE = 0.2  # largest error of a sure match, relative to that of the next best match
-NARROWEST = (
-    2.0**-12
-)  # fraction of an interval below which lines that pass each other are not refined
+# Fraction of an interval below which lines that pass each other are not refined
+NARROWEST = 2.0**-12
 # Damping ratio above which a speed is not counted as critical: amplification is about 1 / (2 D) = 2.5.
 OVERDAMPED = 0.2
 MIDPOINTS = 128  # largest number of speeds inserted between two given ones
@@ -45,9 +44,8 @@ class Campbell(eqx.Module):
     speeds: Float[Array, " w"]  # [rad/s]
     values: Complex[Array, "w m"]  # lambda [rad/s]
     frame: Frame = eqx.field(static=True)
-    circular: bool = eqx.field(
-        static=True
-    )  # whether orbits are circles, so frequencies have a sign
+    # Whether orbits are circles, so frequencies have a sign
+    circular: bool = eqx.field(static=True)
     senses: Float[Array, "w m"] | None = None  # forward less backward share of kinetic energy
 
     @property

@@ -32,9 +32,8 @@ class CriticalSpeeds(eqx.Module):
     nearly straight lines.
     """
 
-    speeds: Float[
-        Array, " c"
-    ]  # [rad/s] in the scene's sense, by magnitude; traced, infinite ones fill up
+    # [rad/s] in the scene's sense, by magnitude; traced, infinite ones fill up
+    speeds: Float[Array, " c"]
     forward_share: Float[Array, " c"]  # from 0 to 1
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle
@@ -148,6 +147,14 @@ def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
     order = np.argsort(np.abs(columns[0]))
     inside = (columns[0] >= low) & (columns[0] <= high)
     return eqx.tree_at(_columns, both[0], columns).where(order[inside[order]])
+
+
+def critical_if_any(scene: Scene, low: float, high: float) -> CriticalSpeeds | None:
+    """Critical speeds as of `critical_between`, None of a rotor that has none at any speed."""
+    try:
+        return critical_between(scene, low, high)
+    except ValueError:
+        return None
 
 
 @compiled_quickly

@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
+from ..core.plane import real_matrix
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
 from ..effects import Support
@@ -245,9 +246,7 @@ class _Balance(eqx.Module):
         rows = jnp.stack([row for row, _ in pairs])
         columns = jnp.stack([column for _, column in pairs], axis=1)
         mean, fixed = Pencil.mean(system).stiffness, system.blocks.fixed_stiffness
-        fixed = jnp.zeros_like(mean) if fixed is None else fixed
-        ahead, across = mean + fixed, mean - fixed  # of `K q + K_f q*`
-        matrix = jnp.block([[ahead.real, -across.imag], [ahead.imag, across.real]])
+        matrix = real_matrix(mean, jnp.zeros_like(mean) if fixed is None else fixed)
         constant = system.load.constant
         constant = jnp.zeros(system.n, complex) if constant is None else constant
         laws = tuple(film.law() for film in films)

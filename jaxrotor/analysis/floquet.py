@@ -9,6 +9,7 @@ from numpy.polynomial import legendre
 from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
+from ..core.plane import real_matrix
 from ..core.quantities import Scalar, known
 from ..equations.pencil import Pencil, check_circular, eigenvalues, frame, root_changes
 from ..equations.system import System, assemble
@@ -19,9 +20,8 @@ from .whirl_tables import OverWhirl, grows_beyond, whirl_roots
 
 
 STAGES = 7
-LONGEST_STEP = (
-    3.0  # phase of the first mode per step [rad]; its multiplier errs by 3e-8 per step there
-)
+# Phase of the first mode per step [rad]; its multiplier errs by 3e-8 per step there
+LONGEST_STEP = 3.0
 LEAST = 1e-8  # multipliers of half a revolution below this part of the largest are rounding
 
 
@@ -172,17 +172,13 @@ def _coefficients(system: System, step: Scalar) -> tuple[Array, Array, Array]:
         ),
     }
     real = {
-        name: jnp.stack([_real(mean, fixed), _real(zero, wave), _real(zero, 1j * wave)])
+        name: jnp.stack(
+            [real_matrix(mean, fixed), real_matrix(zero, wave), real_matrix(zero, 1j * wave)]
+        )
         for name, (mean, fixed, wave) in waves.items()
     }
-    inertia = _real(own.inertia, zero)
+    inertia = real_matrix(own.inertia, zero)
     return inertia, step * real["damping"], step**2 * real["stiffness"]
-
-
-def _real(own: Complex[Array, "n n"], other: Complex[Array, "n n"]) -> Float[Array, "m m"]:
-    """The real matrix on `(x, y)` of `own q + other q*`, `q = x + i y`."""
-    plus, minus = own + other, own - other
-    return jnp.block([[plus.real, -minus.imag], [plus.imag, minus.real]])
 
 
 @jax.custom_jvp

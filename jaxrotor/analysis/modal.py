@@ -35,9 +35,8 @@ from .whirl_tables import OverWhirl, whirl_roots
 
 KINDS = ("forward", "backward", "mixed")  # kinds of whirl
 DRIFT = 1e-7  # root of a rigid motion that is zero within rounding, over the first frequency
-STRAIGHT = (
-    0.2  # sense of an ellipse with half axes 1 : 10; flatter ones are neither forward nor backward
-)
+# Sense of an ellipse with half axes 1 : 10; flatter ones are neither forward nor backward
+STRAIGHT = 0.2
 
 
 class Modes(eqx.Module):

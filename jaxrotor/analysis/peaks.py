@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import in_order
 from ..core.compiled import compiled_quickly
-from ..core.sign_change import sign_change
+from ..core.roots import sign_change
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import isotropic
 from ..equations.system import System, structure
@@ -53,9 +53,8 @@ class ResponsePeaks(eqx.Module):
     """
 
     response: HarmonicResponse  # at the speeds between which peaks were sought
-    critical: (
-        CriticalSpeeds  # of the undamped rotor in that range; of circular orbits the forward ones
-    )
+    # Of the undamped rotor in that range; of circular orbits the forward ones
+    critical: CriticalSpeeds
     speeds: Float[np.ndarray, " k"]  # [rad/s]
     amplitudes: Float[np.ndarray, " k"]  # major half axis [m]
     lower: Float[np.ndarray, " k"]  # half power, of smaller magnitude [rad/s], NaN if there is none

@@ -13,7 +13,7 @@ from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known, on_host
-from ..core.sign_change import sign_change
+from ..core.roots import sign_change
 from ..core.tables import RPM
 from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding, isotropic
 from ..equations.speed_tables import speed_range

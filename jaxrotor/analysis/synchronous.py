@@ -17,7 +17,7 @@ from jaxtyping import Array, Complex, Float, Inexact, Int
 from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
-from ..core.sign_change import sign_change
+from ..core.roots import sign_change
 from ..effects.base import AbstractOverSpeed
 from ..equations.pencil import Pencil, check_axes, frame, isotropic, root_changes
 from ..equations.speed_tables import speed_range

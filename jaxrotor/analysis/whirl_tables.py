@@ -18,16 +18,9 @@ from ..core import linalg
 from ..core.blocks import Blocks
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, with_values
-from ..core.sign_change import sign_change
+from ..core.roots import sign_change
 from ..effects.base import AbstractOverSpeed
-from ..equations.pencil import (
-    Pencil,
-    eigenvalues,
-    frame,
-    is_rounding,
-    isotropic,
-    unequal_parts,
-)
+from ..equations.pencil import Pencil, eigenvalues, frame, is_rounding, isotropic, unequal_parts
 from ..equations.speed_tables import has_tables, has_whirl_tables, whirl_range, within_tables
 from ..equations.system import System, assemble
 from ..scene import Scene

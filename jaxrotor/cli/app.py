@@ -61,9 +61,8 @@ class OneSentence(TyperGroup):
         """The command itself, loaded, instead of its placeholder in the list."""
         name, listed, rest = super().resolve_command(ctx, args)
         if name in COMMANDS and name not in _WITHOUT_SCENE and rest and not rest[0].startswith("-"):
-            source(
-                rest[0]
-            )  # raises for a wrong name, before the seconds that a command takes to load
+            # Raises for a wrong name, before the seconds that a command takes to load
+            source(rest[0])
         ctx.meta[__name__] = name, list(rest)
         return name, loaded(name) if name else listed, rest
 

@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 from .. import plot
-from ..analysis import Campbell, CriticalSpeeds, campbell as branches_of, critical_speeds
-from ..analysis.critical import critical_between
+from ..analysis import Campbell, campbell as branches_of, critical_speeds
+from ..analysis.critical import critical_if_any
 from ..analysis.modal import KINDS, kind_of_whirl
 from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
@@ -60,7 +60,8 @@ def campbell(
         result = branches_of(rotor, speeds, count)
         if out is not None:
             files.data(_dataset(result, rotor))
-            marks: dict[str, Any] = {"critical": _undamped(rotor, speeds)}
+            ends = float(speeds.min()), float(speeds.max())
+            marks: dict[str, Any] = {"critical": critical_if_any(rotor, *ends)}
             marks |= {"operating": options.operating_speed(rotor), "mirrored": mirrored}
             marks |= {"orders": (1, 2) if twice else (1,)}
             diagram = partial(plot.campbell, result, **marks)
@@ -194,11 +195,3 @@ def _dataset(result: Campbell, rotor: Scene) -> Any:
     speeds = {"speed": variable("speed", result.speeds, "rad/s", "spin speed")}
     data = labelled(columns, speeds, "jaxrotor Campbell diagram", rotor)
     return data.assign_attrs(frame=result.frame)
-
-
-def _undamped(rotor: Scene, speeds: Any) -> CriticalSpeeds | None:
-    """Critical speeds within the range of some speeds, None if the rotor has none."""
-    try:
-        return critical_between(rotor, float(np.min(speeds)), float(np.max(speeds)))
-    except ValueError:
-        return None

@@ -2,7 +2,6 @@
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -54,10 +53,7 @@ def run_up(
             help='Steps from sample to sample of an exponential solver, or "auto": chosen by a pilot run.',
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder for run-up.zarr and pictures."),
-    ] = None,
+    out: options.Out = None,
     film: Annotated[bool, typer.Option("--film", help="Write film.gif too, with --out.")] = False,
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,

@@ -1,7 +1,6 @@
 """Command `simulate`: one motion in time."""
 
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -46,17 +45,15 @@ def simulate(
     start_angle: options.Angle = None,
     at: options.At = None,
     period: options.Period = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder for response.zarr, orbit.png and history.png."),
-    ] = None,
+    out: options.Out = None,
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.
 
-    A scene of constant speed runs by whole revolutions. Any other runs to the end of its speed profile or
-    near the steady speed of its drive, unless --times are given.
+    These are DIR/response.zarr, DIR/orbit.png and DIR/history.png. A scene of constant speed runs by whole
+    revolutions. Any other runs to the end of its speed profile or near the steady speed of its drive,
+    unless --times are given.
 
     ```
     jaxrotor simulate limiter-rotor --revolutions 500 --keep 50 --out run

@@ -14,6 +14,12 @@ def plane(z: Any, axis: int = 0) -> Any:
     return stack([z.real, z.imag], axis=axis)
 
 
+def real_matrix(own: Any, other: Any) -> Any:
+    """The real matrix on `(x, y)` of `own z + other z*`, with complex matrices."""
+    plus, minus = own + other, own - other
+    return jnp.block([[plus.real, -minus.imag], [plus.imag, minus.real]])
+
+
 def direction(angle: Any) -> Any:
     """`exp(i angle)` of real angles, without the exponential of zero that `jnp.exp` computes beside it."""
     return jax.lax.complex(jnp.cos(angle), jnp.sin(angle))

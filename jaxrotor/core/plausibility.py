@@ -31,9 +31,8 @@ SOFT = 0.1  # stiffness of supports over that of the shaft, `48 E I / l^3`
 GIVE = 0.02  # over diameter: how far supports softer than that give way under the weight
 UNEQUAL = 300.0  # stiffness along one axis over that across it: more than any bearing has
 GRADE = 4.0  # [m/s], distance of the centre of mass times speed: the coarsest grade of ISO 21940-11
-FLAT = (
-    2.1  # polar over diametral moment of inertia: a thin disc has 2 before rounding, no body more
-)
+# Polar over diametral moment of inertia: a thin disc has 2 before rounding, no body more
+FLAT = 2.1
 NARROW = 0.1  # radius of gyration of a disc over the diameter of the shaft: less than any has
 HEAVY = 10.0  # times the mass of the rotor: larger than any unbalance
 WEIGHT = 0.5  # share of the mass of the rotor below which an unbalance is a weight put on it
@@ -67,11 +66,8 @@ ROLES = {
     "length": Role("length", 1.0, 20.0, 1.0),
     "start.radius": Role("length", 0.3, 20.0, 0.03),
 }
-LARGEST = {  # of other units: in a machine of known scale, and in any scene
-    "rad": (12.6, 12.6),
-    "m/s^2": (300.0, 3000.0),
-    "Pa s": (2.0, 30.0),
-}
+# Of other units: in a machine of known scale, and in any scene
+LARGEST = {"rad": (12.6, 12.6), "m/s^2": (300.0, 3000.0), "Pa s": (2.0, 30.0)}
 
 
 class ImplausibleWarning(UserWarning):

@@ -60,12 +60,8 @@ _INDIFFERENT = (  # beginnings of the names of settings that decide no program
     "jax_traceback_filtering",
     "jax_dump_ir",
 )
-_VARIABLES = (
-    "XLA_",
-    "TF_XLA_",
-    "JAX_",
-    "EQX_",
-)  # beginnings of environment variables that may decide
+# Beginnings of environment variables that may decide
+_VARIABLES = ("XLA_", "TF_XLA_", "JAX_", "EQX_")
 
 
 @dataclasses.dataclass(frozen=True)

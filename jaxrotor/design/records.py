@@ -125,17 +125,13 @@ class AbstractRecord(AbstractPart):
         size = jnp.sqrt(jnp.mean(jnp.abs(self.measured) ** 2))
         return jnp.where(size > 0, size, 1.0)
 
-    def check_channels(self, scene: Scene, at: Any, angle: Any) -> None:
-        """Raise unless every channel has its station, and its direction where numbers are real."""
+    def check_channels(self, scene: Scene, at: Any) -> None:
+        """Raise unless every channel has its station."""
         count = Places.of(scene, at).stations.size
         if self.measured.shape[1] != count:
             raise ValueError(
                 f"The record has {self.measured.shape[1]} channels, but `at` names {count} stations; "
                 "name the station of every channel, one twice if two probes are there."
-            )
-        if angle is not None and angle.size not in (1, count):
-            raise ValueError(
-                f"`angle` has {angle.size} directions for {count} channels; give one for every channel."
             )
 
 
@@ -153,8 +149,18 @@ def read(z: Array, angle: Array | None) -> Array:
     return z if angle is None else (z * jnp.exp(-1j * angle)).real
 
 
+def check_angles(measured: Array, angle: Array | None) -> None:
+    """Raise unless probes have one direction, or one for every channel."""
+    channels = measured.shape[1]
+    if angle is not None and angle.size not in (1, channels):
+        raise ValueError(
+            f"`angle` has {angle.size} directions for {channels} channels; give one for every channel."
+        )
+
+
 def check_directions(measured: Array, angle: Array | None) -> None:
     """Raise unless displacements are complex or along probes."""
+    check_angles(measured, angle)
     if jnp.iscomplexobj(measured) == (angle is None):
         return
     raise ValueError(
@@ -201,16 +207,14 @@ class TimeRecord(AbstractRecord):
 
     kind: ClassVar[str] = "samples"
 
-    displacement: Inexact[Array, "T c"] = eqx.field(
-        converter=table
-    )  # x + i y, or read by probes [m]
+    # x + i y, or read by probes [m]
+    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
     revolutions: int | None = eqx.field(default=None, static=True)
     times: Series | None = series("times [s]", ascending=True, nonnegative=True, default=None)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
-    start: AbstractStart = eqx.field(  # in which the motion begins
-        default_factory=AtRest, converter=checked_start
-    )
+    # In which the motion begins
+    start: AbstractStart = eqx.field(default_factory=AtRest, converter=checked_start)
     substeps: int = eqx.field(default=4, static=True)
     solver: Any = None
 
@@ -255,7 +259,7 @@ class TimeRecord(AbstractRecord):
         return [self.times] if through else []  # steps go from sample to sample
 
     def prepared(self, scene: Scene) -> "TimeRecord":
-        self.check_channels(scene, self.at, self.angle)
+        self.check_channels(scene, self.at)
         if self.solver is not None:
             checked_solver(self.solver)
         if self.revolutions is None:

@@ -1,5 +1,6 @@
 """Records of steady motions: orbits, their spectra, and responses over speed or frequency."""
 
+import abc
 import dataclasses
 from typing import Any, ClassVar
 
@@ -30,6 +31,7 @@ from .records import (
     AbstractRecord,
     angles,
     check_amplitudes,
+    check_angles,
     check_directions,
     check_samples,
     read,
@@ -41,78 +43,93 @@ SETTLING = 100  # revolutions before the first search of an orbit
 STEPS = 256  # of contact in a revolution, at least
 
 
-def _state(record: Any, scene: Scene) -> AbstractStart | None:
-    """A state on the orbit of a scene with contact; None where there is a closed form."""
-    if not scene.of(AbstractContact):
-        return None
-    guess = record.guess
-    if guess is None:
-        with pilot_run():
-            guess = simulate(scene, SETTLING, STEPS, keep=1, at=record.at, progress=False)
-    options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
-    return periodic(scene, guess, **options, progress=False).start
+class AbstractSteadyRecord(AbstractRecord):
+    """Record of a steady motion: in closed form, or of a scene with contact by `periodic`."""
 
+    revolutions: eqx.AbstractVar[int]  # in a period
+    at: eqx.AbstractVar[Any]
+    guess: eqx.AbstractVar[Any]  # of the orbit of a scene with contact
+    solver: eqx.AbstractVar[Any]
 
-def _orbit(record: Any, scene: Scene, count: int) -> tuple[PeriodicOrbit, int]:
-    """The orbit of a scene with contact, converged or not, and its steps from sample to sample."""
-    each = count // record.revolutions
-    step = -(-STEPS // each)
-    options = {"revolutions": record.revolutions, "solver": record.solver, "at": record.at}
-    options |= {"steps_per_revolution": each * step, "throw": False, "progress": False}
-    return periodic(scene, record.guess, **options), step
+    @property
+    @abc.abstractmethod
+    def samples(self) -> int:
+        """Number of displacements in a period from which the record is predicted."""
 
+    @property
+    def deciding(self):
+        return []
 
-def _samples(record: Any, scene: Scene, count: int) -> Array:
-    """Displacements [m] of a steady motion at `count` samples, evenly spaced over its period, (count, c).
+    def prepared(self, scene: Scene) -> "AbstractSteadyRecord":
+        self.check_channels(scene, self.at)
+        check_constant_speed(scene, "A record of a steady motion")
+        check_tables(scene)
+        if scene.of(AbstractBodies):
+            raise ValueError(
+                "Balls have many steady positions, which an orbit does not determine; fit a `TimeRecord`."
+            )
+        return dataclasses.replace(self, guess=self._state(scene))
 
-    They begin at angle zero; the end of the period is left out.
-    """
-    if scene.of(AbstractContact):
-        orbit, step = _orbit(record, scene, count)
-        return orbit.displacement[:-1:step]
-    angle = 2 * jnp.pi * record.revolutions * jnp.arange(count)[:, None] / count
-    turn = jnp.exp(1j * angle)
-    whirl = unbalance_response(scene, scene.spin.speed, record.at)
-    z = whirl.forward * turn + whirl.backward / turn
-    if structure(scene).load.constant is None:
-        return z
-    bent = weight_response(scene, scene.spin.speed, record.at)
-    return z + bent.deflection + bent.twice * turn**2
-
-
-def _instability(record: Any, scene: Scene, count: int) -> str:
-    """A sentence where a steady motion of a fitted scene is unstable, so that nobody measures it."""
-    if not scene.of(AbstractContact):
-        growth = float(growth_rate(scene))
-        if not growth > 0:
-            return ""
-        why = f"a free vibration grows by {growth:.3g} 1/s"
-    else:
-        orbit, _ = _orbit(record, scene, count)
-        if not bool(orbit.converged):
-            return "no orbit is found with the fitted parameters; begin from another `guess`."
-        if bool(orbit.stable):
-            return ""
-        why = f"a multiplier of modulus {float(np.abs(orbit.multipliers).max()):.3g}"
-    return (
-        f"its orbit is unstable with the fitted parameters ({why}), so it is not what was measured; begin "
-        "elsewhere."
-    )
-
-
-def _prepared_steady(record: Any, scene: Scene, angle: Array | None) -> Any:
-    """A record of a steady motion with a guess of the orbit, checked against the scene."""
-    record.check_channels(scene, record.at, angle)
-    check_constant_speed(scene, "A record of a steady motion")
-    check_tables(scene)
-    if scene.of(AbstractBodies):
-        raise ValueError(
-            "Balls have many steady positions, so an orbit does not tell theirs; fit a `TimeRecord`."
+    def doubt(self, scene: Scene) -> str:
+        if not scene.of(AbstractContact):
+            growth = float(growth_rate(scene))
+            if not growth > 0:
+                return ""
+            why = f"a free vibration grows by {growth:.3g} 1/s"
+        else:
+            orbit, _ = self._orbit(scene)
+            if not bool(orbit.converged):
+                return "no orbit is found with the fitted parameters; begin from another `guess`."
+            if bool(orbit.stable):
+                return ""
+            why = f"a multiplier of modulus {float(np.abs(orbit.multipliers).max()):.3g}"
+        return (
+            f"its orbit is unstable with the fitted parameters ({why}), so it is not what was measured; "
+            "begin elsewhere."
         )
-    return dataclasses.replace(record, guess=_state(record, scene))
+
+    def displacements(self, scene: Scene) -> Array:
+        """Displacements [m] at `samples` angles, evenly spaced over a period, (samples, c).
+
+        They begin at angle zero; the end of the period is left out.
+        """
+        if scene.of(AbstractContact):
+            orbit, step = self._orbit(scene)
+            return orbit.displacement[:-1:step]
+        angle = 2 * jnp.pi * self.revolutions * jnp.arange(self.samples)[:, None] / self.samples
+        turn = jnp.exp(1j * angle)
+        whirl = unbalance_response(scene, scene.spin.speed, self.at)
+        z = whirl.forward * turn + whirl.backward / turn
+        if structure(scene).load.constant is None:
+            return z
+        bent = weight_response(scene, scene.spin.speed, self.at)
+        return z + bent.deflection + bent.twice * turn**2
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        """Options of `periodic`."""
+        options = {"revolutions": self.revolutions, "solver": self.solver, "at": self.at}
+        return options | {"progress": False}
+
+    def _state(self, scene: Scene) -> AbstractStart | None:
+        """A state on the orbit of a scene with contact; None where there is a closed form."""
+        if not scene.of(AbstractContact):
+            return None
+        guess = self.guess
+        if guess is None:
+            with pilot_run():
+                guess = simulate(scene, SETTLING, STEPS, keep=1, at=self.at, progress=False)
+        return periodic(scene, guess, **self._options).start
+
+    def _orbit(self, scene: Scene) -> tuple[PeriodicOrbit, int]:
+        """The orbit of a scene with contact, converged or not, and its steps from sample to sample."""
+        each = self.samples // self.revolutions
+        step = -(-STEPS // each)
+        steps = {"steps_per_revolution": each * step, "throw": False}
+        return periodic(scene, self.guess, **self._options, **steps), step
 
 
-class OrbitRecord(AbstractRecord):
+class OrbitRecord(AbstractSteadyRecord):
     """`z(phi_k)`, `phi_k = 2 pi n k / T`: a synchronous or periodic orbit [m], (T,) or (T, c).
 
     `T` samples are evenly spaced by the angle of rotation over a period of `n` revolutions, from angle
@@ -133,9 +150,8 @@ class OrbitRecord(AbstractRecord):
     name: ClassVar[str] = "revolutions"
     unit: ClassVar[str] = "1"
 
-    displacement: Inexact[Array, "T c"] = eqx.field(
-        converter=table
-    )  # x + i y, or read by probes [m]
+    # x + i y, or read by probes [m]
+    displacement: Inexact[Array, "T c"] = eqx.field(converter=table)
     revolutions: int = eqx.field(default=1, static=True)
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
@@ -161,20 +177,14 @@ class OrbitRecord(AbstractRecord):
         return jnp.arange(count) * self.revolutions / count
 
     @property
-    def deciding(self):
-        return []
-
-    def prepared(self, scene: Scene) -> "OrbitRecord":
-        return _prepared_steady(self, scene, self.angle)
-
-    def doubt(self, scene: Scene) -> str:
-        return _instability(self, scene, len(self.displacement))
+    def samples(self) -> int:
+        return len(self.displacement)
 
     def prediction(self, scene: Scene):
-        return read(_samples(self, scene, len(self.displacement)), self.angle)
+        return read(self.displacements(scene), self.angle)
 
 
-class SpectrumRecord(AbstractRecord):
+class SpectrumRecord(AbstractSteadyRecord):
     """`c_k` of `z = sum_k c_k exp(i k phi)`: spectrum of a steady motion by orders [m], (T,) or (T, c).
 
     Positive orders are forward, negative ones backward; a real record is `|c_k|`, whose noise must be well
@@ -226,20 +236,13 @@ class SpectrumRecord(AbstractRecord):
         return self.orders
 
     @property
-    def deciding(self):
-        return []
-
-    def prepared(self, scene: Scene) -> "SpectrumRecord":
-        return _prepared_steady(self, scene, None)
-
-    def doubt(self, scene: Scene) -> str:
-        return _instability(self, scene, STEPS * self.revolutions)
+    def samples(self) -> int:
+        return STEPS * self.revolutions
 
     def prediction(self, scene: Scene):
-        count = STEPS * self.revolutions
-        angle = 2 * jnp.pi * jnp.arange(count) / STEPS
-        waves = jnp.exp(-1j * self.orders[:, None] * angle) / count
-        found = waves @ _samples(self, scene, count)
+        angle = 2 * jnp.pi * jnp.arange(self.samples) / STEPS
+        waves = jnp.exp(-1j * self.orders[:, None] * angle) / self.samples
+        found = waves @ self.displacements(scene)
         return found if jnp.iscomplexobj(self.amplitude) else jnp.abs(found)
 
 
@@ -280,6 +283,7 @@ class ResponseRecord(AbstractRecord):
 
     def __check_init__(self):
         check_samples(self.amplitude, self.frequencies, "frequencies")
+        check_angles(self.amplitude, self.angle)
         check_amplitudes(self.amplitude)
 
     @property
@@ -303,7 +307,7 @@ class ResponseRecord(AbstractRecord):
         return [] if self.force is None else [self.force.at]
 
     def prepared(self, scene: Scene) -> "ResponseRecord":
-        self.check_channels(scene, self._stations, self.angle)
+        self.check_channels(scene, self._stations)
         check_tables(scene, self.frequencies if self.force is None else None)
         return self
 

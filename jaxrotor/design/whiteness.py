@@ -3,9 +3,8 @@
 import numpy as np
 
 
-ROUNDED = (
-    1e-2  # mean square of residuals over that of the noise, below which they are rounding errors
-)
+# Mean square of residuals over that of the noise, below which they are rounding errors
+ROUNDED = 1e-2
 LEAST = 1e-9  # variance of a correlation over that of as many samples, below which there is none
 
 

@@ -21,10 +21,7 @@ from ..scene import Scene
 
 
 class TimeHistory(eqx.Module):
-    """Motion of a scene at `T` times and `s` stations, in fixed axes.
-
-    `jaxrotor.Response` and `jaxrotor.RunUp` are earlier names of it.
-    """
+    """Motion of a scene at `T` times and `s` stations, in fixed axes."""
 
     time: Float[Array, " T"]  # [s] since the start
     angle: Float[Array, " T"]  # of rotation [rad]

@@ -35,9 +35,6 @@ MOST_STEPS = 1_000_000  # of a run, by default
 DOUBLINGS = 8  # of the steps that "auto" tries
 
 
-RunUp = TimeHistory  # earlier name
-
-
 def run_up(
     scene: Scene,
     times: Any,

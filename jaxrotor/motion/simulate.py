@@ -45,9 +45,6 @@ REVOLUTION_STEPS = 4096  # of an adaptive solver in a revolution, by default
 KEPT = ("displacement", "velocity", "slope", "contact_force", "coordinates")  # of every sample
 
 
-Response = TimeHistory  # earlier name
-
-
 def simulate(
     scene: Scene,
     revolutions: int | None = None,

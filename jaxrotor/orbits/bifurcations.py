@@ -24,9 +24,8 @@ from .problem import ContinuationProblem, Evaluation
 
 
 KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
-SAME = (
-    1e-2  # of the range of the radius: accuracy to which an orbit is known where two of them meet
-)
+# Of the range of the radius: accuracy to which an orbit is known where two of them meet
+SAME = 1e-2
 NEAR = 1e-5  # from the unit circle or from -1: a multiplier further away has jumped, not crossed
 ALIKE = 1e-6  # of a clearance: contacts that are touched in the same way
 

@@ -16,13 +16,8 @@ from .orbit import PeriodicOrbit
 from .problem import ContinuationProblem, Evaluation, PhaseCondition
 
 
-OFFSETS = (
-    3e-3,
-    1e-3,
-    3e-4,
-    1e-4,
-    3e-5,
-)  # of the state: distances from a flip to seek its branch at
+# Of the state: distances from a flip to seek its branch at
+OFFSETS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5)
 
 
 class BranchPoint(eqx.Module):

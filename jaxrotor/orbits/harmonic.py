@@ -15,10 +15,8 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
-from ..core.extremes import largest
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
-from ..core.tables import notebook_table
 from ..effects.law import Now
 from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
@@ -31,13 +29,14 @@ from ..motion.simulate import simulate
 from ..scene import Scene
 from .balance import Balance, truncation
 from .guess import start_of
+from .orbit import AbstractOrbit
 
 
 SAMPLES = 16  # in a period for every harmonic, by default
 LEAST = 4  # in a period for every harmonic, at least
 
 
-class HarmonicOrbit(eqx.Module):
+class HarmonicOrbit(AbstractOrbit):
     """A motion `z(t) = Sum_k coefficients[k] exp(i orders[k] Omega t)` at `s` stations and `p` ports.
 
     `K = 2 H + 1` harmonics from the fastest backward whirl to the fastest forward one.
@@ -62,18 +61,6 @@ class HarmonicOrbit(eqx.Module):
     harmonics: int = eqx.field(static=True)  # H
     revolutions: int = eqx.field(static=True)  # in a period
     samples: int = eqx.field(static=True)  # in a period, of the forces
-
-    @property
-    def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
-        """Smallest and largest distance from the centre [m] at the samples."""
-        radius = jnp.abs(self.displacement)
-        return -largest(-radius), largest(radius)
-
-    def _repr_html_(self) -> str:
-        low, high = self.radius
-        heads = ("station [m]", "least radius [m]", "largest radius [m]")
-        rows = list(zip(self.stations.tolist(), low.tolist(), high.tolist(), strict=True))
-        return notebook_table(str(self), heads, rows)
 
     def __str__(self) -> str:
         return (
@@ -137,7 +124,8 @@ def harmonic_balance(
             f"`harmonics` must be at least `revolutions` = {revolutions}, the order of the unbalance, but "
             f"is {harmonics}."
         )
-    samples = _power_of_two(SAMPLES * harmonics) if samples is None else samples
+    if samples is None:
+        samples = 1 << (SAMPLES * harmonics - 1).bit_length()  # a power of two
     check_counts(samples=samples)
     if samples < LEAST * harmonics:
         raise ValueError(
@@ -249,10 +237,6 @@ def _contact_force(
     force = lambda angle, z, v: system.contact_forces(z, v, Now(speed, angle))
     forces = jax.vmap(force)(speed * time, *pairs)
     return forces[..., 0] + 1j * forces[..., 1]
-
-
-def _power_of_two(least: int) -> int:
-    return 1 << (least - 1).bit_length()
 
 
 # === checks and guesses

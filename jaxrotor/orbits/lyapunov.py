@@ -18,14 +18,13 @@ from ..core.tables import notebook_table
 from ..effects.base import AbstractContact
 from ..equations.start import AbstractStart, AtRest, Continued
 from ..equations.system import assemble, port_groups
-from ..motion.base import Plan
 from ..motion.rebounds import Rebounds, in_revolutions
 from ..motion.revolutions import March, check_constant, revolution_rate
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .guess import start_of
-from .shooting import differentiable
+from .shooting import differentiable, plan_of
 
 
 BLOCKS = 10  # parts of the run, whose means give the error
@@ -130,9 +129,8 @@ def lyapunov(
     rate = revolution_rate(scene, period)
     chosen: Any = choose(differentiable(solver, system), system, rate, start)
     several = len(scene.of(AbstractContact)) > 1  # of which some may never be touched
-    options = {"slopes": False, "contacts": several, "coordinates": False, "together": together}
     steps = steps_per_revolution
-    plan = Plan(chosen, None, dfx.ForwardMode(), steps, steps, **options)
+    plan = plan_of(chosen, together, steps, contacts=several)
     station = scene.stations(None)
     march = eqx.filter_jit(March.of)(system, plan, rate, station[:1])
     y = march.begin(start, station[0])

@@ -24,7 +24,26 @@ class OrbitError(eqx.Module):
     multipliers: Scalar  # largest of all [1]
 
 
-class PeriodicOrbit(eqx.Module):
+class AbstractOrbit(eqx.Module):
+    """A periodic motion, sampled over a period at `s` stations."""
+
+    displacement: eqx.AbstractVar[Complex[Array, "T s"]]  # x + i y [m]
+    stations: eqx.AbstractVar[Float[Array, " s"]]  # [m]
+
+    @property
+    def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+        """Smallest and largest distance from the centre [m] at the samples."""
+        radius = jnp.abs(self.displacement)
+        return -largest(-radius), largest(radius)
+
+    def _repr_html_(self) -> str:
+        low, high = self.radius
+        heads = ("station [m]", "least radius [m]", "largest radius [m]")
+        rows = list(zip(self.stations.tolist(), low.tolist(), high.tolist(), strict=True))
+        return notebook_table(str(self), heads, rows)
+
+
+class PeriodicOrbit(AbstractOrbit):
     """A motion with `z(t + period) = e^(i turn) z(t)`, sampled over a period at `s` stations."""
 
     start: Continued  # a state on it; of a scene with unbalance that at angle 0
@@ -54,12 +73,6 @@ class PeriodicOrbit(eqx.Module):
         return jnp.all(jnp.abs(self.multipliers) < 1)
 
     @property
-    def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
-        """Smallest and largest distance from the centre [m] at the samples."""
-        radius = jnp.abs(self.displacement)
-        return -largest(-radius), largest(radius)
-
-    @property
     def duty(self) -> Float[Array, " k"]:
         """Fraction of the samples at which each contact is loaded; not differentiable."""
         return jnp.mean(jnp.abs(self._forces()[1:]) > 0, axis=0)
@@ -73,12 +86,6 @@ class PeriodicOrbit(eqx.Module):
         if self.contact_force is None:
             raise ValueError("The scene of this orbit has no contact; give it a `Limiter`.")
         return self.contact_force
-
-    def _repr_html_(self) -> str:
-        low, high = self.radius
-        heads = ("station [m]", "least radius [m]", "largest radius [m]")
-        rows = list(zip(self.stations.tolist(), low.tolist(), high.tolist(), strict=True))
-        return notebook_table(str(self), heads, rows)
 
     def __str__(self) -> str:
         if self.revolutions is None:

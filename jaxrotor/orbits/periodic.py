@@ -17,7 +17,6 @@ from ..core.progress import waiting
 from ..core.quantities import known
 from ..equations.start import AbstractStart, Continued
 from ..equations.system import System, assemble, port_groups
-from ..motion.base import Plan
 from ..motion.history import TimeHistory
 from ..motion.rebounds import Rebounds, in_revolutions
 from ..motion.revolutions import March, check_constant, joined, revolution_rate
@@ -30,6 +29,7 @@ from .shooting import (
     NewtonByTrial,
     Shooting,
     differentiable,
+    plan_of,
     shooting_residual,
     with_derivative,
 )
@@ -165,7 +165,7 @@ def _find(
     tolerance: float,
     max_iterations: int,
 ) -> PeriodicOrbit:
-    plan = _plan(solver, together, guess.steps)
+    plan = plan_of(solver, together, guess.steps)
     period = guess.span, guess.turn, guess.start, guess.revolutions
     shooting = Shooting.near(system, plan, stations, guess.rate, *period)
     root = optx.root_find(
@@ -210,15 +210,10 @@ def _find(
     )
 
 
-def _plan(solver: Exponential, together: tuple[tuple[int, ...], ...], steps: int) -> Plan:
-    options = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
-    return Plan(solver, None, dfx.ForwardMode(), steps, steps, **options)
-
-
 @compiled_quickly
 def _stiffness_ratios(system, solver, together, stations, rate, span, steps):
     """See `Tableau.contact_stiffness_ratio`, of steps of a period with an angle `span`."""
-    march = March.of(system, _plan(solver, together, steps), rate, stations, span)
+    march = March.of(system, plan_of(solver, together, steps), rate, stations, span)
     return march.contact_stiffness_ratio
 
 

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -31,7 +30,7 @@ from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit, winding_angle
 from .parameter_range import ParameterRange, own, range_of
-from .shooting import OrbitSamples, Shooting, differentiable, without_unbalance
+from .shooting import OrbitSamples, Shooting, differentiable, plan_of, without_unbalance
 from .symmetry import SAME, symmetry_defects, symmetry_order
 
 
@@ -288,8 +287,7 @@ def problem_of(
     }
     modal = "modal" if basis == {"modal"} else "dense"
     chosen = Exponential(chosen.order, modal, chosen.located)
-    options = {"slopes": False, "contacts": True, "coordinates": False, "together": together}
-    plan = Plan(chosen, None, dfx.ForwardMode(), orbit.steps, orbit.steps, **options)
+    plan = plan_of(chosen, together, orbit.steps)
     rate = abs(float(scene.spin.speed))
     autonomous = orbit.revolutions is None
     turn = orbit.turn if autonomous else jnp.zeros(())

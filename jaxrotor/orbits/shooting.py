@@ -9,6 +9,7 @@ motion in the guess.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -174,6 +175,14 @@ def differentiable(solver: Any, system: System) -> Exponential:
             "Exponential(.., located=True), or stops with `blend` and `slip`."
         )
     return solver
+
+
+def plan_of(
+    solver: Exponential, together: tuple[tuple[int, ...], ...], steps: int, contacts: bool = True
+) -> Plan:
+    """Plan of a motion that is observed at each of the `steps` of a revolution, or of a period."""
+    options = {"slopes": False, "contacts": contacts, "coordinates": False, "together": together}
+    return Plan(solver, None, dfx.ForwardMode(), steps, steps, **options)
 
 
 class Shot(NamedTuple):

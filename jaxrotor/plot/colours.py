@@ -23,9 +23,8 @@ MOTIONS = {  # kinds of motion, see `jaxrotor.classify`
 }
 CYCLE = (BLUE, ORANGE, TEAL, RED, MAGENTA, DARK)
 
-RAMP = LinearSegmentedColormap.from_list(
-    "ramp", ["#FCF0E4", "#DE9468"]
-)  # background of lines and text
+# Background of lines and text
+RAMP = LinearSegmentedColormap.from_list("ramp", ["#FCF0E4", "#DE9468"])
 
 
 def shades(count: int) -> list[str]:

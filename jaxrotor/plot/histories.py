@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis import CriticalSpeeds
-from ..analysis.critical import critical_between
+from ..analysis.critical import critical_if_any
 from . import colours, labels, page
 from .marks import amplitudes, draw_amplitudes, draw_critical
 from .record import revolutions, signal, station_of, whirl_speed
@@ -135,19 +134,11 @@ def passage(run: Any, station: int = 0, ax: Axes | None = None) -> Axes:
     gaps = amplitudes(run.scene, station_of(run, station))
     draw_amplitudes(ax, gaps, scale, float(amplitude.max(initial=0.0)))
     ends = float(speed.min()), float(speed.max())
-    critical = _critical(run.scene, ends[0] / turns, ends[1] / turns)
+    critical = critical_if_any(run.scene, ends[0] / turns, ends[1] / turns)
     if critical is not None:
-        draw_critical((ax,), critical, *ends, written=True)
+        excited = critical.where(np.asarray(critical.forward_share) > EXCITED)
+        draw_critical((ax,), excited, *ends, written=True)
     return page.finish(ax, labels.spin("speed of rotation", speed), columns=3)
-
-
-def _critical(scene: Any, low: float, high: float) -> CriticalSpeeds | None:
-    """Critical speeds of a range that an unbalance can excite; None if the rotor has none."""
-    try:
-        found = critical_between(scene, low, high)
-    except ValueError:
-        return None
-    return found.where(np.asarray(found.forward_share) > EXCITED)
 
 
 def _draw_amplitude(

@@ -31,9 +31,8 @@ _KINDS = {  # name -> colour, in the order of the legend
 }
 
 Group = tuple[str, str, Bool[np.ndarray, "..."]]  # name, colour, and the lanes of this kind
-Classes = tuple[
-    Int[np.ndarray, "y x"], list[tuple[str, str]]
-]  # number of each lane's; name and colour
+# Number of each lane's; name and colour
+Classes = tuple[Int[np.ndarray, "y x"], list[tuple[str, str]]]
 
 
 def groups_of_lanes(dataset: xr.Dataset, lanes: tuple[str, ...]) -> list[Group]:
@@ -99,7 +98,7 @@ def classes(
     elif name == "attractor":
         lost = lost | (values < 0)
     present = np.unique(values[~lost])
-    if len(present) > _MOST:
+    if len(present) > _MOST and name != "attractor":
         return None
     codes = np.where(lost, len(present), np.searchsorted(present, values))
     return codes, [*_named(dataset[name], present), (LOST, "white")]
@@ -109,8 +108,10 @@ def _named(array: xr.DataArray, values: Iterable[Any]) -> list[tuple[str, str]]:
     """Name and colour of some of the whole numbers that a variable has."""
     name, about = str(array.name), array.attrs
     if name == "attractor":
-        feature = words(about["features"][0])
-        names = [f"{feature} {about['means'][int(value)][0]:.3g}" for value in values]
+        feature, means = words(about["features"][0]), [mean[0] for mean in about["means"]]
+        rounding = 1e-4 * max(map(abs, means), default=0.0)  # of a short run
+        means = [mean if abs(mean) > rounding else 0.0 for mean in means]
+        names = [f"{feature} {means[int(value)]:.3g}" for value in values]
     elif "flag_meanings" in about:
         meanings = [about["flag_meanings"].split()[int(value)] for value in values]
         names = list(map(words, meanings))

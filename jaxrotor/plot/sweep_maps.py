@@ -13,7 +13,7 @@ from matplotlib.transforms import offset_copy
 from ..core.outcome import failed
 from ..core.tables import RPM
 from . import colours, page
-from .labels import coordinate, length, only_swept, parameter, swept, words
+from .labels import coordinate, length, only_swept, parameter, swept
 from .lane_kinds import LOST, classes, kinds_of_map, numbers
 from .units import speed_unit
 
@@ -98,9 +98,9 @@ def sweep_map(
 
 
 def attractors(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Basins of attraction: the attractor of every lane over two swept parameters, as colour.
+    """Basins of attraction: `sweep_map` of the `attractor` of every lane over two swept parameters.
 
-    The legend names the mean of the first feature of each; failed lanes are white.
+    The legend names the mean of the first feature of each.
 
     Args:
         dataset: result of `jaxrotor.attractors` over two dimensions; the first is drawn to the right.
@@ -116,26 +116,7 @@ def attractors(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:
         raise ValueError(
             "The dataset has no `attractor`; call `jaxrotor.attractors(dataset)` first."
         )
-    dims = swept(dataset, "attractor")
-    if len(dims) != 2:
-        named = ", ".join(f"'{dim}'" for dim in dims) or "none"
-        raise ValueError(
-            f"This plot takes two swept dimensions, but `attractor` has {named}; select the others with "
-            "`.sel` or `.isel`."
-        )
-    (x, x_label), (y, y_label) = (coordinate(dataset, dim) for dim in dims)
-    (name, *_), means = dataset["attractor"].attrs["features"], dataset["attractor"].attrs["means"]
-    shades = colours.shades(len(means))
-    ax = page.single(ax, 120, 90)
-    number = dataset["attractor"].transpose(*dims).values.T
-    page.shade_classes(ax, x, y, number + 1, ["white", *shades])
-    rounding = 1e-4 * max((abs(mean[0]) for mean in means), default=0.0)  # of a short run
-    for shade, (mean, *_) in zip(shades, means, strict=True):
-        shown = mean if abs(mean) > rounding else 0.0
-        ax.fill([], [], color=shade, label=f"{words(name)} {shown:.3g}")
-    if (number < 0).any():
-        ax.fill([], [], facecolor="white", edgecolor=colours.GREY, label="failed")
-    return page.finish(ax, x_label, y_label, columns=3)
+    return sweep_map(dataset, "attractor", ax)
 
 
 def envelope(dataset: xr.Dataset, ax: Axes | None = None) -> Axes:

@@ -21,12 +21,10 @@ from .line import AbstractSpectralLine, AbstractWorkLine, PerLength
 
 
 MODES = 40  # of the shaft alone; docs/choosing.md has the error
-COUPLE_ARM = (
-    0.1  # of the length: of the pair of forces that stands for a couple, which sets its scale
-)
-FLOOR = (
-    1e-12  # flexibility of a combination of loads, relative to the greatest, that counts as zero
-)
+# Of the length: of the pair of forces that stands for a couple, which sets its scale
+COUPLE_ARM = 0.1
+# Flexibility of a combination of loads, relative to the greatest, that counts as zero
+FLOOR = 1e-12
 
 
 class CondensedLine(AbstractWorkLine):

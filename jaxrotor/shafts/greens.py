@@ -21,20 +21,10 @@ class AbstractKernel(eqx.Module):
     """Response of the line at `x` to unit loads at `s`; both are in [0, length] and broadcast."""
 
     @abc.abstractmethod
-    def deflection(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """`G(x, s)`: displacement at `x` due to a unit force at `s` [m/N]."""
-
-    @abc.abstractmethod
-    def slope(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """Slope at `x` due to a unit force at `s` [1/N]."""
-
-    @abc.abstractmethod
-    def deflection_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """Displacement at `x` due to a unit couple at `s` [1/N]."""
-
-    @abc.abstractmethod
-    def slope_by_couple(self, x: Array | Scalar, s: Array | Scalar) -> Array:
-        """Slope at `x` due to a unit couple at `s` [1/(N m)]."""
+    def response(
+        self, x: Array | Scalar, s: Array | Scalar, slope: bool = False, couple: bool = False
+    ) -> Array:
+        """`G(x, s)`: displacement, or slope, at `x` due to a unit force, or couple, at `s`."""
 
     @abc.abstractmethod
     def rigidity(self, x: Array | Scalar) -> Array:
@@ -51,22 +41,16 @@ class CantileverKernel(AbstractKernel):
     bending: Float[Array, " sections"]  # 1 / EI [1/(N m^2)]
     shear: Float[Array, " sections"] | None = None  # 1 / kGA [1/N]
 
-    def deflection(self, x, s):
+    def response(self, x, s, slope=False, couple=False):
         to_x, to_s, d = self._reach(x, s)
-        bent = to_x * to_s * d - (to_x + to_s) * d**2 / 2 + d**3 / 3
-        sheared = 0.0 if self.shear is None else self.shear * d
+        if slope and couple:
+            bent = d
+        elif slope or couple:
+            bent = (to_s if slope else to_x) * d - d**2 / 2
+        else:
+            bent = to_x * to_s * d - (to_x + to_s) * d**2 / 2 + d**3 / 3
+        sheared = 0.0 if self.shear is None or slope or couple else self.shear * d
         return (self.bending * bent + sheared).sum(-1)
-
-    def slope(self, x, s):
-        _, to_s, d = self._reach(x, s)
-        return (self.bending * (to_s * d - d**2 / 2)).sum(-1)
-
-    def deflection_by_couple(self, x, s):
-        to_x, _, d = self._reach(x, s)
-        return (self.bending * (to_x * d - d**2 / 2)).sum(-1)
-
-    def slope_by_couple(self, x, s):
-        return (self.bending * self._reach(x, s)[2]).sum(-1)
 
     def rigidity(self, x):
         return 1 / self.bending[jnp.searchsorted(self.starts, x, side="right") - 1]
@@ -93,9 +77,8 @@ class HeldKernel(AbstractKernel):
     beam: CantileverKernel
     length: Scalar
     stations: Float[Array, " c"]
-    slopes: tuple[bool, ...] = eqx.field(
-        static=True
-    )  # whether each holds the slope, else displacement
+    # Whether each holds the slope, else displacement
+    slopes: tuple[bool, ...] = eqx.field(static=True)
     free: int = eqx.field(static=True)
     inverse: Float[Array, "c2 c2"]
 
@@ -114,43 +97,24 @@ class HeldKernel(AbstractKernel):
         """`l^3 / EI` [m/N] at the start of the shaft."""
         return self.length**3 * self.beam.bending[0]
 
-    def deflection(self, x, s):
-        return self.beam.deflection(x, s) - self._by_reactions(x, s, False, False)
-
-    def slope(self, x, s):
-        return self.beam.slope(x, s) - self._by_reactions(x, s, True, False)
-
-    def deflection_by_couple(self, x, s):
-        return self.beam.deflection_by_couple(x, s) - self._by_reactions(x, s, False, True)
-
-    def slope_by_couple(self, x, s):
-        return self.beam.slope_by_couple(x, s) - self._by_reactions(x, s, True, True)
+    def response(self, x, s, slope=False, couple=False):
+        left, right = self._influences(x, slope), self._influences(s, couple)
+        reactions = jnp.einsum("...i,ij,...j->...", left, self.inverse, right)
+        return self.beam.response(x, s, slope, couple) - self.compliance * reactions
 
     def rigidity(self, x):
         return self.beam.rigidity(x)
 
-    def rigid(self, number: int, x: Array | Scalar) -> Array:
-        """Displacement at `x` due to a unit motion of the auxiliary constraint `number`."""
-        offset, tilt = self._rigid(number)
-        return offset + tilt * jnp.asarray(x)
-
-    def rigid_slope(self, number: int, x: Array | Scalar) -> Array:
-        """Slope at `x` due to a unit motion of the auxiliary constraint `number` [1/m]."""
-        return self._rigid(number)[1] + jnp.zeros_like(x)
+    def rigid(self, number: int, x: Array | Scalar, slope: bool = False) -> Array:
+        """Displacement or slope at `x` due to a unit motion of the auxiliary constraint `number`."""
+        offset, tilt = self.inverse[-2:, len(self.slopes) - self.free + number]
+        tilt, x = tilt / self.length, jnp.asarray(x)
+        return tilt + jnp.zeros_like(x) if slope else offset + tilt * x
 
     def rigid_motion(self, number: int, nodes: Array, sloped: Array) -> Array:
         """That motion as displacements of `nodes`, then slopes at `sloped` scaled by the length."""
-        tilted = self.length * self.rigid_slope(number, sloped)
+        tilted = self.length * self.rigid(number, sloped, slope=True)
         return jnp.concatenate([self.rigid(number, nodes), tilted])
-
-    def _rigid(self, number: int) -> tuple[Scalar, Scalar]:
-        offset, tilt = self.inverse[-2:, len(self.slopes) - self.free + number]
-        return offset, tilt / self.length
-
-    def _by_reactions(self, x, s, sloped: bool, couple: bool) -> Array:
-        """Part of a kernel that the reactions of the constraints take away."""
-        left, right = self._influences(x, sloped), self._influences(s, couple)
-        return self.compliance * jnp.einsum("...i,ij,...j->...", left, self.inverse, right)
 
     def _influences(self, x, sloped: bool) -> Float[Array, "*x c2"]:
         """Displacement or slope at `x` due to unit reactions of the constraints and unit rigid motions.
@@ -158,10 +122,10 @@ class HeldKernel(AbstractKernel):
         By reciprocity also the response at the constraints to a unit force or couple at `x`.
         """
         x = jnp.asarray(x)
-        of_force = self.beam.slope if sloped else self.beam.deflection
-        of_couple = self.beam.slope_by_couple if sloped else self.beam.deflection_by_couple
         elastic = [
-            (self.length * of_couple(x, at) if held else of_force(x, at)) / self.compliance
+            self.beam.response(x, at, sloped, held)
+            * (self.length if held else 1.0)
+            / self.compliance
             for at, held in zip(self.stations, self.slopes, strict=True)
         ]
         one, zero = jnp.ones_like(x), jnp.zeros_like(x)

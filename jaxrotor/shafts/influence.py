@@ -71,15 +71,9 @@ class Influence(eqx.Module):
         rigid = [zero, one / self.length] if slope else [one, x / self.length]
         if self.kernel is None:
             return jnp.stack(rigid)
-        kernel = self.kernel
-        by_force, by_couple = (
-            (kernel.slope, kernel.slope_by_couple)
-            if slope
-            else (kernel.deflection, kernel.deflection_by_couple)
-        )
-        size = kernel.bending[0] * self.length**3  # deflection due to a unit force, in scale
-        parts = [
-            by_couple(x, at) if held_slope else by_force(x, at)
-            for at, held_slope in zip(self.stations, self.holds_slope, strict=True)
+        size = self.kernel.bending[0] * self.length**3  # deflection due to a unit force, in scale
+        reactions = [
+            self.kernel.response(x, at, slope, couple) / size
+            for at, couple in zip(self.stations, self.holds_slope, strict=True)
         ]
-        return jnp.stack([*rigid, *(part / size for part in parts)])
+        return jnp.stack([*rigid, *reactions])

@@ -23,9 +23,8 @@ NODES = 8  # per span of a shaft, where they cannot be decided by need
 
 PerLength = Scalar | Float[Array, "#spans"]  # uniform, or one value per span
 Attached = tuple[tuple[int, bool], ...]  # number of a station, and whether a couple acts there
-Held = tuple[
-    tuple[bool, bool], ...
-]  # whether displacement and slope are, for every end of the spans
+# Whether displacement and slope are, for every end of the spans
+Held = tuple[tuple[bool, bool], ...]
 
 
 class AbstractLine(eqx.Module):
@@ -37,9 +36,8 @@ class AbstractLine(eqx.Module):
     uses rows and columns therefore works on every shaft.
     """
 
-    anisotropy: eqx.AbstractVar[
-        Scalar | None
-    ]  # mu: bending stiffness (1 + mu), (1 - mu) in rotating axes
+    # mu: bending stiffness (1 + mu), (1 - mu) in rotating axes
+    anisotropy: eqx.AbstractVar[Scalar | None]
 
     @property
     @abc.abstractmethod

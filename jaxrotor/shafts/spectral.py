@@ -117,10 +117,13 @@ class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
     @property
     def _flexibility_of_ends(self) -> Float[Array, "e2 e2"]:
         """Displacements and scaled slopes at the ends of spans due to unit generalized forces there."""
-        x, s, length, kernel = self.ends[:, None], self.ends, self.ends[-1], self.kernel
-        displaced = [kernel.deflection(x, s), length * kernel.deflection_by_couple(x, s)]
-        tilted = [length * kernel.slope(x, s), length**2 * kernel.slope_by_couple(x, s)]
-        return jnp.block([displaced, tilted])
+        x, s, length = self.ends[:, None], self.ends, self.ends[-1]
+        scaled = lambda slope, couple: (
+            length ** (slope + couple) * self.kernel.response(x, s, slope, couple)
+        )
+        return jnp.block(
+            [[scaled(slope, couple) for couple in (False, True)] for slope in (False, True)]
+        )
 
     @property
     def _cubics_at_nodes(self) -> Float[Array, "n e2"]:

@@ -81,14 +81,14 @@ class TrapezoidLine(AbstractUnshearedLine):
         The equation of a node with an auxiliary constraint is the balance of its rigid motion.
         """
         kernel = self.kernel
-        displaced = kernel.deflection_by_couple if couple else kernel.deflection
-        slope = kernel.slope_by_couple if couple else kernel.slope
-        found = [displaced(self.nodes, at), self.length * slope(self.nodes, at)]
-        equations = jnp.concatenate(found)
+        displaced, tilted = (
+            kernel.response(self.nodes, at, slope, couple) for slope in (False, True)
+        )
+        equations = jnp.concatenate([displaced, self.length * tilted])
         if isinstance(kernel, HeldKernel):
-            moved = kernel.rigid_slope if couple else kernel.rigid
             for number, node in enumerate(self._free_nodes):
-                equations = equations.at[node].set(kernel.compliance * moved(number, at))
+                work = kernel.compliance * kernel.rigid(number, at, couple)
+                equations = equations.at[node].set(work)
         return equations[self._unconstrained]
 
     def _each(self, column) -> Float[Array, "n nodes"]:

@@ -15,9 +15,8 @@ class AbstractUnshearedLine(AbstractLine):
     """Line of Euler's and Bernoulli's beam, with equations by its Green's function."""
 
     kernel: eqx.AbstractVar[AbstractKernel]
-    nodes: eqx.AbstractVar[
-        Float[Array, " nodes"]
-    ]  # stations of the displacements, also held ones [m]
+    # Stations of the displacements, also held ones [m]
+    nodes: eqx.AbstractVar[Float[Array, " nodes"]]
 
     @property
     @abc.abstractmethod

@@ -148,9 +148,8 @@ def blow_up_time(
 
 _NEAR = 1.0  # |D x|^2 up to which cosh and sinh are computed by their series
 _TERMS = 14
-_COSH = [
-    1 / float(np.prod(np.arange(1.0, 2 * k + 1))) for k in range(_TERMS)
-]  # of cosh, in (D x)^2
+# Of cosh, in (D x)^2
+_COSH = [1 / float(np.prod(np.arange(1.0, 2 * k + 1))) for k in range(_TERMS)]
 _SINH = [c / (2 * k + 1) for k, c in enumerate(_COSH)]  # of sinh(D x) / D x
 
 

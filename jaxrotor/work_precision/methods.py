@@ -33,9 +33,8 @@ class Setting(eqx.Module):
 
     solver: Solver | None = None
     steps: int | None = eqx.field(default=None, static=True)
-    tolerance: float | None = eqx.field(
-        default=None, static=True
-    )  # relative; absolute: ATOL times it
+    # Relative; absolute: ATOL times it
+    tolerance: float | None = eqx.field(default=None, static=True)
     nodes: int | None = eqx.field(default=None, static=True)
     rule: Literal["spectral", "trapezoid"] | None = eqx.field(default=None, static=True)
     precision: Literal["float64", "float32"] = eqx.field(default="float64", static=True)

@@ -1,7 +1,7 @@
 """Stability limits of balanced positions: over speed, polar inertia, or two parameters."""
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -12,6 +12,7 @@ from jaxtyping import Array, Complex, Float
 
 from ...core.compiled import compiled_quickly
 from ...core.quantities import Scalar, known
+from ...core.roots import implicit_root, sign_change
 from ..maps import CHUNK, traced
 from .groups import BalancerGroups
 from .linear import growth_rate
@@ -45,7 +46,8 @@ def stability_speed(
     """
     held = jax.lax.stop_gradient((groups, jnp.asarray(beta, complex)))
     speeds = jnp.linspace(*within, samples)
-    unstable = _growth_at(*held, speeds) > 0
+    growth = _growth_at(*held, speeds)
+    unstable = growth > 0
     refusals = [
         (unstable[-1], "The position is unstable at the highest speed"),
         (~jnp.any(unstable), "The position is stable at every speed"),
@@ -58,28 +60,18 @@ def stability_speed(
         else:
             speeds = eqx.error_if(speeds, wrong, f"{sentence} searched; change `within`.")
     last = samples - 1 - jnp.argmax(unstable[::-1])
-    speed, slope = _regained(*held, speeds[last], speeds[last + 1])
+    ends = speeds[last], speeds[last + 1], growth[last], growth[last + 1]
+    speed, slope = _regained(*held, *ends)
     residual = growth_rate(_at_speed(groups, speed), beta)
     return speed - (residual - jax.lax.stop_gradient(residual)) / slope
 
 
 @compiled_quickly
-def _regained(groups: BalancerGroups, beta: Array, low: Array, high: Array):
-    """Speed between an unstable and a stable one where growth is zero, and the slope of growth there."""
+def _regained(groups: BalancerGroups, beta: Array, *ends: Array):
+    """Speed where growth ends, between two with their growth, and the slope of growth there."""
     growth = lambda om: growth_rate(_at_speed(groups, om), beta)
-    speed = _bisect(lambda om: growth(om) > 0, low, high)
+    speed = sign_change(growth, *ends, rises=False)
     return speed, jax.grad(growth)(speed)
-
-
-def _bisect(below: Callable, low: Array, high: Array) -> Array:
-    """The point between `low` and `high` up to which `below` is true."""
-
-    def halve(_, ends):
-        middle = (ends[0] + ends[1]) / 2
-        return jax.lax.cond(below(middle), lambda: (middle, ends[1]), lambda: (ends[0], middle))
-
-    low, high = jax.lax.fori_loop(0, 52, halve, (low, high))
-    return (low + high) / 2
 
 
 def _at_speed(groups: BalancerGroups, speed: Any) -> BalancerGroups:
@@ -109,14 +101,14 @@ def polar_limit(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
         C, at most 1, and 0 if there is none. Differentiable.
     """
     held = jax.lax.stop_gradient((groups.mass, jnp.asarray(beta, complex)))
-    real = lambda polar: jnp.greater_equal(_discriminant(polar, *held), 0)
+    discriminant = lambda polar: _discriminant(polar, *held)
     grid = jnp.linspace(0.0, 1.0, 1001)
-    inside = jax.vmap(real)(grid)
+    values: Any = jax.vmap(discriminant)(grid)
+    inside = values >= 0  # all roots are real
     first = jnp.argmin(inside)  # 0 also if all are inside
-    found = _bisect(real, grid[jnp.maximum(first - 1, 0)], grid[jnp.maximum(first, 1)])
-    slope = jax.grad(_discriminant)(found, *held)
-    residual = _discriminant(found, groups.mass, beta)
-    limit = found - (residual - jax.lax.stop_gradient(residual)) / slope
+    ends = jnp.stack([jnp.maximum(first - 1, 0), jnp.maximum(first, 1)])
+    found = sign_change(discriminant, *grid[ends], *values[ends], rises=False)
+    limit = implicit_root(lambda polar: _discriminant(polar, groups.mass, beta), found)
     return jnp.where(first > 0, limit, jnp.where(inside[0], 1.0, 0.0))
 
 

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from .boundary import polar_limit
-from .family import balance_margin, second_harmonics, smallest_gap
 from .groups import BalancerGroups, Scales
 from .linear import growth_rate
+from .positions import balance_margin, second_harmonics, smallest_gap
 
 
 LARGEST_TILT = 0.1  # rad, limit of the small angles that the equations assume

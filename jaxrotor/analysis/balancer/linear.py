@@ -1,4 +1,4 @@
-"""Linear motion about a balanced position: the closed system and its spectrum."""
+"""Linear motion about a balanced position: the closed system, its spectrum and its first integrals."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -11,10 +11,11 @@ from jaxtyping import Array, Complex, Float
 from ...core import linalg
 from ...core.compiled import compiled_quickly
 from ...core.extremes import largest
+from ...core.plane import real_matrix
 from ...core.quantities import Scalar
 from ...equations.pencil import Pencil, root_changes
-from .family import checked, second_harmonics
 from .groups import BalancerGroups
+from .positions import checked, second_harmonics
 
 
 @compiled_quickly
@@ -39,10 +40,7 @@ def closed_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float[A
 
     Source: Filimonikhin, Goncharov (2011), eqs. (5.4)-(5.7).
     """
-    rates, place = _accelerations(groups, beta)
-    size = place.shape[0]
-    upper = jnp.concatenate([jnp.zeros((size, size)), jnp.eye(size)], axis=1)
-    return jnp.concatenate([upper, jnp.concatenate([place, rates], axis=1)])
+    return first_order(*_accelerations(groups, beta))
 
 
 @compiled_quickly
@@ -52,7 +50,7 @@ def settling_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float
     It has none of the zeros of that drift. The rows act through their sum alone, so `x` is the real and
     imaginary parts of `delta, s`, then the rates of the real and imaginary parts of `delta, s_1, .., s_r`.
     """
-    rates, place = _accelerations(groups, beta)
+    place, rates = _accelerations(groups, beta)
     rows = groups.rows
     sums = np.concatenate([np.eye(2)[:1], np.tile(np.eye(2)[1:], (rows, 1))])  # (1 + r, 2)
     both = np.kron(np.eye(2), sums)  # (2 + 2 r, 4)
@@ -63,7 +61,7 @@ def settling_matrix(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Float
 
 
 def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
-    """`rates, place` of `x'' = rates x' + place x`, with `x` the first half of that in `closed_matrix`."""
+    """`place, rates` of `x'' = place x + rates x'`, with `x` the first half of that in `closed_matrix`."""
     om, m, rows = groups.speed, groups.mass, groups.rows
     beta = jnp.asarray(beta, complex)
     if beta.shape != (rows,):
@@ -76,14 +74,26 @@ def _accelerations(groups: BalancerGroups, beta: Array) -> tuple[Array, Array]:
         u = jnp.diag(jnp.concatenate([jnp.asarray(rotor, complex)[None], row]))
         u = u.at[0, 1:].set(pull).at[1:, 0].set(-m * pull)
         v = jnp.zeros_like(u).at[1:, 0].set(m * beta * jnp.conj(pull))
-        return jnp.block([[(u + v).real, -(u - v).imag], [(u + v).imag, (u - v).real]])
+        return real_matrix(u, v)
 
     inertia = block(1j, 1.0, jnp.ones(rows))
     damping = block(-2 * om + 0j, groups.damping + 1j * groups.a13, groups.drag)
     stiffness = block(-1j * om**2, groups.a_z, jnp.zeros(rows))
-    solved = -linalg.solve(inertia, jnp.concatenate([damping, stiffness], axis=1))
-    rates, place = jnp.split(solved, 2, axis=1)
-    return rates, place
+    return solved_for_accelerations(inertia, damping, stiffness)
+
+
+def solved_for_accelerations(
+    inertia: Array, damping: Array, stiffness: Array
+) -> tuple[Array, Array]:
+    """`place, rates` of `x'' = place x + rates x'`, from the matrices of the equations of motion."""
+    solved = -linalg.solve(inertia, jnp.concatenate([stiffness, damping], axis=1))
+    place, rates = jnp.split(solved, 2, axis=1)
+    return place, rates
+
+
+def first_order(place: Float[Array, "n n"], rates: Float[Array, "n n"]) -> Float[Array, "k k"]:
+    """Matrix of `x'' = place x + rates x'` for the unknowns `(x, x')`."""
+    return jnp.block([[jnp.zeros_like(place), jnp.eye(len(place))], [place, rates]])
 
 
 @compiled_quickly
@@ -104,8 +114,7 @@ def spectrum(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Complex[Arra
     Raises:
         ValueError: `beta` does not have one value per row.
     """
-    values = matrix_roots(settling_matrix(groups, beta))
-    return values[jnp.lexsort((values.imag, values.real))]
+    return jnp.sort(matrix_roots(settling_matrix(groups, beta)))
 
 
 def growth_rate(groups: BalancerGroups, beta: Complex[Array, " r"]) -> Scalar:
@@ -181,8 +190,7 @@ def ball_spectrum(groups: BalancerGroups, positions: Sequence) -> Complex[np.nda
             for _ in range(2 - rank):
                 found.pop(int(np.argmin(np.abs(np.array(found) - value))))
             found += [value] * (count - rank)
-    values: Any = np.array(found, complex)
-    return values[np.lexsort((values.imag, values.real))]
+    return np.sort(np.array(found, complex))
 
 
 @jax.custom_jvp
@@ -197,3 +205,102 @@ def _matrix_roots_jvp(primals, tangents):
     one, none = jnp.eye(len(values), dtype=complex), jnp.zeros(primals[0].shape, complex)
     at, change = Pencil(none, one, -primals[0] + none), Pencil(none, none, -tangents[0] + none)
     return values, root_changes(values, at, change)
+
+
+# === first integrals
+
+
+def ball_momenta(groups: BalancerGroups, displacement: Any, rate: Any) -> Complex[Array, " r"]:
+    """`S_lz = (s_l' + h_l s_l) / m_l`, which obeys `S_l' = a_z - beta_l conj(a_z)`.
+
+    Args:
+        groups: the balancer.
+        displacement: change `s_l` (r,) of each row's imbalance, see `row_imbalances`.
+        rate: its rate `s_l'` (r,).
+
+    Returns:
+        S_lz. Differentiable.
+    """
+    return (jnp.asarray(rate) + groups.drag * jnp.asarray(displacement)) / groups.mass
+
+
+def first_integral(
+    beta: Complex[Array, " r"], momenta: Complex[Array, " r"], reference: int = 0
+) -> Complex[Array, " _"]:
+    """`B_j S_l - B_4 S_j - B_3 conj(S_j)`, constant for every row `l` but the `reference` row `j`.
+
+        B_j = 1 - |beta_j|^2,  B_3 = beta_j - beta_l,  B_4 = 1 - conj(beta_j) beta_l
+
+    It is degenerate where the balls of row `j` are on one line (B_j = 0): take another row, or use
+    `integral_rows`.
+
+    Args:
+        beta: `second_harmonics` of the position.
+        momenta: S_lz, see `ball_momenta`.
+        reference: index j of the reference row.
+
+    Returns:
+        The integral for every other row. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eq. (6.4).
+    """
+    own, held = beta[reference], momenta[reference]
+    others = np.delete(np.arange(len(beta)), reference)
+    b3, b4 = own - beta[others], 1 - jnp.conj(own) * beta[others]
+    return (1 - jnp.abs(own) ** 2) * momenta[others] - b4 * held - b3 * jnp.conj(held)
+
+
+def integral_rows(
+    beta: Complex[Array, " r"], tolerance: float = 1e-9
+) -> Complex[np.ndarray, "k r"]:
+    """All linear first integrals, degenerate cases included: `Re sum_l conj(w_l) S_lz` is constant.
+
+    Args:
+        beta: `second_harmonics` of the position.
+        tolerance: relative singular value below which a direction counts as conserved.
+
+    Returns:
+        Orthonormal rows `w`: `k = 2 r - 2` of them, or `2 r - 1` where all balls are on one line (the
+        critical case). Not differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), section 6.
+    """
+    known = np.asarray(beta)
+    # a_z = x + i y drives S_l by (1 - beta_l) x + i (1 + beta_l) y.
+    driven: Any = np.stack([1 - known, 1j * (1 + known)], axis=1)
+    u, sizes, _ = np.linalg.svd(np.concatenate([driven.real, driven.imag]))
+    free = u[:, int(np.sum(sizes > tolerance * sizes[0])) :].T
+    return free[:, : len(beta)] + 1j * free[:, len(beta) :]
+
+
+def final_displacement(
+    groups: BalancerGroups, beta: Complex[Array, " r"], momenta: Complex[Array, " r"]
+) -> Complex[Array, " r"]:
+    """Final change `s_l` of the imbalance of each row.
+
+        s_l = (m_l / h_l) (S_l + p - beta_l conj(p)),  sum s_l = 0
+        mu0 p - nu0 conj(p) = -sum m_l S_l / h_l,  mu0 = sum m_l / h_l,  nu0 = sum m_l beta_l / h_l
+
+    `p` is the impulse that the rotor will transfer to the balls.
+
+    Args:
+        groups: the balancer.
+        beta: `second_harmonics` of a stable position.
+        momenta: S_lz, see `ball_momenta`.
+
+    Returns:
+        s_l (r,), NaN in a critical case. Differentiable.
+
+    Source: Filimonikhin, Goncharov (2011), eqs. (6.5)-(6.6) for two rows; this form holds for any number
+    of rows, also for rows on one line.
+    """
+    ratio = groups.mass / groups.drag
+    mu0, nu0, load = jnp.sum(ratio), jnp.sum(ratio * beta), jnp.sum(ratio * momenta)
+    impulse = -(mu0 * load + nu0 * jnp.conj(load)) / _gap(mu0, nu0)
+    return ratio * (momenta + impulse - beta * jnp.conj(impulse))
+
+
+def _gap(mu0: Scalar, nu0: Array) -> Scalar:
+    """`mu0^2 - |nu0|^2`; NaN where all balls are on one line."""
+    gap = mu0**2 - jnp.abs(nu0) ** 2
+    return jnp.where(gap > 1e-12 * mu0**2, gap, jnp.nan)

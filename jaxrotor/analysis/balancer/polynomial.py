@@ -33,11 +33,11 @@ def characteristic_polynomial(
     om = groups.speed + 0j
     one = jnp.ones((), complex)
     rotor = jnp.stack([one, groups.damping + 1j * groups.a13, groups.a_z])
-    back = _power(jnp.stack([one, -1j * om]), 4)
+    back = _fourth_power(jnp.stack([one, -1j * om]))
     drags, first, second = _rows(groups, beta)
     free = jnp.polymul(rotor, rotor.conj()).real
     pull = 2 * jnp.polymul(rotor, back).real
-    double = _power(jnp.stack([one, 0 * om, om**2]), 4).real
+    double = _fourth_power(jnp.stack([one, 0 * om, om**2])).real
     return _total(drags, free, first, pull, second, double)
 
 
@@ -148,11 +148,9 @@ def zero_approximation(groups: BalancerGroups) -> ZeroApproximation:
     return ZeroApproximation(jnp.concatenate([rotor, rotor.conj()]), -jnp.repeat(groups.drag, 2))
 
 
-def _power(polynomial: Array, times: int) -> Array:
-    result = jnp.ones(1, polynomial.dtype)
-    for _ in range(times):
-        result = jnp.polymul(result, polynomial)
-    return result
+def _fourth_power(polynomial: Array) -> Array:
+    square = jnp.polymul(polynomial, polynomial)
+    return jnp.polymul(square, square)
 
 
 def _rows(groups: BalancerGroups, beta: Array) -> tuple[Array, Array, Array]:

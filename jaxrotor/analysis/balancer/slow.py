@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...core.compiled import compiled_quickly
-from .family import Positions, checked
 from .groups import BalancerGroups
+from .positions import Positions, checked
 
 
 def slow_rates(groups: BalancerGroups, positions: Sequence) -> Positions:

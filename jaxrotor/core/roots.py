@@ -1,4 +1,4 @@
-"""Change of sign of a function of one number, within a bracket."""
+"""Roots of a function of one number: a change of sign within a bracket, and its derivative."""
 
 from collections.abc import Callable
 
@@ -60,3 +60,10 @@ def sign_change(
     state = (jnp.zeros(()), low, high, at_low, at_high)
     _, low, high, _, _ = jax.lax.while_loop(unfinished, halve, state)
     return (low + high) / 2
+
+
+def implicit_root(function: Callable[[Scalar], Scalar], root: Scalar) -> Scalar:
+    """A known root of a function, with the derivatives of the implicit function theorem."""
+    root = jax.lax.stop_gradient(root)
+    value, slope = jax.jvp(function, (root,), (jnp.ones_like(root),))
+    return root - (value - jax.lax.stop_gradient(value)) / jax.lax.stop_gradient(slope)

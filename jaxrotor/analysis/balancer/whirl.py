@@ -1,5 +1,7 @@
-"""Lag whirl: balls that rotate near the critical speed and make the rotor whirl with them."""
+"""Steady whirls of rotor and balls with balls in any places: their roots, and two kinds of them."""
 
+import itertools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -14,7 +16,150 @@ from ...core.compiled import compiled_quickly
 from ...core.extremes import largest
 from ...core.quantities import Scalar
 from .groups import BalancerGroups
-from .relative import whirl_spectrum
+from .linear import first_order, matrix_roots, solved_for_accelerations
+from .positions import checked, labellings
+
+
+def whirl_spectrum(
+    groups: BalancerGroups,
+    positions: Sequence,
+    delta: Array | complex = 0.0,
+    rate: Array | float | None = None,
+) -> Complex[Array, " k"]:
+    """Roots (4 + 2 n) of the full model about `alpha_z = delta exp(i Om tau)`, `phi_i = Om tau + psi_i`.
+
+    Args:
+        groups: the balancer.
+        positions: `psi` [rad], one array per row.
+        delta: tilt, by default zero (a main motion).
+        rate: Om, by default the speed; at a given rate the imbalance is left out, as no whirl is steady
+            with it unless Om is the speed.
+
+    Returns:
+        Roots by rising real part, zeros included. They are meaningful at a steady whirl only, as from
+        `balanced_positions`, `synchronous_states` or `lag_whirl`. Differentiable.
+
+    Raises:
+        ValueError: the positions are not one angle per ball.
+    """
+    if rate is None:
+        rate = groups.speed
+    else:
+        groups = eqx.tree_at(lambda g: g.imbalance, groups, jnp.zeros(()))
+    rate, delta = jnp.asarray(rate, float), jnp.asarray(delta, complex)
+    place = jnp.concatenate([jnp.stack([delta.real, delta.imag]), *checked(groups, positions)])
+    return _roots(groups, place, rate)
+
+
+@compiled_quickly
+def _roots(groups: BalancerGroups, place: Float[Array, " k"], rate: Scalar) -> Complex[Array, " _"]:
+    still = jnp.zeros_like(place)
+    slope = lambda which: jax.jacfwd(_residual, argnums=which)(place, still, still, groups, rate)
+    stiffness, damping, inertia = (slope(which) for which in range(3))
+    return jnp.sort(
+        matrix_roots(first_order(*solved_for_accelerations(inertia, damping, stiffness)))
+    )
+
+
+def _residual(
+    place: Float[Array, " k"], rate: Array, change: Array, groups: BalancerGroups, whirl: Scalar
+) -> Float[Array, " k"]:
+    """Residual of the equations of motion of `Re delta, Im delta, psi` in axes that turn at `whirl`."""
+    moment, drag, coupling = map(groups.per_ball, (groups.moment, groups.drag, groups.coupling))
+    z, z1, z2 = (x[0] + 1j * x[1] for x in (place, rate, change))
+    psi, psi1, psi2 = (x[2:] for x in (place, rate, change))
+    turned = jnp.exp(1j * psi)
+    velocity = z1 + 1j * whirl * z
+    acceleration = z2 + 2j * whirl * z1 - whirl**2 * z
+    thrown = jnp.sum(moment * (1j * psi2 - (psi1 + whirl) ** 2) * turned)
+    thrown = thrown - groups.speed**2 * groups.imbalance
+    gyroscopic = groups.damping - 1j * groups.speed * groups.polar
+    rotor = acceleration + gyroscopic * velocity + z + 1j * thrown
+    slip = psi1 + whirl - groups.speed
+    balls = psi2 + drag * slip - coupling * (acceleration * turned.conj()).real
+    return jnp.concatenate([jnp.stack([rotor.real, rotor.imag]), balls])
+
+
+# === balls that rotate with the rotor, all on one line
+
+
+class SynchronousState(NamedTuple):
+    """`psi = angle`, or `angle + pi` for `sides` of each row: steady state in axes of the rotor."""
+
+    angle: Scalar  # psi* [rad], 0 to 2 pi
+    sides: tuple[int, ...]  # j_l: balls of each row at psi* + pi
+    imbalance: Complex[Array, ""]  # s_z
+    delta: Complex[Array, ""]  # tilt
+    growth: Scalar  # largest real part of the full model's roots, stable if negative
+    labellings: int  # number of states of numbered balls that it represents
+
+
+def synchronous_states(groups: BalancerGroups) -> list[SynchronousState]:
+    """All steady states with `s0 != 0` that are not balanced, by rising growth rate.
+
+        sin(psi* + arg A_z) = -N a12 / (s0 |A_z|),  N = sum S_l (n_l - 2 j_l)
+        s_z = s0 + N exp(i psi*),  delta = i om^2 s_z / A_z
+
+    Changing all sides and psi* by pi gives the same state, which is listed once. The state with all balls
+    at psi* exists where s0 |A_z| >= a12 sum n_l S_l; there the balls increase the imbalance. Without
+    imbalance the states rotate at a rate of their own: see `lag_whirl`.
+
+    Args:
+        groups: a balancer with imbalance.
+
+    Returns:
+        List of `SynchronousState`. Not traceable.
+
+    Raises:
+        ValueError: the imbalance is zero.
+    """
+    if float(groups.imbalance) == 0:
+        raise ValueError(
+            "Synchronous states need an imbalance above zero, but it is 0; use `lag_whirl`."
+        )
+    states = []
+    for sides in itertools.product(*(range(n + 1) for n in groups.balls)):
+        opposite = tuple(n - j for n, j in zip(groups.balls, sides, strict=True))
+        if sides > opposite:
+            continue
+        signs = [[1] * (n - j) + [-1] * j for n, j in zip(groups.balls, sides, strict=True)]
+        net = sum(s * sum(sign) for s, sign in zip(groups.moment, signs, strict=True))
+        size = groups.imbalance * jnp.abs(groups.a_z)
+        if float(jnp.abs(net) * groups.a12) > float(size):
+            continue
+        lean = jnp.arcsin(-net * groups.a12 / size)
+        # If half of every row is on either side, both angles are the same state.
+        for branch in (lean, jnp.pi - lean)[: 1 if sides == opposite else 2]:
+            angle = jnp.mod(branch - jnp.angle(groups.a_z), 2 * jnp.pi)
+            total = groups.imbalance + net * jnp.exp(1j * angle)
+            delta = 1j * groups.speed**2 * total / groups.a_z
+            placed = [angle + np.pi * (np.array(sign) < 0) for sign in signs]
+            growth = largest(whirl_spectrum(groups, placed, delta).real)
+            count = labellings(groups.balls, sides)
+            states.append(SynchronousState(angle, sides, total, delta, growth, count))
+    return sorted(states, key=lambda state: float(state.growth))
+
+
+def wrong_side_speed(groups: BalancerGroups) -> Scalar:
+    """`s0 |A_z| = N a12`: speed below the critical one up to which all balls can rest on the heavy side.
+
+    Args:
+        groups: a balancer with imbalance; its speed does not matter.
+
+    Returns:
+        Speed, NaN where the balls can rest there at every speed. Differentiable.
+    """
+    # With w = om^2: (1 - w (1 - C))^2 = w ha^2 ((N / s0)^2 - 1).
+    long = 1 - groups.polar
+    extra = groups.damping**2 * ((groups.capacity / groups.imbalance) ** 2 - 1)
+    half = long + extra / 2
+    inside = half**2 - long**2
+    limited = (extra > 0) & (half > 0) & (inside > 0)
+    root = jnp.sqrt(jnp.where(limited, inside, 1.0))
+    return jnp.where(limited, jnp.sqrt(1 / jnp.where(limited, half + root, 1.0)), jnp.nan)
+
+
+# === balls that rotate near the critical speed
 
 
 class LagWhirl(NamedTuple):
@@ -24,9 +169,8 @@ class LagWhirl(NamedTuple):
     rate: Scalar  # Om of the rotor's tilt and the balls
     angles: Float[Array, " r"]  # angles of the rows relative to the first [rad]
     delta: Complex[Array, ""]  # tilt, in axes rotating at Om with the first row at angle 0
-    growth: (
-        Scalar  # largest real part of the full model's roots, without the zero of its free phase
-    )
+    # Largest real part of the full model's roots, without the zero of its free phase
+    growth: Scalar
 
 
 class LagBranch(NamedTuple):
