@@ -295,7 +295,7 @@ class TimeRecord(AbstractRecord):
         """The record's own solver; by default located steps, as plain ones leave kinks in residuals."""
         if self.solver is not None or self.revolutions is None or not scene.of(AbstractContact):
             return self.solver
-        taken = system_of_march(scene, assemble(scene, port_groups(scene)), None, self.start)
+        taken, _ = system_of_march(scene, assemble(scene, port_groups(scene)), None, self.start)
         return None if taken is None else Exponential(4, located=True)
 
     def _start(self, scene: Scene) -> AbstractStart:

@@ -2,7 +2,7 @@
 
 The table is in docs/concepts/motion.md. What exponential steps do not take is integrated by a diffrax
 solver with an error estimate, `default_solver`; a solver that is named is taken, or refused in a
-sentence that names the reason.
+sentence that names the reason. A motion tells the reason of what was chosen in its `method`.
 """
 
 import dataclasses
@@ -31,6 +31,8 @@ from ..spins.drive import Drive
 
 
 RIGID = 2  # coordinates, up to which balls and drives leave an explicit solver as quick
+ASKED = "as asked for"  # reasons of a choice
+STEEP = "since the force of a film has no bound, which takes steps with an error estimate"
 
 
 # === by whole revolutions
@@ -38,28 +40,32 @@ RIGID = 2  # coordinates, up to which balls and drives leave an explicit solver 
 
 def system_of_march(
     scene: Scene, system: System, solver: Any, start: AbstractStart | None = None
-) -> System | None:
-    """The equations as a `March` takes them by whole revolutions; None where they are integrated."""
-    if system.races or by_times(system) or not (start is None or is_whole(start)):
-        return None
-    if solver is None and system.steep:
-        return None
-    named = isinstance(solver, Exponential)
-    if named or solver is None and has_small_remainder(system):
+) -> tuple[System | None, str]:
+    """The equations as a `March` takes them by whole revolutions, None to integrate them; and why."""
+    named, chosen = isinstance(solver, Exponential), solver is None
+    if system.races:
+        return None, f"since balls ({system.owners_of('bodies')}) move with the rotor"
+    if by_times(system):
+        return None, f"since contacts ({system.owners_of('contact')}) have states or count turns"
+    if not (start is None or is_whole(start)):
+        return None, "since the start is not that of a revolution"
+    if chosen and system.steep:
+        return None, STEEP
+    if chosen and not has_small_remainder(system):
+        return None, "since the axes that turn and those that stand are very unequal"
+    if named or chosen:
         system = in_constant_axes(system)
-    elif solver is None:
-        return None
     massless, reason = massless_in_steps(scene, system)
     if named and reason is not None:
         raise ValueError(f"Exponential() does not take this motion: {reason}; leave `solver` out.")
-    if reason is not None or massless is not None and not (named or solver is None):
-        return None
+    if reason is not None or massless is not None and not (named or chosen):
+        return None, f"since {reason or 'a part of the rotor has no mass'}"
     if massless and isinstance(solver, Exponential) and isinstance(solver.shapes, int):
         raise ValueError(
             f"Exponential(shapes={solver.shapes}) needs mass at every coordinate, but a part of the rotor "
             "has none; leave `shapes` out."
         )
-    return dataclasses.replace(system, massless=massless)
+    return dataclasses.replace(system, massless=massless), _drawn(system) if chosen else ASKED
 
 
 def has_small_remainder(system: System) -> bool:
@@ -85,20 +91,27 @@ def check_integrated(solver: Any) -> None:
 # === along times
 
 
-def steps_along(scene: Scene, system: System, times: Any) -> Exponential | None:
-    """The exponential steps that a scene takes along times unless asked otherwise; None: it is integrated.
+def steps_along(scene: Scene, system: System, times: Any) -> tuple[Exponential | None, str]:
+    """The exponential steps that a scene takes along times, None where it is integrated; and why.
 
     Balls and drives that the rotor holds back are integrated where a rotor has few coordinates: in the
     axes of the shaft nothing but contact is quick there, so that long steps serve. Values that decide
     the steps must be known: those of the speed, and all of a drive that the rotor holds back.
     """
-    coupled = is_coupled(scene)
-    if system.steep or (coupled and system.n <= RIGID) or system.blocks.hysteretic is not None:
-        return None
-    decide = times, system if coupled else (system.spin, system.blocks.polar)
-    if not all(map(known, jax.tree.leaves(decide))) or unsteppable(system) is not None:
-        return None
-    return steps_of_default(scene) if has_massless(scene, system) is False else None
+    check_known_in_time(system)
+    if system.steep:
+        return None, STEEP
+    if system.coupled and system.n <= RIGID:
+        return None, f"{_drawn(system)} on one or two coordinates, where long steps serve"
+    decide = times, system if system.coupled else (system.spin, system.blocks.polar)
+    if not all(map(known, jax.tree.leaves(decide))):
+        return None, "since values that decide the steps are traced"
+    reason = unsteppable(system)
+    if reason is None and has_massless(scene, system) is not False:
+        reason = "a part of the rotor has no mass, or may have none"
+    if reason is not None:
+        return None, f"since {reason}"
+    return steps_of_default(scene), _drawn(system)
 
 
 def steps_of_default(scene: Scene) -> Exponential:
@@ -155,6 +168,24 @@ def unsteppable(system: System) -> str | None:
     if system.tabled is not None and not isinstance(system.spin, ConstantSpeed):
         return "coefficients of its supports are tables over the speed, which varies"
     return None
+
+
+def _drawn(system: System) -> str:
+    """Parts of a scene by which its steps are chosen, as a reason."""
+    spin, parts = system.spin, []
+    if not spin.given:
+        parts.append("a drive that the rotor holds back")
+    elif not isinstance(spin, ConstantSpeed):
+        parts.append("a speed that varies")
+    if system.races:
+        parts.append("balls")
+    if system.states:
+        parts.append("states of laws")
+    if system.remainder:
+        parts.append("axes that turn and axes that stand")
+    if len(system.ports) > system.remainder:
+        parts.append("contact")
+    return f"for {' and '.join(parts) or 'a linear rotor at constant speed'}"
 
 
 # === by diffrax

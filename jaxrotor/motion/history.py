@@ -41,6 +41,7 @@ class TimeHistory(eqx.Module):
     unresolved: Int[Array, ""]  # steps in which `located=True` did not find all contact changes
     scene: Scene
     solver: str = eqx.field(static=True)
+    method: str = eqx.field(static=True)  # the solver, and why it was chosen
     steps_per_revolution: int | None = eqx.field(
         static=True
     )  # samples; None: at times of their own

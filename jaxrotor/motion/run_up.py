@@ -24,7 +24,7 @@ from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
 from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
-from .choice import default_solver, steps_along
+from .choice import ASKED, default_solver, steps_along
 from .history import TimeHistory, named_states
 from .rebounds import Rebounds
 from .stepped import Stepping, stepping_of
@@ -103,8 +103,9 @@ def run_up(
     check_tables_along(begun, times)
     stations = scene.stations(at)
     system = assemble(begun)
+    why = ASKED if solver is not None else "by default"
     if solver is None and controller is None and adjoint is None:
-        solver = steps_along(begun, system, times)
+        solver, why = steps_along(begun, system, times)
         rough = bool(system.ports) or system.coupled
         if solver is not None and substeps is None and rough and _given(begun, launch):
             substeps = "auto"
@@ -152,7 +153,8 @@ def run_up(
         )
     if isinstance(scene.spin, Drive) and known(motion.run.turning.speed):
         scene.spin.check_drag(motion.run.turning.speed)
-    return _result(scene, times, stations, motion, solver_name(plan.solver), pilots)
+    name = solver_name(plan.solver)
+    return _result(scene, times, stations, motion, (name, f"{name} {why}"), pilots)
 
 
 def integration_of(
@@ -331,7 +333,7 @@ def _motion(
     return _Motion(run, balls, state)
 
 
-def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeHistory:
+def _result(scene, times, stations, motion: _Motion, named: tuple[str, str], pilots) -> TimeHistory:
     angle, speed, acceleration = motion.run.turning
     return TimeHistory(
         time=times,
@@ -346,7 +348,8 @@ def _result(scene, times, stations, motion: _Motion, name: str, pilots) -> TimeH
         end=Launch(**motion.end),
         unresolved=motion.run.unresolved,
         scene=scene,
-        solver=name,
+        solver=named[0],
+        method=named[1],
         steps_per_revolution=None,
         pilots=pilots,
         integrated=motion.run.instants,

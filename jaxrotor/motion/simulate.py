@@ -32,7 +32,7 @@ from ..solvers.basis import Count
 from ..solvers.choice import choose, solver_name, with_shapes
 from ..solvers.exponential import Exponential
 from .base import Plan
-from .choice import check_integrated, default_solver, system_of_march
+from .choice import ASKED, check_integrated, default_solver, system_of_march
 from .history import TimeHistory
 from .rebounds import Rebounds, in_revolutions, pilot_run
 from .revolutions import March, check_constant_speed, check_weight, joined, revolution_rate
@@ -167,10 +167,12 @@ def _by_revolutions(
     `measured` says that a pilot has found the steps to be enough.
     """
     groups = port_groups(scene)
-    system = system_of_march(scene, assemble(scene, groups), solver, start)
+    system, why = system_of_march(scene, assemble(scene, groups), solver, start)
     if system is None:
         options |= {"solver": solver, "start": start, "at": at, "progress": progress}
-        return _by_times(scene, counts, revolution_rate(scene, period), options)
+        found = _by_times(scene, counts, revolution_rate(scene, period), options)
+        why = why if solver is None else ASKED
+        return dataclasses.replace(found, method=f"{found.solver} {why}")
     revolutions, keep, steps = counts
     start = shaft_of(start, "Motion by `revolutions`")
     stations, rate = scene.stations(at), revolution_rate(scene, period)
@@ -225,6 +227,7 @@ def _by_revolutions(
         unresolved=good.unresolved,
         scene=scene,
         solver=solver_name(plan.solver),
+        method=f"{solver_name(plan.solver)} {why}",
         steps_per_revolution=steps,
         pilots=pilots,
     )

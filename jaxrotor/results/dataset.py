@@ -44,6 +44,7 @@ def dataset(result: TimeHistory | Reactions) -> xr.Dataset:
             variables[name] = variable("time", values, units[name], "state of a law")
         if result.steps_per_revolution is not None:
             settings["steps_per_revolution"] = result.steps_per_revolution
+        settings["method"] = result.method
         settings |= chosen(result.pilots)
     time = np.asarray(result.time)
     coordinates = {

@@ -93,7 +93,7 @@ def pace_of(
             )
         if not turned and _marches_all(scene, start, columns, system, solver):
             return None
-    elif named or (solver is controller is None and steps_along(scene, system, times) is not None):
+    elif named or (solver is controller is None and steps_along(scene, system, times)[0]):
         return _stepping(scene, start, columns, times, solver, controller, steps)
     if named:
         check_steppable(scene, solver, system, revolutions=True)
@@ -110,11 +110,11 @@ def pace_of(
 
 def _marches_all(scene: Scene, start: AbstractStart, columns, system: System, solver) -> bool:
     """Whether a `March` takes all lanes, which then have the same coordinates without mass."""
-    taken = system_of_march(scene, system, solver)
+    taken, _ = system_of_march(scene, system, solver)
     if taken is None or not (taken.massless or taken.remainder):
         return taken is not None
     scenes = _extremes(scene, start, columns)
-    others = [system_of_march(one, assemble(one), solver) for one in scenes]
+    others = [system_of_march(one, assemble(one), solver)[0] for one in scenes]
     return all(one is not None and one.massless == taken.massless for one in others)
 
 

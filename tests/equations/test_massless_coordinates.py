@@ -426,7 +426,7 @@ def at_samples(system, solver, y, steps):
 
 def errors(scene, expected, solver, counts):
     """Largest error of disc and ends at the samples, relative, by steps a revolution."""
-    system = system_of_march(scene, jr.assemble(scene), solver)
+    system, _ = system_of_march(scene, jr.assemble(scene), solver)
     y, found = START["start"].state(system, jnp.asarray(0.5)), []
     for steps in counts:
         error = np.abs(at_samples(system, solver, y, jnp.asarray(steps // 16)) - expected)

@@ -1,10 +1,14 @@
 """A run and a lane of the same scene are advanced by the same method."""
 
+import re
+
 import numpy as np
 import pytest
+from own_laws import CageForce, WornStop
 
 import jaxrotor as jr
 from jaxrotor.motion import run_up as runs, simulate as revolutions
+from jaxrotor.motion.choice import steps_along, system_of_march
 from jaxrotor.motion.integrated import IntegratedPace
 from jaxrotor.motion.stepped import Stepping
 from jaxrotor.sweeps.pace import pace_of, start_of_lanes
@@ -79,6 +83,10 @@ def drawn(rng):
         parts.append(jr.Support(0.5, k, 10.0, anisotropy=unequal))
     if some(0.25):
         parts.append(jr.BallBalancer(0.5, 0.02, 0.05, 0.5, rolling=1.0, places=2))
+    if some(0.1):
+        parts.append(WornStop(0.5, 1e-3, 1e6, 1e-6, 0.1))
+    if some(0.1):
+        parts.append(CageForce(0.5, 10.0, 0.4))
     match rng.integers(4):
         case 0:
             spin = jr.SpeedProfile([0.0, 1.0], [50.0, 200.0])
@@ -114,3 +122,63 @@ def test_run_and_lane_choose_alike(monkeypatch, count):
     methods = {method for along, method in seen if along}
     assert {2, 4, "Dopri8"} <= methods and (False, "revolutions") in seen
     assert count < 200 or "Kvaerno5" in methods
+
+
+# === reasons
+
+
+def rotor(*parts, spin=100.0):
+    shaft = jr.FlexibleShaft(1.0, 0.02, jr.Material(2.1e11, 7850.0), nodes=3)
+    held = jr.Support(0.0, 1e6, 50.0), jr.Support(1.0, 1e6, 50.0), jr.Disc(0.5, 2.0, 0.02, 0.01)
+    spin = jr.ConstantSpeed(spin) if isinstance(spin, float) else spin
+    return jr.Scene(shaft, *held, *parts, spin=spin)
+
+
+BALLS = jr.BallBalancer(0.5, 0.02, 0.05, 0.5, rolling=1.0, places=2)
+STOP = jr.Limiter(0.5, 0.0, 1e-3, 1e6)
+
+
+@pytest.mark.parametrize(
+    ("scene", "order", "along", "by_march", "by_revolutions"),
+    [
+        (
+            rotor(),
+            4,
+            "for a linear rotor at constant speed",
+            True,
+            "for a linear rotor at constant speed",
+        ),
+        (rotor(STOP), 2, "for contact", True, "for contact"),
+        (rotor(BALLS, STOP), 4, "for balls and contact", False, "since balls .ball_balancer. move"),
+        (
+            rotor(WornStop(0.5, 1e-3, 1e6, 1e-6, 0.1)),
+            4,
+            "for states of laws and contact",
+            False,
+            "since contacts .worn_stop. have states or count turns",
+        ),
+        (
+            rotor(spin=jr.Drive(50.0, 2.0, polar=0.1, coulomb=1.0, feedback=True)),
+            None,
+            "since the rotor may come to rest",
+            None,
+            None,
+        ),
+    ],
+)
+def test_the_reason_of_a_choice(scene, order, along, by_march, by_revolutions):
+    system = jr.assemble(scene)
+    steps, why = steps_along(scene, system, TIMES)
+    assert (steps and steps.order) == order and re.match(along, why), why
+    if by_revolutions is not None:
+        taken, why = system_of_march(scene, system, None)
+        assert (taken is not None) == by_march
+        assert re.match(by_revolutions, why), why
+
+
+def test_a_motion_tells_by_what_it_was_stepped_and_why():
+    linear, asked = rotor(), jr.Exponential(4)
+    for run in (jr.simulate(linear, 1, 8), jr.run_up(linear, TIMES)):
+        assert run.method == f"{run.solver} for a linear rotor at constant speed"
+    assert jr.simulate(linear, 1, 8, solver=asked).method.endswith("as asked for")
+    assert jr.dataset(run).attrs["method"] == run.method
