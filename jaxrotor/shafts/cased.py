@@ -43,23 +43,14 @@ class CasedLine(AbstractLine):
     def bending_energy(self) -> Float[Array, "n n"]:
         return self._padded(self.line.bending_energy)
 
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.row(at))
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self._padded(self.line.form(at, derivative))
 
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.slope_row(at))
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self._padded(self.line.term(at, derivative))
 
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.column(at))
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.couple_column(at))
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._padded(self.line.forces_along(per_length))
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._padded(self.line.couples_along(per_length))
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        return self._padded(self.line.along(per_length, derivative))
 
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         return self._padded(self.line.load_along(per_length))

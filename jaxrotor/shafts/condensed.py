@@ -80,17 +80,11 @@ class CondensedLine(AbstractWorkLine):
     def bending_energy(self) -> Float[Array, "r r"]:
         return self._condensed(self.line.bending_energy)
 
-    def row(self, at: Scalar) -> Float[Array, " r"]:
-        return self.line.row(at) @ self.shapes
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " r"]:
+        return self.line.form(at, derivative) @ self.shapes
 
-    def slope_row(self, at: Scalar) -> Float[Array, " r"]:
-        return self.line.slope_row(at) @ self.shapes
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "r r"]:
-        return self._condensed(self.line.work_along(per_length, 0))
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "r r"]:
-        return self._condensed(self.line.work_along(per_length, 1))
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "r r"]:
+        return self._condensed(self.line.work_along(per_length, derivative))
 
     def load_along(self, per_length: PerLength) -> Float[Array, " r"]:
         return self.line.work_of_load(per_length) @ self.shapes

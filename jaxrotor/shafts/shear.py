@@ -59,11 +59,15 @@ class ShearLine(AbstractSpectralLine):
         curvature = self._at_gauss(1, 1) / self.ends[-1]
         return self._integral(self.bending, curvature)
 
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._form(at, 0)
-
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._form(at, 1) / self.ends[-1]
+    @eqx.filter_jit
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        span = jnp.sum(self.ends[1:-1] < at)
+        local = (at - self.ends[span]) / self._widths[span]
+        basis = legendre_polynomials(max(self.degrees), local)
+        places = np.split(self._places, 2, axis=1)[derivative]
+        values = basis @ jnp.asarray(self._interpolants)[span]
+        form = self._placed(values, jnp.asarray(places)[span])
+        return form / self.ends[-1] if derivative else form
 
     @eqx.filter_jit
     def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
@@ -136,16 +140,6 @@ class ShearLine(AbstractSpectralLine):
         forms = np.einsum("kg,pkj->pgj", basis, self._interpolants)
         both = [forms, 0 * forms] if which == 0 else [0 * forms, forms]
         return jnp.concatenate(both, axis=2) / self._widths[:, None, None] ** derivative
-
-    @eqx.filter_jit
-    def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:
-        span = jnp.sum(self.ends[1:-1] < at)
-        local = (at - self.ends[span]) / self._widths[span]
-        basis = legendre_polynomials(max(self.degrees), local)
-        places = np.split(self._places, 2, axis=1)[which]
-        return self._placed(
-            basis @ jnp.asarray(self._interpolants)[span], jnp.asarray(places)[span]
-        )
 
     @property
     def _interpolants(self) -> np.ndarray:
