@@ -27,21 +27,11 @@ class CasedLine(AbstractLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return self.line.breaks
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.stiffness)
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
+        return self._padded(self.line.restoring(bending))
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.bending_stiffness)
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.strain_energy)
-
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.bending_energy)
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        return self._padded(self.line.energy(bending))
 
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         return self._padded(self.line.form(at, derivative))

@@ -72,13 +72,9 @@ class CondensedLine(AbstractWorkLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return self.line.breaks
 
-    @property
-    def strain_energy(self) -> Float[Array, "r r"]:
-        return _orthonormal(self.rigid, self._condensed(self.line.strain_energy))
-
-    @property
-    def bending_energy(self) -> Float[Array, "r r"]:
-        return self._condensed(self.line.bending_energy)
+    def energy(self, bending: bool) -> Float[Array, "r r"]:
+        energy = self._condensed(self.line.energy(bending))
+        return energy if bending else _orthonormal(self.rigid, energy)
 
     def form(self, at: Scalar, derivative: int) -> Float[Array, " r"]:
         return self.line.form(at, derivative) @ self.shapes

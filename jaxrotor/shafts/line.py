@@ -1,11 +1,9 @@
 """Base classes of shafts and of their elastic lines, as linear forms of `n` coordinates."""
 
 import abc
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -45,30 +43,25 @@ class AbstractLine(eqx.Module):
     def breaks(self) -> Float[Array, " breaks"]:
         """Stations between which rows are smooth, including both ends of the shaft [m]."""
 
-    @property
     @abc.abstractmethod
-    def stiffness(self) -> Float[Array, "n n"]:
+    def restoring(self, bending: bool) -> Float[Array, "r n"]:
+        """Elastic stiffness in the equations, or its part from bending alone, in proportion to `EI`."""
+
+    @abc.abstractmethod
+    def energy(self, bending: bool) -> Float[Array, "r n"]:
+        """Twice the strain energy, or that in bending alone, as a quadratic form of the coordinates."""
+
+    @property
+    def stiffness(self) -> Float[Array, "r n"]:
         """Elastic stiffness of the shaft itself in the equations."""
+        return self.restoring(bending=False)
 
     @property
-    @abc.abstractmethod
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        """Part of `stiffness` that is proportional to `EI`: all but the shear stiffness."""
-
-    @property
-    @abc.abstractmethod
-    def strain_energy(self) -> Float[Array, "n n"]:
-        """Twice the strain energy as a quadratic form of the coordinates."""
-
-    @property
-    @abc.abstractmethod
-    def bending_energy(self) -> Float[Array, "n n"]:
-        """Twice the strain energy in bending as a quadratic form of the coordinates."""
-
-    @property
-    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
+    def rotating_stiffness(self) -> Complex[Array, "r n"] | None:
         """Anisotropic part of the stiffness in the axes of the shaft, see `Blocks`; None if isotropic."""
-        return None if self.anisotropy is None else self.anisotropy * (self.bending_stiffness + 0j)
+        if self.anisotropy is None:
+            return None
+        return self.anisotropy * (self.restoring(bending=True) + 0j)
 
     @abc.abstractmethod
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
@@ -193,23 +186,11 @@ def gauss_points(breaks: Float[Array, " breaks"]) -> tuple[Array, Array]:
     return breaks[:-1, None] + half * (1 + points), half * weights
 
 
-def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]:
-    """Twice the strain energy `Int EI z''^2 dx` as a quadratic form of the coordinates."""
-    x, weights = (part.ravel() for part in gauss_points(line.breaks))
-    bent = jax.vmap(jax.jacfwd(line.slope_row))(x)
-    return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
-
-
 class AbstractWorkLine(AbstractLine):
     """Line whose equations are those of virtual work: stiffness by energy, columns as rows."""
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
-        return self.strain_energy
-
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.bending_energy
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
+        return self.energy(bending)
 
     def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         return self.form(at, derivative)
@@ -226,13 +207,9 @@ class RigidLine(AbstractWorkLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        del bending
         return jnp.zeros((len(self.motions), len(self.motions)))
-
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return self.strain_energy
 
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         if derivative:

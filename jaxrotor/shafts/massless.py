@@ -26,12 +26,8 @@ class MasslessLine(AbstractWorkLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self.elasticity
-
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        del bending
         return self.elasticity
 
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:

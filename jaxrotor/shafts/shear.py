@@ -37,27 +37,22 @@ class ShearLine(AbstractSpectralLine):
     held: Held = eqx.field(static=True)
     anisotropy: Scalar | None
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
+        if bending:
+            return self._deflection(self.energy(bending))
         unit = jnp.eye(self._unconstrained.size)
         rigid = self.rigid_motions
         if rigid is None:
             return unit
         return unit - rigid @ linalg.solve(rigid.T @ rigid, rigid.T)
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self._deflection(self.bending_energy)
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
-        return self.bending_energy + self._integral(self.shear, angle)
-
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
         curvature = self._at_gauss(1, 1) / self.ends[-1]
-        return self._integral(self.bending, curvature)
+        bent = self._integral(self.bending, curvature)
+        if bending:
+            return bent
+        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
+        return bent + self._integral(self.shear, angle)
 
     @eqx.filter_jit
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
@@ -90,8 +85,8 @@ class ShearLine(AbstractSpectralLine):
 
     @property
     def _supported_energy(self) -> Float[Array, "n n"]:
-        """`strain_energy` with a soft spring on each rigid motion."""
-        energy = self.strain_energy
+        """`energy` with a soft spring on each rigid motion."""
+        energy = self.energy(bending=False)
         if (rigid := self.rigid_motions) is not None:
             energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
         return energy

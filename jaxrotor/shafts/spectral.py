@@ -57,8 +57,8 @@ class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
     def sloped(self) -> Float[Array, " slopes"]:
         return self.ends[1:-1]
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        del bending
         return self._integral(self._rigidity, 2)
 
     @eqx.filter_jit

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel
-from .line import Held, PerLength, strain_energy
+from .line import Held, PerLength, gauss_points
 from .polynomials import hermite
 from .unsheared import AbstractUnshearedLine
 
@@ -47,9 +47,12 @@ class TrapezoidLine(AbstractUnshearedLine):
     def sloped(self) -> Float[Array, " slopes"]:
         return self.nodes
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return strain_energy(self, self.kernel.rigidity)
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        """`Int EI z''^2 dx`."""
+        del bending
+        x, weights = (part.ravel() for part in gauss_points(self.breaks))
+        bent = jax.vmap(jax.jacfwd(self.slope_row))(x)
+        return jnp.einsum("x,xn,xm->nm", weights * self.kernel.rigidity(x), bent, bent)
 
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         """Cubic Hermite interpolation between the nodes."""

@@ -44,24 +44,12 @@ class VirtualLine(AbstractLine):
             strained=True,
         )
 
-    @property
-    def stiffness(self) -> Float[Array, "r n"]:
-        return self.strain_energy
+    def restoring(self, bending: bool) -> Float[Array, "r n"]:
+        return self.energy(bending)
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "r n"]:
-        return self.bending_energy
-
-    @property
-    def strain_energy(self) -> Float[Array, "r n"]:
-        return self.line.strain_energy if self.strained else self._zero
-
-    @property
-    def bending_energy(self) -> Float[Array, "r n"]:
-        return self.line.bending_energy if self.strained else self._zero
-
-    @property
-    def _zero(self) -> Float[Array, "r n"]:
+    def energy(self, bending: bool) -> Float[Array, "r n"]:
+        if self.strained:
+            return self.line.energy(bending)
         return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
 
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
