@@ -27,39 +27,20 @@ class CasedLine(AbstractLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return self.line.breaks
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.stiffness)
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
+        return self._padded(self.line.restoring(bending))
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.bending_stiffness)
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        return self._padded(self.line.energy(bending))
 
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.strain_energy)
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self._padded(self.line.form(at, derivative))
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return self._padded(self.line.bending_energy)
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self._padded(self.line.term(at, derivative))
 
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.row(at))
-
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.slope_row(at))
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.column(at))
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._padded(self.line.couple_column(at))
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._padded(self.line.forces_along(per_length))
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._padded(self.line.couples_along(per_length))
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        return self._padded(self.line.along(per_length, derivative))
 
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         return self._padded(self.line.load_along(per_length))

@@ -72,25 +72,15 @@ class CondensedLine(AbstractWorkLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return self.line.breaks
 
-    @property
-    def strain_energy(self) -> Float[Array, "r r"]:
-        return _orthonormal(self.rigid, self._condensed(self.line.strain_energy))
+    def energy(self, bending: bool) -> Float[Array, "r r"]:
+        energy = self._condensed(self.line.energy(bending))
+        return energy if bending else _orthonormal(self.rigid, energy)
 
-    @property
-    def bending_energy(self) -> Float[Array, "r r"]:
-        return self._condensed(self.line.bending_energy)
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " r"]:
+        return self.line.form(at, derivative) @ self.shapes
 
-    def row(self, at: Scalar) -> Float[Array, " r"]:
-        return self.line.row(at) @ self.shapes
-
-    def slope_row(self, at: Scalar) -> Float[Array, " r"]:
-        return self.line.slope_row(at) @ self.shapes
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "r r"]:
-        return self._condensed(self.line.work_along(per_length, 0))
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "r r"]:
-        return self._condensed(self.line.work_along(per_length, 1))
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "r r"]:
+        return self._condensed(self.line.work_along(per_length, derivative))
 
     def load_along(self, per_length: PerLength) -> Float[Array, " r"]:
         return self.line.work_of_load(per_length) @ self.shapes

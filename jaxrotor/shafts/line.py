@@ -1,11 +1,9 @@
 """Base classes of shafts and of their elastic lines, as linear forms of `n` coordinates."""
 
 import abc
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -34,6 +32,7 @@ class AbstractLine(eqx.Module):
     them as `column(x) F`, and a couple `L` (positive in the sense of the slope) as `couple_column(x) L`.
     In equations of virtual work columns equal rows; in those of deflections they do not. An effect that
     uses rows and columns therefore works on every shaft.
+    There are `r = n` equations, or one for each of `r` virtual displacements.
     """
 
     # mu: bending stiffness (1 + mu), (1 - mu) in rotating axes
@@ -44,57 +43,64 @@ class AbstractLine(eqx.Module):
     def breaks(self) -> Float[Array, " breaks"]:
         """Stations between which rows are smooth, including both ends of the shaft [m]."""
 
-    @property
     @abc.abstractmethod
-    def stiffness(self) -> Float[Array, "n n"]:
+    def restoring(self, bending: bool) -> Float[Array, "r n"]:
+        """Elastic stiffness in the equations, or its part from bending alone, in proportion to `EI`."""
+
+    @abc.abstractmethod
+    def energy(self, bending: bool) -> Float[Array, "r n"]:
+        """Twice the strain energy, or that in bending alone, as a quadratic form of the coordinates."""
+
+    @property
+    def stiffness(self) -> Float[Array, "r n"]:
         """Elastic stiffness of the shaft itself in the equations."""
+        return self.restoring(bending=False)
 
     @property
-    @abc.abstractmethod
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        """Part of `stiffness` that is proportional to `EI`: all but the shear stiffness."""
-
-    @property
-    @abc.abstractmethod
-    def strain_energy(self) -> Float[Array, "n n"]:
-        """Twice the strain energy as a quadratic form of the coordinates."""
-
-    @property
-    @abc.abstractmethod
-    def bending_energy(self) -> Float[Array, "n n"]:
-        """Twice the strain energy in bending as a quadratic form of the coordinates."""
-
-    @property
-    def rotating_stiffness(self) -> Complex[Array, "n n"] | None:
+    def rotating_stiffness(self) -> Complex[Array, "r n"] | None:
         """Anisotropic part of the stiffness in the axes of the shaft, see `Blocks`; None if isotropic."""
-        return None if self.anisotropy is None else self.anisotropy * (self.bending_stiffness + 0j)
+        if self.anisotropy is None:
+            return None
+        return self.anisotropy * (self.restoring(bending=True) + 0j)
 
     @abc.abstractmethod
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        """`row` (derivative 0) or `slope_row` (1) at a station."""
+
+    @abc.abstractmethod
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " r"]:
+        """`column` (derivative 0) or `couple_column` (1) at a station."""
+
+    @abc.abstractmethod
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "r n"]:
+        """`Int term(s) per_length(s) form(s) ds` of a derivative."""
+
     def row(self, at: Scalar) -> Float[Array, " n"]:
         """Displacement at station `at` [m] as a linear form of the coordinates."""
+        return self.form(at, 0)
 
-    @abc.abstractmethod
     def slope_row(self, at: Scalar) -> Float[Array, " n"]:
         """Slope `dz/dx` at station `at` [m] as a linear form of the coordinates."""
+        return self.form(at, 1)
 
-    @abc.abstractmethod
-    def column(self, at: Scalar) -> Float[Array, " n"]:
+    def column(self, at: Scalar) -> Float[Array, " r"]:
         """Term of a unit force at station `at` [m] in the equations."""
+        return self.term(at, 0)
 
-    @abc.abstractmethod
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
+    def couple_column(self, at: Scalar) -> Float[Array, " r"]:
         """Term of a unit couple at station `at` [m] in the equations."""
+        return self.term(at, 1)
 
-    @abc.abstractmethod
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+    def forces_along(self, per_length: PerLength) -> Float[Array, "r n"]:
         """`Int column(s) per_length(s) row(s) ds`: a force per length in proportion to displacement."""
+        return self.along(per_length, 0)
 
-    @abc.abstractmethod
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
+    def couples_along(self, per_length: PerLength) -> Float[Array, "r n"]:
         """`Int couple_column(s) per_length(s) slope_row(s) ds`: a couple per length, by the slope."""
+        return self.along(per_length, 1)
 
     @abc.abstractmethod
-    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+    def load_along(self, per_length: PerLength) -> Float[Array, " r"]:
         """`Int column(s) per_length(s) ds`: a given force per length."""
 
 
@@ -161,19 +167,12 @@ class AbstractSpectralLine(AbstractLine):
     def _widths(self) -> Float[Array, " spans"]:
         return jnp.diff(self.ends)
 
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._deflection(self.row(at))
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._deflection(self.slope_row(at))
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self._deflection(self.form(at, derivative))
 
     @eqx.filter_jit
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._deflection(self.work_along(per_length, 0))
-
-    @eqx.filter_jit
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        return self._deflection(self.work_along(per_length, 1))
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        return self._deflection(self.work_along(per_length, derivative))
 
     @eqx.filter_jit
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
@@ -187,29 +186,14 @@ def gauss_points(breaks: Float[Array, " breaks"]) -> tuple[Array, Array]:
     return breaks[:-1, None] + half * (1 + points), half * weights
 
 
-def strain_energy(line: AbstractLine, rigidity: Callable) -> Float[Array, "n n"]:
-    """Twice the strain energy `Int EI z''^2 dx` as a quadratic form of the coordinates."""
-    x, weights = (part.ravel() for part in gauss_points(line.breaks))
-    bent = jax.vmap(jax.jacfwd(line.slope_row))(x)
-    return jnp.einsum("x,xn,xm->nm", weights * rigidity(x), bent, bent)
-
-
 class AbstractWorkLine(AbstractLine):
     """Line whose equations are those of virtual work: stiffness by energy, columns as rows."""
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
-        return self.strain_energy
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
+        return self.energy(bending)
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.bending_energy
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self.row(at)
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self.slope_row(at)
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self.form(at, derivative)
 
 
 class RigidLine(AbstractWorkLine):
@@ -223,29 +207,21 @@ class RigidLine(AbstractWorkLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        del bending
         return jnp.zeros((len(self.motions), len(self.motions)))
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return self.strain_energy
-
-    def row(self, at: Scalar) -> Float[Array, " n"]:
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        if derivative:
+            return self.motions[:, 1]
         return self.motions @ jnp.stack([jnp.ones_like(at), at])
 
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        del at
-        return self.motions[:, 1]
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        length = self.length
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        length, density, slopes = self.length, jnp.reshape(per_length, ()), self.motions[:, 1]
+        if derivative:
+            return density * length * jnp.outer(slopes, slopes)
         moments = jnp.array([[length, length**2 / 2], [length**2 / 2, length**3 / 3]])
-        return self.motions @ (jnp.reshape(per_length, ()) * moments) @ self.motions.T
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        slopes = self.motions[:, 1]
-        return jnp.reshape(per_length, ()) * self.length * jnp.outer(slopes, slopes)
+        return self.motions @ (density * moments) @ self.motions.T
 
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         along = jnp.stack([self.length, self.length**2 / 2])

@@ -26,47 +26,33 @@ class MasslessLine(AbstractWorkLine):
     def breaks(self) -> Float[Array, " breaks"]:
         return jnp.stack([jnp.zeros_like(self.length), self.length])
 
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        del bending
         return self.elasticity
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return self.elasticity
-
-    def row(self, at: Scalar) -> Float[Array, " n"]:
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         unit = jnp.eye(self.elasticity.shape[0])
+        if derivative:
+            return unit[1] if self.tilts else jnp.zeros(len(unit))
         if not self.elastic_ends:
             return unit[0]
         end = coincide(at, 0.0, self.length) | coincide(at, self.length, self.length)
         return jnp.where(end, unit[-1], unit[0])
 
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        del at
-        size = self.elasticity.shape[0]
-        return jnp.eye(size)[1] if self.tilts else jnp.zeros(size)
-
-    def forces_along(self, per_length):
-        return _refuse_distributed(per_length)
-
-    def couples_along(self, per_length):
-        return _refuse_distributed(per_length)
+    def along(self, per_length, derivative=0):
+        del per_length, derivative
+        raise ValueError(
+            "A massless shaft is known at one station only, so nothing can be distributed along it; put "
+            "damping at the station (DiscDamping)."
+        )
 
     def load_along(self, per_length):
-        return _refuse_distributed(per_length)
+        return self.along(per_length)
 
 
 def coincide(at: Scalar | float, place: Scalar | float, length: Scalar | float) -> Array | bool:
     """Whether two stations of a shaft are the same up to rounding."""
     return abs(at - place) <= 1e-12 * length
-
-
-def _refuse_distributed(per_length):
-    del per_length
-    raise ValueError(
-        "A massless shaft is known at one station only, so nothing can be distributed along it; put "
-        "damping at the station (DiscDamping)."
-    )
 
 
 class MasslessShaft(AbstractShaft):

@@ -37,33 +37,32 @@ class ShearLine(AbstractSpectralLine):
     held: Held = eqx.field(static=True)
     anisotropy: Scalar | None
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
+        if bending:
+            return self._deflection(self.energy(bending))
         unit = jnp.eye(self._unconstrained.size)
         rigid = self.rigid_motions
         if rigid is None:
             return unit
         return unit - rigid @ linalg.solve(rigid.T @ rigid, rigid.T)
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self._deflection(self.bending_energy)
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
-        return self.bending_energy + self._integral(self.shear, angle)
-
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
         curvature = self._at_gauss(1, 1) / self.ends[-1]
-        return self._integral(self.bending, curvature)
+        bent = self._integral(self.bending, curvature)
+        if bending:
+            return bent
+        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
+        return bent + self._integral(self.shear, angle)
 
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._form(at, 0)
-
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._form(at, 1) / self.ends[-1]
+    @eqx.filter_jit
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        span = jnp.sum(self.ends[1:-1] < at)
+        local = (at - self.ends[span]) / self._widths[span]
+        basis = legendre_polynomials(max(self.degrees), local)
+        places = np.split(self._places, 2, axis=1)[derivative]
+        values = basis @ jnp.asarray(self._interpolants)[span]
+        form = self._placed(values, jnp.asarray(places)[span])
+        return form / self.ends[-1] if derivative else form
 
     @eqx.filter_jit
     def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
@@ -86,8 +85,8 @@ class ShearLine(AbstractSpectralLine):
 
     @property
     def _supported_energy(self) -> Float[Array, "n n"]:
-        """`strain_energy` with a soft spring on each rigid motion."""
-        energy = self.strain_energy
+        """`energy` with a soft spring on each rigid motion."""
+        energy = self.energy(bending=False)
         if (rigid := self.rigid_motions) is not None:
             energy = energy + self.bending[0] / self.ends[-1] ** 3 * rigid @ rigid.T
         return energy
@@ -136,16 +135,6 @@ class ShearLine(AbstractSpectralLine):
         forms = np.einsum("kg,pkj->pgj", basis, self._interpolants)
         both = [forms, 0 * forms] if which == 0 else [0 * forms, forms]
         return jnp.concatenate(both, axis=2) / self._widths[:, None, None] ** derivative
-
-    @eqx.filter_jit
-    def _form(self, at: Scalar, which: int) -> Float[Array, " n"]:
-        span = jnp.sum(self.ends[1:-1] < at)
-        local = (at - self.ends[span]) / self._widths[span]
-        basis = legendre_polynomials(max(self.degrees), local)
-        places = np.split(self._places, 2, axis=1)[which]
-        return self._placed(
-            basis @ jnp.asarray(self._interpolants)[span], jnp.asarray(places)[span]
-        )
 
     @property
     def _interpolants(self) -> np.ndarray:

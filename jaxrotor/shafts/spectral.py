@@ -57,17 +57,20 @@ class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
     def sloped(self) -> Float[Array, " slopes"]:
         return self.ends[1:-1]
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        del bending
         return self._integral(self._rigidity, 2)
 
     @eqx.filter_jit
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._form(at, 0)
-
-    @eqx.filter_jit
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._form(at, 1)
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        span = jnp.sum(self.ends[1:-1] < at)
+        local = (at - self.ends[span]) / self._widths[span]
+        shapes = (
+            hermite_and_bubbles(max(self.degrees) + 2, local, derivative)
+            @ jnp.asarray(self._in_bubbles)[span]
+        )
+        form = shapes * self._scales[span] / self._widths[span] ** derivative
+        return self._placed(form, jnp.asarray(self._places)[span])
 
     @eqx.filter_jit
     def work_along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
@@ -225,14 +228,3 @@ class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
         """Factor of every interpolant: one for displacements, the width of the span for slopes."""
         slopes = self._widths / self.ends[-1]
         return jnp.stack([jnp.ones_like(slopes)] * (max(self.degrees) + 1) + [slopes] * 2, axis=1)
-
-    def _form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
-        """Displacement or slope at a station as a linear form of the coordinates."""
-        span = jnp.sum(self.ends[1:-1] < at)
-        local = (at - self.ends[span]) / self._widths[span]
-        shapes = (
-            hermite_and_bubbles(max(self.degrees) + 2, local, derivative)
-            @ jnp.asarray(self._in_bubbles)[span]
-        )
-        form = shapes * self._scales[span] / self._widths[span] ** derivative
-        return self._placed(form, jnp.asarray(self._places)[span])

@@ -7,6 +7,7 @@ Source: Azarov, Gouskov, Panovko (2023), eq. (9) and below.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,7 +15,7 @@ from jaxtyping import Array, Float
 from ..core.extremes import bounded
 from ..core.quantities import Scalar
 from .greens import AbstractKernel, HeldKernel
-from .line import Held, PerLength, strain_energy
+from .line import Held, PerLength, gauss_points
 from .polynomials import hermite
 from .unsheared import AbstractUnshearedLine
 
@@ -46,41 +47,26 @@ class TrapezoidLine(AbstractUnshearedLine):
     def sloped(self) -> Float[Array, " slopes"]:
         return self.nodes
 
-    @property
-    def bending_energy(self) -> Float[Array, "n n"]:
-        return strain_energy(self, self.kernel.rigidity)
+    def energy(self, bending: bool) -> Float[Array, "n n"]:
+        """`Int EI z''^2 dx`."""
+        del bending
+        x, weights = (part.ravel() for part in gauss_points(self.breaks))
+        bent = jax.vmap(jax.jacfwd(self.slope_row))(x)
+        return jnp.einsum("x,xn,xm->nm", weights * self.kernel.rigidity(x), bent, bent)
 
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._hermite(at)[0][self._unconstrained]
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        """Cubic Hermite interpolation between the nodes."""
+        m, width = self.cells, self.length / self.cells
+        cell = bounded(jnp.ceil(at / width) - 1, 0, m - 1).astype(int)
+        left, right = jnp.eye(m + 1)[cell], jnp.eye(m + 1)[cell + 1]
+        value, slope, value_, slope_ = hermite(at / width - cell, derivative)
+        slopes = width / self.length * (slope * left + slope_ * right)  # of the unknown l z'
+        row = jnp.concatenate([value * left + value_ * right, slopes])[self._unconstrained]
+        return row / width if derivative else row
 
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self._hermite(at)[1][self._unconstrained]
-
-    def column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._collocate(False, at)
-
-    def couple_column(self, at: Scalar) -> Float[Array, " n"]:
-        return self._collocate(True, at)
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        columns = self._each(self.column) * per_length * self._weights()
-        both = jnp.concatenate([columns, jnp.zeros_like(columns)], axis=1)
-        return both[:, self._unconstrained]
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "n n"]:
-        columns = self._each(self.couple_column) * per_length * self._weights() / self.length
-        both = jnp.concatenate([jnp.zeros_like(columns), columns], axis=1)
-        return both[:, self._unconstrained]
-
-    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
-        return per_length * (self._each(self.column) @ self._weights())
-
-    def _collocate(self, couple: bool, at: Scalar) -> Float[Array, " n"]:
-        """Equations of the coordinates due to a unit load at a station, a force or a couple.
-
-        The equation of a node with an auxiliary constraint is the balance of its rigid motion.
-        """
-        kernel = self.kernel
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        """The equation of a node with an auxiliary constraint is the balance of its rigid motion."""
+        kernel, couple = self.kernel, bool(derivative)
         displaced, tilted = (
             kernel.response(self.nodes, at, slope, couple) for slope in (False, True)
         )
@@ -91,8 +77,17 @@ class TrapezoidLine(AbstractUnshearedLine):
                 equations = equations.at[node].set(work)
         return equations[self._unconstrained]
 
-    def _each(self, column) -> Float[Array, "n nodes"]:
-        return eqx.filter_vmap(column, out_axes=1)(self.nodes)
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
+        terms = self._terms(derivative) * per_length * self._weights()
+        none = jnp.zeros_like(terms)
+        both = [none, terms / self.length] if derivative else [terms, none]
+        return jnp.concatenate(both, axis=1)[:, self._unconstrained]
+
+    def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
+        return per_length * (self._terms(0) @ self._weights())
+
+    def _terms(self, derivative: int) -> Float[Array, "n nodes"]:
+        return jax.vmap(lambda at: self.term(at, derivative), out_axes=1)(self.nodes)
 
     def _weights(self) -> Float[Array, " nodes"]:
         ends = np.array([0, -1])
@@ -109,17 +104,3 @@ class TrapezoidLine(AbstractUnshearedLine):
         held = np.zeros((2, self.cells + 1), bool)  # displacement, slope
         held[:, [0, -1]] = np.array(self.held).T
         return np.flatnonzero(~held.ravel())
-
-    def _hermite(self, at: Scalar) -> tuple[Array, Array]:
-        """Rows of displacement and slope: cubic Hermite interpolation between the nodes."""
-        m, width = self.cells, self.length / self.cells
-        cell = bounded(jnp.ceil(at / width) - 1, 0, m - 1).astype(int)
-        u = at / width - cell
-        left, right = jnp.eye(m + 1)[cell], jnp.eye(m + 1)[cell + 1]
-        scaled = width / self.length  # factor of the unknown l z'
-
-        def row(value, slope, value_, slope_):
-            ends = value * left + value_ * right
-            return jnp.concatenate([ends, scaled * (slope * left + slope_ * right)])
-
-        return row(*hermite(u, 0)), row(*hermite(u, 1)) / width

@@ -33,9 +33,9 @@ class AbstractUnshearedLine(AbstractLine):
     def _unconstrained(self) -> np.ndarray:
         """Indices of the displacements and slopes that no constraint holds: the coordinates."""
 
-    @property
-    def stiffness(self) -> Float[Array, "n n"]:
+    def restoring(self, bending: bool) -> Float[Array, "n n"]:
         """One but for rigid motions, whose equations state that auxiliary constraints have no reaction."""
+        del bending
         nodes, sloped, free = self.nodes, self.sloped, self._free_nodes
         stiffness = jnp.eye(nodes.size + sloped.size)
         if isinstance(self.kernel, HeldKernel):
@@ -44,11 +44,3 @@ class AbstractUnshearedLine(AbstractLine):
                 stiffness = stiffness.at[:, node].add(-motion)
             stiffness = stiffness.at[jnp.array(free, int)].set(0.0)
         return stiffness[np.ix_(self._unconstrained, self._unconstrained)]
-
-    @property
-    def bending_stiffness(self) -> Float[Array, "n n"]:
-        return self.stiffness
-
-    @property
-    def strain_energy(self) -> Float[Array, "n n"]:
-        return self.bending_energy

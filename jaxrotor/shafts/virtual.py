@@ -44,46 +44,25 @@ class VirtualLine(AbstractLine):
             strained=True,
         )
 
-    @property
-    def stiffness(self) -> Float[Array, "r n"]:
-        return self.strain_energy
+    def restoring(self, bending: bool) -> Float[Array, "r n"]:
+        return self.energy(bending)
 
-    @property
-    def bending_stiffness(self) -> Float[Array, "r n"]:
-        return self.bending_energy
-
-    @property
-    def strain_energy(self) -> Float[Array, "r n"]:
-        return self.line.strain_energy if self.strained else self._zero
-
-    @property
-    def bending_energy(self) -> Float[Array, "r n"]:
-        return self.line.bending_energy if self.strained else self._zero
-
-    @property
-    def _zero(self) -> Float[Array, "r n"]:
+    def energy(self, bending: bool) -> Float[Array, "r n"]:
+        if self.strained:
+            return self.line.energy(bending)
         return 0 * jnp.outer(self.column(jnp.zeros(())), self.row(jnp.zeros(())))
 
-    def row(self, at: Scalar) -> Float[Array, " n"]:
-        return self.line.row(at)
+    def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
+        return self.line.form(at, derivative)
 
-    def slope_row(self, at: Scalar) -> Float[Array, " n"]:
-        return self.line.slope_row(at)
+    def term(self, at: Scalar, derivative: int) -> Float[Array, " r"]:
+        return self.slopes(at) if derivative else self.shapes(at)
 
-    def column(self, at: Scalar) -> Float[Array, " r"]:
-        return self.shapes(at)
-
-    def couple_column(self, at: Scalar) -> Float[Array, " r"]:
-        return self.slopes(at)
-
-    def forces_along(self, per_length: PerLength) -> Float[Array, "r n"]:
+    def along(self, per_length: PerLength, derivative: int) -> Float[Array, "r n"]:
         x, weights = self._quadrature(per_length)
-        return jnp.einsum("x,xr,xn->rn", weights, jax.vmap(self.shapes)(x), jax.vmap(self.row)(x))
-
-    def couples_along(self, per_length: PerLength) -> Float[Array, "r n"]:
-        x, weights = self._quadrature(per_length)
-        slopes = jax.vmap(self.slope_row)(x)
-        return jnp.einsum("x,xr,xn->rn", weights, jax.vmap(self.slopes)(x), slopes)
+        terms = jax.vmap(lambda at: self.term(at, derivative))(x)
+        forms = jax.vmap(lambda at: self.form(at, derivative))(x)
+        return jnp.einsum("x,xr,xn->rn", weights, terms, forms)
 
     def load_along(self, per_length: PerLength) -> Float[Array, " r"]:
         x, weights = self._quadrature(per_length)

@@ -601,4 +601,4 @@ def test_strain_energy_is_the_work_of_a_force(options, at, expected):
 def at_station(scene, at):
     """Stiffness and strain energy of the shaft, and the row and column of a station."""
     line = scene.line()
-    return line.stiffness, line.strain_energy, line.row(at), line.column(at)
+    return line.stiffness, line.energy(bending=False), line.row(at), line.column(at)
